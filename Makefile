@@ -1,0 +1,40 @@
+# Everything that a clone needs is made here, in .venv; nothing outside the clone is touched.
+# All paths are relative, so that the clone may lie below a path with a space in it.
+PYTHON ?= python3
+VENV := .venv
+PY := $(VENV)/bin/python
+
+.PHONY: demo test check bench clean
+
+demo: $(VENV)/demo-ready
+	$(PY) examples/coffee_shop.py
+
+test: check
+	$(PY) -m pytest -n 2 --dist worksteal
+
+check: $(VENV)/test-ready
+	$(PY) -m ruff check .
+	$(PY) -m ruff format --check .
+	$(PY) -m mypy
+	$(PY) -c "from importlinter.cli import lint_imports_command; lint_imports_command(['--no-cache'])"
+
+bench: $(VENV)/test-ready
+	$(PY) tests/benchmarks/run.py
+
+# A virtual environment holds absolute paths: in a clone that was moved it is made anew.
+ifneq ($(shell cat $(VENV)/made-in 2>/dev/null),$(CURDIR))
+.PHONY: $(VENV)/demo-ready
+endif
+
+$(VENV)/demo-ready: pyproject.toml
+	$(PYTHON) -m venv --clear $(VENV)
+	$(PY) -m pip install --quiet --disable-pip-version-check --editable .
+	printf '%s\n' "$(CURDIR)" > $(VENV)/made-in
+	touch $@
+
+$(VENV)/test-ready: pyproject.toml $(VENV)/demo-ready
+	$(PY) -m pip install --quiet --disable-pip-version-check --editable ".[test]"
+	touch $@
+
+clean:
+	rm -rf $(VENV) build dist .mypy_cache .pytest_cache .ruff_cache .hypothesis .import_linter_cache

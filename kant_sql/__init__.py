@@ -1,0 +1,95 @@
+"""kant_sql: the knowledge base that robots plan from and auditors can question."""
+
+from __future__ import annotations
+
+from .dto import (
+    Dto,
+    PddlActionDto,
+    PddlConditionEffectDto,
+    PddlObjectDto,
+    PddlPredicateDto,
+    PddlPropositionDto,
+    PddlTypeDto,
+)
+from .errors import (
+    ArityError,
+    AuthenticationError,
+    ConflictError,
+    ConnectionLostError,
+    DependantsError,
+    ForkedError,
+    InvalidKnowledgeError,
+    InvalidMetadataError,
+    InvalidNameError,
+    InvalidUrlError,
+    KantSqlError,
+    NotADatabaseError,
+    OutcomeUnknownError,
+    ReadOnlyError,
+    ReadOnlyStoreError,
+    SchemaError,
+    SchemaMissingError,
+    SchemaOutdatedError,
+    SchemaTooNewError,
+    StaleRevisionError,
+    StoreBusyError,
+    StoreError,
+    StoreIntegrityError,
+    StoreUnreachableError,
+    TypeCycleError,
+    TypeMismatchError,
+    UnknownRevisionError,
+)
+from .factory import DaoFactory, create_dao_factory
+from .history import LogEntry, Revision
+from .knowledge.changes import Change
+from .knowledge_base import KnowledgeBase, connect
+from .schema import downgrade, upgrade
+
+__version__ = "0.1.0"
+
+__all__ = [
+    "ArityError",
+    "AuthenticationError",
+    "Change",
+    "ConflictError",
+    "ConnectionLostError",
+    "DaoFactory",
+    "DependantsError",
+    "Dto",
+    "ForkedError",
+    "InvalidKnowledgeError",
+    "InvalidMetadataError",
+    "InvalidNameError",
+    "InvalidUrlError",
+    "KantSqlError",
+    "KnowledgeBase",
+    "LogEntry",
+    "NotADatabaseError",
+    "OutcomeUnknownError",
+    "PddlActionDto",
+    "PddlConditionEffectDto",
+    "PddlObjectDto",
+    "PddlPredicateDto",
+    "PddlPropositionDto",
+    "PddlTypeDto",
+    "ReadOnlyError",
+    "ReadOnlyStoreError",
+    "Revision",
+    "SchemaError",
+    "SchemaMissingError",
+    "SchemaOutdatedError",
+    "SchemaTooNewError",
+    "StaleRevisionError",
+    "StoreBusyError",
+    "StoreError",
+    "StoreIntegrityError",
+    "StoreUnreachableError",
+    "TypeCycleError",
+    "TypeMismatchError",
+    "UnknownRevisionError",
+    "connect",
+    "create_dao_factory",
+    "downgrade",
+    "upgrade",
+]

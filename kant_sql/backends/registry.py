@@ -1,0 +1,86 @@
+"""Which backend a URL's dialect has."""
+
+from __future__ import annotations
+
+from sqlalchemy import URL, make_url
+from sqlalchemy.exc import ArgumentError
+
+from ..errors import InvalidUrlError
+from .backend import Backend
+
+BACKENDS = ("sqlite", "postgresql")
+
+
+def dialect_name(url: str) -> str:
+    """Read which dialect a database URL names.
+
+    Args:
+        url: the URL, for example `sqlite:///robot.db`.
+
+    Returns:
+        The dialect's name, without a driver: `sqlite`, `postgresql` ...
+
+    Raises:
+        InvalidUrlError: the text is no database URL.
+    """
+    parsed = _parse(url)
+    if parsed is None:
+        raise InvalidUrlError(
+            "this is not a database URL; write sqlite:///robot.db for a file, sqlite:// for a "
+            "store in memory, or postgresql://user@host/database"
+        )
+    if parsed.password is not None and "@" in f"{parsed.host}{parsed.database}":
+        # Its second half would pass for the host, and be shown.
+        raise InvalidUrlError("an @ in the password of a database URL is written as %40")
+    return parsed.get_backend_name()
+
+
+def _parse(url: object) -> URL | None:
+    """Parse a URL; None if it is none. The parser's own error may hold a password."""
+    try:
+        # What no driver could be given is no URL either.
+        if not isinstance(url, str) or "\0" in url or not url.encode():
+            return None
+        return make_url(url)
+    except (ArgumentError, ValueError):
+        return None
+
+
+def backend_name(url: str) -> str:
+    """Read which backend a database URL names.
+
+    Args:
+        url: the URL.
+
+    Returns:
+        The dialect's name.
+
+    Raises:
+        InvalidUrlError: the URL cannot be read, or is of a dialect without a backend.
+    """
+    name = dialect_name(url)
+    if name not in BACKENDS:
+        known = " and ".join(BACKENDS)
+        raise InvalidUrlError(f"{name}: no backend of this name; there are {known}")
+    return name
+
+
+def create_backend(url: str) -> Backend:
+    """Make the backend that a database URL names.
+
+    Args:
+        url: the URL.
+
+    Returns:
+        The backend; nothing is connected yet.
+
+    Raises:
+        InvalidUrlError: the URL cannot be read, or is of a dialect without a backend.
+    """
+    if backend_name(url) == "sqlite":
+        from .sqlite import SqliteBackend
+
+        return SqliteBackend(make_url(url))
+    from .postgresql import PostgresqlBackend
+
+    return PostgresqlBackend(make_url(url))

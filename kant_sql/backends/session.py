@@ -1,0 +1,268 @@
+"""A session: one connection of the pool, with transactions and errors under our control."""
+
+from __future__ import annotations
+
+import logging
+import threading
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Sequence
+from datetime import UTC, datetime
+from typing import TYPE_CHECKING, Any, Protocol
+
+from sqlalchemy import PoolProxiedConnection, Table
+
+from ..errors import ForkedError
+from .query import Query, insert_text
+
+if TYPE_CHECKING:
+    from .backend import Backend
+
+# Every statement is logged here at DEBUG, which is also how the tests count them.
+logger = logging.getLogger("kant_sql.sql")
+
+Row = tuple[Any, ...]
+FETCH_SIZE = 5_000
+
+
+class Cursor(Protocol):
+    """What this module needs of a driver's cursor (PEP 249)."""
+
+    rowcount: int
+
+    def execute(self, sql: str, parameters: Any = ..., /) -> Any:
+        """Run a statement."""
+
+    def executemany(self, sql: str, parameters: Any, /) -> Any:
+        """Run a statement for each set of parameters."""
+
+    def fetchall(self) -> list[Row]:
+        """Give all rows that are left."""
+
+    def fetchmany(self, size: int = ..., /) -> list[Row]:
+        """Give the next rows."""
+
+
+class _Abandoned:
+    """The cursor of a session whose connection is another process's."""
+
+    def __getattr__(self, name: str) -> Any:
+        raise ForkedError(
+            "this process was forked within a transaction, which is its parent's: nothing of it is "
+            "written from here; begin another one"
+        )
+
+
+class Session(ABC):
+    """A database connection that one thread uses for one transaction at a time.
+
+    Driver errors leave it as errors of `kant_sql.errors`, raised from the driver's.
+
+    Attributes:
+        backend: the database.
+        is_abandoned: whether the connection is the one of the process that this was forked from.
+    """
+
+    placeholder = "?"
+
+    def __init__(self, backend: Backend, connection: PoolProxiedConnection) -> None:
+        self.backend = backend
+        self._pooled = connection
+        self._pool = backend.engine.pool
+        self._cursor: Cursor = connection.cursor()  # type: ignore[assignment]
+        self._savepoints = 0
+        self.is_abandoned = False
+        backend.sessions[self] = threading.get_ident()
+
+    def rows(self, query: Query, **parameters: Any) -> list[Row]:
+        """Run a query and give all its rows.
+
+        Args:
+            query: the query.
+            **parameters: the value of each of its parameters.
+
+        Returns:
+            The rows, as tuples of the driver's values.
+        """
+        self._execute(query.text(self.backend.dialect), parameters)
+        return self._fetch()
+
+    def first(self, query: Query, **parameters: Any) -> Row | None:
+        """Run a query and give its first row.
+
+        Args:
+            query: the query.
+            **parameters: the value of each of its parameters.
+
+        Returns:
+            The row, or None.
+        """
+        rows = self.rows(query, **parameters)
+        return rows[0] if rows else None
+
+    def run(self, query: Query, **parameters: Any) -> int:
+        """Run a statement that gives no rows.
+
+        Args:
+            query: the statement.
+            **parameters: the value of each of its parameters.
+
+        Returns:
+            How many rows it changed.
+        """
+        self._execute(query.text(self.backend.dialect), parameters)
+        return self._cursor.rowcount
+
+    def run_many(self, query: Query, parameters: Sequence[dict[str, Any]]) -> int:
+        """Run a statement for each set of parameters.
+
+        Args:
+            query: the statement.
+            parameters: the sets of parameters.
+
+        Returns:
+            How many rows were changed in all.
+        """
+        if len(parameters) == 1:
+            return self.run(query, **parameters[0])
+        if parameters:
+            self._execute_many(query.text(self.backend.dialect), parameters)
+            return self._cursor.rowcount
+        return 0
+
+    def insert(self, table: Table, rows: Sequence[Row]) -> None:
+        """Insert whole rows.
+
+        Args:
+            table: the table.
+            rows: the values of each row, in the order of the table's columns.
+        """
+        if len(rows) == 1:
+            self._execute(insert_text(table, self.placeholder), rows[0])
+        elif rows:
+            self._execute_many(insert_text(table, self.placeholder), rows)
+
+    def begin(self, write: bool) -> None:
+        """Begin a transaction.
+
+        Args:
+            write: whether it will write; a reader sees one snapshot and takes no lock.
+        """
+        self._execute(self.backend.begin_write if write else self.backend.begin_read)
+
+    def commit(self) -> None:
+        """Commit the transaction."""
+        self._execute("COMMIT")
+
+    def rollback(self) -> None:
+        """Roll the transaction back; a connection that is gone has done so itself."""
+        self._savepoints = 0
+        if not self.is_abandoned and self.in_transaction():
+            self._execute("ROLLBACK")
+
+    def savepoint(self) -> str:
+        """Set a savepoint.
+
+        Returns:
+            Its name.
+        """
+        self._savepoints += 1
+        name = f"kant_sql_{self._savepoints}"
+        self._execute(f"SAVEPOINT {name}")
+        return name
+
+    def rollback_to(self, name: str) -> None:
+        """Undo what was done since a savepoint, and forget it.
+
+        Args:
+            name: the savepoint's name.
+        """
+        self._execute(f"ROLLBACK TO SAVEPOINT {name}")
+        self.release(name)
+
+    def release(self, name: str) -> None:
+        """Forget a savepoint and keep what was done since.
+
+        Args:
+            name: the savepoint's name.
+        """
+        self._execute(f"RELEASE SAVEPOINT {name}")
+
+    @property
+    def is_current(self) -> bool:
+        """Whether the connection is of the pool that is in use, and of this process."""
+        return not self.is_abandoned and self._pool is self.backend.engine.pool
+
+    def close(self) -> None:
+        """Give the connection back to the pool."""
+        self.backend.sessions.pop(self, None)
+        if self.is_current or self.is_abandoned:
+            self._pooled.close()
+        else:
+            # The pool was closed while this was in use.
+            self._pooled.invalidate()
+
+    def abandon(self) -> None:
+        """Use the connection no more: this process was forked from the one that it belongs to."""
+        self.is_abandoned = True
+        self._cursor = _Abandoned()
+
+    def now(self, raw: Any) -> datetime:
+        """Read the value of `StoreClock`.
+
+        Args:
+            raw: the driver's value.
+
+        Returns:
+            The store's time, in UTC.
+        """
+        return datetime.now(UTC) if raw is None else self.to_time(raw)
+
+    @abstractmethod
+    def in_transaction(self) -> bool:
+        """Tell whether a transaction is open."""
+
+    @abstractmethod
+    def stream(self, query: Query, **parameters: Any) -> Iterator[Row]:
+        """Run a query and give its rows one after the other, in constant memory.
+
+        Args:
+            query: the query.
+            **parameters: the value of each of its parameters.
+
+        Returns:
+            The rows; the session runs nothing else until they are read to the end.
+        """
+
+    @abstractmethod
+    def list_value(self, values: Sequence[int] | Sequence[str]) -> Any:
+        """Give the driver's form of a list parameter, for `in_list`."""
+
+    @abstractmethod
+    def from_time(self, moment: datetime) -> Any:
+        """Give the driver's form of a moment."""
+
+    @abstractmethod
+    def to_time(self, raw: Any) -> datetime:
+        """Read the driver's form of a moment, in UTC."""
+
+    def _fetch(self) -> list[Row]:
+        try:
+            return self._cursor.fetchall()
+        except self.backend.driver_errors as error:
+            raise self.backend.translate(error) from error
+
+    def _execute(self, sql: str, parameters: Any = ()) -> None:
+        if logger.isEnabledFor(logging.DEBUG):
+            logger.debug("%s", sql)
+        try:
+            self._cursor.execute(sql, parameters)
+        except self.backend.driver_errors as error:
+            raise self.backend.translate(error) from error
+
+    def _execute_many(self, sql: str, parameters: Sequence[Any]) -> None:
+        if logger.isEnabledFor(logging.DEBUG):
+            logger.debug("%s", sql)
+        try:
+            self._cursor.executemany(sql, parameters)
+        except self.backend.driver_errors as error:
+            raise self.backend.translate(error) from error

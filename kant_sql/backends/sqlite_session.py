@@ -1,0 +1,104 @@
+"""Sessions on SQLite, and the SQL that differs there."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Sequence
+from datetime import datetime
+from typing import TYPE_CHECKING, Any
+
+from sqlalchemy.ext.compiler import compiles
+
+from ..tables.types import text_time, time_text
+from .query import InList, InRows, Query, StoreClock
+from .session import FETCH_SIZE, Row, Session
+
+if TYPE_CHECKING:
+    from .sqlite import SqliteBackend
+
+
+@compiles(InList, "sqlite")
+def _in_list(element: InList, compiler: Any, **options: Any) -> str:
+    column, values = (compiler.process(clause, **options) for clause in element.clauses)
+    return f"{column} IN (SELECT value FROM json_each({values}))"
+
+
+@compiles(InRows, "sqlite")
+def _in_rows(element: InRows, compiler: Any, **options: Any) -> str:
+    column, rows = (compiler.process(clause, **options) for clause in element.clauses)
+    return f"{column} IN {rows}"
+
+
+@compiles(StoreClock, "sqlite")
+def _store_clock(element: StoreClock, compiler: Any, **options: Any) -> str:
+    return "NULL"
+
+
+class SqliteSession(Session):
+    """A session on SQLite."""
+
+    placeholder = "?"
+
+    def in_transaction(self) -> bool:
+        """Tell whether a transaction is open."""
+        connection: Any = self._pooled.driver_connection
+        return bool(connection is not None and connection.in_transaction)
+
+    def stream(self, query: Query, **parameters: Any) -> Iterator[Row]:
+        """Give a query's rows one after the other."""
+        self._execute(query.text(self.backend.dialect), parameters)
+        while rows := self._cursor.fetchmany(FETCH_SIZE):
+            yield from rows
+
+    def list_value(self, values: Sequence[int] | Sequence[str]) -> Any:
+        """Give the form that `json_each` reads."""
+        return json.dumps(values, ensure_ascii=False)
+
+    def from_time(self, moment: datetime) -> Any:
+        """Give the text that is stored."""
+        return time_text(moment)
+
+    def to_time(self, raw: Any) -> datetime:
+        """Read the text that is stored."""
+        return text_time(raw)
+
+
+class FileSession(SqliteSession):
+    """A session on a file. It is kept for the next call: a turn through the pool takes longer."""
+
+    def __init__(self, backend: SqliteBackend, connection: Any) -> None:
+        super().__init__(backend, connection)
+        self._keep = backend.keep
+
+    def close(self) -> None:
+        """Wait for the next call, or give the connection back to the pool."""
+        if not self._keep(self):
+            super().close()
+
+
+class MemorySession(SqliteSession):
+    """A session on the one connection that an in-memory store has; threads take turns on it.
+
+    A thread that reads the past while it has a transaction open reads within it: what it has not
+    committed belongs to a revision that no past read sees.
+    """
+
+    def __init__(self, backend: SqliteBackend, connection: Any) -> None:
+        super().__init__(backend, connection)
+        self._memory_lock = backend.memory_lock
+        self._is_nested = self.in_transaction()
+
+    def begin(self, write: bool) -> None:
+        """Begin a transaction, unless this thread is in one."""
+        if not self._is_nested:
+            super().begin(write)
+
+    def rollback(self) -> None:
+        """Roll back, unless the transaction is another session's of this thread."""
+        if not self._is_nested:
+            super().rollback()
+
+    def close(self) -> None:
+        """Let the next thread have the connection."""
+        super().close()
+        self._memory_lock.release()

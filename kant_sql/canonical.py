@@ -1,0 +1,108 @@
+"""The canonical form of a revision, and its hash. `docs/hash.md` specifies it.
+
+The form is one JSON document as RFC 8785 (JSON Canonicalization Scheme) writes it, so that anyone
+can recompute a hash from the tables in any language.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from hashlib import sha256
+from json.encoder import encode_basestring
+from typing import NamedTuple
+
+import rfc8785
+
+from .errors import InvalidMetadataError
+
+FORM = 1
+_BATCH = 1_000
+
+
+class Metadata(NamedTuple):
+    """What a writer says of its revision.
+
+    Attributes:
+        actor: the component that writes.
+        reason: why.
+        source: a JSON document in canonical form, or None.
+    """
+
+    actor: str | None
+    reason: str | None
+    source: str | None
+
+
+def make_metadata(actor: str | None, reason: str | None, source: object | None) -> Metadata:
+    """Check what a writer says of its revision, and bring it into canonical form.
+
+    Args:
+        actor: the component that writes.
+        reason: why.
+        source: anything that JSON can say: what sensor, what plan step.
+
+    Returns:
+        The metadata.
+
+    Raises:
+        InvalidMetadataError: actor or reason is no text that a database can keep, or source is not
+            JSON, as RFC 8785 restricts it (integers up to 2**53, no NaN).
+    """
+    for name, value in (("actor", actor), ("reason", reason)):
+        if value is None:
+            continue
+        if not isinstance(value, str):
+            raise InvalidMetadataError(f"{name} is a string or None, not {value!r}")
+        if "\0" in value or any("\ud800" <= character <= "\udfff" for character in value):
+            raise InvalidMetadataError(f"{name} {value!r} has a NUL or half a character")
+    if source is None:
+        return Metadata(actor, reason, None)
+    try:
+        return Metadata(actor, reason, rfc8785.dumps(source).decode())  # type: ignore[arg-type]
+    except (rfc8785.CanonicalizationError, UnicodeError, RecursionError, TypeError) as error:
+        raise InvalidMetadataError(f"source is not a JSON document: {error}") from error
+
+
+def revision_hash(
+    previous: str | None,
+    knowledge_base: str,
+    number: int,
+    committed_at: str,
+    metadata: Metadata,
+    changes: Iterable[tuple[str, str, str]],
+) -> str:
+    """Hash a revision, chained to the one before. Memory does not grow with the changes.
+
+    Args:
+        previous: the hash of the revision before; None for the first.
+        knowledge_base: the knowledge base's name.
+        number: the revision's number.
+        committed_at: its time in UTC, `2026-01-31T09:30:00.000000Z`.
+        metadata: who, why and from what.
+        changes: sign, kind and text of each change, sorted by code points.
+
+    Returns:
+        The SHA-256 of the canonical document, 64 hexadecimal digits.
+    """
+    digest = sha256(f'{{"actor":{_json(metadata.actor)},"changes":['.encode())
+    separator = ""
+    batch: list[str] = []
+    for sign, kind, text in changes:
+        batch.append(f'["{sign}","{kind}",{encode_basestring(text)}]')
+        if len(batch) == _BATCH:
+            digest.update((separator + ",".join(batch)).encode())
+            separator = ","
+            batch.clear()
+    if batch:
+        digest.update((separator + ",".join(batch)).encode())
+    digest.update(
+        f'],"committed_at":"{committed_at}","form":{FORM},'
+        f'"knowledge_base":{_json(knowledge_base)},"number":{number},'
+        f'"previous":{_json(previous)},"reason":{_json(metadata.reason)},'
+        f'"source":{metadata.source or "null"}}}'.encode()
+    )
+    return digest.hexdigest()
+
+
+def _json(text: str | None) -> str:
+    return "null" if text is None else encode_basestring(text)

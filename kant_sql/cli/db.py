@@ -1,0 +1,77 @@
+"""`kant-sql db`: the tables and their migrations."""
+
+from __future__ import annotations
+
+import os
+import sys
+from typing import Annotated
+
+import typer
+
+from .. import schema
+from .stores import URL_VARIABLE, Url
+
+db = typer.Typer(help="Create, migrate and check the tables.", rich_markup_mode=None)
+
+
+@db.command()
+def upgrade(url: Url) -> None:
+    """Create the tables, or bring them to this version's; what is stored survives."""
+    schema.upgrade(url)
+    _write_version(url)
+
+
+@db.command(context_settings={"ignore_unknown_options": True})
+def downgrade(
+    words: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="[URL] REV",
+            show_default=False,
+            help=f"The database URL [env var: {URL_VARIABLE}], and the version to go back to: "
+            "its number, -1 for one back, or base, which drops the tables and all that they hold.",
+        ),
+    ],
+) -> None:
+    """Bring the tables back to an earlier version."""
+    url, revision = _url_and_revision(words)
+    if schema.current(url) is None:
+        # Says what is missing, and how to get it.
+        schema.check(url)
+    schema.downgrade(url, revision)
+    _write_version(url)
+
+
+@db.command()
+def current(url: Url) -> None:
+    """Tell the version of the tables, or "none"."""
+    _write_version(url)
+
+
+@db.command()
+def check(url: Url) -> None:
+    """Exit with 1 when migrations are pending or the tables are missing."""
+    schema.check(url)
+    _write_version(url)
+
+
+@db.command()
+def sql(url: Url) -> None:
+    """Write the SQL that creates the tables; only the URL's dialect matters."""
+    schema.upgrade_sql(url, sys.stdout)
+
+
+def _write_version(url: str) -> None:
+    typer.echo(schema.current(url) or "none")
+
+
+def _url_and_revision(words: list[str]) -> tuple[str, str]:
+    url = os.environ.get(URL_VARIABLE)
+    if len(words) == 1 and url and "://" not in words[0]:
+        words = [url, *words]
+    if len(words) != 2 or not all(words):
+        raise typer.BadParameter(
+            f"give a URL (or set {URL_VARIABLE}) and a version, such as: sqlite:///robot.db base",
+            param_hint="[URL] REV",
+        )
+    return words[0], words[1]

@@ -1,0 +1,93 @@
+"""The entry point of `kant-sql`."""
+
+from __future__ import annotations
+
+import os
+import sys
+from io import TextIOWrapper
+from pathlib import Path
+from typing import Annotated, Any, NoReturn
+
+import typer
+from typer.core import TyperGroup
+
+from .. import __version__
+from .db import db
+from .errors import INTERRUPTED, EndedEarlyError, run_to_exit_code
+from .log import log
+from .show import show
+
+
+class Commands(TyperGroup):
+    """The commands, with errors and endings of our own: one line, never a traceback."""
+
+    def main(self, *args: Any, **options: Any) -> NoReturn:
+        """Run a command line and exit.
+
+        Args:
+            *args: the words after the program's name; the process's own when not given.
+            **options: what else Typer gives.
+        """
+        given = args[0] if args else options.get("args")
+        words = sys.argv[1:] if given is None else list(given)
+        options.update(args=words, prog_name="kant-sql", standalone_mode=False)
+        sys.exit(run_to_exit_code(lambda: super(Commands, self).main(**options), words))
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run a command.
+
+        Args:
+            ctx: what Typer gives.
+
+        Returns:
+            What the command returns.
+
+        Raises:
+            EndedEarlyError: nobody reads the output any more, or Ctrl-C was pressed. Typer itself
+                would call the former a failure, and wait for a reader after the latter.
+        """
+        try:
+            return super().invoke(ctx)
+        except BrokenPipeError as error:
+            raise EndedEarlyError(0) from error
+        except KeyboardInterrupt as error:
+            raise EndedEarlyError(INTERRUPTED) from error
+
+
+# Help is plain text: what it says of URLs would be read as markup.
+app = typer.Typer(
+    cls=Commands, add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None
+)
+app.add_typer(db, name="db")
+app.command()(show)
+app.command()(log)
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"kant-sql {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _kant_sql(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Tell the version.")
+    ] = False,
+) -> None:
+    """Look into the knowledge base that robots plan from and auditors can question."""
+
+
+def run() -> None:
+    """Run the process's command line."""
+    if not sys.stdout:
+        # The process was started with its standard output closed.
+        sys.stdout = Path(os.devnull).open("w")  # noqa: SIM115
+    if isinstance(sys.stdout, TextIOWrapper):
+        # Standard error does so by itself: what its encoding lacks is escaped, and no failure.
+        sys.stdout.reconfigure(errors="backslashreplace")
+    app()
+
+
+if __name__ == "__main__":
+    run()

@@ -1,0 +1,122 @@
+"""How the commands write: styled tables in a terminal, plain text in a pipe, or JSON."""
+
+from __future__ import annotations
+
+import json
+import re
+import sys
+from collections.abc import Sequence
+from datetime import UTC, datetime
+
+from rich.cells import cell_len
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+# What would steer a terminal, or what some reader takes for the end of a line.
+_CONTROLS = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
+_GAP = "  "
+_TAB = "  "
+# Rich takes a second for 10,000 rows, which nobody reads in a box.
+_BOXED_ROWS = 5_000
+
+
+def printable(text: str) -> str:
+    """Write free text on one line, so that it cannot steer a terminal.
+
+    Args:
+        text: the text.
+
+    Returns:
+        The text, with its control characters as in a JSON string.
+    """
+    return _CONTROLS.sub(lambda match: json.dumps(match[0])[1:-1], text)
+
+
+def time_text(moment: datetime) -> str:
+    """Write a time.
+
+    Args:
+        moment: an aware time.
+
+    Returns:
+        ISO 8601 in UTC with microseconds, for example `2026-01-31T09:30:00.000000Z`.
+    """
+    return moment.astimezone(UTC).replace(tzinfo=None).isoformat(timespec="microseconds") + "Z"
+
+
+def json_text(value: object) -> str:
+    """Write JSON on one line.
+
+    Args:
+        value: what JSON can say.
+
+    Returns:
+        The document; characters that standard output cannot take are escaped.
+    """
+    ascii_only = (sys.stdout.encoding or "").lower().replace("-", "") != "utf8"
+    return printable(json.dumps(value, ensure_ascii=ascii_only))
+
+
+def write_json(value: object) -> None:
+    """Write a JSON document and end the line.
+
+    Args:
+        value: what JSON can say.
+    """
+    sys.stdout.write(json_text(value) + "\n")
+
+
+class Printer:
+    """Writes for people: with styles and boxes in a terminal, plain text anywhere else.
+
+    No text is ever cut off, and none is read as markup.
+    """
+
+    def __init__(self) -> None:
+        self._console = Console(highlight=False) if sys.stdout.isatty() else None
+
+    def line(self, text: str = "", style: str = "") -> None:
+        """Write a line.
+
+        Args:
+            text: the text; it may hold line breaks.
+            style: its style in a terminal.
+        """
+        if self._console is None:
+            sys.stdout.write(f"{text}\n")
+        else:
+            self._console.print(Text(text.replace("\t", _TAB), style), soft_wrap=True)
+
+    def table(self, title: str, columns: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
+        """Write a table under a title that tells how many rows it has.
+
+        Args:
+            title: what the rows are.
+            columns: the head of each column.
+            rows: the cells of each row; in the last column they may hold line breaks.
+        """
+        self.line()
+        self.line(f"{title} ({len(rows)})", "bold")
+        if not rows:
+            return
+        if self._console is None or len(rows) > _BOXED_ROWS:
+            _write_columns(columns, rows)
+            return
+        table = Table()
+        for column in columns:
+            table.add_column(Text(column), overflow="fold")
+        for row in rows:
+            table.add_row(*(Text(cell.replace("\t", _TAB)) for cell in row))
+        self._console.print(table)
+
+
+def _write_columns(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
+    """Write the columns side by side; one alone needs no head beside the title."""
+    lines = [columns, *rows] if len(columns) > 1 else rows
+    widths = [max(map(cell_len, cells)) for cells in zip(*lines, strict=True)][:-1]
+    for *cells, last in lines:
+        padded = (
+            cell + " " * (width - cell_len(cell)) for cell, width in zip(cells, widths, strict=True)
+        )
+        sys.stdout.write(f"{_GAP.join([*padded, last]).rstrip()}\n")

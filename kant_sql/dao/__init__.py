@@ -1,0 +1,23 @@
+"""The DAOs: `interfaces.py` says what they do, and each PDDL element has a module."""
+
+from __future__ import annotations
+
+from .interfaces import (
+    Dao,
+    NamedDao,
+    PddlActionDao,
+    PddlObjectDao,
+    PddlPredicateDao,
+    PddlPropositionDao,
+    PddlTypeDao,
+)
+
+__all__ = [
+    "Dao",
+    "NamedDao",
+    "PddlActionDao",
+    "PddlObjectDao",
+    "PddlPredicateDao",
+    "PddlPropositionDao",
+    "PddlTypeDao",
+]

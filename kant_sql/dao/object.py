@@ -1,0 +1,111 @@
+"""Objects: the DAO, and what others do when they refer to one."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from ..dto import PddlObjectDto, PddlTypeDto
+from ..dto.name import check_name, fold
+from ..errors import ConflictError
+from ..knowledge.object import ObjectDefinition
+from ..transaction import Transaction
+from .base import expect
+from .builder import DtoBuilder
+from .dependants import Scope, clear_for_redefinition, delete_scope
+from .interfaces import PddlObjectDao
+from .named import SqlNamedDao
+from .type import ensure_type
+
+
+def check_object(
+    transaction: Transaction, dto: PddlObjectDto, stored: ObjectDefinition, role: str
+) -> None:
+    """Check that an element refers to an object as it is stored.
+
+    Args:
+        transaction: the transaction.
+        dto: the object as referred to.
+        stored: the object as stored.
+        role: what refers to it, for the message.
+
+    Raises:
+        ConflictError: it is stored with another type.
+    """
+    type_ = transaction.definitions.types.live(stored.type_id)
+    if dto.type.parent is None and dto.type.name == type_.name:
+        return
+    if fold(dto.type.name) != fold(type_.name):
+        raise ConflictError(
+            f"object {dto.name!r} is stored as '{stored.text}', but {role} refers to it as "
+            f"'{dto}'; use the stored definition, or save the object itself to redefine it"
+        )
+    ensure_type(transaction, dto.type, f"object {dto.name!r}")
+
+
+def ensure_object(transaction: Transaction, dto: PddlObjectDto, role: str) -> ObjectDefinition:
+    """Find the object that an element refers to; save it when it is missing.
+
+    Args:
+        transaction: the transaction.
+        dto: the object as referred to.
+        role: what refers to it, for the message.
+
+    Returns:
+        The object.
+
+    Raises:
+        ConflictError: it is stored with another type.
+        InvalidKnowledgeError: it is missing, and not well formed.
+    """
+    expect(dto, PddlObjectDto, role)
+    expect(dto.type, PddlTypeDto, "the type of an object")
+    stored = transaction.definitions.objects.named(dto.name)
+    if stored is None:
+        return put_object(transaction, dto, cascade=False)[0]
+    check_object(transaction, dto, stored, role)
+    return stored
+
+
+def put_object(
+    transaction: Transaction, dto: PddlObjectDto, cascade: bool
+) -> tuple[ObjectDefinition, bool]:
+    """Define an object as a DTO says.
+
+    Args:
+        transaction: the transaction.
+        dto: the object.
+        cascade: whether a redefinition retracts what depends on the present definition.
+
+    Returns:
+        The object, and whether it has changed.
+    """
+    check_name("object", dto.name)
+    type_ = ensure_type(transaction, dto.type, f"object {dto.name!r}")
+    stored = transaction.definitions.objects.named(dto.name)
+    id_, name = (stored.id, stored.name) if stored else transaction.intern("object", dto.name)
+    definition = ObjectDefinition(id_, name, type_.id, f"{name} - {type_.name}")
+    if stored is not None and stored != definition:
+        clear_for_redefinition(
+            transaction,
+            Scope(objects={id_}),
+            f"object {stored.text}",
+            f"'{definition.text}'",
+            cascade,
+        )
+    return definition, transaction.define("object", definition)
+
+
+class SqlObjectDao(SqlNamedDao[PddlObjectDto], PddlObjectDao):
+    """Objects in an SQL store."""
+
+    kind: ClassVar[str] = "object"
+    dto_class = PddlObjectDto
+
+    def _build(self, builder: DtoBuilder, definition: ObjectDefinition) -> PddlObjectDto:
+        return builder.object(definition.id)
+
+    def _put(self, transaction: Transaction, dto: PddlObjectDto, cascade: bool) -> bool:
+        return put_object(transaction, dto, cascade)[1]
+
+    def _remove(self, transaction: Transaction, ids: list[int]) -> None:
+        delete_scope(transaction, Scope(objects=set(ids)))

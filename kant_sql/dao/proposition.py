@@ -1,0 +1,258 @@
+"""Propositions: the DAO of facts and goals."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+from sqlalchemy import ColumnElement, Select, bindparam, false, literal_column, select, union_all
+
+from ..atoms import AtomKey
+from ..backends import Query, in_rows
+from ..dto import PddlObjectDto, PddlPredicateDto, PddlPropositionDto
+from ..knowledge.loading import KB, held_at
+from ..tables import HeadRow, PropositionRow, PropositionVersionRow
+from ..transaction import Transaction
+from ..view import DefinitionsMovedError, View
+from .base import SqlDao, batches, expect, expect_list
+from .builder import DtoBuilder
+from .dependants import propositions_on, retract
+from .interfaces import PddlPropositionDao
+from .references import References
+
+_Columns = tuple[int, int, str, bool]
+_COLUMNS = (
+    PropositionRow.id,
+    PropositionRow.predicate_id,
+    PropositionRow.arguments,
+    PropositionRow.is_goal,
+)
+_HELD = (PropositionVersionRow.until.is_(None), held_at(PropositionVersionRow))
+
+
+# The head says, in the same statement, which definitions go with what is read. Ids begin at 1.
+_HEAD_ID, _NO_ID = 0, -1
+_HEAD: Select[*_Columns] = select(
+    literal_column(str(_HEAD_ID)), HeadRow.definition_revision, literal_column("''"), false()
+).where(HeadRow.kb_id == KB)
+
+
+class Reading:
+    """One question about propositions, as asked of the present and of the past."""
+
+    def __init__(self, now: Select[*_Columns], then: Select[*_Columns]) -> None:
+        self._now = Query(union_all(now, _HEAD))
+        self._then = Query(then)
+
+    @classmethod
+    def of_versions(cls, *conditions: ColumnElement[bool]) -> Reading:
+        """Ask for the propositions of the versions that are open.
+
+        Args:
+            *conditions: what else is asked of the versions.
+
+        Returns:
+            The question.
+        """
+        versions = select(PropositionVersionRow.proposition_id).where(
+            PropositionVersionRow.kb_id == KB, *conditions
+        )
+        now, then = (
+            select(*_COLUMNS).where(
+                PropositionRow.kb_id == KB, in_rows(PropositionRow.id, versions.where(held))
+            )
+            for held in _HELD
+        )
+        return cls(now, then)
+
+    @classmethod
+    def of_goals(cls) -> Reading:
+        """Ask for the goals: few among many facts, so each is looked up for an open version.
+
+        Returns:
+            The question.
+        """
+        version = (
+            select(PropositionVersionRow.since)
+            .where(PropositionVersionRow.kb_id == PropositionRow.kb_id)
+            .where(PropositionVersionRow.proposition_id == PropositionRow.id)
+        )
+        now, then = (
+            select(*_COLUMNS).where(
+                PropositionRow.kb_id == KB,
+                PropositionRow.is_goal,
+                version.where(held).scalar_subquery().is_not(None),
+            )
+            for held in _HELD
+        )
+        return cls(now, then)
+
+    def answer(self, view: View, **parameters: Any) -> list[PddlPropositionDto]:
+        """Ask it.
+
+        Args:
+            view: the state to read from.
+            **parameters: the question's parameters.
+
+        Returns:
+            The propositions, in the order in which each was first known.
+        """
+        if view.kb_id is None:
+            return []
+        if view.at is not None:
+            rows = view.session.rows(self._then, kb=view.kb_id, at=view.at, **parameters)
+            rows.sort()
+        else:
+            rows = view.session.rows(self._now, kb=view.kb_id, **parameters)
+            rows.sort()
+            head = rows.pop(0) if rows and rows[0][0] == _HEAD_ID else None
+            if view.definition_revision not in (None, head and head[1]):
+                raise DefinitionsMovedError
+        proposition = DtoBuilder(view.definitions).proposition
+        return [proposition(*row[1:]) for row in rows]
+
+
+_ALL = Reading.of_versions()
+_OF_PREDICATE = Reading.of_versions(PropositionVersionRow.predicate_id == bindparam("predicate"))
+_GOALS = Reading.of_goals()
+
+
+def existing_key(transaction: Transaction, dto: PddlPropositionDto) -> AtomKey | None:
+    """Find what makes a proposition the one that it is, from names alone.
+
+    Args:
+        transaction: the transaction.
+        dto: the proposition.
+
+    Returns:
+        The key; None when a name in it is not known, so that it cannot hold.
+    """
+    expect(dto.predicate, PddlPredicateDto, "the predicate of a proposition")
+    predicate = transaction.definitions.predicates.named(dto.predicate.name)
+    objects = [transaction.definitions.objects.named(object_.name) for object_ in dto.objects]
+    if predicate is None or None in objects:
+        return None
+    ids = " ".join([str(object_.id) for object_ in objects if object_ is not None])
+    return AtomKey(bool(dto.is_goal), predicate.id, ids)
+
+
+class SqlPropositionDao(SqlDao, PddlPropositionDao):
+    """Propositions in an SQL store."""
+
+    def get_all(self) -> list[PddlPropositionDto]:
+        """Read all facts and goals."""
+        return self._store.read(_ALL.answer, self._at)
+
+    def get_by_predicate(self, name: str) -> list[PddlPropositionDto]:
+        """Read the facts and the goals of one predicate."""
+
+        def work(view: View) -> list[PddlPropositionDto]:
+            predicate = view.definitions.predicates.named(name)
+            # Asked even of no predicate: the head may say that there is one by now.
+            id_ = _NO_ID if predicate is None else predicate.id
+            return _OF_PREDICATE.answer(view, predicate=id_)
+
+        return self._store.read(work, self._at)
+
+    def get_goals(self) -> list[PddlPropositionDto]:
+        """Read the goals."""
+        return self._store.read(_GOALS.answer, self._at)
+
+    def get_no_goals(self) -> list[PddlPropositionDto]:
+        """Read the facts."""
+        return [dto for dto in self.get_all() if not dto.is_goal]
+
+    def save(self, dto: PddlPropositionDto) -> bool:
+        """Let a proposition hold."""
+        self._check(dto)
+        self._store.write(lambda transaction: self._save_batch(transaction, [dto]))
+        return True
+
+    def insert(self, dto: PddlPropositionDto) -> bool:
+        """Let a proposition hold that does not hold yet."""
+        self._check(dto)
+
+        def work(transaction: Transaction) -> bool:
+            return not self._holds(transaction, dto) and self._save_batch(transaction, [dto]) == 1
+
+        return self._store.write(work)
+
+    def update(self, dto: PddlPropositionDto) -> bool:
+        """Tell whether a proposition holds: there is nothing else of it to update."""
+        self._check(dto)
+
+        def work(transaction: Transaction) -> bool:
+            if not self._holds(transaction, dto):
+                return False
+            References(transaction).resolve(dto)
+            return True
+
+        return self._store.write(work)
+
+    def save_all(self, dtos: Iterable[PddlPropositionDto]) -> int:
+        """Let many propositions hold, in one revision."""
+        self._check_writable()
+        changed = 0
+        with self._store.transaction() as transaction:
+            for batch in batches(dtos):
+                for dto in batch:
+                    self._check(dto)
+                names = (object_.name for dto in batch for object_ in dto.objects)
+                # What has no name is refused in its turn.
+                transaction.look_up("object", {name for name in names if isinstance(name, str)})
+                changed += self._save_batch(transaction, batch)
+                transaction.propositions.spill()
+        return changed
+
+    def delete(self, dto: PddlPropositionDto) -> bool:
+        """Let a proposition hold no more."""
+        self._check(dto)
+
+        def work(transaction: Transaction) -> bool:
+            atom = self._find(transaction, dto)
+            return atom is not None and transaction.propositions.set(atom, False)
+
+        return self._store.write(work)
+
+    def delete_all(self) -> int:
+        """Let nothing hold, and no goal stand."""
+        self._check_writable()
+
+        def work(transaction: Transaction) -> int:
+            atoms = propositions_on(transaction, None)
+            retract(transaction, atoms)
+            return len(atoms)
+
+        return self._store.write(work)
+
+    def _check(self, dto: PddlPropositionDto) -> None:
+        self._check_writable()
+        expect(dto, PddlPropositionDto, "what the proposition DAO takes")
+        expect_list(dto.objects, PddlObjectDto, "the list of objects of a proposition")
+
+    @staticmethod
+    def _save_batch(transaction: Transaction, dtos: Iterable[PddlPropositionDto]) -> int:
+        propositions = transaction.propositions
+        resolve = References(transaction).resolve
+        texts = dict([resolve(dto) for dto in dtos])
+        found = propositions.find(texts)
+        propositions.look_at(found.values())
+        changed = 0
+        for key, text in texts.items():
+            atom = found.get(key)
+            if atom is None:
+                propositions.add(key, text)
+                changed += 1
+            else:
+                changed += propositions.set(atom, True)
+        return changed
+
+    @classmethod
+    def _holds(cls, transaction: Transaction, dto: PddlPropositionDto) -> bool:
+        atom = cls._find(transaction, dto)
+        return atom is not None and transaction.propositions.holds(atom)
+
+    @staticmethod
+    def _find(transaction: Transaction, dto: PddlPropositionDto) -> Any:
+        key = existing_key(transaction, dto)
+        return None if key is None else transaction.propositions.find([key]).get(key)

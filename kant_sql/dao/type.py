@@ -1,0 +1,129 @@
+"""Types: the DAO, and what others do when they refer to one."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from ..dto import PddlTypeDto
+from ..dto.name import RESERVED_TYPES, ROOT_TYPE, check_name, fold
+from ..errors import ConflictError, InvalidKnowledgeError, TypeCycleError
+from ..knowledge.type import TypeDefinition
+from ..transaction import Transaction
+from .base import expect
+from .builder import DtoBuilder
+from .dependants import clear_for_redefinition, delete_scope, of_types
+from .interfaces import PddlTypeDao
+from .named import SqlNamedDao
+
+
+def ensure_type(transaction: Transaction, dto: PddlTypeDto, role: str) -> TypeDefinition:
+    """Find the type that an element refers to; save it when it is missing.
+
+    Args:
+        transaction: the transaction.
+        dto: the type as referred to.
+        role: what refers to it, for the message.
+
+    Returns:
+        The type.
+
+    Raises:
+        ConflictError: it is stored with another parent than the one given.
+        InvalidKnowledgeError: it is missing, and not well formed.
+    """
+    expect(dto, PddlTypeDto, f"the type of {role}")
+    stored = transaction.definitions.types.named(dto.name)
+    if stored is None:
+        return put_type(transaction, dto, cascade=False)[0]
+    if dto.parent is not None:
+        expect(dto.parent, PddlTypeDto, f"the parent of type {dto.name!r}")
+    if dto.parent is not None and _parent_key(transaction, stored) != fold(dto.parent.name):
+        raise ConflictError(
+            f"type {dto.name!r} is stored as '{stored.text}', but {role} refers to it as '{dto}'; "
+            "use the stored definition, or save the type itself to redefine it"
+        )
+    if dto.parent is not None and dto.parent.parent is not None:
+        ensure_type(transaction, dto.parent, f"type {dto.name!r}")
+    return stored
+
+
+def put_type(
+    transaction: Transaction, dto: PddlTypeDto, cascade: bool
+) -> tuple[TypeDefinition, bool]:
+    """Define a type as a DTO says.
+
+    Args:
+        transaction: the transaction.
+        dto: the type.
+        cascade: whether a redefinition retracts what depends on the present definition.
+
+    Returns:
+        The type, and whether it has changed.
+    """
+    check_name("type", dto.name, RESERVED_TYPES)
+    _check_chain(dto)
+    parent = None
+    if dto.parent is not None:
+        parent = ensure_type(transaction, dto.parent, f"type {dto.name!r}")
+    stored = transaction.definitions.types.named(dto.name)
+    id_, name = (stored.id, stored.name) if stored else transaction.intern("type", dto.name)
+    text = name if parent is None else f"{name} - {parent.name}"
+    definition = TypeDefinition(id_, name, parent and parent.id, text)
+    if stored is not None and stored != definition:
+        if parent is not None:
+            _check_cycle(transaction, stored, parent)
+        scope = of_types(transaction.definitions, [id_])
+        clear_for_redefinition(transaction, scope, f"type {stored.text}", f"'{text}'", cascade)
+    return definition, transaction.define("type", definition)
+
+
+def _parent_key(transaction: Transaction, type_: TypeDefinition) -> str:
+    """Give the folded name of the type above; the root is above all that say nothing."""
+    parent = transaction.definitions.types.get(type_.parent_id)
+    return ROOT_TYPE if parent is None else fold(parent.name)
+
+
+def _check_chain(dto: PddlTypeDto) -> None:
+    """Refuse a DTO that is its own ancestor, and a parent for the root."""
+    seen: list[str] = []
+    current: PddlTypeDto | None = dto
+    while current is not None:
+        expect(current, PddlTypeDto, f"the parent of type {seen[-1] if seen else dto.name!r}")
+        key = fold(current.name)
+        if key in seen:
+            raise TypeCycleError(
+                f"type {dto.name!r} would be its own ancestor: {' - '.join([*seen, key])}; "
+                "leave out one of the parents"
+            )
+        if key == ROOT_TYPE and current.parent is not None:
+            raise InvalidKnowledgeError(
+                f"type {ROOT_TYPE!r} is the root of all types and has no parent, "
+                f"not {current.parent.name!r}"
+            )
+        seen.append(key)
+        current = current.parent
+
+
+def _check_cycle(transaction: Transaction, type_: TypeDefinition, parent: TypeDefinition) -> None:
+    chain = list(transaction.definitions.ancestry(parent.id))
+    if any(above.id == type_.id for above in chain):
+        path = " - ".join([type_.name, *(above.name for above in chain)])
+        raise TypeCycleError(
+            f"type {type_.name!r} would be its own ancestor: {path}; choose another parent"
+        )
+
+
+class SqlTypeDao(SqlNamedDao[PddlTypeDto], PddlTypeDao):
+    """Types in an SQL store."""
+
+    kind: ClassVar[str] = "type"
+    dto_class = PddlTypeDto
+
+    def _build(self, builder: DtoBuilder, definition: TypeDefinition) -> PddlTypeDto:
+        return builder.type(definition.id)
+
+    def _put(self, transaction: Transaction, dto: PddlTypeDto, cascade: bool) -> bool:
+        return put_type(transaction, dto, cascade)[1]
+
+    def _remove(self, transaction: Transaction, ids: list[int]) -> None:
+        delete_scope(transaction, of_types(transaction.definitions, ids))

@@ -1,0 +1,59 @@
+"""A PDDL proposition: a fact or a goal."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from .atom_dto import AtomDto, atom_text
+from .name import fold
+from .pddl_object_dto import PddlObjectDto
+from .pddl_predicate_dto import PddlPredicateDto
+
+
+@dataclass(init=False, eq=False)
+class PddlPropositionDto(AtomDto):
+    """A predicate applied to objects: a fact of the present state, or a goal.
+
+    Equal by predicate, objects and `is_goal`: a proposition may be a fact and a goal at once, and
+    then it is two elements. Its text is `(robot_at rb1 wp1)`.
+
+    Attributes:
+        predicate: the predicate.
+        objects: the arguments, in order.
+        is_goal: whether it is a goal rather than a fact.
+    """
+
+    is_goal: bool
+
+    def __init__(
+        self,
+        predicate: PddlPredicateDto,
+        objects: Iterable[PddlObjectDto] | None = None,
+        is_goal: bool = False,
+    ) -> None:
+        super().__init__(predicate, objects)
+        self.is_goal = is_goal
+
+    def get_is_goal(self) -> bool:
+        """Tell whether it is a goal.
+
+        Returns:
+            True for a goal, False for a fact.
+        """
+        return self.is_goal
+
+    def set_is_goal(self, is_goal: bool) -> None:
+        """Say whether it is a goal.
+
+        Args:
+            is_goal: True for a goal, False for a fact.
+        """
+        self.is_goal = is_goal
+
+    def _identity(self) -> tuple[object, ...]:
+        arguments = tuple(fold(object_.name) for object_ in self.objects)
+        return ("proposition", fold(self.predicate.name), arguments, bool(self.is_goal))
+
+    def __str__(self) -> str:
+        return atom_text(self.predicate.name, [object_.name for object_ in self.objects])

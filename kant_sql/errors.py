@@ -1,0 +1,142 @@
+"""Every error of the library: one tree under `KantSqlError`.
+
+A message says what was refused, which element it was and what to do about it. Errors that come
+from the database are raised `from` the driver's own, and never carry a password.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+
+class KantSqlError(Exception):
+    """The root: catch it to catch all that this library raises on purpose."""
+
+
+class InvalidKnowledgeError(KantSqlError, ValueError):
+    """The knowledge given is not well formed PDDL; nothing of it was stored."""
+
+
+class InvalidNameError(InvalidKnowledgeError):
+    """A name that PDDL text could not carry."""
+
+
+class ArityError(InvalidKnowledgeError):
+    """A predicate was given more or fewer arguments than it has parameters."""
+
+
+class TypeMismatchError(InvalidKnowledgeError):
+    """An object's type is neither the parameter's type nor a subtype of it."""
+
+
+class TypeCycleError(InvalidKnowledgeError):
+    """A type would be its own ancestor."""
+
+
+class ConflictError(KantSqlError):
+    """What a save refers to is stored already, with another definition."""
+
+
+class DependantsError(KantSqlError):
+    """A redefinition was refused, because live knowledge depends on the present definition.
+
+    Attributes:
+        dependants: the PDDL text of each element that depends on it.
+    """
+
+    def __init__(self, message: str, dependants: Sequence[str]) -> None:
+        super().__init__(message)
+        self.dependants = tuple(dependants)
+
+
+class ReadOnlyError(KantSqlError):
+    """A write was tried where only reading is possible, as on the past."""
+
+
+class StaleRevisionError(KantSqlError):
+    """The knowledge base has moved on from the revision that the writer had read.
+
+    Attributes:
+        expected: the revision that the caller expected to be the head.
+        actual: the revision that is the head.
+    """
+
+    def __init__(self, message: str, expected: int, actual: int) -> None:
+        super().__init__(message)
+        self.expected = expected
+        self.actual = actual
+
+
+class UnknownRevisionError(KantSqlError, LookupError):
+    """A revision, or a time, that the knowledge base has not reached."""
+
+
+class InvalidUrlError(KantSqlError, ValueError):
+    """A database URL that cannot be read, or that no DAO family answers to."""
+
+
+class SchemaError(KantSqlError):
+    """The tables in the database are not the ones that this version of the library works on."""
+
+
+class SchemaMissingError(SchemaError):
+    """The database has no kant_sql tables yet."""
+
+
+class SchemaOutdatedError(SchemaError):
+    """The tables are of an older version; migrations are pending."""
+
+
+class SchemaTooNewError(SchemaError):
+    """The tables are of a newer version than this library knows."""
+
+
+class StoreError(KantSqlError):
+    """The database refused or failed; raised `from` the driver's error."""
+
+
+class ReadOnlyStoreError(StoreError, ReadOnlyError):
+    """The file, or the user's rights, allow only reading."""
+
+
+class StoreUnreachableError(StoreError):
+    """The server does not answer, or the file cannot be opened."""
+
+
+class AuthenticationError(StoreError):
+    """The server refused the user or the password."""
+
+
+class NotADatabaseError(StoreError):
+    """The file is not an SQLite database, or it is damaged."""
+
+
+class StoreBusyError(StoreError):
+    """Another writer held the store for longer than a writer waits; nothing was written."""
+
+
+class ConnectionLostError(StoreError):
+    """The connection was lost inside a transaction; nothing of it was written."""
+
+
+class OutcomeUnknownError(StoreError):
+    """The connection was lost while a revision was committed, and the store did not come back.
+
+    The message names the revision and its hash: if the store has it, all of it was written.
+    """
+
+
+class ForkedError(StoreError):
+    """A process was forked at a moment that its share of the store cannot survive."""
+
+
+class StoreIntegrityError(StoreError):
+    """A constraint of the database refused the write; nothing was written."""
+
+
+class TableMissingError(StoreError):
+    """A statement names a table that the database does not have."""
+
+
+class InvalidMetadataError(KantSqlError, ValueError):
+    """The actor, reason or source of a revision cannot be kept as given."""

@@ -1,0 +1,128 @@
+"""The head of a knowledge base: the row that its writers lock, and move on."""
+
+from __future__ import annotations
+
+from datetime import datetime
+from typing import Any, NamedTuple
+
+from sqlalchemy import bindparam, select, update
+
+from .backends import Query, Session, StoreClock
+from .knowledge.loading import KB
+from .tables import HeadRow, RevisionRow
+
+_LOCK = Query(
+    select(
+        HeadRow.revision,
+        HeadRow.definition_revision,
+        HeadRow.next_id,
+        HeadRow.hash,
+        HeadRow.committed_at,
+        StoreClock(),
+    )
+    .where(HeadRow.kb_id == KB)
+    .with_for_update()
+)
+_HASH = Query(
+    select(RevisionRow.hash).where(RevisionRow.kb_id == KB, RevisionRow.number == bindparam("at"))
+)
+_MOVE = Query(
+    update(HeadRow)
+    .where(HeadRow.kb_id == bindparam("kb"))
+    .values(
+        revision=bindparam("number"),
+        definition_revision=bindparam("definitions"),
+        next_id=bindparam("next"),
+        hash=bindparam("digest"),
+        committed_at=bindparam("time"),
+    )
+)
+
+
+class Head(NamedTuple):
+    """Where a knowledge base stands, read under its lock.
+
+    Attributes:
+        revision: the last revision; 0 before the first.
+        definition_revision: the last revision that changed a definition.
+        next_id: the id that the next element gets.
+        hash: the last revision's hash.
+        committed_at: the last revision's time.
+        clock: the store's time when the lock was taken.
+    """
+
+    revision: int
+    definition_revision: int
+    next_id: int
+    hash: str | None
+    committed_at: datetime | None
+    clock: datetime
+
+
+class Committed(NamedTuple):
+    """A revision that was written, and is committed when the database says so.
+
+    Attributes:
+        number: its number.
+        hash: its hash.
+        moment: when, in the driver's form.
+    """
+
+    number: int
+    hash: str
+    moment: Any
+
+
+def lock_head(session: Session, kb_id: int) -> Head | None:
+    """Lock a knowledge base against other writers, and read where it stands.
+
+    Args:
+        session: the session, in a transaction that writes.
+        kb_id: the knowledge base.
+
+    Returns:
+        The head, or None when there is no such knowledge base any more.
+    """
+    row = session.first(_LOCK, kb=kb_id)
+    if row is None:
+        return None
+    committed_at = None if row[4] is None else session.to_time(row[4])
+    return Head(row[0], row[1], row[2], row[3], committed_at, session.now(row[5]))
+
+
+def is_stored(session: Session, kb_id: int, made: Committed) -> bool:
+    """Tell whether a revision is in the store.
+
+    Args:
+        session: the session.
+        kb_id: the knowledge base.
+        made: the revision; its hash tells it from another writer's of the same number.
+
+    Returns:
+        Whether it is.
+    """
+    row = session.first(_HASH, kb=kb_id, at=made.number)
+    return row is not None and row[0] == made.hash
+
+
+def move_head(
+    session: Session, kb_id: int, made: Committed, definition_revision: int, next_id: int
+) -> None:
+    """Let a knowledge base stand at a new revision.
+
+    Args:
+        session: the session that has locked it.
+        kb_id: the knowledge base.
+        made: the new revision.
+        definition_revision: the last revision that changed a definition.
+        next_id: the id that the next element gets.
+    """
+    session.run(
+        _MOVE,
+        kb=kb_id,
+        number=made.number,
+        definitions=definition_revision,
+        next=next_id,
+        digest=made.hash,
+        time=made.moment,
+    )

@@ -1,0 +1,95 @@
+"""What revisions changed: one line for each element that was asserted or retracted."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+from sqlalchemy import (
+    BigInteger,
+    ColumnElement,
+    Select,
+    bindparam,
+    case,
+    literal_column,
+    select,
+    union_all,
+)
+
+from ..backends import Query, Session
+from ..tables import PropositionRow, PropositionVersionRow
+from .loading import KB
+from .rows import KIND_TABLES, table_of
+
+ASSERTED, RETRACTED = "+", "-"
+FACT, GOAL = "fact", "goal"
+
+
+class Change(NamedTuple):
+    """A line of what a revision changed. Lines sort as the hash of a revision wants them.
+
+    Attributes:
+        sign: `+` asserted, `-` retracted.
+        kind: `type`, `object`, `predicate`, `action`, `fact` or `goal`.
+        text: the element's canonical PDDL text.
+    """
+
+    sign: str
+    kind: str
+    text: str
+
+
+def _in_range(column: Any) -> ColumnElement[bool]:
+    low: Any = bindparam("low", type_=BigInteger)
+    high: Any = bindparam("high", type_=BigInteger)
+    return column.between(low, high)  # type: ignore[no-any-return]
+
+
+def _both_ends(version: Any, kind: Any, text: Any) -> list[Select[Any]]:
+    """Give what was asserted and what was retracted in the range, of one version table."""
+    return [
+        select(
+            column.label("revision"),
+            literal_column(sign).label("retracted"),
+            kind.label("kind"),
+            text.label("text"),
+        ).where(version.kb_id == KB, _in_range(column))
+        for column, sign in ((version.since, "0"), (version.until, "1"))
+    ]
+
+
+def _selects() -> list[Select[Any]]:
+    selects = []
+    for kind, tables in KIND_TABLES.items():
+        version = tables.version.table.c
+        selects += _both_ends(version, literal_column(f"'{kind}'"), version.text)
+    version, atom = table_of(PropositionVersionRow).c, table_of(PropositionRow).c
+    kind_of = case((atom.is_goal, literal_column("'goal'")), else_=literal_column("'fact'"))
+    kind_of_atom, text_of_atom = (
+        select(column)
+        .where(atom.kb_id == version.kb_id, atom.id == version.proposition_id)
+        .scalar_subquery()
+        for column in (kind_of, atom.text)
+    )
+    return selects + _both_ends(version, kind_of_atom, text_of_atom)
+
+
+_CHANGES = Query(union_all(*_selects()).order_by("revision", "retracted", "kind", "text"))
+
+
+def stream_changes(
+    session: Session, kb_id: int, low: int, high: int
+) -> Iterator[tuple[int, Change]]:
+    """Read what a range of revisions changed, in one statement and in constant memory.
+
+    Args:
+        session: the session, in a transaction.
+        kb_id: the knowledge base.
+        low: the first revision.
+        high: the last revision.
+
+    Yields:
+        The revision's number and the change, by revision and then in the order of the hash.
+    """
+    for number, retracted, kind, text in session.stream(_CHANGES, kb=kb_id, low=low, high=high):
+        yield number, Change(RETRACTED if retracted else ASSERTED, kind, text)

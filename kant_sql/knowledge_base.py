@@ -1,0 +1,161 @@
+"""The front door: a knowledge base, with a DAO for each PDDL element."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import AbstractContextManager
+from datetime import datetime
+from types import TracebackType
+
+from .dao.interfaces import (
+    PddlActionDao,
+    PddlObjectDao,
+    PddlPredicateDao,
+    PddlPropositionDao,
+    PddlTypeDao,
+)
+from .factory import DaoFactory, create_dao_factory
+from .history import LogEntry, Revision
+
+
+class KnowledgeBase:
+    """A robot's knowledge: what it is now, and what it was. Threads may share it.
+
+    Use it as a context manager, or call `close`.
+
+    Attributes:
+        types: the DAO of types.
+        objects: the DAO of objects.
+        predicates: the DAO of predicates.
+        propositions: the DAO of facts and goals.
+        actions: the DAO of actions.
+    """
+
+    types: PddlTypeDao
+    objects: PddlObjectDao
+    predicates: PddlPredicateDao
+    propositions: PddlPropositionDao
+    actions: PddlActionDao
+
+    def __init__(self, factory: DaoFactory) -> None:
+        """Make a knowledge base of a factory's DAOs.
+
+        Args:
+            factory: the factory; the knowledge base owns it.
+        """
+        self.factory = factory
+        self.types = factory.create_pddl_type_dao()
+        self.objects = factory.create_pddl_object_dao()
+        self.predicates = factory.create_pddl_predicate_dao()
+        self.propositions = factory.create_pddl_proposition_dao()
+        self.actions = factory.create_pddl_action_dao()
+
+    def transaction(
+        self,
+        actor: str | None = None,
+        reason: str | None = None,
+        source: object | None = None,
+        expected_revision: int | None = None,
+    ) -> AbstractContextManager[None]:
+        """Make many calls one revision; `DaoFactory.transaction` says all of it.
+
+        Args:
+            actor: who writes; the knowledge base's actor when not given.
+            reason: why.
+            source: what the caller knows, as JSON values.
+            expected_revision: the revision that the caller has read.
+
+        Returns:
+            The context manager.
+
+        Raises:
+            StaleRevisionError: on entry, when the head is another than expected.
+            StoreBusyError: on entry, when other writers held the store for too long.
+            ConnectionLostError: the connection was lost; nothing of the block was written.
+            InvalidMetadataError: actor, reason or source cannot be kept.
+        """
+        return self.factory.transaction(actor, reason, source, expected_revision)
+
+    def at(self, when: int | datetime) -> KnowledgeBase:
+        """Look at the past through the same DAOs, which raise `ReadOnlyError` on a write.
+
+        Args:
+            when: a revision's number (0 is before the first), or an aware time up to now.
+
+        Returns:
+            The knowledge base as it was.
+
+        Raises:
+            UnknownRevisionError: there is no such revision yet, or the time lies in the future or
+                has no zone.
+        """
+        return KnowledgeBase(self.factory.at(when))
+
+    @property
+    def revision(self) -> int:
+        """The number of the last revision, 0 before the first.
+
+        Within a transaction it is the one that it began from; on a view of the past, the one that
+        the view looks at.
+        """
+        return self.factory.revision
+
+    def revisions(self, after: int = 0, limit: int | None = None) -> list[Revision]:
+        """Read revisions, oldest first.
+
+        Args:
+            after: only those with a larger number.
+            limit: at most so many; None for all.
+
+        Returns:
+            The revisions: number, committed_at, actor, reason, source and hash.
+        """
+        return self.factory.revisions(after, limit)
+
+    def log(self, limit: int | None = None) -> Iterator[LogEntry]:
+        """Read revisions with what they changed, newest first.
+
+        Args:
+            limit: at most so many; None for all.
+
+        Returns:
+            The entries, read in pages as they are asked for.
+        """
+        return self.factory.log(limit)
+
+    def close(self) -> None:
+        """Close the connections. A store in memory is gone with them."""
+        self.factory.close()
+
+    def __enter__(self) -> KnowledgeBase:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self.close()
+
+
+def connect(url: str, knowledge_base: str = "default", actor: str | None = None) -> KnowledgeBase:
+    """Open a knowledge base.
+
+    Args:
+        url: the database URL: `sqlite:///robot.db` for a file, `sqlite://` for a store in memory,
+            `postgresql://user@host/database` for a server.
+        knowledge_base: the knowledge base's name; it comes to be with its first write.
+        actor: who writes, when a transaction does not say.
+
+    Returns:
+        The knowledge base. A new SQLite file, or a store in memory, is created.
+
+    Raises:
+        InvalidUrlError: the URL cannot be read, or no DAO family answers to it.
+        SchemaMissingError: the database has no kant_sql tables.
+        SchemaOutdatedError: migrations are pending.
+        SchemaTooNewError: the tables are of a newer version of the library.
+        StoreError: the database cannot be opened.
+    """
+    return KnowledgeBase(create_dao_factory(url, knowledge_base, actor))

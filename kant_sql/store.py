@@ -1,0 +1,193 @@
+"""Writing a knowledge base: transactions, what is retried, and commits whose answer is lost."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import TypeVar
+
+from sqlalchemy import func, select
+
+from .backends import Query, Session
+from .canonical import Metadata, make_metadata
+from .errors import (
+    ConnectionLostError,
+    OutcomeUnknownError,
+    StaleRevisionError,
+    StoreBusyError,
+    StoreError,
+    StoreIntegrityError,
+)
+from .head import Committed, is_stored, lock_head
+from .knowledge.rows import table_of
+from .reader import Reader, end_session
+from .tables import HeadRow, KnowledgeBaseRow
+from .transaction import Transaction
+from .view import vanished
+
+T = TypeVar("T")
+
+FIRST_ID = 1
+WRITE_LOCK_TIMEOUT = 20.0
+
+_KNOWLEDGE_BASES = table_of(KnowledgeBaseRow)
+_LAST_KB = Query(select(func.max(KnowledgeBaseRow.id)))
+
+
+class Store(Reader):
+    """Reads and writes a knowledge base, for all threads of a process."""
+
+    def write(self, work: Callable[[Transaction], T]) -> T:
+        """Change the knowledge base: in the open transaction, or in one of its own.
+
+        Args:
+            work: makes the change; it is called again when nothing was committed because the store
+                was busy or the connection was lost.
+
+        Returns:
+            What `work` returns.
+        """
+        outer = self.current()
+        if outer is not None:
+            with outer.scope():
+                return work(outer)
+        metadata = Metadata(self.actor, None, None)
+        return self._retrying(lambda: self._write_once(metadata, work))
+
+    def _write_once(self, metadata: Metadata, work: Callable[[Transaction], T]) -> T:
+        with self._transaction(metadata, None) as transaction:
+            return work(transaction)
+
+    @contextmanager
+    def transaction(
+        self,
+        actor: str | None = None,
+        reason: str | None = None,
+        source: object | None = None,
+        expected_revision: int | None = None,
+    ) -> Iterator[Transaction]:
+        """Open a transaction; within another of this thread, join that one.
+
+        Args:
+            actor: who writes; the store's actor when not given.
+            reason: why.
+            source: what the caller knows, as JSON.
+            expected_revision: the head that the caller has seen.
+
+        Yields:
+            The transaction.
+
+        Raises:
+            StaleRevisionError: the head is another than expected.
+        """
+        metadata = make_metadata(actor if actor is not None else self.actor, reason, source)
+        outer = self.current()
+        if outer is not None:
+            self._expect(expected_revision, outer.head.revision)
+            with outer.scope():
+                yield outer
+            return
+        with self._transaction(metadata, expected_revision) as transaction:
+            yield transaction
+
+    @contextmanager
+    def _transaction(self, metadata: Metadata, expected: int | None) -> Iterator[Transaction]:
+        lock = self.backend.write_lock()
+        if lock is not None and not lock.acquire(timeout=WRITE_LOCK_TIMEOUT):
+            raise StoreBusyError(
+                f"{self.backend.label}: another thread held the store for over "
+                f"{WRITE_LOCK_TIMEOUT:g} s; nothing was written, try again"
+            )
+        try:
+            transaction = self._retrying(lambda: self._begin(metadata, expected))
+            self._local.transaction = transaction
+            try:
+                yield transaction
+                self._local.transaction = None
+                self._commit(transaction)
+            finally:
+                self._local.transaction = None
+                end_session(transaction.session)
+        finally:
+            if lock is not None:
+                lock.release()
+
+    def _begin(self, metadata: Metadata, expected: int | None) -> Transaction:
+        session = self.backend.session()
+        try:
+            session.begin(write=True)
+            kb_id = self._find(session)
+            if kb_id is None:
+                self._expect(expected, 0)
+                kb_id = self._create(session)
+            head = lock_head(session, kb_id)
+            if head is None:
+                raise vanished(session)
+            self._expect(expected, head.revision)
+            definitions = self._definitions.at_head(session, kb_id, head.definition_revision)
+            return Transaction(session, kb_id, self.name, head, metadata, definitions, self._atoms)
+        except BaseException:
+            end_session(session)
+            raise
+
+    def _create(self, session: Session) -> int:
+        # In a transaction that ends here: who creates another one at this moment waits for it, and
+        # must not wait for all that is going to be written.
+        row = session.first(_LAST_KB)
+        kb_id: int = 1 + (row[0] or 0 if row else 0)
+        try:
+            session.insert(_KNOWLEDGE_BASES, [(kb_id, self.name)])
+        except StoreIntegrityError as error:
+            raise StoreBusyError(
+                f"{self.backend.label}: another process is creating a knowledge base just now; "
+                "nothing was written, try again"
+            ) from error
+        session.insert(table_of(HeadRow), [(kb_id, 0, 0, FIRST_ID, None, None)])
+        session.commit()
+        session.begin(write=True)
+        return kb_id
+
+    def _expect(self, expected: int | None, actual: int) -> None:
+        if expected is not None and expected != actual:
+            raise StaleRevisionError(
+                f"knowledge base {self.name!r} is at revision {actual}, not at {expected}: another "
+                "writer came first; read again and decide anew",
+                expected,
+                actual,
+            )
+
+    def _commit(self, transaction: Transaction) -> None:
+        try:
+            committed = transaction.commit()
+        except ConnectionLostError:
+            committed = transaction.committed
+            if committed is None or not self._is_stored(transaction.kb_id, committed):
+                raise
+        self._publish(transaction, committed)
+
+    def _publish(self, transaction: Transaction, committed: Committed | None) -> None:
+        if committed is None:
+            transaction.propositions.publish(transaction.head.revision)
+            return
+        self._kb_id = transaction.kb_id
+        if transaction.redefined:
+            self._definitions.keep(committed.number, transaction.definitions.publish())
+        transaction.propositions.publish(committed.number)
+
+    def _is_stored(self, kb_id: int, made: Committed) -> bool:
+        """Tell whether a commit got through whose answer was lost."""
+
+        def check(session: Session) -> bool:
+            session.begin(write=True)
+            # Waits for a server process that is still at it.
+            lock_head(session, kb_id)
+            return is_stored(session, kb_id, made)
+
+        try:
+            return self._outside(check)
+        except StoreError as error:
+            raise OutcomeUnknownError(
+                f"{self.backend.label}: the connection was lost while revision {made.number} of "
+                f"{self.name!r} was being committed, and the store does not come back ({error}); "
+                f"if it has a revision {made.number} of hash {made.hash}, all of it was written"
+            ) from error

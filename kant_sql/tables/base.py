@@ -1,0 +1,148 @@
+"""The declarative base, and what all tables of one sort have in common.
+
+Every table starts with `kb_id`, the first column of each primary key, foreign key and index: a
+knowledge base is the unit of tenancy and of sharding.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from sqlalchemy import (
+    BigInteger,
+    CheckConstraint,
+    ForeignKeyConstraint,
+    Index,
+    MetaData,
+    UniqueConstraint,
+    text,
+)
+from sqlalchemy.orm import DeclarativeBase, Mapped, MappedColumn, mapped_column
+
+from .types import LongText, ShortText
+
+NAMING_CONVENTION = {
+    "pk": "pk_%(table_name)s",
+    "fk": "fk_%(table_name)s_%(column_0_N_name)s",
+    "uq": "uq_%(table_name)s_%(column_0_N_name)s",
+    "ix": "ix_%(table_name)s_%(column_0_N_name)s",
+    "ck": "ck_%(table_name)s_%(constraint_name)s",
+}
+
+LIVE = "until IS NULL"
+CLOSED = "until IS NOT NULL"
+
+
+class Base(DeclarativeBase):
+    """The base of all mapped classes."""
+
+    metadata = MetaData(naming_convention=NAMING_CONVENTION)
+
+
+def kb_column() -> MappedColumn[int]:
+    """Make the column that every table and every key starts with.
+
+    Returns:
+        The column.
+    """
+    return mapped_column(BigInteger, primary_key=True, autoincrement=False, sort_order=-100)
+
+
+def owner_column() -> MappedColumn[int]:
+    """Make the part of a primary key that names the element.
+
+    Returns:
+        The column.
+    """
+    return mapped_column(BigInteger, primary_key=True, autoincrement=False, sort_order=-90)
+
+
+def since_column() -> MappedColumn[int]:
+    """Make the part of a primary key that names the version of the element.
+
+    Returns:
+        The column.
+    """
+    return mapped_column(
+        BigInteger,
+        primary_key=True,
+        autoincrement=False,
+        sort_order=-80,
+        comment="asserted in this revision",
+    )
+
+
+class Identity:
+    """A named element for ever, apart from what held of it when."""
+
+    kb_id: Mapped[int] = kb_column()
+    id: Mapped[int] = owner_column()
+    name: Mapped[str] = mapped_column(ShortText, comment="in its first spelling")
+    key: Mapped[str] = mapped_column(LongText, comment="the name as compared: case folded")
+
+
+class Version:
+    """What held of an element from one revision until another."""
+
+    kb_id: Mapped[int] = kb_column()
+    since: Mapped[int] = since_column()
+    until: Mapped[int | None] = mapped_column(
+        BigInteger, sort_order=-70, comment="retracted in this revision; NULL: holds now"
+    )
+
+
+def identity_args() -> tuple[Any, ...]:
+    """Give the constraints of an identity table.
+
+    Returns:
+        What `__table_args__` takes.
+    """
+    return (
+        ForeignKeyConstraint(["kb_id"], ["knowledge_base.id"]),
+        UniqueConstraint("kb_id", "key"),
+    )
+
+
+def partial_index(name: str, *columns: str, where: str, unique: bool = False) -> Index:
+    """Make a partial index that both dialects have.
+
+    Args:
+        name: the index's name.
+        *columns: its columns, in order.
+        where: its condition.
+        unique: whether it is unique.
+
+    Returns:
+        The index.
+    """
+    return Index(
+        name, *columns, unique=unique, sqlite_where=text(where), postgresql_where=text(where)
+    )
+
+
+def version_args(element: str) -> tuple[Any, ...]:
+    """Give the constraints and indexes of an element's version table.
+
+    The two references to `revision` are checked at commit: the revision's row holds the hash of
+    all that changed, so it is written last.
+
+    Args:
+        element: the element's name, which is its identity table's.
+
+    Returns:
+        What `__table_args__` takes.
+    """
+    table, owner = f"{element}_version", f"{element}_id"
+    at_commit: dict[str, Any] = {"deferrable": True, "initially": "DEFERRED"}
+    revision = ["revision.kb_id", "revision.number"]
+    return (
+        ForeignKeyConstraint(["kb_id", owner], [f"{element}.kb_id", f"{element}.id"]),
+        ForeignKeyConstraint(["kb_id", "since"], revision, **at_commit),
+        ForeignKeyConstraint(["kb_id", "until"], revision, **at_commit),
+        CheckConstraint("since < until", name="since_before_until"),
+        partial_index(f"uq_{table}_live", "kb_id", owner, where=LIVE, unique=True),
+        # What a revision changed is found by these two, and so are the rows that a new revision's
+        # deferred foreign keys have to be checked against.
+        Index(f"ix_{table}_since", "kb_id", "since"),
+        partial_index(f"ix_{table}_until", "kb_id", "until", where=CLOSED),
+    )

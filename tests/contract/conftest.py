@@ -1,0 +1,60 @@
+"""Knowledge bases of their own in a database that tests share: a new name is a fresh start."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+
+import pytest
+
+import kant_sql
+from kant_sql import KnowledgeBase
+from tests.conftest import BACKENDS, Connect, Server, _extra_urls
+from tests.reading import beside
+
+COMMON = {"sqlite-file": "one_file", "postgresql": "one_database"}
+_numbers = itertools.count(1)
+
+
+@pytest.fixture(scope="session")
+def one_database(server: Server) -> str:
+    """The URL of one PostgreSQL database for many tests: to make one takes longer than a test."""
+    url = server.new_database()
+    kant_sql.upgrade(url)
+    return url
+
+
+@pytest.fixture(scope="session")
+def one_file(tmp_path_factory: pytest.TempPathFactory) -> str:
+    """The URL of one SQLite file for many tests."""
+    return f"sqlite:///{tmp_path_factory.mktemp('common') / 'store.db'}"
+
+
+@pytest.fixture(params=[*BACKENDS, *(f"extra-{n}" for n, _ in enumerate(_extra_urls()))])
+def common_url(request: pytest.FixtureRequest) -> str:
+    """The URL of a store that other tests may have used, on each backend in turn."""
+    if request.param == "sqlite-memory":
+        return "sqlite://"
+    if request.param in COMMON:
+        url: str = request.getfixturevalue(COMMON[request.param])
+        return url
+    extra = _extra_urls()[int(request.param.removeprefix("extra-"))]
+    kant_sql.upgrade(extra)
+    return extra
+
+
+@pytest.fixture(scope="session")
+def one_memory() -> Iterator[KnowledgeBase]:
+    """A knowledge base in a store in memory for many tests."""
+    kb = kant_sql.connect("sqlite://")
+    yield kb
+    kb.close()
+
+
+@pytest.fixture
+def fresh_kb(request: pytest.FixtureRequest, common_url: str, connect: Connect) -> KnowledgeBase:
+    """An empty knowledge base in a store that others may live in, on each backend in turn."""
+    name = f"robot {next(_numbers)}"
+    if common_url == "sqlite://":
+        return beside(request.getfixturevalue("one_memory"), name)
+    return connect(common_url, knowledge_base=name, actor="test")

@@ -1,0 +1,177 @@
+"""How many statements a call may take: on the hot path, each one costs more than its rows do.
+
+They are counted in the log, a batch of rows being one; `test_statement_log.py` holds that against
+what the drivers are really given.
+"""
+
+from __future__ import annotations
+
+from functools import partial
+
+import pytest
+
+from kant_sql import KnowledgeBase
+from tests.conftest import Connect
+from tests.statements import READS, count, fact, fill
+from tests.worlds import RB1, waypoint
+
+WRITE = 5
+# What never was: its identity and its arguments have rows of their own.
+FIRST_WRITE = WRITE + 2
+READ = 2
+OPEN = 3
+SIZES = (1, 100, 5_000)
+
+
+@pytest.fixture
+def warm(kb: KnowledgeBase) -> KnowledgeBase:
+    """A knowledge base that has just written, and knows `fact(0)` to `fact(9)`."""
+    fill(kb, 10)
+    return kb
+
+
+# Writes.
+
+
+def test_a_warm_save_or_delete_takes_five_statements_at_most(warm: KnowledgeBase) -> None:
+    facts = warm.propositions
+    assert count(lambda: facts.delete(fact(1))) <= WRITE
+    assert count(lambda: facts.save(fact(1))) <= WRITE
+    assert count(lambda: facts.insert(fact(1))) <= WRITE
+    assert count(lambda: facts.update(fact(1))) <= WRITE
+
+
+def test_a_write_that_changes_nothing_takes_one_statement(warm: KnowledgeBase) -> None:
+    warm.propositions.delete(fact(2))
+    assert count(lambda: warm.propositions.save(fact(1))) == 1
+    assert count(lambda: warm.propositions.delete(fact(2))) == 1
+
+
+def test_the_first_save_of_a_fact_adds_only_the_rows_of_its_identity(warm: KnowledgeBase) -> None:
+    warm.objects.save(waypoint(10))
+    assert count(lambda: warm.propositions.save(fact(10))) <= FIRST_WRITE
+
+
+def test_what_another_writer_did_in_between_does_not_break_the_budget(
+    shared_url: str, connect: Connect
+) -> None:
+    one, other = connect(shared_url), connect(shared_url)
+    fill(one, 10)
+    other.propositions.get_all()
+    for number in range(3):
+        assert count(partial(other.propositions.delete, fact(number))) <= WRITE
+        assert count(partial(one.propositions.save, fact(number))) <= WRITE
+
+
+@pytest.mark.parametrize("size", SIZES[:2])
+def test_a_save_takes_as_many_statements_however_much_is_stored(
+    kb: KnowledgeBase, size: int
+) -> None:
+    fill(kb, size)
+    kb.propositions.delete(fact(0))
+    assert count(lambda: kb.propositions.save(fact(0))) == 4
+
+
+def test_a_transaction_writes_many_changes_in_as_many_statements_as_one(
+    warm: KnowledgeBase,
+) -> None:
+    def delete(numbers: range) -> None:
+        with warm.transaction():
+            for number in numbers:
+                warm.propositions.delete(fact(number))
+
+    assert count(lambda: delete(range(1))) == count(lambda: delete(range(1, 10))) <= WRITE
+
+
+def test_save_all_takes_as_many_statements_for_a_thousand_facts_as_for_ten(
+    warm: KnowledgeBase,
+) -> None:
+    warm.objects.save_all(waypoint(number) for number in range(2_000))
+    few = [fact(number) for number in range(10, 20)]
+    many = [fact(number) for number in range(20, 1_020)]
+    assert count(lambda: warm.propositions.save_all(few)) <= FIRST_WRITE
+    assert count(lambda: warm.propositions.save_all(many)) <= FIRST_WRITE
+
+
+def test_deleting_an_object_takes_as_many_statements_however_many_facts_mention_it(
+    kb: KnowledgeBase,
+) -> None:
+    counts = set()
+    for size in (1, 100):
+        fill(kb, size)
+        counts.add(count(lambda: kb.objects.delete(RB1)))
+    assert len(counts) == 1
+
+
+# Reads.
+
+
+def test_a_warm_read_takes_two_statements_at_most_however_many_rows_it_gives(
+    kb: KnowledgeBase,
+) -> None:
+    taken: dict[str, set[int]] = {name: set() for name in READS}
+    for size in SIZES:
+        fill(kb, size)
+        kb.propositions.get_all()
+        for name, read in READS.items():
+            taken[name].add(count(partial(read, kb)))
+    assert len(kb.propositions.get_no_goals()) == SIZES[-1]
+    assert all(len(counts) == 1 and max(counts) <= READ for counts in taken.values()), taken
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_a_freshly_opened_store_answers_with_two_statements_at_most(
+    shared_url: str, connect: Connect, size: int
+) -> None:
+    fill(connect(shared_url), size)
+    taken = {}
+    for name, read in READS.items():
+        cold = connect(shared_url)
+        taken[name] = count(partial(read, cold))
+    assert max(taken.values()) <= READ, taken
+
+
+@pytest.mark.parametrize("size", SIZES[:2])
+def test_reads_of_the_past_take_two_statements_at_most(
+    shared_url: str, connect: Connect, size: int
+) -> None:
+    kb = connect(shared_url)
+    fill(kb, size)
+    kb.propositions.delete_all()
+    cold = connect(shared_url)
+    assert count(lambda: cold.at(2)) <= READ
+    past = cold.at(2)
+    taken = {name: count(partial(read, past)) for name, read in READS.items()}
+    assert max(taken.values()) <= READ, taken
+    assert len(past.propositions.get_no_goals()) == size
+
+
+def test_new_definitions_of_another_writer_cost_two_statements_once(
+    shared_url: str, connect: Connect
+) -> None:
+    one, other = connect(shared_url), connect(shared_url)
+    fill(one, 10)
+    other.propositions.get_all()
+    one.propositions.save(fact(99))
+    assert count(other.propositions.get_all) <= READ + 2
+    assert count(other.propositions.get_all) <= READ
+
+
+# Revisions, and opening.
+
+
+@pytest.mark.parametrize("revisions", [1, 40])
+def test_revisions_take_one_statement_and_the_log_three_for_each_page(
+    kb: KnowledgeBase, revisions: int
+) -> None:
+    for number in range(revisions):
+        kb.propositions.save(fact(number))
+    assert count(lambda: kb.revision) == 1
+    assert count(kb.revisions) == 1
+    assert count(lambda: list(kb.log())) == 3
+    assert len(list(kb.log())) == revisions
+
+
+def test_opening_a_store_takes_three_statements_at_most(shared_url: str, connect: Connect) -> None:
+    fill(connect(shared_url), 100)
+    assert count(lambda: connect(shared_url)) <= OPEN

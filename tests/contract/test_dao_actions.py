@@ -1,0 +1,208 @@
+"""Actions and the rules that they keep, on every backend."""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Callable
+from decimal import Decimal
+from functools import partial
+from typing import Any
+
+import pytest
+
+from kant_sql import (
+    InvalidKnowledgeError,
+    KnowledgeBase,
+    PddlActionDto,
+    PddlConditionEffectDto,
+    PddlObjectDto,
+    PddlPredicateDto,
+    PddlTypeDto,
+)
+from tests.reading import last_changes, nothing_changes, refuses, state, versions
+from tests.worlds import RB1, ROBOT, ROBOT_AT, WAYPOINT, WP1, navigation, robot_at
+
+Action = PddlActionDto
+Literal = PddlConditionEffectDto
+TIAGO = PddlTypeDto("tiago", parent=ROBOT)
+R = PddlObjectDto(ROBOT, "r")
+S = PddlObjectDto(WAYPOINT, "s")
+
+
+def at_start(*objects: PddlObjectDto, predicate: PddlPredicateDto = ROBOT_AT) -> Literal:
+    return Literal(predicate, objects, Literal.AT_START)
+
+
+def wait() -> PddlActionDto:
+    """An action that is not durative."""
+    idle = PddlPredicateDto("idle", [ROBOT])
+    return Action(
+        "wait", [R], [Literal(idle, [R])], [Literal(idle, [R], is_negative=True)], durative=False
+    )
+
+
+def test_an_action_is_saved_read_and_deleted(fresh_kb: KnowledgeBase) -> None:
+    actions = fresh_kb.actions
+    assert actions.get("navigation") is None
+    assert actions.save(navigation()) is True
+    found = actions.get("NAVIGATION")
+    assert found is not None
+    assert str(found) == str(navigation())
+    assert found.parameters == navigation().parameters
+    assert found.conditions == navigation().conditions
+    assert found.effects == navigation().effects
+    assert (found.durative, found.duration) == (True, 10)
+    assert actions.get_all() == [navigation()]
+    assert actions.delete(navigation()) is True
+    assert actions.get("navigation") is None
+    assert actions.delete(navigation()) is False
+
+
+def test_an_action_that_is_not_durative_is_read_as_it_was_saved(fresh_kb: KnowledgeBase) -> None:
+    fresh_kb.actions.save(wait())
+    found = fresh_kb.actions.get("wait")
+    assert found is not None
+    assert str(found) == str(wait())
+    assert found.durative is False
+    assert [literal.time for literal in (*found.conditions, *found.effects)] == [None, None]
+
+
+def test_predicates_and_types_that_are_missing_are_saved_along(fresh_kb: KnowledgeBase) -> None:
+    fresh_kb.actions.save(navigation())
+    assert state(fresh_kb)["predicates"] == ["(robot_at ?r0 - robot ?w1 - wp)"]
+    assert state(fresh_kb)["types"] == ["robot", "wp"]
+    assert state(fresh_kb)["objects"] == []
+    assert fresh_kb.revision == 1
+
+
+def test_insert_refuses_what_is_there_and_update_what_is_not(fresh_kb: KnowledgeBase) -> None:
+    actions = fresh_kb.actions
+    assert actions.update(navigation()) is False
+    assert state(fresh_kb)["predicates"] == []
+    assert actions.insert(navigation()) is True
+    with nothing_changes(fresh_kb):
+        assert actions.insert(Action("NAVIGATION")) is False
+        assert actions.update(navigation()) is True
+        assert actions.save(navigation()) is True
+        assert actions.save_all([navigation(), navigation()]) == 0
+    longer = navigation()
+    longer.duration = 12
+    assert actions.update(longer) is True
+    assert versions(fresh_kb, "action") == [(str(navigation()), 1, 2), (str(longer), 2, None)]
+    assert last_changes(fresh_kb) == [f"+ action {longer}", f"- action {navigation()}"]
+
+
+def test_actions_of_every_shape_can_be_saved_together(fresh_kb: KnowledgeBase) -> None:
+    fresh_kb.propositions.save(robot_at())
+    raining = PddlPredicateDto("raining")
+    shapes = [
+        Action("empty"),
+        Action("constants", [], [at_start(RB1, WP1)]),
+        Action("mixed", [S], [at_start(RB1, S)], [at_start(RB1, WP1)]),
+        navigation(),
+        wait(),
+        Action("nullary", [], [Literal(raining, time=Literal.OVER_ALL)]),
+        Action("twice", [R, S], [at_start(R, S), at_start(R, S)]),
+    ]
+    assert fresh_kb.actions.save_all(shapes) == len(shapes)
+    # The second look is at the rows: nothing is known of them in memory then.
+    assert [str(action) for action in fresh_kb.actions.get_all()] == list(map(str, shapes))
+    past = fresh_kb.at(fresh_kb.revision)
+    assert [str(action) for action in past.actions.get_all()] == list(map(str, shapes))
+
+
+@pytest.mark.parametrize("time", [Literal.AT_START, Literal.AT_END, Literal.OVER_ALL])
+@pytest.mark.parametrize("is_negative", [False, True])
+def test_each_time_and_negation_is_read_as_it_was_saved(
+    fresh_kb: KnowledgeBase, time: str, is_negative: bool
+) -> None:
+    literal = Literal(ROBOT_AT, [R, S], time, is_negative)
+    action = Action("a", [R, S], [literal], [literal])
+    fresh_kb.actions.save(action)
+    past = fresh_kb.at(1).actions.get("a")
+    assert past is not None
+    assert (past.conditions, past.effects) == ([literal], [literal])
+
+
+def test_a_duration_is_read_as_it_was_saved(fresh_kb: KnowledgeBase) -> None:
+    durations = [0, 1, 10, 2**80, 0.0, 10.0, 2.5, 0.1, 1e-7, 5e-324, 1e16, 1e23, sys.float_info.max]
+    for number, duration in enumerate(durations, start=1):
+        fresh_kb.actions.save(Action("a", duration=duration))
+        for kb in (fresh_kb, fresh_kb.at(number)):
+            found = kb.actions.get("a")
+            assert found is not None
+            assert found.duration == duration
+            assert type(found.duration) is type(duration)
+
+
+def test_a_duration_that_is_no_number_of_0_or_more_is_refused(fresh_kb: KnowledgeBase) -> None:
+    numbers = [-1, -0.5, math.nan, math.inf, -math.inf, 10**400, 10**5000, -(10**5000)]
+    others: list[Any] = [True, False, None, "10", b"10", [10], 1j, object(), Decimal(1)]
+    for duration in [*numbers, *others]:
+        action = Action("a", duration=duration)
+        call = partial(fresh_kb.actions.save, action)
+        caught = refuses(fresh_kb, InvalidKnowledgeError, call)
+        assert "action 'a': the duration is " in str(caught.value)
+        assert "expected a number of 0 or more" in str(caught.value)
+
+
+def test_the_duration_of_an_action_that_is_not_durative_does_not_matter(
+    fresh_kb: KnowledgeBase,
+) -> None:
+    fresh_kb.actions.save(Action("a", durative=False, duration=-1))
+    found = fresh_kb.actions.get("a")
+    assert found is not None
+    assert (found.durative, found.duration) == (False, 10)
+
+
+def test_renaming_a_parameter_is_a_change(fresh_kb: KnowledgeBase) -> None:
+    def action(name: str) -> PddlActionDto:
+        robot = PddlObjectDto(ROBOT, name)
+        return Action("go", [robot, S], [at_start(robot, S)])
+
+    fresh_kb.actions.save(action("r"))
+    fresh_kb.actions.save(action("bot"))
+    assert fresh_kb.revision == 2
+    assert "?bot - robot" in str(fresh_kb.actions.get("go"))
+
+
+def changed(change: Callable[[PddlActionDto], object]) -> PddlActionDto:
+    action = navigation()
+    change(action)
+    return action
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        changed(lambda action: action.parameters.append(PddlObjectDto(ROBOT, "x"))),
+        changed(lambda action: action.conditions.clear()),
+        changed(lambda action: action.effects.reverse()),
+        changed(lambda action: action.effects[0].set_is_negative(False)),
+        changed(lambda action: action.effects[0].set_time(Literal.OVER_ALL)),
+        changed(lambda action: action.set_duration(10.0)),
+        wait(),
+    ],
+)
+def test_whatever_changes_in_an_action_makes_a_version(
+    fresh_kb: KnowledgeBase, other: PddlActionDto
+) -> None:
+    other.name = "navigation"
+    fresh_kb.actions.save(navigation())
+    assert fresh_kb.actions.save_all([other]) == 1
+    assert str(fresh_kb.actions.get("navigation")) == str(other)
+    assert str(fresh_kb.at(1).actions.get("navigation")) == str(navigation())
+    fresh_kb.actions.save(navigation())
+    assert str(fresh_kb.actions.get("navigation")) == str(navigation())
+    assert fresh_kb.revision == 3
+
+
+def test_delete_all_deletes_actions_alone(fresh_kb: KnowledgeBase) -> None:
+    fresh_kb.actions.save_all([navigation(), wait()])
+    before = state(fresh_kb)
+    assert fresh_kb.actions.delete_all() == 2
+    assert state(fresh_kb) == {**before, "actions": []}
+    assert fresh_kb.revision == 2
+    with nothing_changes(fresh_kb):
+        assert fresh_kb.actions.delete_all() == 0

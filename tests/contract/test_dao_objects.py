@@ -1,0 +1,207 @@
+"""Objects and their types, on every backend."""
+
+from __future__ import annotations
+
+from kant_sql import (
+    ConflictError,
+    DependantsError,
+    KnowledgeBase,
+    PddlActionDto,
+    PddlConditionEffectDto,
+    PddlObjectDto,
+    PddlPropositionDto,
+    PddlTypeDto,
+)
+from tests.reading import facts, last_changes, nothing_changes, refuses, state, versions
+from tests.worlds import RB1, ROBOT, ROBOT_AT, WAYPOINT, WP1, WP2, robot_at
+
+TIAGO = PddlTypeDto("tiago", parent=ROBOT)
+
+
+def go_home() -> PddlActionDto:
+    """An action that mentions an object, wp1, as a constant."""
+    robot = PddlObjectDto(ROBOT, "r")
+    effect = PddlConditionEffectDto(ROBOT_AT, [robot, WP1], PddlConditionEffectDto.AT_END)
+    return PddlActionDto("go_home", [robot], [], [effect])
+
+
+def test_an_object_is_saved_read_and_deleted(fresh_kb: KnowledgeBase) -> None:
+    objects = fresh_kb.objects
+    assert objects.get("rb1") is None
+    assert objects.save(RB1) is True
+    found = objects.get("rb1")
+    assert found is not None
+    assert (found, found.type, str(found)) == (RB1, ROBOT, "rb1 - robot")
+    assert objects.get_all() == [RB1]
+    assert objects.delete(RB1) is True
+    assert objects.get("rb1") is None
+    assert objects.delete(RB1) is False
+
+
+def test_the_type_of_an_object_is_saved_along_with_its_parents(fresh_kb: KnowledgeBase) -> None:
+    fresh_kb.objects.save(PddlObjectDto(TIAGO, "rb1"))
+    assert state(fresh_kb)["types"] == ["robot", "tiago - robot"]
+    assert fresh_kb.revision == 1
+    found = fresh_kb.objects.get("rb1")
+    assert found is not None
+    assert found.type.parent == ROBOT
+
+
+def test_insert_refuses_what_is_there_and_update_what_is_not(fresh_kb: KnowledgeBase) -> None:
+    objects = fresh_kb.objects
+    assert objects.update(RB1) is False
+    assert state(fresh_kb)["types"] == []
+    assert objects.insert(RB1) is True
+    with nothing_changes(fresh_kb):
+        assert objects.insert(PddlObjectDto(WAYPOINT, "RB1")) is False
+        assert objects.update(RB1) is True
+    assert objects.update(PddlObjectDto(WAYPOINT, "rb1")) is True
+    assert str(objects.get("rb1")) == "rb1 - wp"
+
+
+def test_an_object_without_dependants_can_change_its_type(fresh_kb: KnowledgeBase) -> None:
+    fresh_kb.objects.save(RB1)
+    fresh_kb.objects.save(PddlObjectDto(WAYPOINT, "rb1"))
+    assert last_changes(fresh_kb) == [
+        "+ object rb1 - wp",
+        "+ type wp",
+        "- object rb1 - robot",
+    ]
+    assert versions(fresh_kb, "object") == [("rb1 - robot", 1, 2), ("rb1 - wp", 2, None)]
+
+
+def test_what_refers_to_an_object_with_another_type_is_refused_naming_both(
+    fresh_kb: KnowledgeBase,
+) -> None:
+    fresh_kb.propositions.save(robot_at())
+    fresh_kb.types.save(TIAGO)
+    other = PddlObjectDto(TIAGO, "rb1")
+    caught = refuses(
+        fresh_kb, ConflictError, lambda: fresh_kb.propositions.save(robot_at(other, WP2))
+    )
+    assert "object 'rb1' is stored as 'rb1 - robot'" in str(caught.value)
+    assert "refers to it as 'rb1 - tiago'" in str(caught.value)
+
+
+def test_what_refers_to_a_type_with_another_parent_is_refused_naming_both(
+    fresh_kb: KnowledgeBase,
+) -> None:
+    fresh_kb.objects.save(RB1)
+    rolling = PddlTypeDto("robot", parent=PddlTypeDto("machine"))
+    for call in (
+        lambda: fresh_kb.objects.save(PddlObjectDto(rolling, "rb2")),
+        lambda: fresh_kb.objects.save(PddlObjectDto(rolling, "rb1")),
+        lambda: fresh_kb.propositions.save(robot_at(PddlObjectDto(rolling, "rb1"))),
+    ):
+        caught = refuses(fresh_kb, ConflictError, call)
+        assert "type 'robot' is stored as 'robot'" in str(caught.value)
+        assert "'robot - machine'" in str(caught.value)
+
+
+def test_redefining_an_object_with_dependants_is_refused_with_the_list(
+    fresh_kb: KnowledgeBase,
+) -> None:
+    fresh_kb.propositions.save_all([robot_at(), robot_at(is_goal=True)])
+    fresh_kb.actions.save(go_home())
+    home = PddlObjectDto(ROBOT, "wp1")
+    for call in (
+        lambda: fresh_kb.objects.save(home),
+        lambda: fresh_kb.objects.update(home),
+        lambda: fresh_kb.objects.save_all([WP2, home]),
+    ):
+        caught = refuses(fresh_kb, DependantsError, call)
+        assert isinstance(caught.value, DependantsError)
+        assert caught.value.dependants == (
+            "action go_home",
+            "fact (robot_at rb1 wp1)",
+            "goal (robot_at rb1 wp1)",
+        )
+        assert "object wp1 - wp cannot become 'wp1 - robot'" in str(caught.value)
+
+
+def test_the_message_shows_some_dependants_and_the_error_has_all(
+    fresh_kb: KnowledgeBase,
+) -> None:
+    robots = [PddlObjectDto(ROBOT, f"r{number:02}") for number in range(12)]
+    fresh_kb.propositions.save_all([robot_at(robot) for robot in robots])
+    caught = refuses(
+        fresh_kb, DependantsError, lambda: fresh_kb.objects.save(PddlObjectDto(ROBOT, "wp1"))
+    )
+    assert isinstance(caught.value, DependantsError)
+    assert len(caught.value.dependants) == 12
+    assert "(robot_at r09 wp1) and 2 more depend on it" in str(caught.value)
+
+
+def test_redefining_an_object_with_cascade_retracts_its_dependants_in_the_same_revision(
+    fresh_kb: KnowledgeBase,
+) -> None:
+    fresh_kb.propositions.save_all([robot_at(), robot_at(RB1, WP2), robot_at(is_goal=True)])
+    fresh_kb.actions.save(go_home())
+    before = fresh_kb.revision
+    assert fresh_kb.objects.save(PddlObjectDto(ROBOT, "wp1"), cascade=True) is True
+    assert fresh_kb.revision == before + 1
+    after = state(fresh_kb)
+    assert after["objects"] == ["rb1 - robot", "wp1 - robot", "wp2 - wp"]
+    assert (after["facts"], after["goals"], after["actions"]) == (["(robot_at rb1 wp2)"], [], [])
+
+
+def test_deleting_an_object_deletes_what_mentions_it_in_one_revision(
+    fresh_kb: KnowledgeBase,
+) -> None:
+    fresh_kb.propositions.save_all([robot_at(), robot_at(RB1, WP2), robot_at(is_goal=True)])
+    fresh_kb.actions.save(go_home())
+    before = fresh_kb.revision
+    assert fresh_kb.objects.delete(PddlObjectDto(PddlTypeDto("any"), "WP1")) is True
+    assert fresh_kb.revision == before + 1
+    assert [line.splitlines()[0] for line in last_changes(fresh_kb)] == [
+        "- action (:durative-action go_home",
+        "- fact (robot_at rb1 wp1)",
+        "- goal (robot_at rb1 wp1)",
+        "- object wp1 - wp",
+    ]
+    assert facts(fresh_kb) == ["(robot_at rb1 wp2)"]
+    assert state(fresh_kb)["types"] == ["robot", "wp"]
+
+
+def test_deleting_all_objects_deletes_all_facts_about_any(fresh_kb: KnowledgeBase) -> None:
+    fresh_kb.propositions.save_all([robot_at(), robot_at(RB1, WP2, is_goal=True)])
+    before = fresh_kb.revision
+    assert fresh_kb.objects.delete_all() == 3
+    assert fresh_kb.revision == before + 1
+    after = state(fresh_kb)
+    assert (after["objects"], after["facts"], after["goals"]) == ([], [], [])
+    assert after["predicates"] == ["(robot_at ?r0 - robot ?w1 - wp)"]
+    with nothing_changes(fresh_kb):
+        assert fresh_kb.objects.delete_all() == 0
+
+
+def test_a_deleted_object_does_not_bring_its_old_facts_back(fresh_kb: KnowledgeBase) -> None:
+    fresh_kb.propositions.save(robot_at())
+    fresh_kb.objects.delete(WP1)
+    fresh_kb.objects.save(WP1)
+    assert facts(fresh_kb) == []
+    assert fresh_kb.propositions.save(robot_at()) is True
+    assert facts(fresh_kb) == ["(robot_at rb1 wp1)"]
+    assert versions(fresh_kb, "object") == [
+        ("rb1 - robot", 1, None),
+        ("wp1 - wp", 1, 2),
+        ("wp1 - wp", 3, None),
+    ]
+
+
+def test_save_all_counts_what_changed_and_the_last_definition_stands(
+    fresh_kb: KnowledgeBase,
+) -> None:
+    assert fresh_kb.objects.save_all(iter([RB1, WP1, RB1, PddlObjectDto(ROBOT, "wp1")])) == 3
+    assert fresh_kb.revision == 1
+    assert state(fresh_kb)["objects"] == ["rb1 - robot", "wp1 - robot"]
+    assert [row[0] for row in versions(fresh_kb, "object")] == ["rb1 - robot", "wp1 - robot"]
+
+
+def test_an_object_may_have_the_name_of_its_type_or_of_an_action(
+    fresh_kb: KnowledgeBase,
+) -> None:
+    robot = PddlObjectDto(ROBOT, "robot")
+    fresh_kb.actions.save(PddlActionDto("robot"))
+    fresh_kb.propositions.save(PddlPropositionDto(ROBOT_AT, [robot, WP1]))
+    assert facts(fresh_kb) == ["(robot_at robot wp1)"]

@@ -1,0 +1,232 @@
+"""Every past state stays readable through the same DAOs, and nothing can change it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from datetime import UTC, datetime, timedelta, timezone
+from typing import Any
+
+import pytest
+
+from kant_sql import (
+    KnowledgeBase,
+    PddlObjectDto,
+    PddlPredicateDto,
+    PddlTypeDto,
+    ReadOnlyError,
+    UnknownRevisionError,
+)
+from tests.conftest import Connect
+from tests.reading import State, facts, nothing_changes, state, undone
+from tests.worlds import RB1, ROBOT, ROBOT_AT, WAYPOINT, WP1, WP2, navigation, robot_at, waypoint
+
+HISTORY: list[Callable[[KnowledgeBase], object]] = [
+    lambda kb: kb.propositions.save(robot_at()),
+    lambda kb: kb.actions.save(navigation()),
+    lambda kb: kb.propositions.save_all([robot_at(is_goal=True), robot_at(RB1, WP2)]),
+    lambda kb: kb.propositions.delete(robot_at()),
+    lambda kb: kb.types.save(PddlTypeDto("robot", parent=PddlTypeDto("machine")), cascade=True),
+    lambda kb: kb.predicates.save(PddlPredicateDto("robot_at", [WAYPOINT])),
+    lambda kb: kb.objects.save(PddlObjectDto(WAYPOINT, "rb1")),
+    lambda kb: kb.types.delete(WAYPOINT),
+    lambda kb: kb.types.delete_all(),
+    lambda kb: kb.propositions.save(robot_at()),
+    lambda kb: kb.propositions.delete(robot_at()),
+    lambda kb: kb.propositions.save(robot_at()),
+    lambda kb: kb.actions.save(navigation()),
+    lambda kb: kb.objects.delete(WP1),
+]
+
+
+@pytest.fixture
+def states(fresh_kb: KnowledgeBase) -> list[State]:
+    """What held at each revision, recorded when that was the head."""
+    recorded = [state(fresh_kb)]
+    for step in HISTORY:
+        step(fresh_kb)
+        recorded.append(state(fresh_kb))
+        assert fresh_kb.revision == len(recorded) - 1
+    return recorded
+
+
+def test_each_revision_reads_as_it_did_when_it_was_the_head(
+    fresh_kb: KnowledgeBase, states: list[State], common_url: str, connect: Connect
+) -> None:
+    for _ in range(2):
+        for number, recorded in reversed([*enumerate(states)]):
+            assert state(fresh_kb.at(number)) == recorded
+            assert fresh_kb.at(number).revision == number
+    assert len(states) == len(HISTORY) + 1
+
+
+def test_another_process_reads_the_same_past(
+    fresh_kb: KnowledgeBase, states: list[State], common_url: str, connect: Connect
+) -> None:
+    if common_url == "sqlite://":
+        pytest.skip("a store in memory has one process")
+    name = fresh_kb.factory._store.name  # type: ignore[attr-defined]
+    other = connect(common_url, knowledge_base=name)
+    for number, recorded in enumerate(states):
+        assert state(other.at(number)) == recorded
+
+
+def test_the_past_does_not_move_with_the_present(
+    fresh_kb: KnowledgeBase, states: list[State]
+) -> None:
+    past = fresh_kb.at(3)
+    assert state(past) == states[3]
+    fresh_kb.types.delete_all()
+    assert state(past) == states[3]
+    with undone(fresh_kb):
+        fresh_kb.types.save(ROBOT)
+        assert state(past) == states[3]
+
+
+def test_each_dao_reads_the_past(fresh_kb: KnowledgeBase, states: list[State]) -> None:
+    past = fresh_kb.at(3)
+    assert past.types.get("ROBOT") == ROBOT
+    assert past.objects.get("wp2") == WP2
+    assert past.predicates.get("robot_at") == ROBOT_AT
+    assert past.actions.get("navigation") == navigation()
+    assert past.propositions.get_by_predicate("robot_at") == [
+        robot_at(),
+        robot_at(is_goal=True),
+        robot_at(RB1, WP2),
+    ]
+    assert past.propositions.get_goals() == [robot_at(is_goal=True)]
+    assert past.propositions.get_no_goals() == [robot_at(), robot_at(RB1, WP2)]
+    assert fresh_kb.at(1).actions.get("navigation") is None
+    assert fresh_kb.at(0).propositions.get_by_predicate("robot_at") == []
+    assert [revision.number for revision in past.revisions()] == [1, 2, 3]
+    assert [entry.revision.number for entry in past.log()] == [3, 2, 1]
+    assert [entry.revision.number for entry in past.log(limit=2)] == [3, 2]
+
+
+def test_the_past_can_be_looked_at_from_the_past(
+    fresh_kb: KnowledgeBase, states: list[State]
+) -> None:
+    assert state(fresh_kb.at(3).at(1)) == states[1]
+
+
+def test_closing_a_view_of_the_past_leaves_the_present_open(
+    fresh_kb: KnowledgeBase, states: list[State]
+) -> None:
+    with fresh_kb.at(1) as past:
+        assert state(past) == states[1]
+    assert state(fresh_kb) == states[-1]
+
+
+def test_nothing_can_be_written_to_the_past(fresh_kb: KnowledgeBase, states: list[State]) -> None:
+    past = fresh_kb.at(3)
+    elements: dict[str, Any] = {
+        "types": ROBOT,
+        "objects": RB1,
+        "predicates": ROBOT_AT,
+        "propositions": robot_at(),
+        "actions": navigation(),
+    }
+    with nothing_changes(fresh_kb):
+        for kind, element in elements.items():
+            dao = getattr(past, kind)
+            for method in (dao.save, dao.insert, dao.update, dao.delete):
+                # Read-only is said first, whatever is given.
+                for given in (element, None):
+                    with pytest.raises(ReadOnlyError, match=r"as it was at revision 3: the past"):
+                        method(given)
+            with pytest.raises(ReadOnlyError):
+                dao.save_all([element])
+            with pytest.raises(ReadOnlyError):
+                dao.save_all(iter([]))
+            with pytest.raises(ReadOnlyError):
+                dao.delete_all()
+        with pytest.raises(ReadOnlyError):
+            past.transaction().__enter__()
+        with fresh_kb.transaction(), pytest.raises(ReadOnlyError):
+            past.types.save(PddlTypeDto("new"))
+    assert state(past) == states[3]
+
+
+@pytest.mark.parametrize(
+    "when", [15, 2**63, 10**30, -1, True, False, None, "3", 3.0, b"3", [3], timedelta(1)]
+)
+def test_a_revision_that_there_is_not_is_refused(
+    fresh_kb: KnowledgeBase, states: list[State], when: Any
+) -> None:
+    with pytest.raises(UnknownRevisionError):
+        fresh_kb.at(when)
+
+
+def test_the_message_says_where_the_knowledge_base_is(fresh_kb: KnowledgeBase) -> None:
+    fresh_kb.types.save(ROBOT)
+    with pytest.raises(UnknownRevisionError, match=r"has no revision 2: it is at 1$"):
+        fresh_kb.at(2)
+
+
+def test_a_revision_in_the_making_is_not_there_yet(fresh_kb: KnowledgeBase) -> None:
+    with fresh_kb.transaction():
+        fresh_kb.types.save(ROBOT)
+        with pytest.raises(UnknownRevisionError):
+            fresh_kb.at(1)
+    assert fresh_kb.at(1).types.get_all() == [ROBOT]
+
+
+def test_a_time_reads_the_last_revision_up_to_it(
+    fresh_kb: KnowledgeBase, states: list[State]
+) -> None:
+    revisions = fresh_kb.revisions()
+    for revision in revisions:
+        same_time = [r.number for r in revisions if r.committed_at == revision.committed_at]
+        moment = revision.committed_at
+        assert fresh_kb.at(moment).revision == same_time[-1]
+        assert state(fresh_kb.at(moment)) == states[same_time[-1]]
+        east = moment.astimezone(timezone(timedelta(hours=13, minutes=45)))
+        assert fresh_kb.at(east).revision == same_time[-1]
+        assert fresh_kb.at(moment - timedelta(microseconds=1)).revision == same_time[0] - 1
+    assert fresh_kb.at(datetime.now(UTC) - timedelta(days=1)).revision == 0
+
+
+@pytest.mark.parametrize(
+    "moment",
+    [
+        datetime.min.replace(tzinfo=UTC),
+        datetime.min.replace(tzinfo=timezone(timedelta(hours=14))),
+        datetime.min.replace(tzinfo=timezone(timedelta(hours=-12))),
+    ],
+)
+def test_before_the_first_revision_there_was_nothing(
+    fresh_kb: KnowledgeBase, moment: datetime
+) -> None:
+    assert fresh_kb.at(moment).revision == 0
+    fresh_kb.types.save(ROBOT)
+    assert fresh_kb.at(moment).revision == 0
+    assert fresh_kb.at(moment).types.get_all() == []
+
+
+@pytest.mark.parametrize(
+    "moment",
+    [
+        datetime.max.replace(tzinfo=UTC),
+        datetime.max.replace(tzinfo=timezone(timedelta(hours=-12))),
+        datetime.max.replace(tzinfo=timezone(timedelta(hours=14))),
+        datetime.now(UTC) + timedelta(days=1),
+    ],
+)
+def test_a_time_in_the_future_is_refused(fresh_kb: KnowledgeBase, moment: datetime) -> None:
+    for _ in range(2):
+        with pytest.raises(UnknownRevisionError, match="is in the future: the store's clock says"):
+            fresh_kb.at(moment)
+        fresh_kb.types.save(ROBOT)
+
+
+def test_a_time_without_a_zone_is_refused(fresh_kb: KnowledgeBase) -> None:
+    naive = datetime(2026, 1, 31, 9, 30)
+    with pytest.raises(UnknownRevisionError, match=r"has no zone; give one, as UTC$"):
+        fresh_kb.at(naive)
+
+
+def test_now_is_the_present(fresh_kb: KnowledgeBase) -> None:
+    for number in range(5):
+        fresh_kb.objects.save(waypoint(number))
+        last = fresh_kb.revisions()[-1]
+        assert fresh_kb.at(last.committed_at).revision == number + 1
+    assert facts(fresh_kb.at(5)) == []

@@ -1,0 +1,210 @@
+"""Predicates and their parameters, on every backend."""
+
+from __future__ import annotations
+
+import pytest
+
+from kant_sql import (
+    ArityError,
+    ConflictError,
+    DependantsError,
+    KnowledgeBase,
+    PddlObjectDto,
+    PddlPredicateDto,
+    PddlPropositionDto,
+    PddlTypeDto,
+)
+from tests.reading import facts, last_changes, nothing_changes, refuses, rows, state, versions
+from tests.worlds import RB1, ROBOT, ROBOT_AT, WAYPOINT, navigation, robot_at
+
+Predicate = PddlPredicateDto
+SWAPPED = Predicate("robot_at", [WAYPOINT, ROBOT])
+
+
+def test_a_predicate_is_saved_read_and_deleted(fresh_kb: KnowledgeBase) -> None:
+    predicates = fresh_kb.predicates
+    assert predicates.get("robot_at") is None
+    assert predicates.save(ROBOT_AT) is True
+    found = predicates.get("robot_at")
+    assert found is not None
+    assert (found, found.types) == (ROBOT_AT, [ROBOT, WAYPOINT])
+    assert str(found) == "(robot_at ?r0 - robot ?w1 - wp)"
+    assert predicates.get_all() == [ROBOT_AT]
+    assert predicates.delete(ROBOT_AT) is True
+    assert predicates.get("robot_at") is None
+    assert predicates.delete(ROBOT_AT) is False
+
+
+@pytest.mark.parametrize(
+    "predicate",
+    [
+        Predicate("raining"),
+        Predicate("same", [ROBOT, ROBOT]),
+        Predicate("anything", [PddlTypeDto("object")]),
+        Predicate("wide", [PddlTypeDto(f"t{number % 7}") for number in range(100)]),
+    ],
+    ids=lambda predicate: predicate.name,
+)
+def test_any_number_of_parameters_is_kept_in_order(
+    fresh_kb: KnowledgeBase, predicate: PddlPredicateDto
+) -> None:
+    fresh_kb.predicates.save(predicate)
+    found = fresh_kb.predicates.get(predicate.name)
+    assert found is not None
+    assert found.types == predicate.types
+    assert str(found) == str(predicate)
+
+
+def test_a_predicate_has_a_hundred_parameters_at_most(fresh_kb: KnowledgeBase) -> None:
+    wide = Predicate("wide", [ROBOT] * 101)
+    caught = refuses(fresh_kb, ArityError, lambda: fresh_kb.predicates.save(wide))
+    assert "'wide' has 101 parameters, 100 at most" in str(caught.value)
+
+
+def test_types_that_are_missing_are_saved_along(fresh_kb: KnowledgeBase) -> None:
+    fresh_kb.predicates.save(Predicate("free", [PddlTypeDto("car", parent=PddlTypeDto("vehicle"))]))
+    assert state(fresh_kb)["types"] == ["vehicle", "car - vehicle"]
+    assert fresh_kb.revision == 1
+
+
+def test_insert_refuses_what_is_there_and_update_what_is_not(fresh_kb: KnowledgeBase) -> None:
+    predicates = fresh_kb.predicates
+    assert predicates.update(ROBOT_AT) is False
+    assert state(fresh_kb)["types"] == []
+    assert predicates.insert(ROBOT_AT) is True
+    with nothing_changes(fresh_kb):
+        assert predicates.insert(Predicate("ROBOT_AT")) is False
+        assert predicates.update(ROBOT_AT) is True
+    assert predicates.update(SWAPPED) is True
+    assert str(predicates.get("robot_at")) == "(robot_at ?w0 - wp ?r1 - robot)"
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        SWAPPED,
+        Predicate("robot_at", [ROBOT]),
+        Predicate("robot_at"),
+        Predicate("robot_at", [ROBOT, WAYPOINT, WAYPOINT]),
+        Predicate("ROBOT_AT", [ROBOT, PddlTypeDto("place")]),
+    ],
+    ids=str,
+)
+def test_what_refers_to_a_predicate_with_other_parameters_is_refused_naming_both(
+    fresh_kb: KnowledgeBase, other: PddlPredicateDto
+) -> None:
+    fresh_kb.propositions.save(robot_at())
+    objects = [PddlObjectDto(type_, f"o{n}") for n, type_ in enumerate(other.types)]
+    caught = refuses(
+        fresh_kb,
+        ConflictError,
+        lambda: fresh_kb.propositions.save(PddlPropositionDto(other, objects)),
+    )
+    assert "is stored as (robot_at ?r0 - robot ?w1 - wp)" in str(caught.value)
+    assert f"refers to it as {other}" in str(caught.value)
+
+
+def test_what_refers_to_a_parameter_type_with_another_parent_is_refused_naming_both(
+    fresh_kb: KnowledgeBase,
+) -> None:
+    fresh_kb.propositions.save(robot_at())
+    rolling = PddlTypeDto("robot", parent=PddlTypeDto("machine"))
+    other = Predicate("robot_at", [rolling, WAYPOINT])
+    for call in (
+        lambda: fresh_kb.predicates.save(other),
+        lambda: fresh_kb.propositions.save(PddlPropositionDto(other, robot_at().objects)),
+    ):
+        caught = refuses(fresh_kb, ConflictError, call)
+        assert "type 'robot' is stored as 'robot'" in str(caught.value)
+        assert "'robot - machine'" in str(caught.value)
+
+
+def test_redefining_a_predicate_with_dependants_is_refused_with_the_list(
+    fresh_kb: KnowledgeBase,
+) -> None:
+    fresh_kb.propositions.save_all([robot_at(), robot_at(is_goal=True)])
+    fresh_kb.actions.save(navigation())
+    for call in (
+        lambda: fresh_kb.predicates.save(SWAPPED),
+        lambda: fresh_kb.predicates.update(SWAPPED),
+        lambda: fresh_kb.predicates.save_all([Predicate("raining"), SWAPPED]),
+    ):
+        caught = refuses(fresh_kb, DependantsError, call)
+        assert isinstance(caught.value, DependantsError)
+        assert caught.value.dependants == (
+            "action navigation",
+            "fact (robot_at rb1 wp1)",
+            "goal (robot_at rb1 wp1)",
+        )
+        assert (
+            "predicate (robot_at ?r0 - robot ?w1 - wp) cannot become "
+            "(robot_at ?w0 - wp ?r1 - robot)" in str(caught.value)
+        )
+
+
+def test_redefining_a_predicate_with_cascade_retracts_its_dependants_in_the_same_revision(
+    fresh_kb: KnowledgeBase,
+) -> None:
+    fresh_kb.propositions.save_all([robot_at(), robot_at(is_goal=True)])
+    fresh_kb.actions.save(navigation())
+    before = fresh_kb.revision
+    assert fresh_kb.predicates.save(SWAPPED, cascade=True) is True
+    assert fresh_kb.revision == before + 1
+    after = state(fresh_kb)
+    assert after["predicates"] == ["(robot_at ?w0 - wp ?r1 - robot)"]
+    assert after["facts"] == after["goals"] == after["actions"] == []
+    assert versions(fresh_kb, "predicate") == [
+        ("(robot_at ?r0 - robot ?w1 - wp)", 1, before + 1),
+        ("(robot_at ?w0 - wp ?r1 - robot)", before + 1, None),
+    ]
+    assert len(rows(fresh_kb, "SELECT * FROM predicate_parameter WHERE kb_id = :kb")) == 4
+
+
+def test_saving_the_same_definition_is_no_redefinition(fresh_kb: KnowledgeBase) -> None:
+    fresh_kb.propositions.save(robot_at())
+    shouted = Predicate("ROBOT_AT", [PddlTypeDto("ROBOT"), PddlTypeDto("WP")])
+    with nothing_changes(fresh_kb):
+        assert fresh_kb.predicates.save(shouted) is True
+        assert fresh_kb.predicates.update(shouted, cascade=True) is True
+        assert fresh_kb.predicates.save_all([shouted]) == 0
+
+
+def test_deleting_a_predicate_deletes_what_uses_it_in_one_revision(
+    fresh_kb: KnowledgeBase,
+) -> None:
+    raining = PddlPropositionDto(Predicate("raining"))
+    fresh_kb.propositions.save_all([robot_at(), robot_at(is_goal=True), raining])
+    fresh_kb.actions.save(navigation())
+    before = fresh_kb.revision
+    assert fresh_kb.predicates.delete(Predicate("Robot_At")) is True
+    assert fresh_kb.revision == before + 1
+    assert [line.splitlines()[0] for line in last_changes(fresh_kb)] == [
+        "- action (:durative-action navigation",
+        "- fact (robot_at rb1 wp1)",
+        "- goal (robot_at rb1 wp1)",
+        "- predicate (robot_at ?r0 - robot ?w1 - wp)",
+    ]
+    assert facts(fresh_kb) == ["(raining)"]
+    assert RB1 in fresh_kb.objects.get_all()
+
+
+def test_deleting_all_predicates_deletes_all_facts_goals_and_actions_on_them(
+    fresh_kb: KnowledgeBase,
+) -> None:
+    fresh_kb.propositions.save_all([robot_at(), robot_at(is_goal=True)])
+    fresh_kb.actions.save(navigation())
+    before = fresh_kb.revision
+    assert fresh_kb.predicates.delete_all() == 1
+    assert fresh_kb.revision == before + 1
+    after = state(fresh_kb)
+    assert after["predicates"] == after["facts"] == after["goals"] == after["actions"] == []
+    assert after["types"] == ["robot", "wp"]
+    with nothing_changes(fresh_kb):
+        assert fresh_kb.predicates.delete_all() == 0
+
+
+def test_save_all_counts_what_changed(fresh_kb: KnowledgeBase) -> None:
+    given = [ROBOT_AT, Predicate("raining"), ROBOT_AT, SWAPPED]
+    assert fresh_kb.predicates.save_all(dto for dto in given) == 3
+    assert fresh_kb.revision == 1
+    assert state(fresh_kb)["predicates"] == ["(robot_at ?w0 - wp ?r1 - robot)", "(raining)"]

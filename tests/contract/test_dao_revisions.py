@@ -1,0 +1,217 @@
+"""Revisions say who wrote, when, why and from what; a call that changes nothing makes none."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime, timedelta
+from typing import Any
+
+import pytest
+
+from kant_sql import InvalidMetadataError, KnowledgeBase, PddlTypeDto
+from kant_sql.backends.session import Session
+from tests.conftest import Connect
+from tests.reading import last_changes, nothing_changes
+from tests.worlds import RB1, ROBOT, WAYPOINT, WP1, robot_at, waypoint
+
+SOURCES: list[Any] = [
+    "camera",
+    "5",
+    '"quoted"',
+    "null",
+    "",
+    5,
+    -1,
+    2**53 - 1,
+    0.5,
+    1e16,
+    6.473672162563846e16,
+    -1e300,
+    5e-324,
+    True,
+    False,
+    [],
+    {},
+    [None],
+    {"a": None, "ü": ["x\0y", "\u2028", "🤖"], "": {"nested": [1, 2.5, {"deep": []}]}},
+    "x" * 100_000,
+    "\x7f\x85'\"\\%s",
+]
+
+
+def test_an_empty_knowledge_base_has_no_revision(fresh_kb: KnowledgeBase) -> None:
+    assert fresh_kb.revision == 0
+    assert fresh_kb.revisions() == []
+    assert list(fresh_kb.log()) == []
+    assert fresh_kb.at(0).revision == 0
+    with fresh_kb.transaction():
+        assert fresh_kb.revision == 0
+    assert fresh_kb.revision == 0
+
+
+def test_revisions_are_numbered_without_gaps_and_time_does_not_go_back(
+    fresh_kb: KnowledgeBase,
+) -> None:
+    before = datetime.now(UTC) - timedelta(seconds=5)
+    for number in range(6):
+        fresh_kb.objects.save(waypoint(number))
+        fresh_kb.objects.save(waypoint(number))
+        assert fresh_kb.objects.delete(waypoint(99)) is False
+    revisions = fresh_kb.revisions()
+    assert [revision.number for revision in revisions] == [1, 2, 3, 4, 5, 6]
+    times = [revision.committed_at for revision in revisions]
+    assert times == sorted(times)
+    assert before < times[0]
+    assert times[-1] < datetime.now(UTC) + timedelta(seconds=5)
+    assert {time.utcoffset() for time in times} == {timedelta(0)}
+
+
+def test_time_does_not_go_back_even_if_the_clock_does(
+    fresh_kb: KnowledgeBase, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fresh_kb.types.save(ROBOT)
+    true_now = Session.now
+    monkeypatch.setattr(Session, "now", lambda self, raw: true_now(self, raw) - timedelta(days=1))
+    fresh_kb.types.save(WAYPOINT)
+    one, other = fresh_kb.revisions()
+    assert one.committed_at == other.committed_at
+    # What was the present then is the past, whatever the clock says.
+    assert fresh_kb.at(other.committed_at).revision == 2
+    monkeypatch.undo()
+    fresh_kb.types.save(PddlTypeDto("later"))
+    assert fresh_kb.revisions()[-1].committed_at > other.committed_at
+
+
+def test_each_revision_has_a_hash_of_its_own(fresh_kb: KnowledgeBase) -> None:
+    for _ in range(2):
+        fresh_kb.types.save(ROBOT)
+        fresh_kb.types.delete(ROBOT)
+    hashes = [revision.hash for revision in fresh_kb.revisions()]
+    assert len(set(hashes)) == 4
+    assert all(len(digest) == 64 and int(digest, 16) >= 0 for digest in hashes)
+
+
+def test_actor_and_reason_are_recorded(fresh_kb: KnowledgeBase) -> None:
+    strange = "O'Brien; DROP TABLE revision -- % \\ $$ 🤖\n\t\x7f"
+    fresh_kb.types.save(ROBOT)
+    with fresh_kb.transaction(actor="executive", reason=strange):
+        fresh_kb.types.save(WAYPOINT)
+    with fresh_kb.transaction(actor="", reason=""):
+        fresh_kb.types.delete(WAYPOINT)
+    with fresh_kb.transaction(reason="x" * 100_000):
+        fresh_kb.types.save(WAYPOINT)
+    said = [(revision.actor, revision.reason) for revision in fresh_kb.revisions()]
+    assert said == [
+        ("test", None),
+        ("executive", strange),
+        ("", ""),
+        ("test", "x" * 100_000),
+    ]
+
+
+def test_without_an_actor_there_is_none(common_url: str, connect: Connect) -> None:
+    kb = connect(common_url, knowledge_base=f"nobody {datetime.now(UTC).isoformat()}")
+    kb.types.save(ROBOT)
+    assert kb.revisions()[0].actor is None
+
+
+def test_a_source_is_any_json_and_is_read_as_it_was_given(fresh_kb: KnowledgeBase) -> None:
+    for number, source in enumerate(SOURCES):
+        with fresh_kb.transaction(source=source):
+            fresh_kb.objects.save(waypoint(number))
+    read = [revision.source for revision in fresh_kb.revisions()]
+    assert read == SOURCES
+    for got, given in zip(read, SOURCES, strict=True):
+        # JSON has one kind of number: one without a fraction is read as an integer, if that is
+        # exact.
+        if not isinstance(given, float):
+            assert type(got) is type(given)
+    assert [entry.revision.source for entry in fresh_kb.log()] == SOURCES[::-1]
+
+
+def test_a_tuple_is_read_back_as_the_list_that_it_is_in_json(fresh_kb: KnowledgeBase) -> None:
+    with fresh_kb.transaction(source=("camera", 3)):
+        fresh_kb.types.save(ROBOT)
+    assert fresh_kb.revisions()[0].source == ["camera", 3]
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"source": {1, 2}},
+        {"source": float("nan")},
+        {"source": 2**53},
+        {"source": {1: "x"}},
+        {"source": "\ud800"},
+        {"source": b"x"},
+        {"actor": 5},
+        {"actor": "a\0b"},
+        {"reason": "\ud800"},
+        {"reason": ["because"]},
+    ],
+    ids=str,
+)
+def test_what_cannot_be_kept_is_refused_before_anything_is_done(
+    fresh_kb: KnowledgeBase, options: dict[str, Any]
+) -> None:
+    with nothing_changes(fresh_kb), pytest.raises(InvalidMetadataError):
+        fresh_kb.transaction(**options).__enter__()
+    with fresh_kb.transaction():
+        fresh_kb.types.save(ROBOT)
+        with pytest.raises(InvalidMetadataError):
+            fresh_kb.transaction(**options).__enter__()
+    assert fresh_kb.types.get_all() == [ROBOT]
+    assert fresh_kb.revision == 1
+
+
+def test_revisions_are_read_from_where_and_as_many_as_asked_for(fresh_kb: KnowledgeBase) -> None:
+    for number in range(5):
+        fresh_kb.objects.save(waypoint(number))
+
+    def numbers(*arguments: Any) -> list[int]:
+        return [revision.number for revision in fresh_kb.revisions(*arguments)]
+
+    assert numbers() == [1, 2, 3, 4, 5]
+    assert numbers(3) == [4, 5]
+    assert numbers(5) == numbers(6) == numbers(2**62) == []
+    assert numbers(0, 2) == [1, 2]
+    assert numbers(1, 2) == [2, 3]
+    assert numbers(4, 2) == [5]
+    assert numbers(0, 0) == []
+    assert numbers(-3, 2) == [1, 2]
+    assert numbers(0, None) == numbers(0, 100) == [1, 2, 3, 4, 5]
+
+
+def test_the_log_is_newest_first_and_in_the_order_of_the_hash(fresh_kb: KnowledgeBase) -> None:
+    fresh_kb.propositions.save(robot_at())
+    with fresh_kb.transaction():
+        fresh_kb.propositions.delete(robot_at())
+        fresh_kb.propositions.save(robot_at(is_goal=True))
+        fresh_kb.types.save(PddlTypeDto("ärger"))
+        fresh_kb.types.save(PddlTypeDto("zebra"))
+        fresh_kb.types.save(PddlTypeDto("Zebra2"))
+    assert last_changes(fresh_kb) == [
+        "+ goal (robot_at rb1 wp1)",
+        "+ type Zebra2",
+        "+ type zebra",
+        "+ type ärger",
+        "- fact (robot_at rb1 wp1)",
+    ]
+    entries = list(fresh_kb.log())
+    assert [entry.revision.number for entry in entries] == [2, 1]
+    assert [entry.revision for entry in entries] == fresh_kb.revisions()[::-1]
+    for entry in entries:
+        assert list(entry.changes) == sorted(entry.changes)
+    assert [len(list(fresh_kb.log(limit=limit))) for limit in (0, 1, 2, 3)] == [0, 1, 2, 2]
+
+
+def test_what_is_saved_along_is_in_the_same_revision(fresh_kb: KnowledgeBase) -> None:
+    fresh_kb.propositions.save(robot_at(RB1, WP1))
+    assert fresh_kb.revision == 1
+    assert [line.split(" ")[1] for line in last_changes(fresh_kb)] == [
+        "fact",
+        "object",
+        "object",
+        "predicate",
+        "type",
+        "type",
+    ]

@@ -1,0 +1,200 @@
+"""Whatever stands where a DTO, a name or a list belongs is refused as bad knowledge.
+
+Each part of each DTO is replaced by things that do not belong there, down to the parent of the
+type of a term, and every method of the DAO is called with the result.
+"""
+
+from __future__ import annotations
+
+import copy
+import dataclasses
+from collections.abc import Iterator
+from contextlib import suppress
+from typing import Any
+
+import pytest
+
+from kant_sql import (
+    Dto,
+    InvalidKnowledgeError,
+    InvalidNameError,
+    KnowledgeBase,
+    PddlActionDto,
+    PddlConditionEffectDto,
+    PddlObjectDto,
+    PddlPredicateDto,
+    PddlPropositionDto,
+    PddlTypeDto,
+)
+from tests.reading import Undone, nothing_changes, refuses, undone
+from tests.worlds import RB1, ROBOT, ROBOT_AT, robot_at
+
+Path = tuple[str | int, ...]
+
+VEHICLE = PddlTypeDto("vehicle")
+CAR = PddlTypeDto("car", parent=VEHICLE)
+C1 = PddlObjectDto(CAR, "c1")
+PARKED = PddlPredicateDto("parked", [CAR])
+LITERAL = PddlConditionEffectDto(PARKED, [C1], PddlConditionEffectDto.AT_END)
+GOOD: dict[str, Dto] = {
+    "types": CAR,
+    "objects": C1,
+    "predicates": PARKED,
+    "propositions": PddlPropositionDto(PARKED, [C1]),
+    "actions": PddlActionDto("park", [PddlObjectDto(CAR, "x")], [LITERAL], [LITERAL]),
+}
+# Anything but a value that belongs somewhere: not even an empty list.
+JUNK: list[Any] = [
+    5,
+    2.5,
+    "?",
+    b"x",
+    [None],
+    [5],
+    [[]],
+    ["x"],
+    {"x": 1},
+    object(),
+    object,
+    robot_at(),
+    [robot_at()],
+]
+# Flags count by their truth value.
+FLAGS = {"is_goal", "is_negative", "durative"}
+
+
+def paths(dto: Any) -> Iterator[Path]:
+    """Where in a DTO something can stand."""
+    for field in dataclasses.fields(dto):
+        value = getattr(dto, field.name)
+        if field.name not in FLAGS:
+            yield (field.name,)
+        for item, step in _items(value):
+            if step is not None:
+                yield (field.name, step)
+            yield from ((field.name, *_steps(step), *rest) for rest in paths(item))
+
+
+def _items(value: Any) -> list[tuple[Any, int | None]]:
+    if isinstance(value, list):
+        return [(item, position) for position, item in enumerate(value)]
+    return [(value, None)] if isinstance(value, Dto) else []
+
+
+def _steps(step: int | None) -> Path:
+    return () if step is None else (step,)
+
+
+def replaced(dto: Dto, path: Path, value: Any) -> Dto:
+    """A copy of a DTO with something else at one place."""
+    copied: Any = copy.deepcopy(dto)
+    place = copied
+    for step in path[:-1]:
+        place = place[step] if isinstance(step, int) else getattr(place, step)
+    last = path[-1]
+    if isinstance(last, int):
+        place[last] = value
+    else:
+        setattr(place, last, value)
+    return copied  # type: ignore[no-any-return]
+
+
+def junk_for(path: Path) -> list[Any]:
+    """What belongs at a place least of all."""
+    junk = JUNK if path[-1] == "parent" else [None, *JUNK]
+    fits = {"name": str, "duration": int | float}.get(str(path[-1]), ())
+    return [value for value in junk if not isinstance(value, fits)]
+
+
+def try_methods(kb: KnowledgeBase, kind: str, dto: Dto) -> None:
+    dao = getattr(kb, kind)
+    for method in (dao.save, dao.insert, dao.update, lambda dto: dao.save_all([dto])):
+        with suppress(Undone, InvalidKnowledgeError), kb.transaction():
+            # An element that is there is not inserted, and one that is not is not updated.
+            assert method(dto) is False
+            raise Undone
+    with suppress(Undone, InvalidKnowledgeError), kb.transaction():
+        assert dao.delete(dto) in (True, False)
+        raise Undone
+
+
+@pytest.mark.parametrize("populated", [False, True], ids=["empty", "populated"])
+@pytest.mark.parametrize("kind", GOOD)
+def test_what_does_not_belong_in_a_dto_is_refused_and_nothing_of_it_stored(
+    fresh_kb: KnowledgeBase, kind: str, populated: bool
+) -> None:
+    fresh_kb.propositions.save(robot_at())
+    if populated:
+        for other, dto in GOOD.items():
+            getattr(fresh_kb, other).save(dto)
+    with nothing_changes(fresh_kb):
+        for path in paths(GOOD[kind]):
+            with fresh_kb.transaction():
+                for junk in junk_for(path):
+                    try_methods(fresh_kb, kind, replaced(GOOD[kind], path, junk))
+
+
+@pytest.mark.parametrize("kind", GOOD)
+def test_what_is_no_dto_of_the_kind_is_refused(fresh_kb: KnowledgeBase, kind: str) -> None:
+    dao = getattr(fresh_kb, kind)
+    others = [dto for other, dto in GOOD.items() if other != kind]
+    for wrong in [None, *JUNK[:-2], *others, LITERAL]:
+        for method in (dao.save, dao.insert, dao.update, dao.delete):
+            caught = refuses(fresh_kb, InvalidKnowledgeError, method, wrong)
+            assert type(GOOD[kind]).__name__ in str(caught.value)
+        refuses(fresh_kb, InvalidKnowledgeError, dao.save_all, [GOOD[kind], wrong])
+
+
+@pytest.mark.parametrize("kind", GOOD)
+def test_save_all_takes_an_iterable(fresh_kb: KnowledgeBase, kind: str) -> None:
+    dao = getattr(fresh_kb, kind)
+    for wrong in (None, 5, object(), GOOD[kind]):
+        caught = refuses(fresh_kb, InvalidKnowledgeError, dao.save_all, wrong)
+        assert "is an iterable of DTOs, not" in str(caught.value)
+
+
+def test_what_is_no_name_cannot_be_asked_for(fresh_kb: KnowledgeBase) -> None:
+    reads: list[Any] = [
+        fresh_kb.types.get,
+        fresh_kb.objects.get,
+        fresh_kb.predicates.get,
+        fresh_kb.actions.get,
+        fresh_kb.propositions.get_by_predicate,
+    ]
+    for _ in range(2):
+        for read in reads:
+            for wrong in (None, 5, b"robot", ["robot"], ROBOT):
+                refuses(fresh_kb, InvalidNameError, read, wrong)
+        fresh_kb.propositions.save(robot_at())
+
+
+def test_a_subclass_of_a_dto_is_one(fresh_kb: KnowledgeBase) -> None:
+    class Place(PddlTypeDto):
+        pass
+
+    place = Place("place")
+    fresh_kb.types.save(place)
+    fresh_kb.objects.save(PddlObjectDto(place, "kitchen"))
+    assert fresh_kb.types.get("place") == PddlTypeDto("place")
+
+
+def test_a_tuple_does_for_a_list(fresh_kb: KnowledgeBase) -> None:
+    fact = robot_at()
+    fact.objects = tuple(fact.objects)  # type: ignore[assignment]
+    fresh_kb.propositions.save(fact)
+    assert fresh_kb.propositions.get_all() == [robot_at()]
+
+
+def test_the_rest_of_a_transaction_survives_what_does_not_belong(
+    fresh_kb: KnowledgeBase,
+) -> None:
+    with fresh_kb.transaction():
+        fresh_kb.propositions.save(robot_at())
+        broken = PddlPropositionDto(ROBOT_AT, [RB1, None])  # type: ignore[list-item]
+        with pytest.raises(InvalidKnowledgeError):
+            fresh_kb.propositions.save(broken)
+        assert fresh_kb.propositions.get_all() == [robot_at()]
+    assert fresh_kb.propositions.get_all() == [robot_at()]
+    with undone(fresh_kb):
+        fresh_kb.propositions.delete_all()
+    assert fresh_kb.revision == 1

@@ -1,0 +1,219 @@
+"""`docs/hash.md` says enough to recompute every hash: its statements and its program do so here.
+
+The library makes the stores; what checks them is `sqlite3` or psycopg, and the text of the page.
+"""
+
+from __future__ import annotations
+
+import json
+from datetime import UTC, datetime, timedelta
+from hashlib import sha256
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+import rfc8785
+from hypothesis import given
+from hypothesis import strategies as st
+
+import kant_sql.backends.session
+from kant_sql import (
+    KnowledgeBase,
+    PddlActionDto,
+    PddlObjectDto,
+    PddlPredicateDto,
+    PddlPropositionDto,
+    PddlTypeDto,
+    propositions,
+)
+from kant_sql.canonical import make_metadata, revision_hash
+from tests.conftest import Connect
+from tests.pages import Page, opened
+from tests.worlds import ROBOT, WP2, navigation, robot_at
+
+PAGE = Page("hash.md")
+SQL = {block.partition("\n")[0].removeprefix("-- "): block for block in PAGE.of("sql")}
+PYTHON = PAGE.of("python")
+DOCUMENTS = [block.strip() for block in PAGE.of("json")]
+HASHES = [block.strip() for block in PAGE.of("text")]
+
+PROGRAM: dict[str, Any] = {}
+exec(PYTHON[-1], PROGRAM)
+
+
+def last_hash(url: str, name: str = "tiago") -> str | None:
+    """Check a chain as the page says."""
+    with opened(url) as store:
+        revisions = SQL[f"revisions, {store.dialect}"]
+        found: str | None = PROGRAM["check_chain"](store.execute, revisions, SQL["changes"], name)
+        return found
+
+
+def write_history(kb: KnowledgeBase) -> None:
+    """Change every kind of element, in every way."""
+    kb.propositions.save(robot_at())
+    kb.propositions.save(robot_at(is_goal=True))
+    kb.actions.save(navigation())
+    kb.actions.save(PddlActionDto("navigation", durative=False))
+    with kb.transaction(actor='exec "\\" \x01\t', reason="one\ntwo\r\u2028 \x7f"):
+        kb.propositions.delete(robot_at())
+        kb.propositions.save(robot_at(place=WP2))
+    kb.types.save(PddlTypeDto("wp", parent=PddlTypeDto("Ort")), cascade=True)
+    for name in ("\U0001f916", "\uff21", "Straße", "e\u0301", "--", "%s", "\\n"):
+        kb.objects.save(PddlObjectDto(ROBOT, name))
+    kb.propositions.save_all(
+        PddlPropositionDto(PddlPredicateDto("ready", [ROBOT]), [PddlObjectDto(ROBOT, name)])
+        for name in ("\U0001f916", "\uff21", "straße", "e\u0301")
+    )
+    kb.predicates.save(PddlPredicateDto("ready", [ROBOT, ROBOT]), cascade=True)
+    kb.types.delete(ROBOT)
+    kb.types.delete_all()
+
+
+SOURCES: list[object] = [
+    {"\U0001f916": 1, "\uff21": 2, "b": [1.0, 1e21, 1e-7, 0.1, -0.0], "a": {"c": None}},
+    "5",
+    0.1,
+    1e21,
+    1e-7,
+    0,
+    True,
+    [],
+    "",
+    'a\0b\n"\\',
+]
+
+
+def test_every_hash_recomputes_from_the_tables(shared_url: str, connect: Connect) -> None:
+    kb = connect(shared_url, knowledge_base="tiago", actor="test")
+    write_history(kb)
+    assert kb.revision == 17
+    assert last_hash(shared_url) == kb.revisions()[-1].hash
+
+
+def test_a_source_is_hashed_as_it_is_stored(shared_url: str, connect: Connect) -> None:
+    kb = connect(shared_url, knowledge_base="tiago")
+    for number, source in enumerate(SOURCES):
+        with kb.transaction(source=source):
+            kb.types.save(PddlTypeDto(f"type{number}"))
+    assert last_hash(shared_url) == kb.revisions()[-1].hash
+    assert [revision.source for revision in kb.revisions()] == SOURCES
+
+
+def test_a_large_revision_is_hashed_as_a_small_one_is(
+    shared_url: str, connect: Connect, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(propositions, "SPILL_AT", 1)
+    kb = connect(shared_url, knowledge_base="tiago")
+    write_history(kb)
+    assert last_hash(shared_url) == kb.revisions()[-1].hash
+
+
+def test_each_knowledge_base_of_a_store_has_a_chain_of_its_own(
+    shared_url: str, connect: Connect
+) -> None:
+    for name in ("tiago", "Küche 🤖"):
+        kb = connect(shared_url, knowledge_base=name)
+        kb.propositions.save(robot_at())
+        kb.propositions.delete_all()
+        assert last_hash(shared_url, name) == kb.revisions()[-1].hash
+
+
+@pytest.mark.parametrize(
+    "tampering",
+    [
+        "UPDATE revision SET actor = 'nobody' WHERE number = 2",
+        "UPDATE revision SET reason = NULL WHERE number = 2",
+        'UPDATE revision SET source = \'{"sensor":"radar"}\' WHERE number = 2',
+        "UPDATE revision SET committed_at = '2001-01-01T00:00:00.000000Z' WHERE number = 2",
+        "UPDATE knowledge_base SET name = 'other'",
+        "UPDATE type_version SET text = 'Robot' WHERE text = 'robot'",
+        "UPDATE object_version SET since = 2 WHERE text = 'rb1 - robot'",
+        "UPDATE predicate_version SET until = 2",
+        "UPDATE proposition SET text = '(robot_at rb1 wp9)' WHERE text = '(robot_at rb1 wp1)'",
+        "UPDATE proposition SET is_goal = NOT is_goal WHERE text = '(robot_at rb1 wp1)'",
+        "UPDATE proposition_version SET until = NULL",
+        "DELETE FROM proposition_version WHERE until = 2",
+    ],
+)
+def test_whoever_changes_the_tables_breaks_the_chain(
+    shared_url: str, connect: Connect, tampering: str
+) -> None:
+    kb = connect(shared_url, knowledge_base="tiago", actor="perception")
+    kb.propositions.save(robot_at())
+    with kb.transaction(reason="moved", source={"sensor": "lidar"}):
+        kb.propositions.delete(robot_at())
+        kb.propositions.save(robot_at(place=WP2))
+    known = kb.revisions()[-1].hash
+    assert last_hash(shared_url) == known
+    with opened(shared_url) as store:
+        store.execute(tampering, {})
+    name = "other" if "knowledge_base" in tampering else "tiago"
+    with pytest.raises(AssertionError, match="is not what its hash says"):
+        last_hash(shared_url, name)
+
+
+def test_the_example_is_what_a_store_writes(
+    shared_url: str, connect: Connect, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The clock says what the page says; the rest is done by the page's own calls."""
+    begin = datetime(2026, 1, 31, 9, 30, tzinfo=UTC)
+    moments = iter([begin, begin + timedelta(seconds=5.25)])
+    session = kant_sql.backends.session.Session
+    monkeypatch.setattr(session, "now", lambda *_: next(moments))
+    monkeypatch.setattr("kant_sql.transaction.time", SimpleNamespace(monotonic=lambda: 0.0))
+    kb = connect(shared_url, knowledge_base="tiago", actor="perception")
+    program = PYTHON[0].replace('"sqlite:///robot.db"', repr(shared_url))
+    exec(program, {})
+    assert [revision.hash for revision in kb.revisions()] == HASHES
+    assert last_hash(shared_url) == HASHES[-1]
+
+
+def test_the_documents_of_the_example_are_canonical_and_have_the_hashes_given() -> None:
+    assert len(DOCUMENTS) == 2
+    for document, digest in zip(DOCUMENTS, HASHES, strict=True):
+        assert rfc8785.dumps(json.loads(document)) == document.encode()
+        assert sha256(document.encode()).hexdigest() == digest
+
+
+texts = st.text(st.characters(exclude_categories=["Cs"]))
+
+
+@given(texts)
+def test_the_program_writes_strings_as_the_standard_says(text: str) -> None:
+    assert PROGRAM["write"](text).encode() == rfc8785.dumps(text)
+
+
+names = texts.map(lambda text: text.replace("\0", ""))
+sources = st.recursive(
+    st.none() | st.booleans() | st.floats(allow_nan=False, allow_infinity=False) | texts,
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(texts, inner, max_size=3),
+)
+kinds = st.sampled_from(["type", "object", "predicate", "action", "fact", "goal"])
+lines = st.lists(st.tuples(st.sampled_from("+-"), kinds, names), max_size=5)
+
+
+@given(names, st.none() | names, st.none() | names, sources, lines)
+def test_the_library_hashes_the_document_that_the_standard_writes(
+    name: str,
+    actor: str | None,
+    reason: str | None,
+    source: Any,
+    changes: list[tuple[str, str, str]],
+) -> None:
+    ordered = sorted(changes)
+    at = "2026-01-31T09:30:00.000000Z"
+    document = {
+        "actor": actor,
+        "changes": [list(line) for line in ordered],
+        "committed_at": at,
+        "form": 1,
+        "knowledge_base": name,
+        "number": 7,
+        "previous": "ab",
+        "reason": reason,
+        "source": source,
+    }
+    metadata = make_metadata(actor, reason, source)
+    expected = sha256(rfc8785.dumps(document)).hexdigest()
+    assert revision_hash("ab", name, 7, at, metadata, ordered) == expected

@@ -1,0 +1,233 @@
+"""Connections to a server that are lost, between calls and at every moment of one."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+
+import psycopg
+import pytest
+
+from kant_sql import ConnectionLostError, OutcomeUnknownError, StoreError
+from tests import counter
+from tests.chain import check_chain
+from tests.conftest import Connect
+from tests.disturbing import (
+    BOUND,
+    WRITES,
+    a_transaction,
+    be_impatient,
+    closed_door,
+    lose_answer,
+    lose_at,
+    on_server,
+    one_call,
+    terminate,
+)
+from tests.worlds import WP2, robot_at, waypoint
+
+pytestmark = on_server
+
+
+@pytest.fixture
+def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
+    be_impatient(monkeypatch)
+
+
+def test_connections_that_were_lost_between_calls_are_made_again(
+    shared_url: str, connect: Connect
+) -> None:
+    kb = connect(shared_url)
+    kb.propositions.save(robot_at())
+    calls: list[Callable[[], object]] = [
+        kb.propositions.get_all,
+        lambda: kb.objects.get("rb1"),
+        lambda: kb.revision,
+        lambda: kb.at(1).types.get("robot"),
+        lambda: list(kb.log()),
+        *(lambda work=work: work(kb) for work in WRITES.values()),
+        lambda: kb.propositions.delete(robot_at()),
+    ]
+    for call in calls:
+        assert terminate(shared_url) >= 1
+        assert call() is not None
+    assert kb.propositions.get_all() == [robot_at(place=WP2)]
+    assert check_chain(shared_url) == {"default": 3}
+
+
+@pytest.mark.parametrize("method", ["begin", "rows", "insert", "run", "commit"])
+def test_a_call_whose_connection_is_lost_on_the_way_is_made_once(
+    shared_url: str, connect: Connect, monkeypatch: pytest.MonkeyPatch, method: str
+) -> None:
+    kb = connect(shared_url)
+    kb.propositions.save(robot_at())
+    lose_at(monkeypatch, shared_url, method)
+    assert one_call(kb) is True
+    assert check_chain(shared_url) == {"default": 2}
+
+
+@pytest.mark.parametrize("method", ["insert", "run", "commit"])
+def test_a_transaction_whose_connection_is_lost_raises_and_writes_nothing(
+    shared_url: str, connect: Connect, monkeypatch: pytest.MonkeyPatch, method: str
+) -> None:
+    kb = connect(shared_url)
+    kb.propositions.save(robot_at())
+    lose_at(monkeypatch, shared_url, method)
+    with pytest.raises(ConnectionLostError, match="nothing of the open transaction was written"):
+        a_transaction(kb)
+    assert check_chain(shared_url) == {"default": 1}
+    assert a_transaction(kb) is True
+
+
+def test_a_lost_transaction_cannot_be_saved_by_ignoring_the_error(
+    shared_url: str, connect: Connect
+) -> None:
+    kb = connect(shared_url)
+    kb.propositions.save(robot_at())
+
+    def lose() -> None:
+        with kb.transaction():
+            kb.propositions.save(robot_at(place=WP2))
+            terminate(shared_url)
+            with pytest.raises(ConnectionLostError):
+                kb.propositions.get_all()
+            kb.propositions.delete(robot_at())
+
+    with pytest.raises(ConnectionLostError):
+        lose()
+    assert kb.propositions.get_all() == [robot_at()]
+
+
+def test_the_error_of_the_block_is_raised_even_if_the_connection_is_lost(
+    shared_url: str, connect: Connect
+) -> None:
+    kb = connect(shared_url)
+
+    def stumble() -> None:
+        with kb.transaction():
+            kb.propositions.save(robot_at())
+            terminate(shared_url)
+            raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        stumble()
+    assert kb.revision == 0
+
+
+def test_a_server_that_ends_an_idle_transaction_is_a_lost_connection(
+    shared_url: str, connect: Connect
+) -> None:
+    with psycopg.connect(shared_url, autocommit=True) as connection:
+        name = connection.info.dbname
+        connection.execute(
+            f"ALTER DATABASE {name} SET idle_in_transaction_session_timeout = '50ms'".encode()
+        )
+    kb = connect(shared_url)
+
+    def idle() -> None:
+        with kb.transaction():
+            kb.propositions.save(robot_at())
+            time.sleep(0.3)
+
+    with pytest.raises(ConnectionLostError):
+        idle()
+    assert one_call(kb) is True
+
+
+@pytest.mark.usefixtures("impatient")
+def test_a_server_that_does_not_come_back_is_not_waited_for_for_ever(
+    shared_url: str, connect: Connect
+) -> None:
+    kb = connect(shared_url)
+    kb.propositions.save(robot_at())
+    with closed_door(shared_url) as close_door:
+        close_door()
+        began = time.monotonic()
+        calls: tuple[Callable[[], object], ...] = (
+            kb.propositions.get_all,
+            lambda: one_call(kb),
+        )
+        for call in calls:
+            with pytest.raises(StoreError, match="not currently accepting connections"):
+                call()
+        assert time.monotonic() - began < 4 * BOUND
+    assert one_call(kb) is True
+
+
+# Commits whose answer is lost.
+
+
+def test_a_lost_answer_is_found_out_although_all_connections_were_lost(
+    shared_url: str, connect: Connect, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kb = connect(shared_url)
+    kb.propositions.save(robot_at())
+    with ThreadPoolExecutor(4) as pool:  # Fills the pool.
+        assert len(list(pool.map(lambda _: kb.propositions.get_all(), range(40)))) == 40
+    lose_answer(monkeypatch, True, lambda: terminate(shared_url))
+    assert a_transaction(kb) is True
+    assert check_chain(shared_url) == {"default": 2}
+
+
+@pytest.mark.usefixtures("impatient")
+def test_an_answer_that_cannot_be_found_out_names_what_to_look_for(
+    shared_url: str, connect: Connect, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kb = connect(shared_url)
+    kb.propositions.save(robot_at())
+    with closed_door(shared_url) as close_door:
+        lose_answer(monkeypatch, True, close_door)
+        with pytest.raises(OutcomeUnknownError) as caught:
+            one_call(kb)
+    last = kb.revisions()[-1]
+    assert last.number == 2
+    assert f"revision {last.number} of hash {last.hash}" in str(caught.value)
+    assert one_call(kb) is False
+
+
+# All at once.
+
+
+def test_what_many_threads_do_is_done_once_while_connections_come_and_go(
+    shared_url: str, connect: Connect
+) -> None:
+    kb = connect(shared_url)
+    counter.start(kb)
+    disturbed, done = threading.Event(), threading.Event()
+
+    def disturb() -> None:
+        ended = 0
+        while not done.wait(0.05):
+            ended += terminate(shared_url)
+            if ended > 5:
+                disturbed.set()
+
+    def save(first: int) -> int:
+        for number in range(first, first + 15):
+            assert kb.objects.insert(waypoint(number))
+        return 15
+
+    def count(_: int) -> int:
+        attempts = successes = 0
+        while attempts < 15 or not disturbed.is_set():
+            attempts += 1
+            try:
+                counter.increment(kb, 1)
+                successes += 1
+            except ConnectionLostError:
+                continue
+        return successes
+
+    with ThreadPoolExecutor(5) as pool:
+        pool.submit(disturb)
+        try:
+            saved = [pool.submit(save, first) for first in (100, 200)]
+            counted = [pool.submit(count, number) for number in range(2)]
+            saves = sum(outcome.result(60) for outcome in saved)
+            counts = sum(outcome.result(60) for outcome in counted)
+        finally:
+            done.set()
+    assert counter.read(kb) == counts
+    assert check_chain(shared_url) == {"default": 1 + saves + counts}

@@ -1,0 +1,292 @@
+"""Opening a store: what is created, what is refused, and what the errors say."""
+
+from __future__ import annotations
+
+import sqlite3
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import closing
+from pathlib import Path
+
+import psycopg
+import pytest
+
+import kant_sql
+from kant_sql import (
+    KantSqlError,
+    NotADatabaseError,
+    ReadOnlyStoreError,
+    SchemaMissingError,
+    SchemaOutdatedError,
+    SchemaTooNewError,
+    StoreUnreachableError,
+    schema,
+)
+from kant_sql.backends import Session
+from kant_sql.backends.sqlite import SqliteBackend
+from tests import opening
+from tests.chain import check_chain
+from tests.conftest import Connect, Server
+from tests.workers import in_processes
+from tests.worlds import robot_at
+
+
+def sqlite_url(path: Path, query: str = "") -> str:
+    return f"sqlite:///{path}{query}"
+
+
+def execute(url: str, *statements: str) -> None:
+    """Run SQL in a store, without the library."""
+    if url.startswith("sqlite"):
+        with closing(sqlite3.connect(url.removeprefix("sqlite:///"))) as connection:
+            for statement in statements:
+                connection.execute(statement)
+            connection.commit()
+    else:
+        with psycopg.connect(url) as server:
+            for statement in statements:
+                server.execute(statement.encode())
+
+
+def query(url: str, sql: str) -> list[tuple[object, ...]]:
+    """Run a query in a store, without the library."""
+    if url.startswith("sqlite"):
+        with closing(sqlite3.connect(url.removeprefix("sqlite:///"))) as connection:
+            return connection.execute(sql).fetchall()
+    with psycopg.connect(url) as server:
+        return server.execute(sql.encode()).fetchall()
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
+
+
+@pytest.fixture
+def stored(tmp_path: Path) -> Path:
+    """A file with a store of some pages in it."""
+    path = tmp_path / "store.db"
+    with kant_sql.connect(sqlite_url(path)) as kb:
+        kb.propositions.save(robot_at())
+    return path
+
+
+# The version of the tables.
+
+
+def test_a_database_without_tables_is_refused_with_the_command_that_makes_them(
+    server: Server,
+) -> None:
+    url = server.new_database()
+    for _ in range(2):
+        with pytest.raises(SchemaMissingError, match="kant-sql db upgrade 'postgresql://"):
+            kant_sql.connect(url)
+    kant_sql.upgrade(url)
+    kant_sql.connect(url).close()
+
+
+def test_outdated_tables_are_refused_with_the_command_that_updates_them(
+    shared_url: str, connect: Connect, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    connect(shared_url).close()
+    monkeypatch.setattr(schema, "VERSIONS", ("0001", "0002"))
+    with pytest.raises(SchemaOutdatedError, match=r"needs 0002; .*: kant-sql db upgrade '"):
+        connect(shared_url)
+
+
+def test_tables_of_a_later_version_are_refused(shared_url: str, connect: Connect) -> None:
+    connect(shared_url).close()
+    execute(shared_url, "UPDATE kant_sql_version SET version_num = '9999'")
+    with pytest.raises(SchemaTooNewError, match=r"version 9999.*install a newer kant-sql"):
+        connect(shared_url)
+    with pytest.raises(KantSqlError, match="9999"):
+        kant_sql.upgrade(shared_url)
+
+
+def test_a_new_file_becomes_a_store(tmp_path: Path, connect: Connect) -> None:
+    path = tmp_path / "with space, ü & 100%.db"
+    connect(sqlite_url(path)).propositions.save(robot_at())
+    assert check_chain(sqlite_url(path)) == {"default": 1}
+
+
+def test_an_empty_file_becomes_a_store(tmp_path: Path, connect: Connect) -> None:
+    path = tmp_path / "empty.db"
+    path.touch()
+    connect(sqlite_url(path)).propositions.save(robot_at())
+    assert check_chain(sqlite_url(path)) == {"default": 1}
+
+
+def test_each_store_in_memory_is_new(connect: Connect) -> None:
+    connect("sqlite://").propositions.save(robot_at())
+    assert connect("sqlite://").revision == 0
+
+
+@pytest.mark.parametrize("journal", ["delete", "wal"])
+def test_a_database_of_somebody_else_is_refused_and_left_as_it_is(
+    tmp_path: Path, connect: Connect, journal: str
+) -> None:
+    url = sqlite_url(tmp_path / "theirs.db")
+    execute(url, f"PRAGMA journal_mode={journal}", "CREATE TABLE head (mine)")
+    before = contents(tmp_path)
+    with pytest.raises(SchemaMissingError, match="no kant_sql tables"):
+        connect(url)
+    assert contents(tmp_path) == before
+
+
+def test_the_version_table_of_the_users_own_alembic_is_left_alone(
+    shared_url: str, server: Server, tmp_path: Path
+) -> None:
+    is_file = shared_url.startswith("sqlite")
+    url = sqlite_url(tmp_path / "both.db") if is_file else server.new_database()
+    execute(
+        url,
+        "CREATE TABLE alembic_version (version_num VARCHAR(32) PRIMARY KEY)",
+        "INSERT INTO alembic_version VALUES ('theirs')",
+    )
+    for step in (kant_sql.upgrade, lambda at: kant_sql.downgrade(at, "base"), kant_sql.upgrade):
+        step(url)
+        assert query(url, "SELECT version_num FROM alembic_version") == [("theirs",)]
+    kant_sql.connect(url).close()
+
+
+# Files.
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        lambda whole: b"This is a letter, not a database. " * 100,
+        lambda whole: whole[:100],
+        lambda whole: whole[:4096],
+        lambda whole: whole[: len(whole) // 2],
+        lambda whole: whole[:100] + b"\0" * (len(whole) - 100),
+        lambda whole: whole[:4096] + b"\xa5" * (len(whole) - 4096),
+        lambda whole: b"\xa5" * 16 + whole[16:],
+    ],
+    ids=["text", "header", "page", "half", "zeros", "garbage", "magic"],
+)
+def test_a_file_that_is_no_sound_database_is_refused(
+    stored: Path, damage: Callable[[bytes], bytes]
+) -> None:
+    stored.write_bytes(damage(stored.read_bytes()))
+    before = stored.read_bytes()
+
+    def use() -> None:
+        with kant_sql.connect(sqlite_url(stored)) as kb:
+            kb.propositions.save(robot_at(is_goal=True))
+            kb.propositions.get_all()
+
+    with pytest.raises(NotADatabaseError, match=f"{stored}: .*name an SQLite file") as caught:
+        use()
+    assert isinstance(caught.value.__cause__, sqlite3.DatabaseError)
+    assert stored.read_bytes() == before
+
+
+def test_tables_that_another_process_makes_at_this_moment_are_found(
+    tmp_path: Path, connect: Connect, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    url = sqlite_url(tmp_path / "new.db")
+    is_empty = SqliteBackend.is_empty
+
+    def too_late(backend: SqliteBackend, session: Session) -> bool:
+        monkeypatch.undo()
+        connect(url).propositions.save(robot_at())
+        return is_empty(backend, session)
+
+    monkeypatch.setattr(SqliteBackend, "is_empty", too_late)
+    assert connect(url).propositions.get_all() == [robot_at()]
+
+
+@pytest.mark.parametrize("name", [".", "missing/store.db", "store.db/store.db"])
+@pytest.mark.parametrize("query", ["", "?mode=ro"])
+def test_a_path_where_no_file_can_be_is_refused(stored: Path, name: str, query: str) -> None:
+    with pytest.raises(StoreUnreachableError, match="the folder exists"):
+        kant_sql.connect(sqlite_url(stored.parent / name, query))
+    assert [path.name for path in stored.parent.iterdir()] == ["store.db"]
+
+
+def test_a_missing_file_is_not_created_to_be_read_only(tmp_path: Path) -> None:
+    with pytest.raises(StoreUnreachableError):
+        kant_sql.connect(sqlite_url(tmp_path / "missing.db", "?mode=ro"))
+    assert contents(tmp_path) == {}
+
+
+@pytest.mark.parametrize("mode", ["ro", "immutable"])
+def test_a_file_opened_read_only_can_be_read_and_not_written(
+    stored: Path, connect: Connect, mode: str
+) -> None:
+    before = stored.read_bytes()
+    kb = connect(sqlite_url(stored, f"?mode={mode}"))
+    assert kb.propositions.get_all() == kb.at(1).propositions.get_all() == [robot_at()]
+    assert [entry.revision.number for entry in kb.log()] == [1]
+    with pytest.raises(ReadOnlyStoreError, match="cannot be written"):
+        kb.propositions.save(robot_at(is_goal=True))
+    assert kb.propositions.get_all() == [robot_at()]
+    assert stored.read_bytes() == before
+
+
+@pytest.fixture
+def public_folder() -> Iterator[Path]:
+    """A folder that another user can reach, as the one for temporary files is not."""
+    with tempfile.TemporaryDirectory(prefix="kant_sql") as name:
+        folder = Path(name)
+        folder.chmod(0o755)
+        yield folder
+        folder.chmod(0o755)
+
+
+def test_a_file_without_the_right_to_write_can_be_read(public_folder: Path) -> None:
+    path = public_folder / "store.db"
+    with kant_sql.connect(sqlite_url(path)) as kb:
+        kb.propositions.save(robot_at())
+    path.chmod(0o444)
+    public_folder.chmod(0o777)
+    in_processes((opening.read_but_not_write, sqlite_url(path)))
+
+
+def test_a_folder_without_the_right_to_write_says_how_to_read(public_folder: Path) -> None:
+    path = public_folder / "store.db"
+    with kant_sql.connect(sqlite_url(path)) as kb:
+        kb.propositions.save(robot_at())
+    path.chmod(0o444)
+    public_folder.chmod(0o555)
+    (message,) = in_processes((opening.refused, sqlite_url(path), ReadOnlyStoreError))
+    assert "?mode=immutable" in message
+    in_processes((opening.read_but_not_write, sqlite_url(path, "?mode=immutable")))
+
+
+def test_a_file_without_the_right_to_read_is_refused(public_folder: Path) -> None:
+    path = public_folder / "store.db"
+    kant_sql.connect(sqlite_url(path)).close()
+    path.chmod(0)
+    in_processes((opening.refused, sqlite_url(path), StoreUnreachableError))
+
+
+# Competing creations.
+
+
+@pytest.mark.parametrize("round_", range(3))
+def test_processes_that_create_a_store_at_once_leave_one_good_store(
+    server: Server, shared_url: str, tmp_path: Path, round_: int
+) -> None:
+    is_file = shared_url.startswith("sqlite")
+    # With a timeout as short as that, locks have to be waited for by trying again.
+    query = "?timeout=0.01" if round_ else ""
+    url = sqlite_url(tmp_path / "new.db", query) if is_file else server.new_database()
+    create = opening.connect_and_write if is_file else opening.upgrade_and_write
+    revisions = in_processes(*[(create, url, number) for number in range(4)])
+    assert sorted(revisions) == [1, 2, 3, 4]
+    assert check_chain(url) == {"tiago": 4}
+    with kant_sql.connect(url, "tiago") as kb:
+        assert len(kb.propositions.get_all()) == 4
+
+
+@pytest.mark.parametrize("round_", range(3))
+def test_processes_that_create_knowledge_bases_at_once_leave_one_of_each_name(
+    shared_url: str, connect: Connect, round_: int
+) -> None:
+    connect(shared_url).close()
+    names = ["same", "same", "same", f"other {round_}"]
+    in_processes(
+        *[(opening.connect_and_write, shared_url, n, name) for n, name in enumerate(names)]
+    )
+    assert check_chain(shared_url) == {"same": 3, f"other {round_}": 1}

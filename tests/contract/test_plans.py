@@ -1,0 +1,205 @@
+"""What is asked of the present finds it by the partial indexes, whatever lies behind it.
+
+The statements are those that the calls send. SQLite has no statistics, as always with the library;
+PostgreSQL is asked both before it has any, as right after a bulk load, and after ANALYZE.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator
+from itertools import islice, product
+from typing import Any, NamedTuple
+
+import psycopg
+import pytest
+
+import kant_sql
+from kant_sql import KnowledgeBase, PddlPropositionDto
+from tests.benchmarks.history import HOT, Past, define, fact, load
+from tests.benchmarks.support import bare
+from tests.conftest import Server
+from tests.statements import Statement, explain, is_bracket, seen
+
+FACTS = 20_000
+LIT = 100
+GOALS = 20
+CLOSED = 60_000
+FAR = 2**40
+BEFORE, AFTER = "postgresql without statistics", "postgresql after ANALYZE"
+
+NOW = {"ix_proposition_version_now", "uq_proposition_version_live"}
+LIVE = {"uq_proposition_version_live"}
+HISTORY = {"ix_proposition_version_history"}
+# What held of each goal at a revision: its versions, by its id.
+OF_ONE = {"pk_proposition_version", "sqlite_autoindex_proposition_version_1"}
+
+Call = Callable[[KnowledgeBase], Any]
+READS: dict[str, tuple[Call, set[str]]] = {
+    "get_all": (lambda kb: kb.propositions.get_all(), NOW),
+    "get_by_predicate of most facts": (lambda kb: kb.propositions.get_by_predicate("near"), NOW),
+    "get_by_predicate of few facts": (lambda kb: kb.propositions.get_by_predicate("lit"), NOW),
+    "get_by_predicate with a past": (lambda kb: kb.propositions.get_by_predicate("visited"), NOW),
+    "get_goals": (lambda kb: kb.propositions.get_goals(), NOW),
+    "get_by_predicate of the past": (
+        lambda kb: kb.at(5).propositions.get_by_predicate("lit"),
+        HISTORY,
+    ),
+    "get_goals of the past": (lambda kb: kb.at(5).propositions.get_goals(), OF_ONE),
+}
+
+
+def move(kb: KnowledgeBase, proposition: PddlPropositionDto) -> None:
+    """Let a fact go and come again."""
+    assert kb.propositions.delete(proposition)
+    assert kb.propositions.insert(proposition)
+
+
+def make(kb: KnowledgeBase, proposition: PddlPropositionDto) -> None:
+    """Let a fact come and go again."""
+    assert kb.propositions.insert(proposition)
+    assert kb.propositions.delete(proposition)
+
+
+# Of the first, 300 closed versions lie behind it; of the second, 20,000 others are as young as it.
+WRITES: dict[str, tuple[Call, set[str]]] = {
+    "a fact with a past": (lambda kb: move(kb, fact("visited", 0, 10)), LIVE),
+    "a fact of many": (lambda kb: move(kb, fact("near", 3, 3)), LIVE),
+    "a fact that was not": (lambda kb: make(kb, fact("fresh", 1, 2)), LIVE),
+    "a goal": (lambda kb: move(kb, fact("visited", 0, 1, is_goal=True)), LIVE),
+}
+
+
+class Subject(NamedTuple):
+    """A store with much that holds, and more that held."""
+
+    name: str
+    url: str
+
+    def ask(self, call: Call) -> list[Statement]:
+        """Give the statements of a call that read or change rows, of a process that just began."""
+        with kant_sql.connect(self.url) as kb:
+            kb.revision  # noqa: B018
+            with seen() as statements:
+                call(kb)
+        return [
+            statement
+            for statement in statements
+            if not is_bracket(statement.sql)
+            and not statement.sql.startswith("INSERT")
+            and "proposition_version" in statement.sql
+        ]
+
+
+@pytest.fixture(scope="module", params=["sqlite", BEFORE, AFTER])
+def subject(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Subject:
+    name: str = request.param
+    if name == "sqlite":
+        url = f"sqlite:///{tmp_path_factory.mktemp('plans') / 'store.db'}"
+    else:
+        server: Server = request.getfixturevalue("server")
+        url = server.new_database()
+        kant_sql.upgrade(url)
+        keep_without_statistics(url)
+    fill(url)
+    if name == AFTER:
+        with psycopg.connect(url, autocommit=True) as connection:
+            connection.execute("VACUUM ANALYZE")
+    return Subject(name, url)
+
+
+def keep_without_statistics(url: str) -> None:
+    with psycopg.connect(url, autocommit=True) as connection:
+        tables = connection.execute("SELECT tablename FROM pg_tables WHERE schemaname = 'public'")
+        for (table,) in tables.fetchall():
+            connection.execute(f'ALTER TABLE "{table}" SET (autovacuum_enabled = off)'.encode())
+
+
+def fill(url: str) -> None:
+    with kant_sql.connect(url) as kb:
+        define(kb)
+        kb.propositions.save_all(fact("lit", place) for place in range(LIT))
+        kb.propositions.save_all(fact("visited", 0, place, is_goal=True) for place in range(GOALS))
+    store = bare(url)
+    load(store, Past("hot", HOT, False, 1), CLOSED)
+    store.close()
+    with kant_sql.connect(url) as kb:
+        pairs = islice(product(range(1_000), range(1_000)), FACTS)
+        kb.propositions.save_all(fact("near", *places) for places in pairs)
+        kb.propositions.save_all(fact("visited", 0, place) for place in range(0, HOT, 10))
+
+
+def version_indexes(plan: list[str]) -> set[str]:
+    """Give the indexes of `proposition_version` that a plan uses."""
+    text = "\n".join(plan)
+    found = re.findall(r"(?:INDEX|Bitmap Index Scan on|using) (\w+)", text)
+    versions = {"sqlite_autoindex_proposition_version_1"}
+    return {name for name in found if "_proposition_version_" in name or name in versions} | {
+        name for name in found if name == "pk_proposition_version"
+    }
+
+
+def whole_tables(plan: list[str]) -> list[str]:
+    """Give the steps of a plan that walk all propositions, or all that ever held."""
+    # `(kb_id=?)` alone is all rows of a knowledge base: fine only in an index of what holds now.
+    walks = re.compile(
+        r"Seq Scan on prop|SCAN prop|SEARCH prop.* INDEX (?P<index>\w+) \(kb_id=\?\)$"
+    )
+    found = [(step, walks.search(step)) for step in plan]
+    return [step for step, walk in found if walk is not None and walk["index"] not in NOW]
+
+
+@pytest.mark.parametrize("name", [*READS, *WRITES])
+def test_each_call_finds_rows_by_the_index_that_is_there_for_it(
+    subject: Subject, name: str
+) -> None:
+    call, expected = (READS | WRITES)[name]
+    plans = [explain(subject.url, statement) for statement in subject.ask(call)]
+    steps = [step for plan in plans for step in plan]
+    assert not whole_tables(steps), "\n".join(steps)
+    used = version_indexes(steps)
+    assert used
+    assert used <= expected, "\n".join(steps)
+
+
+# Where all rows are read, or one, another index that is as small does as well.
+@pytest.mark.parametrize("subject", ["sqlite", AFTER], indirect=True)
+@pytest.mark.parametrize("name", [name for name in READS if "by_predicate" in name])
+def test_the_index_covers_what_is_read_of_versions(subject: Subject, name: str) -> None:
+    call, expected = READS[name]
+    index = "ix_proposition_version_now" if expected == NOW else "ix_proposition_version_history"
+    covering = f"COVERING INDEX {index}", f"Index Only Scan using {index}"
+    steps = explain(subject.url, subject.ask(call)[-1])
+    assert any(text in step for step in steps for text in covering), "\n".join(steps)
+
+
+def rows_touched(url: str, statement: Statement) -> int:
+    """Run a statement, undo it, and give how many rows the busiest step of its plan looked at."""
+    query: Any = f"EXPLAIN (ANALYZE, FORMAT JSON) {statement.sql}"
+    with psycopg.connect(url) as connection:
+        ((plan,),) = connection.execute(query, statement.parameters).fetchall()
+        connection.rollback()
+
+    def touched(node: dict[str, Any]) -> Iterator[float]:
+        removed = sum(node[key] for key in node if key.startswith("Rows Removed"))
+        yield (node["Actual Rows"] + removed) * node["Actual Loops"]
+        for child in node.get("Plans", ()):
+            yield from touched(child)
+
+    return round(max(touched(plan[0]["Plan"])))
+
+
+@pytest.mark.parametrize("subject", [BEFORE, AFTER], indirect=True)
+@pytest.mark.parametrize("name", READS)
+def test_postgresql_looks_at_no_more_rows_than_hold(subject: Subject, name: str) -> None:
+    for statement in subject.ask(READS[name][0]):
+        assert rows_touched(subject.url, statement) <= FACTS + LIT + GOALS + HOT
+
+
+@pytest.mark.parametrize("subject", [BEFORE, AFTER], indirect=True)
+@pytest.mark.parametrize("name", WRITES)
+def test_postgresql_looks_at_a_handful_of_rows_to_write_one(subject: Subject, name: str) -> None:
+    for sql, parameters in subject.ask(WRITES[name][0]):
+        # Again, in a revision to come.
+        later = parameters | ({"at": FAR} if "at" in parameters else {})
+        assert rows_touched(subject.url, Statement(sql, later)) <= 3

@@ -1,0 +1,77 @@
+"""One store, shared by processes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+
+from kant_sql import KnowledgeBase
+from tests import counter, elsewhere, forking
+from tests.chain import check_chain
+from tests.conftest import Connect
+from tests.workers import change, count, in_processes, watch
+
+PROCESSES = 4
+TIMES = 12
+
+
+@pytest.mark.parametrize("way", counter.WAYS_TO_COUNT)
+def test_processes_that_read_modify_and_write_lose_no_update(
+    shared_url: str, connect: Connect, way: Callable[[KnowledgeBase, int], None]
+) -> None:
+    kb = connect(shared_url, knowledge_base="tiago")
+    counter.start(kb)
+    in_processes(*[(count, shared_url, way, TIMES)] * PROCESSES)
+    assert counter.read(kb) == PROCESSES * TIMES
+    numbers = [revision.number for revision in kb.revisions()]
+    assert numbers == [*range(1, PROCESSES * TIMES + 2)]
+    assert check_chain(shared_url) == {"tiago": PROCESSES * TIMES + 1}
+
+
+def test_processes_that_read_while_others_write_see_whole_revisions(
+    shared_url: str, connect: Connect
+) -> None:
+    counter.start(connect(shared_url, knowledge_base="tiago"))
+    reads = in_processes(
+        *[(count, shared_url, counter.increment, 15)] * 2, *[(watch, shared_url, 30)] * 2
+    )[2:]
+    assert max(reads) > 1
+
+
+@pytest.mark.parametrize(("changes", "then"), elsewhere.CHANGES)
+def test_a_process_acts_on_what_another_has_changed(
+    shared_url: str,
+    connect: Connect,
+    changes: Callable[[KnowledgeBase], None],
+    then: Callable[[KnowledgeBase], None],
+) -> None:
+    kb = connect(shared_url, knowledge_base="tiago")
+    elsewhere.world(kb)
+    in_processes((change, shared_url, changes))
+    then(kb)
+    newcomer = connect(shared_url, knowledge_base="tiago")
+    for dao in ("types", "objects", "predicates", "actions", "propositions"):
+        assert repr(getattr(kb, dao).get_all()) == repr(getattr(newcomer, dao).get_all())
+    check_chain(shared_url)
+
+
+@pytest.mark.parametrize(
+    "scenario",
+    [
+        forking.both_sides_go_on,
+        forking.children_close_first,
+        forking.within_a_transaction,
+        forking.out_of_a_transaction,
+        forking.beside_a_thread_in_a_transaction,
+    ],
+)
+def test_an_open_knowledge_base_survives_a_fork(
+    shared_url: str, scenario: Callable[[str], None]
+) -> None:
+    in_processes((scenario, shared_url))
+    check_chain(shared_url)
+
+
+def test_a_child_has_a_copy_of_a_store_in_memory() -> None:
+    in_processes((forking.in_memory,))

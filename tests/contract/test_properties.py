@@ -1,0 +1,192 @@
+"""Any sequence of calls has the same results on every backend as on a plain model of the rules.
+
+KANT_SQL_TEST_EXAMPLES=5000 hunts for longer, each time from another seed.
+"""
+
+from __future__ import annotations
+
+import itertools
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+
+import kant_sql
+from kant_sql import (
+    KnowledgeBase,
+    PddlActionDto,
+    PddlConditionEffectDto,
+    PddlObjectDto,
+    PddlPredicateDto,
+    PddlPropositionDto,
+    PddlTypeDto,
+)
+from kant_sql.backends import Backend, create_backend
+from kant_sql.factory import SqlDaoFactory
+from kant_sql.store import Store
+from tests.chain import check_chain
+from tests.conftest import Server
+from tests.model import Model
+from tests.programs import Block, Call, Items, Program, Step, programs, run, state_of
+from tests.worlds import RB1, ROBOT, ROBOT_AT, WAYPOINT, WP1, WP2, navigation, robot_at
+
+HUNT = int(os.environ.get("KANT_SQL_TEST_EXAMPLES", "0"))
+_numbers = itertools.count(1)
+
+
+class Stores:
+    """One database of each kind, with a new knowledge base for each program."""
+
+    def __init__(self, urls: dict[str, str]) -> None:
+        self.backends = {name: create_backend(url) for name, url in urls.items()}
+        self.shared_urls = [url for name, url in urls.items() if name != "memory"]
+
+    def close(self) -> None:
+        for backend in self.backends.values():
+            backend.close()
+
+
+class SharedFactory(SqlDaoFactory):
+    """A process's own view of a knowledge base, on connections that all of them share."""
+
+    def __init__(self, backend: Backend, name: str) -> None:
+        self._at = None
+        self._store = Store(backend, name, "test")
+
+
+@pytest.fixture(scope="module")
+def stores(server: Server, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stores]:
+    on_server = server.new_database()
+    kant_sql.upgrade(on_server)
+    file: Path = tmp_path_factory.mktemp("properties") / "store.db"
+    opened = Stores({"memory": "sqlite://", "file": f"sqlite:///{file}", "server": on_server})
+    yield opened
+    opened.close()
+
+
+# What is meant for large amounts, and how little of it the programs have.
+TIGHT = {
+    "kant_sql.propositions.SPILL_AT": 1,
+    "kant_sql.propositions.CACHED_ATOMS": 1,
+    "kant_sql.atoms.CACHED_ATOMS": 1,
+    "kant_sql.dao.base.BATCH": 2,
+    "kant_sql.knowledge.cache.CACHED_PASTS": 1,
+    "kant_sql.history.revisions.LOG_PAGE": 2,
+    "kant_sql.backends.sqlite_session.FETCH_SIZE": 1,
+    "kant_sql.backends.postgresql.COPY_FROM_ROWS": 2,
+}
+
+
+def check(backend: Backend, program: Program) -> None:
+    """Run a program on a store and on the model, step by step."""
+    name = f"program {next(_numbers)}"
+
+    def process() -> KnowledgeBase:
+        return KnowledgeBase(SharedFactory(backend, name))
+
+    model, processes = Model(), [process(), process()]
+    for number, step in program.steps:
+        assert run(processes[number], step) == run(model, step), f"{backend.label}: {step}"
+    newcomer = process()
+    for kb in (*processes, newcomer):
+        assert state_of(kb) == state_of(model)
+    for revision in range(model.revision + 1):
+        assert state_of(newcomer.at(revision)) == state_of(model.at(revision))
+    assert [[*map(tuple, entry.changes)] for entry in newcomer.log()][::-1] == model.changes()
+
+
+def check_everywhere(stores: Stores, program: Program) -> None:
+    for backend in stores.backends.values():
+        with pytest.MonkeyPatch.context() as patch:
+            for name, value in TIGHT.items() if program.is_tight else ():
+                patch.setattr(name, value)
+            check(backend, program)
+
+
+NAMELESS = PddlObjectDto(ROBOT, "\ud800")
+UNKNOWN_ABOVE = PddlTypeDto("wp", parent=PddlTypeDto("place", parent=PddlTypeDto("thing")))
+ACROSS = PddlPropositionDto(PddlPredicateDto("robot_at", [WAYPOINT]), [RB1, WP1])
+STAY = PddlActionDto("stay", [], [PddlConditionEffectDto(ROBOT_AT, [RB1, WP1], "at start")])
+NEAR_IT = PddlConditionEffectDto(
+    PddlPredicateDto("near", [WAYPOINT]), [PddlObjectDto(UNKNOWN_ABOVE, "wp1")], "at start"
+)
+
+
+def save(*dtos: Any) -> Call:
+    return Call("propositions", "save_all", (Items([*dtos]),))
+
+
+def on(dao: str, method: str, *arguments: Any) -> Call:
+    return Call(dao, method, arguments)
+
+
+READ = on("propositions", "get_all")
+HERE, THERE = robot_at(), robot_at(place=WP2)
+
+# Each of these once had other results, or lost a write.
+REGRESSIONS: dict[str, list[Step]] = {
+    "retracted, read and asserted again": [
+        save(HERE),
+        Block([on("propositions", "delete", HERE), READ, save(HERE)]),
+        on("propositions", "delete", HERE),
+    ],
+    "asserted, read and retracted again": [
+        save(HERE),
+        on("objects", "save", WP2),
+        Block([save(THERE), READ, on("propositions", "delete", THERE)]),
+        save(THERE),
+    ],
+    "retracted and asserted around a spill": [
+        save(HERE),
+        Block([on("propositions", "delete", HERE), save(THERE), save(HERE)]),
+    ],
+    "actions with parameters after one without": [
+        save(HERE),
+        on("actions", "save_all", [STAY, navigation()]),
+    ],
+    "names that no driver sends": [
+        on("objects", "save_all", [NAMELESS]),
+        save(robot_at(NAMELESS), HERE),
+        on("types", "save_all", [PddlTypeDto("a\0b")]),
+    ],
+    "a grandparent that is not the stored one": [
+        on("types", "save", PddlTypeDto("wp", parent=PddlTypeDto("place"))),
+        on("objects", "save", PddlObjectDto(UNKNOWN_ABOVE, "wp1")),
+    ],
+    "a term's type with a parent that is not the stored one": [
+        on("actions", "save", PddlActionDto("stay", [WP1], [NEAR_IT])),
+    ],
+    "what holds, with another definition of its predicate": [
+        save(HERE),
+        on("propositions", "insert", ACROSS),
+        on("propositions", "update", ACROSS),
+    ],
+}
+
+
+@pytest.mark.parametrize("is_tight", [False, True], ids=["loose", "tight"])
+@pytest.mark.parametrize("steps", REGRESSIONS.values(), ids=REGRESSIONS)
+def test_a_program_that_once_failed(stores: Stores, steps: list[Step], is_tight: bool) -> None:
+    check_everywhere(stores, Program([(0, step) for step in steps], is_tight))
+
+
+# To make a failing program small takes up to five minutes more.
+@pytest.mark.timeout(0 if HUNT else 900)
+def test_any_program_has_the_results_of_the_model(stores: Stores) -> None:
+    @settings(
+        max_examples=HUNT or 250,
+        derandomize=not HUNT,
+        database=None,
+        deadline=None,
+        suppress_health_check=[HealthCheck.too_slow],
+    )
+    @given(programs())
+    def holds_for(program: Program) -> None:
+        check_everywhere(stores, program)
+
+    holds_for()
+    for url in stores.shared_urls:
+        assert check_chain(url)

@@ -1,0 +1,205 @@
+"""One knowledge base, shared by threads."""
+
+from __future__ import annotations
+
+import sqlite3
+import threading
+import time
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import pytest
+
+from kant_sql import KnowledgeBase
+from kant_sql.propositions import PendingPropositions
+from tests import counter
+from tests.chain import check_chain, check_sqlite
+from tests.conftest import Connect
+from tests.workers import watch_with
+from tests.worlds import RB1, WP2, robot_at, waypoint
+
+THREADS = 8
+TIMES = 6
+PROMPTLY = 2.0
+
+
+def in_threads(*calls: Callable[[], Any]) -> list[Any]:
+    """Run calls at the same moment, each in a thread of its own, and give what they return."""
+    barrier = threading.Barrier(len(calls))
+
+    def run(call: Callable[[], Any]) -> Any:
+        barrier.wait(60)
+        return call()
+
+    with ThreadPoolExecutor(len(calls)) as pool:
+        return list(pool.map(run, calls))
+
+
+def check(kb: KnowledgeBase, url: str) -> dict[str, int]:
+    """Recompute the chain, also of a store in memory, which only its own connection can read."""
+    if url != "sqlite://":
+        return check_chain(url)
+    with kb.factory._store.backend.open_session() as session:  # type: ignore[attr-defined]
+        connection: sqlite3.Connection = session._pooled.driver_connection
+        return check_sqlite(connection)
+
+
+@pytest.mark.parametrize("way", counter.WAYS_TO_COUNT)
+def test_threads_that_read_modify_and_write_lose_no_update(
+    kb: KnowledgeBase, url: str, way: Callable[[KnowledgeBase, int], None]
+) -> None:
+    counter.start(kb)
+    in_threads(*[lambda: way(kb, TIMES)] * THREADS)
+    assert counter.read(kb) == THREADS * TIMES
+    numbers = [revision.number for revision in kb.revisions()]
+    assert numbers == [*range(1, THREADS * TIMES + 2)]
+    assert check(kb, url) == {"tiago": THREADS * TIMES + 1}
+
+
+def test_threads_that_read_while_others_write_see_whole_revisions(kb: KnowledgeBase) -> None:
+    counter.start(kb)
+    writers = [lambda: counter.increment(kb, 10)] * 2
+    readers = [lambda: watch_with(kb, 20)] * 4
+    reads = in_threads(*writers, *readers)[2:]
+    assert max(reads) > 1
+
+
+def test_a_transaction_belongs_to_its_thread(url: str, connect: Connect) -> None:
+    kb = connect(url, actor="perception")
+    entered, left = threading.Event(), threading.Event()
+
+    def first() -> None:
+        with kb.transaction(actor="executive", reason="moving"):
+            kb.propositions.save(robot_at())
+            entered.set()
+            time.sleep(0.1)
+            assert not left.is_set(), "the other thread has written into this transaction"
+            kb.propositions.save(robot_at(is_goal=True))
+
+    def second() -> None:
+        entered.wait(60)
+        kb.propositions.save(robot_at(place=WP2))
+        left.set()
+
+    in_threads(first, second)
+    assert [(entry.revision.actor, len(entry.changes)) for entry in kb.log()] == [
+        ("perception", 2),
+        ("executive", 7),
+    ]
+
+
+def test_what_a_transaction_has_done_so_far_is_seen_by_its_own_thread_alone(
+    shared_url: str, connect: Connect
+) -> None:
+    kb = connect(shared_url)
+    kb.propositions.save(robot_at())
+    with kb.transaction():
+        kb.propositions.delete(robot_at())
+        kb.objects.delete(RB1)
+        assert kb.propositions.get_all() == []
+        assert in_threads(lambda: [kb.propositions.get_all(), kb.objects.get("rb1")]) == [
+            [[robot_at()], RB1]
+        ]
+
+
+def test_a_transaction_within_another_joins_it(kb: KnowledgeBase) -> None:
+    with kb.transaction(actor="outer", reason="first"):
+        kb.propositions.save(robot_at())
+        with kb.transaction(actor="inner", reason="second", expected_revision=0):
+            kb.propositions.save(robot_at(place=WP2))
+        assert kb.revision == 0
+    (revision,) = kb.revisions()
+    assert (revision.actor, revision.reason) == ("outer", "first")
+    assert kb.propositions.get_all() == [robot_at(), robot_at(place=WP2)]
+
+
+def test_readers_do_not_wait_for_a_writer(shared_url: str, connect: Connect) -> None:
+    kb = connect(shared_url)
+    kb.propositions.save(robot_at())
+    with kb.transaction():
+        kb.propositions.save(robot_at(place=WP2))
+        assert len(kb.propositions.get_all()) == 2  # Now it is in the tables, too.
+        began = time.monotonic()
+        found = in_threads(
+            lambda: len(kb.propositions.get_all()),
+            lambda: len(kb.at(kb.revision).objects.get_all()),
+            lambda: len(kb.revisions()),
+            lambda: len(list(kb.log())),
+            lambda: len(connect(shared_url).propositions.get_all()),
+        )
+        assert time.monotonic() - began < PROMPTLY
+    assert found == [1, 2, 1, 1, 1]
+
+
+def test_writers_of_different_knowledge_bases_do_not_wait_on_postgresql(
+    server: Any, connect: Connect, request: pytest.FixtureRequest
+) -> None:
+    url = request.getfixturevalue("server").new_database()
+    import kant_sql
+
+    kant_sql.upgrade(url)
+    first, second, third = (connect(url, knowledge_base=name) for name in ("a", "b", "c"))
+    second.propositions.save(robot_at())
+    with first.transaction():
+        first.propositions.save(robot_at())
+        first.propositions.get_all()
+        began = time.monotonic()
+        in_threads(
+            lambda: second.propositions.save(robot_at(place=WP2)),
+            lambda: third.propositions.save(robot_at(place=WP2)),
+        )
+        assert time.monotonic() - began < PROMPTLY
+    assert check_chain(url) == {"a": 1, "b": 2, "c": 1}
+
+
+def test_a_transaction_that_comes_to_nothing_leaves_nothing_behind(
+    kb: KnowledgeBase, url: str
+) -> None:
+    kb.propositions.save(robot_at())
+    kb.objects.save(WP2)
+    with kb.transaction():
+        kb.propositions.save(robot_at(place=WP2))
+        assert len(kb.propositions.get_all()) == 2  # Now it has an id in the tables.
+        kb.propositions.delete(robot_at(place=WP2))
+    kb.propositions.save(robot_at(is_goal=True))  # Now another one has this id.
+    kb.propositions.save(robot_at(place=WP2))
+    assert kb.propositions.get_all() == [robot_at(), robot_at(is_goal=True), robot_at(place=WP2)]
+    assert check(kb, url) == {"tiago": 4}
+
+
+def test_what_a_slow_thread_has_seen_does_not_hide_what_a_quicker_one_has_done(
+    shared_url: str, connect: Connect, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kb = connect(shared_url)
+    kb.propositions.save(robot_at())
+    kb.propositions.save(robot_at(place=WP2))
+    kb.propositions.delete(robot_at(place=WP2))
+    publish = PendingPropositions.publish
+    ended, go_on = threading.Event(), threading.Event()
+
+    def slowly(propositions: PendingPropositions, revision: int) -> None:
+        if threading.current_thread() is slow:
+            ended.set()
+            go_on.wait(60 if shared_url.startswith("postgresql") else 0.2)
+        publish(propositions, revision)
+
+    monkeypatch.setattr(PendingPropositions, "publish", slowly)
+    slow = threading.Thread(target=lambda: kb.propositions.delete(robot_at(place=WP2)))
+    slow.start()
+    assert ended.wait(60)
+    assert kb.propositions.insert(robot_at(place=WP2))
+    with kb.transaction():
+        go_on.set()
+        slow.join()
+        assert not kb.propositions.insert(robot_at(place=WP2))
+
+
+def test_more_threads_than_connections_take_turns(kb: KnowledgeBase, url: str) -> None:
+    kb.propositions.save(robot_at())
+    threads = 70
+    saves = [lambda n=n: kb.propositions.save(robot_at(place=waypoint(n))) for n in range(threads)]
+    reads = [kb.propositions.get_all] * 10
+    in_threads(*saves, *reads)
+    assert check(kb, url) == {"tiago": threads}
+    assert len(kb.propositions.get_all()) == threads

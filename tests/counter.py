@@ -1,0 +1,92 @@
+"""A counter kept as facts, which shows what writers lose, and when readers see half a revision.
+
+`(value c n17)` says that the counter is at 17. `(copy c n17)` says so too, and each revision
+changes both, so that a state in which they differ is no revision's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from kant_sql import (
+    KnowledgeBase,
+    PddlObjectDto,
+    PddlPredicateDto,
+    PddlPropositionDto,
+    PddlTypeDto,
+    StaleRevisionError,
+)
+
+COUNTER = PddlTypeDto("counter")
+NUMBER = PddlTypeDto("number")
+THE_COUNTER = PddlObjectDto(COUNTER, "c")
+VALUE = PddlPredicateDto("value", [COUNTER, NUMBER])
+COPY = PddlPredicateDto("copy", [COUNTER, NUMBER])
+
+
+def facts_of(number: int) -> list[PddlPropositionDto]:
+    """The facts that say that the counter is at a number."""
+    at = PddlObjectDto(NUMBER, f"n{number}")
+    return [PddlPropositionDto(predicate, [THE_COUNTER, at]) for predicate in (VALUE, COPY)]
+
+
+def start(kb: KnowledgeBase) -> None:
+    """Begin to count, in one revision."""
+    kb.propositions.save_all(facts_of(0))
+
+
+def number_of(facts: Iterable[PddlPropositionDto]) -> int:
+    """What the facts of one predicate say of the counter."""
+    (fact,) = facts
+    return int(fact.objects[1].name[1:])
+
+
+def read(kb: KnowledgeBase) -> int:
+    """Read the counter by one call, and check that the call saw one whole revision."""
+    facts = kb.propositions.get_all()
+    value = number_of(fact for fact in facts if fact.predicate.name == "value")
+    copy = number_of(fact for fact in facts if fact.predicate.name == "copy")
+    assert value == copy
+    return value
+
+
+def read_by_calls(kb: KnowledgeBase) -> int:
+    """Read the counter by several calls on one revision, and check that they agree."""
+    then = kb.at(kb.revision)
+    value = number_of(then.propositions.get_by_predicate("value"))
+    assert number_of(then.propositions.get_by_predicate("copy")) == value
+    assert then.objects.get(f"n{value}") is not None
+    assert read(then) == value
+    return value
+
+
+def move(kb: KnowledgeBase, value: int) -> None:
+    """Move the counter on by one, within a transaction."""
+    for fact in facts_of(value):
+        assert kb.propositions.delete(fact)
+    for fact in facts_of(value + 1):
+        assert kb.propositions.insert(fact)
+
+
+def increment(kb: KnowledgeBase, times: int) -> None:
+    """Count, each time in a transaction that reads, and so keeps other writers out."""
+    for _ in range(times):
+        with kb.transaction(reason="count"):
+            move(kb, read(kb))
+
+
+def increment_expecting(kb: KnowledgeBase, times: int) -> None:
+    """Count, each time from a revision that was read before and is expected not to have passed."""
+    for _ in range(times):
+        while True:
+            seen = kb.at(kb.revision)
+            value = number_of(seen.propositions.get_by_predicate("value"))
+            try:
+                with kb.transaction(reason="count", expected_revision=seen.revision):
+                    move(kb, value)
+            except StaleRevisionError:
+                continue
+            break
+
+
+WAYS_TO_COUNT = (increment, increment_expecting)

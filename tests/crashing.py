@@ -1,0 +1,146 @@
+"""Writers that are killed, and what must be found afterwards."""
+
+from __future__ import annotations
+
+import os
+import resource
+import signal
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from multiprocessing.connection import Connection
+from typing import NamedTuple
+
+import kant_sql
+from kant_sql import ConnectionLostError, KnowledgeBase, PddlObjectDto, StoreError
+from tests import counter
+from tests.chain import check_chain
+from tests.conftest import Server
+from tests.workers import PATIENCE, PROCESSES
+from tests.worlds import RB1, ROBOT, ROBOT_AT, navigation, robot_at, waypoint
+
+BULK = 60
+
+
+class Acknowledged(NamedTuple):
+    """A revision that a writer was told of."""
+
+    number: int
+    hash: str
+
+
+def write_for_ever(url: str, tell: Connection) -> None:
+    """Write in all ways that there are, and tell each revision once its call has come back."""
+    with kant_sql.connect(url, "tiago", "crashing") as kb:
+        last = kb.revision
+        while True:
+            for way in (_one_call, _some_calls, _many_rows, _one_call, _definitions):
+                # A transaction that was lost with its connection has done nothing.
+                with suppress(ConnectionLostError):
+                    way(kb, last)
+                    (revision,) = kb.revisions(after=last)
+                    tell.send(Acknowledged(revision.number, revision.hash))
+                    last = revision.number
+
+
+def _one_call(kb: KnowledgeBase, last: int) -> None:
+    assert kb.objects.insert(PddlObjectDto(ROBOT, f"r{last}"))
+
+
+def _some_calls(kb: KnowledgeBase, last: int) -> None:
+    with kb.transaction(reason=f"after {last}", source={"step": last}):
+        counter.move(kb, counter.number_of(kb.propositions.get_by_predicate("value")))
+
+
+def _many_rows(kb: KnowledgeBase, last: int) -> None:
+    kb.propositions.save_all(robot_at(place=waypoint(BULK * last + n)) for n in range(BULK))
+
+
+def _definitions(kb: KnowledgeBase, last: int) -> None:
+    with kb.transaction():
+        action = navigation()
+        action.duration = last
+        kb.actions.save(action)
+        assert len(kb.propositions.get_all()) > BULK
+        for robot in kb.objects.get_all():
+            if robot.type == ROBOT and robot != RB1:
+                kb.objects.delete(robot)
+
+
+@contextmanager
+def killed_later(work: Callable[[str, Connection], None], url: str) -> Iterator[Connection]:
+    """Run a writer in a process of its own, until the end of the block; then it is killed."""
+    told, tell = PROCESSES.Pipe(duplex=False)
+    process = PROCESSES.Process(target=work, args=(url, tell), daemon=True)
+    process.start()
+    tell.close()
+    try:
+        yield told
+    finally:
+        process.kill()
+        process.join(PATIENCE)
+    assert process.exitcode == -signal.SIGKILL, "the writer has failed by itself"
+
+
+def all_told(told: Connection) -> list[Acknowledged]:
+    """Read what a writer had told before it was killed."""
+    revisions = []
+    with told:
+        while True:
+            try:
+                revisions.append(told.recv())
+            except EOFError:
+                return revisions
+
+
+def check_all(kb: KnowledgeBase, url: str, acknowledged: list[Acknowledged]) -> None:
+    """Check that what was acknowledged is there, that all is whole, and that it goes on."""
+    # A server may still be at the last transaction of a client that is gone: a writer waits for it.
+    assert kb.objects.insert(PddlObjectDto(ROBOT, f"checked_at_{kb.revision}"))
+    there = {Acknowledged(revision.number, revision.hash) for revision in kb.revisions()}
+    missing = set(acknowledged) - there
+    assert not missing, f"acknowledged and lost: {missing}"
+    facts = kb.propositions.get_all()
+    assert len([fact for fact in facts if fact.predicate == ROBOT_AT]) % BULK == 0
+    number = counter.number_of(fact for fact in facts if fact.predicate.name == "value")
+    assert number == counter.number_of(fact for fact in facts if fact.predicate.name == "copy")
+    assert check_chain(url) == {"tiago": len(there)}
+
+
+def kill_server(server: Server) -> None:
+    """Kill a PostgreSQL server with all of its processes at once, as a crash does."""
+    postmaster = server._server.get_postmaster_info().process
+    processes = [postmaster, *postmaster.children(recursive=True)]
+    for process in processes:
+        with suppress(ProcessLookupError):
+            os.kill(process.pid, signal.SIGKILL)
+    for process in processes:
+        process.wait(PATIENCE)
+
+
+def restart_server(server: Server) -> None:
+    """Start a server again that was killed; it repairs its files from its log."""
+    with server._server._lock:
+        server._server.ensure_postgres_running()
+
+
+def fill_disk(url: str) -> tuple[int, int]:
+    """Write until there is no more room, then make room and write on.
+
+    Returns:
+        How many calls came back before, and the last revision.
+    """
+    signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    with kant_sql.connect(url, "tiago") as kb:
+        counter.start(kb)
+        _, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (2_000_000, hard))
+        done = 0
+        with suppress(StoreError):
+            while True:
+                _some_calls(kb, done)
+                _many_rows(kb, done)
+                done += 1
+        assert counter.read_by_calls(kb) in (done, done + 1)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (hard, hard))
+        _some_calls(kb, done)
+        return done, kb.revision

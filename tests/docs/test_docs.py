@@ -1,0 +1,76 @@
+"""Every code block of the README and the docs is executed."""
+
+from __future__ import annotations
+
+import os
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from sybil import Document, Example, Sybil
+from sybil.parsers.markdown import CodeBlockParser, PythonCodeBlockParser
+
+ROOT = Path(__file__).parents[2]
+DOCUMENTS = [*sorted(ROOT.glob("*.md")), *sorted((ROOT / "docs").glob("*.md"))]
+KNOWN_LANGUAGES = {"python", "console", "sql", "text", "json"}
+
+
+def run_console(example: Example) -> None:
+    """Run the `$` lines of a console block, and compare what they print with what stands there."""
+    command = ""
+    expected: list[str] = []
+    for line in [*example.parsed.splitlines(), "$ true"]:
+        if line.startswith("$ "):
+            if command:
+                check_command(command, "\n".join(expected))
+            command, expected = line[2:], []
+        else:
+            expected.append(line)
+
+
+def check_command(command: str, expected: str) -> None:
+    if command.startswith("make "):
+        # The tests are what make runs: only see that it has the target.
+        subprocess.run([*shlex.split(command), "-n"], cwd=ROOT, check=True, capture_output=True)
+        return
+    scripts = Path(sys.executable).parent
+    environment = {**os.environ, "PATH": f"{scripts}{os.pathsep}{os.environ['PATH']}"}
+    done = subprocess.run(
+        command, shell=True, capture_output=True, text=True, env=environment, check=False
+    )
+    assert done.returncode == 0, f"$ {command}\n{done.stdout}{done.stderr}"
+    if expected.strip():
+        assert done.stdout.strip() == expected.strip(), command
+
+
+def parse(path: Path) -> Document:
+    sybil = Sybil(
+        parsers=[PythonCodeBlockParser(), CodeBlockParser("console", run_console)],
+        path=str(path.parent),
+    )
+    return sybil.parse(path)
+
+
+@pytest.fixture
+def empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("KANT_SQL_URL", raising=False)
+
+
+@pytest.mark.usefixtures("empty_folder")
+@pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: path.name)
+def test_code_blocks_run_in_order_in_an_empty_folder(path: Path) -> None:
+    for example in parse(path).examples():
+        example.evaluate()
+
+
+@pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: path.name)
+def test_every_block_says_its_language_and_some_test_runs_it(path: Path) -> None:
+    inside = False
+    for number, line in enumerate(path.read_text().splitlines(), start=1):
+        if line.startswith("```"):
+            if not inside:
+                assert line[3:] in KNOWN_LANGUAGES, f"{path.name}:{number}: {line}"
+            inside = not inside

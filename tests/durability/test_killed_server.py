@@ -1,0 +1,117 @@
+"""`kill -9` of the PostgreSQL server: nothing acknowledged is lost, and clients go on."""
+
+from __future__ import annotations
+
+import random
+import shutil
+import tempfile
+import threading
+import time
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import pytest
+
+import kant_sql
+from kant_sql import ConnectionLostError, KnowledgeBase, retry
+from tests import counter
+from tests.chain import check_chain
+from tests.conftest import Connect, Server
+from tests.crashing import (
+    Acknowledged,
+    all_told,
+    check_all,
+    kill_server,
+    killed_later,
+    restart_server,
+    write_for_ever,
+)
+from tests.worlds import waypoint
+
+KILLS = 2
+
+
+@pytest.fixture(scope="module")
+def mortal_server() -> Iterator[Server]:
+    """A server of these tests' own, which keeps its promises as in earnest."""
+    folder = Path(tempfile.mkdtemp(prefix="kantpg"))
+    running = Server(folder, fsync=True)
+    yield running
+    running._server.cleanup()
+    shutil.rmtree(folder, ignore_errors=True)
+
+
+@pytest.fixture
+def mortal_url(mortal_server: Server) -> str:
+    url = mortal_server.new_database()
+    kant_sql.upgrade(url)
+    return url
+
+
+@pytest.mark.slow
+def test_a_killed_server_loses_nothing_that_was_acknowledged(
+    mortal_server: Server, mortal_url: str, connect: Connect
+) -> None:
+    kb = connect(mortal_url, knowledge_base="tiago")
+    counter.start(kb)
+    acknowledged: list[Acknowledged] = []
+    for _ in range(KILLS):
+        with killed_later(write_for_ever, mortal_url) as told:
+            assert told.poll(30)
+            time.sleep(random.uniform(0, 0.3))
+            kill_server(mortal_server)
+        acknowledged += all_told(told)
+        restart_server(mortal_server)
+        check_all(kb, mortal_url, acknowledged)
+    assert len(acknowledged) > KILLS
+
+
+@pytest.mark.slow
+def test_clients_survive_a_killed_server_and_do_everything_once(
+    mortal_server: Server,
+    mortal_url: str,
+    connect: Connect,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(retry, "RETRY_FOR", 60)  # A busy machine may be slow to start a server.
+    kb = connect(mortal_url, knowledge_base="tiago")
+    counter.start(kb)
+    done = threading.Event()
+    with ThreadPoolExecutor(3) as pool:
+        calls = [pool.submit(_insert, kb, first, done) for first in (1_000, 2_000)]
+        transactions = pool.submit(_count, kb, done)
+        try:
+            for _ in range(KILLS):
+                time.sleep(random.uniform(0.2, 0.4))
+                kill_server(mortal_server)
+                restart_server(mortal_server)
+            time.sleep(0.2)
+        finally:
+            done.set()
+        inserted = sum(outcome.result(60) for outcome in calls)
+        counted = transactions.result(60)
+    assert counter.read(kb) == counted
+    assert len(kb.objects.get_all()) == inserted + counted + 2
+    assert check_chain(mortal_url) == {"tiago": 1 + inserted + counted}
+
+
+def _insert(kb: KnowledgeBase, first: int, done: threading.Event) -> int:
+    """Insert by single calls, which notice nothing of what happens to the server."""
+    number = first
+    while not done.is_set():
+        assert kb.objects.insert(waypoint(number))
+        number += 1
+    return number - first
+
+
+def _count(kb: KnowledgeBase, done: threading.Event) -> int:
+    """Count by transactions, and take each that was lost for one that did nothing."""
+    successes = 0
+    while not done.is_set():
+        try:
+            counter.increment(kb, 1)
+        except ConnectionLostError:
+            continue
+        successes += 1
+    return successes

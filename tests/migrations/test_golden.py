@@ -1,0 +1,91 @@
+"""The schema that the migrations make: the one on record, and the one that the models describe.
+
+When a migration is added, this command writes the records anew; read what changed before you
+commit it:
+
+    KANT_SQL_TEST_GOLDEN=write python -m pytest tests/migrations/test_golden.py
+"""
+
+from __future__ import annotations
+
+import io
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+from alembic.autogenerate import compare_metadata
+from alembic.migration import MigrationContext
+from sqlalchemy import Connection, create_engine, make_url
+
+import kant_sql
+from kant_sql.schema import VERSION_TABLE, VERSIONS, upgrade_sql
+from kant_sql.tables import Base
+from tests.migrations.dump import dump
+
+FOLDER = Path(__file__).parent / "golden"
+WRITE = os.environ.get("KANT_SQL_TEST_GOLDEN") == "write"
+
+
+@contextmanager
+def connected(url: str) -> Iterator[Connection]:
+    drivers = {"postgresql": "postgresql+psycopg"}
+    named = make_url(url)
+    engine = create_engine(named.set(drivername=drivers.get(named.drivername, named.drivername)))
+    with engine.begin() as connection:
+        yield connection
+    engine.dispose()
+
+
+def dump_of(url: str, **options: Any) -> str:
+    with connected(url) as connection:
+        return dump(connection, **options)
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_the_schema_of_each_version_is_the_one_on_record(empty_url: str, version: str) -> None:
+    kant_sql.upgrade(empty_url, version)
+    live = dump_of(empty_url)
+    record = FOLDER / f"{make_url(empty_url).get_backend_name()}-{version}.sql"
+    if WRITE:
+        FOLDER.mkdir(exist_ok=True)
+        record.write_text(live, encoding="utf-8")
+    assert live == record.read_text(encoding="utf-8"), (
+        f"the migrations make another schema than {record} says. If that is meant, run "
+        "KANT_SQL_TEST_GOLDEN=write python -m pytest tests/migrations/test_golden.py"
+    )
+
+
+def test_the_models_make_the_schema_that_the_migrations_make(
+    empty_url: str, second_empty_url: str
+) -> None:
+    kant_sql.upgrade(empty_url)
+    with connected(second_empty_url) as connection:
+        Base.metadata.create_all(connection)
+    assert dump_of(second_empty_url) == dump_of(empty_url, without=[VERSION_TABLE])
+
+
+def test_autogenerate_finds_nothing_to_migrate(empty_url: str) -> None:
+    kant_sql.upgrade(empty_url)
+    with connected(empty_url) as connection:
+        options = {"version_table": VERSION_TABLE, "compare_type": True}
+        context = MigrationContext.configure(connection, opts=options)
+        assert compare_metadata(context, Base.metadata) == []
+
+
+def test_the_sql_that_is_written_offline_makes_the_same_schema(
+    empty_url: str, second_empty_url: str
+) -> None:
+    kant_sql.upgrade(empty_url)
+    out = io.StringIO()
+    upgrade_sql(second_empty_url, out)
+    with connected(second_empty_url) as connection:
+        driver: Any = connection.connection.driver_connection
+        if connection.dialect.name == "sqlite":
+            driver.executescript(out.getvalue())
+        else:
+            driver.autocommit = True
+            driver.execute(out.getvalue())
+    assert dump_of(second_empty_url) == dump_of(empty_url)

@@ -1,0 +1,47 @@
+"""The migrations ship inside the wheel, and the library finds them there."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+
+PROGRAM = """
+import kant_sql, kant_sql.schema
+print(kant_sql.__file__)
+print(kant_sql.schema.migrations_folder())
+with kant_sql.connect("sqlite:///new.db") as kb:
+    kb.types.save(kant_sql.PddlTypeDto("robot"))
+    print(kb.revision)
+"""
+
+
+def test_the_wheel_is_told_to_hold_the_migrations() -> None:
+    config = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    wheel = config["tool"]["hatch"]["build"]["targets"]["wheel"]
+    assert wheel["packages"] == ["kant_sql"]
+    assert wheel["force-include"] == {"migrations": "kant_sql/migrations"}
+
+
+def test_an_installed_library_creates_a_store_by_the_migrations_in_it(tmp_path: Path) -> None:
+    package = tmp_path / "site" / "kant_sql"
+    ignore = shutil.ignore_patterns("__pycache__")
+    shutil.copytree(ROOT / "kant_sql", package, ignore=ignore)
+    shutil.copytree(ROOT / "migrations", package / "migrations", ignore=ignore)
+    done = subprocess.run(
+        [sys.executable, "-W", "error", "-c", PROGRAM],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(package.parent)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (done.stdout.splitlines(), done.stderr) == (
+        [str(package / "__init__.py"), str(package / "migrations"), "1"],
+        "",
+    )

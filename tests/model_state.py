@@ -1,0 +1,286 @@
+"""The rules of knowledge on a few dictionaries: what may be saved, and what depends on what."""
+
+from __future__ import annotations
+
+import unicodedata
+from collections.abc import Collection, Iterable, Iterator
+from typing import Any, NamedTuple
+
+from kant_sql import (
+    ArityError,
+    ConflictError,
+    DependantsError,
+    InvalidKnowledgeError,
+    InvalidNameError,
+    PddlActionDto,
+    PddlConditionEffectDto,
+    PddlObjectDto,
+    PddlPredicateDto,
+    PddlPropositionDto,
+    PddlTypeDto,
+    TypeCycleError,
+    TypeMismatchError,
+)
+
+ROOT = "object"
+TIMES = {"at start", "over all", "at end"}
+RESERVED = {
+    "type": {"either"},
+    "predicate": {"and", "or", "not", "imply", "forall", "exists", "when", "="},
+}
+
+
+def fold(name: str) -> str:
+    """Names that PDDL holds equal have the same key."""
+    return unicodedata.normalize("NFC", unicodedata.normalize("NFC", name).casefold())
+
+
+def check_name(kind: str, name: str) -> None:
+    """PDDL text must be able to carry the name."""
+    if (
+        not 1 <= len(name) <= 255
+        or name == "-"
+        or name.startswith(":")
+        or fold(name) in RESERVED.get(kind, ())
+        or any(sign.isspace() or sign in "();?\"'`" for sign in name)
+        or any(unicodedata.category(sign) in ("Cc", "Cf", "Cs", "Co", "Cn") for sign in name)
+    ):
+        raise InvalidNameError(repr(name))
+
+
+class Atom(NamedTuple):
+    is_goal: bool
+    predicate: str
+    arguments: tuple[str, ...]
+
+
+class Literal(NamedTuple):
+    """A term is the position of a parameter, or the key of a constant."""
+
+    predicate: str
+    terms: tuple[int | str, ...]
+    time: str | None
+    is_negative: bool
+
+
+class Action(NamedTuple):
+    """A parameter is its name, as spelt, and the key of its type; a duration is its text."""
+
+    parameters: tuple[tuple[str, str], ...]
+    conditions: tuple[Literal, ...]
+    effects: tuple[Literal, ...]
+    duration: str | None
+
+
+class Scope(NamedTuple):
+    """What a redefinition or a deletion is about, by keys."""
+
+    type: Collection[str] = ()
+    object: Collection[str] = ()
+    predicate: Collection[str] = ()
+
+
+class ModelState:
+    """What holds: type -> parent, object -> type, predicate -> types, action -> `Action`, atoms.
+
+    `known` has every name that was ever known in its first spelling, oldest first.
+    """
+
+    def __init__(self, origin: ModelState | None = None) -> None:
+        kinds = ("type", "object", "predicate", "action", "atom")
+        self.held: dict[str, dict[Any, Any]] = {kind: {} for kind in kinds}
+        self.known: dict[str, dict[Any, str]] = {kind: {} for kind in kinds}
+        if origin is not None:
+            self.held = {kind: dict(part) for kind, part in origin.held.items()}
+            self.known = {kind: dict(part) for kind, part in origin.known.items()}
+
+    # Saving: `define` makes an element what a DTO says, `refer` finds what one refers to.
+
+    def define(self, kind: str, dto: Any, cascade: bool = False) -> bool:
+        """Tell whether that is a change."""
+        if kind == "atom":
+            value, name = None, ""
+            key: Any = self._atom(dto)
+        else:
+            check_name(kind, dto.name)
+            value, name = getattr(self, f"_{kind}")(dto), dto.name
+            key = fold(name)
+            if kind != "action" and self.held[kind].get(key, value) != value:
+                self._check_cycle(kind, key, value)
+                scope = self.below({key}) if kind == "type" else Scope(**{kind: {key}})
+                self._clear(scope, cascade)
+        changes = key not in self.held[kind] or self.held[kind][key] != value
+        self.known[kind].setdefault(key, name)
+        self.held[kind][key] = value
+        return changes
+
+    def refer(self, kind: str, dto: Any) -> str:
+        """What is missing is saved along; what is there must agree."""
+        key = fold(dto.name)
+        if key not in self.held[kind]:
+            self.define(kind, dto)
+        elif kind == "type":
+            self._agree_on_parent(key, dto)
+        elif kind == "object":
+            if self.held["object"][key] != fold(dto.type.name):
+                raise ConflictError
+            self.refer("type", dto.type)
+        else:
+            if self.held["predicate"][key] != tuple(fold(type_.name) for type_ in dto.types):
+                raise ConflictError
+            for type_ in dto.types:
+                self.refer("type", type_)
+        return key
+
+    def _agree_on_parent(self, key: str, dto: PddlTypeDto) -> None:
+        """A parent must agree only when it is given; all that say nothing are under the root."""
+        if dto.parent is not None:
+            if (self.held["type"][key] or ROOT) != fold(dto.parent.name):
+                raise ConflictError
+            if dto.parent.parent is not None:
+                self.refer("type", dto.parent)
+
+    def _type(self, dto: PddlTypeDto) -> str | None:
+        above: PddlTypeDto | None = dto
+        seen: list[str] = []
+        while above is not None:
+            if fold(above.name) in seen:
+                raise TypeCycleError
+            if fold(above.name) == ROOT and above.parent is not None:
+                raise InvalidKnowledgeError
+            seen.append(fold(above.name))
+            above = above.parent
+        return None if dto.parent is None else self.refer("type", dto.parent)
+
+    def _object(self, dto: PddlObjectDto) -> str:
+        return self.refer("type", dto.type)
+
+    def _predicate(self, dto: PddlPredicateDto) -> tuple[str, ...]:
+        if len(dto.types) > 100:
+            raise ArityError
+        return tuple([self.refer("type", type_) for type_ in dto.types])
+
+    def _atom(self, dto: PddlPropositionDto) -> Atom:
+        predicate = self.refer("predicate", dto.predicate)
+        wanted = self.held["predicate"][predicate]
+        if len(dto.objects) != len(wanted):
+            raise ArityError
+        for object_, type_ in zip(dto.objects, wanted, strict=True):
+            if not self._fits(self.held["object"][self.refer("object", object_)], type_):
+                raise TypeMismatchError
+        return atom_of(dto)
+
+    def _action(self, dto: PddlActionDto) -> Action:
+        duration = dto.duration if dto.durative else 0
+        if isinstance(duration, bool) or not 0 <= duration < float("inf"):
+            raise InvalidKnowledgeError
+        parameters: dict[str, tuple[str, str]] = {}
+        for parameter in dto.parameters:
+            check_name("parameter", parameter.name)
+            if fold(parameter.name) in parameters:
+                raise InvalidKnowledgeError
+            type_ = self.refer("type", parameter.type)
+            parameters[fold(parameter.name)] = (parameter.name, type_)
+        conditions, effects = (
+            tuple([self._literal(literal, dto.durative, parameters) for literal in part])
+            for part in (dto.conditions, dto.effects)
+        )
+        text = str(duration) if dto.durative else None
+        return Action(tuple(parameters.values()), conditions, effects, text)
+
+    def _literal(
+        self, dto: PddlConditionEffectDto, durative: bool, parameters: dict[str, tuple[str, str]]
+    ) -> Literal:
+        if dto.time not in (TIMES if durative else {None}):
+            raise InvalidKnowledgeError
+        predicate = self.refer("predicate", dto.predicate)
+        wanted = self.held["predicate"][predicate]
+        if len(dto.objects) != len(wanted):
+            raise ArityError
+        terms = []
+        for object_, type_ in zip(dto.objects, wanted, strict=True):
+            term, own = self._term(object_, parameters)
+            if not self._fits(own, type_):
+                raise TypeMismatchError
+            terms.append(term)
+        return Literal(predicate, tuple(terms), dto.time, dto.is_negative)
+
+    def _term(
+        self, dto: PddlObjectDto, parameters: dict[str, tuple[str, str]]
+    ) -> tuple[int | str, str]:
+        key = fold(dto.name)
+        if key in parameters:
+            if fold(dto.type.name) != parameters[key][1]:
+                raise TypeMismatchError
+            return [*parameters].index(key), self.refer("type", dto.type)
+        if key not in self.held["object"]:
+            raise InvalidKnowledgeError
+        return key, self.held["object"][self.refer("object", dto)]
+
+    def _fits(self, type_: str, wanted: str) -> bool:
+        return wanted == ROOT or wanted in self._ancestry(type_)
+
+    def _ancestry(self, type_: str | None) -> Iterator[str]:
+        while type_ is not None:
+            yield type_
+            type_ = self.held["type"][type_]
+
+    def _check_cycle(self, kind: str, key: str, value: Any) -> None:
+        if kind == "type" and key in self._ancestry(value):
+            raise TypeCycleError
+
+    # What depends on what.
+
+    def below(self, types: Collection[str]) -> Scope:
+        """The types with their subtypes, and what is defined in terms of them."""
+        found = {each for each in self.held["type"] if {*types} & {*self._ancestry(each)}}
+        return Scope(
+            found,
+            {key for key, type_ in self.held["object"].items() if type_ in found},
+            {key for key, listed in self.held["predicate"].items() if {*listed} & found},
+        )
+
+    def _clear(self, scope: Scope, cascade: bool) -> None:
+        """Make way for a redefinition: facts, goals and actions depend on what they mention."""
+        atoms = [
+            atom
+            for atom in self.held["atom"]
+            if atom.predicate in scope.predicate or {*atom.arguments} & {*scope.object}
+        ]
+        actions = [
+            key
+            for key, action in self.held["action"].items()
+            if any(type_ in scope.type for _, type_ in action.parameters)
+            or any(
+                literal.predicate in scope.predicate or {*literal.terms} & {*scope.object}
+                for literal in (*action.conditions, *action.effects)
+            )
+        ]
+        if (atoms or actions) and not cascade:
+            raise DependantsError("", [])
+        self._forget("atom", atoms)
+        self._forget("action", actions)
+
+    def remove(self, kind: str, keys: Collection[Any]) -> None:
+        """Delete elements, and all that depends on them."""
+        if kind in ("atom", "action"):
+            self._forget(kind, keys)
+        else:
+            scope = self.below(keys) if kind == "type" else Scope(**{kind: keys})
+            self._clear(scope, cascade=True)
+            for each, gone in scope._asdict().items():
+                self._forget(each, gone)
+
+    def _forget(self, kind: str, keys: Iterable[Any]) -> None:
+        for key in list(keys):
+            del self.held[kind][key]
+
+
+def atom_of(dto: PddlPropositionDto) -> Atom:
+    arguments = tuple(fold(object_.name) for object_ in dto.objects)
+    return Atom(dto.is_goal, fold(dto.predicate.name), arguments)
+
+
+def key_of(kind: str, dto: Any) -> Any:
+    """What makes an element the one that it is."""
+    return atom_of(dto) if kind == "atom" else fold(dto.name)

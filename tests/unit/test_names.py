@@ -1,0 +1,247 @@
+"""Which strings are names, and which names are the same."""
+
+from __future__ import annotations
+
+import sys
+import unicodedata
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from kant_sql import InvalidKnowledgeError, InvalidNameError
+from kant_sql.dto.name import RESERVED_PREDICATES, RESERVED_TYPES, check_name, fold
+
+QUICK = settings(max_examples=100, deadline=None, derandomize=True, database=None)
+
+ALL_CHARACTERS = [chr(code) for code in range(sys.maxunicode + 1)]
+# Neither unassigned, private nor half a character.
+CHARACTERS = [sign for sign in ALL_CHARACTERS if unicodedata.category(sign)[0] != "C"]
+
+
+def is_name(text: str) -> bool:
+    try:
+        check_name("thing", text)
+    except InvalidNameError:
+        return False
+    return True
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "a",
+        "robot_at",
+        "Robot-1",
+        "7up",
+        "a:b",
+        "-a",
+        "a-",
+        "--",
+        "_",
+        "%",
+        "\\",
+        "$$",
+        "#",
+        "@home",
+        "a.b",
+        "a/b",
+        "[x]",
+        "{x}",
+        "a,b",
+        "a=b",
+        "<",
+        "!",
+        "*",
+        "&",
+        "|",
+        "~",
+        "^",
+        "+",
+        "Küche",
+        "Ku\u0308che",
+        "straße",
+        "ẞ",
+        "жук",
+        "机器人",
+        "🤖",
+        "ロボット",
+        "x" * 255,
+        "😀" * 255,
+    ],
+)
+def test_text_that_pddl_can_carry_is_a_name(name: str) -> None:
+    check_name("type", name)
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "",
+        "two words",
+        " a",
+        "a ",
+        "tab\t",
+        "line\n",
+        "a\rb",
+        "a\u00a0b",
+        "a\u2003b",
+        "a\u2028b",
+        "a\u3000b",
+        "(",
+        "a)",
+        "a;b",
+        "?r",
+        "a?",
+        "it's",
+        'say "x"',
+        "`x`",
+        "a\0b",
+        "a\x07b",
+        "a\x7fb",
+        "a\x85b",
+        "a\u200bb",
+        "a\u00adb",
+        "\ufeffa",
+        "\ud800",
+        "a\udfff",
+        "\ue000",
+        "\U0010ffff",
+        "-",
+        ":a",
+        ":",
+        "x" * 256,
+        "😀" * 256,
+    ],
+)
+def test_text_that_pddl_could_not_carry_is_refused(name: str) -> None:
+    with pytest.raises(InvalidNameError, match=r"cannot name a type: .*; choose another name"):
+        check_name("type", name)
+
+
+@pytest.mark.parametrize("name", [None, 5, 2.5, b"robot", ["robot"], True, object()])
+def test_what_is_no_string_is_refused(name: object) -> None:
+    with pytest.raises(InvalidNameError, match="a name of type is a string, not"):
+        check_name("type", name)  # type: ignore[arg-type]
+    with pytest.raises(InvalidNameError, match="a name is a string, not"):
+        fold(name)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("word", ["and", "OR", "Not", "imply", "forall", "exists", "when", "="])
+def test_a_predicate_may_not_have_the_name_of_an_operator(word: str) -> None:
+    with pytest.raises(InvalidNameError, match="reserved in PDDL"):
+        check_name("predicate", word, RESERVED_PREDICATES)
+    check_name("object", word)
+
+
+def test_a_type_may_not_be_called_either() -> None:
+    with pytest.raises(InvalidNameError, match="reserved in PDDL"):
+        check_name("type", "Either", RESERVED_TYPES)
+
+
+def test_the_message_says_which_character_is_wrong_and_where() -> None:
+    with pytest.raises(InvalidNameError) as caught:
+        check_name("object", "cup;1")
+    assert "'cup;1' cannot name an object: it has ';' (SEMICOLON) at position 3" in str(
+        caught.value
+    )
+
+
+def test_the_message_does_not_repeat_a_name_of_any_length() -> None:
+    with pytest.raises(InvalidNameError, match="it has 1000000 characters, 255 at most") as caught:
+        check_name("object", "x" * 1_000_000)
+    assert len(str(caught.value)) < 300
+
+
+def test_a_bad_name_is_bad_knowledge_and_a_value_error() -> None:
+    assert issubclass(InvalidNameError, InvalidKnowledgeError)
+    assert issubclass(InvalidNameError, ValueError)
+
+
+def test_no_white_space_separator_or_control_character_can_be_in_a_name() -> None:
+    for character in ALL_CHARACTERS:
+        must_not = (
+            character.isspace()
+            or character in "();?\"'`"
+            or unicodedata.category(character) in ("Cc", "Cf", "Cs", "Zs", "Zl", "Zp")
+        )
+        assert not (must_not and is_name(f"a{character}b")), hex(ord(character))
+
+
+def test_letters_digits_and_marks_of_every_script_can_be_in_a_name() -> None:
+    for character in CHARACTERS:
+        if unicodedata.category(character)[0] in "LNM":
+            assert is_name(f"a{character}b"), hex(ord(character))
+
+
+@pytest.mark.parametrize(
+    ("one", "other"),
+    [
+        ("robot", "ROBOT"),
+        ("robot_AT", "Robot_at"),
+        ("straße", "STRASSE"),
+        ("ẞ", "ß"),
+        ("ẞ", "ss"),
+        ("\u00e9", "e\u0301"),
+        ("\u00c9", "e\u0301"),
+        ("Å", "\u212b"),
+        ("K", "\u212a"),
+        ("ΣΑΣ", "σας"),
+        ("ﬁn", "FIN"),
+        ("\u0390", "\u03b9\u0308\u0301"),
+    ],
+)
+def test_names_that_differ_in_case_or_composition_are_the_same(one: str, other: str) -> None:
+    assert fold(one) == fold(other)
+
+
+@pytest.mark.parametrize(
+    ("one", "other"),
+    [
+        ("a-b", "a_b"),
+        ("e", "é"),
+        ("\u0131", "i"),
+        ("o", "0"),
+        ("\u0430", "a"),
+        ("x²", "x2"),
+        ("\uff0d", "-"),
+    ],
+)
+def test_names_that_only_look_alike_are_different(one: str, other: str) -> None:
+    assert fold(one) != fold(other)
+
+
+@QUICK
+@given(st.text())
+def test_normal_forms_of_a_name_are_the_same(name: str) -> None:
+    assert fold(unicodedata.normalize("NFD", name)) == fold(unicodedata.normalize("NFC", name))
+
+
+@QUICK
+@given(st.text())
+def test_the_folded_form_of_a_name_is_the_same_name(name: str) -> None:
+    assert fold(fold(name)) == fold(name)
+
+
+@QUICK
+@given(st.text())
+def test_the_case_folding_of_a_name_is_the_same_name(name: str) -> None:
+    assert fold(unicodedata.normalize("NFD", name).casefold()) == fold(name)
+
+
+@pytest.mark.parametrize("mark", ["\u0301", "\u0313", "\u0321"])
+def test_the_order_of_marks_that_do_not_touch_does_not_matter(mark: str) -> None:
+    assert fold(f"\u0391\u0345{mark}") == fold(f"\u0391{mark}\u0345")
+    assert fold(fold(f"\u0391\u0345{mark}")) == fold(f"\u0391{mark}\u0345")
+
+
+@QUICK
+@given(st.text(st.characters(codec="ascii")))
+def test_ascii_names_fold_as_all_others_do(name: str) -> None:
+    assert fold(name) == unicodedata.normalize("NFC", name.casefold())
+
+
+def test_what_a_name_folds_to_can_be_stored_whatever_the_character() -> None:
+    for character in CHARACTERS:
+        if is_name(character):
+            assert fold(character).isprintable(), hex(ord(character))

@@ -1,0 +1,50 @@
+"""Small PDDL worlds that tests share."""
+
+from __future__ import annotations
+
+from kant_sql import (
+    PddlActionDto,
+    PddlConditionEffectDto,
+    PddlObjectDto,
+    PddlPredicateDto,
+    PddlPropositionDto,
+    PddlTypeDto,
+)
+
+ROBOT = PddlTypeDto("robot")
+WAYPOINT = PddlTypeDto("wp")
+ROBOT_AT = PddlPredicateDto("robot_at", [ROBOT, WAYPOINT])
+RB1 = PddlObjectDto(ROBOT, "rb1")
+WP1 = PddlObjectDto(WAYPOINT, "wp1")
+WP2 = PddlObjectDto(WAYPOINT, "wp2")
+
+
+def robot_at(
+    robot: PddlObjectDto = RB1, place: PddlObjectDto = WP1, is_goal: bool = False
+) -> PddlPropositionDto:
+    """The fact, or the goal, that a robot is at a place."""
+    return PddlPropositionDto(ROBOT_AT, [robot, place], is_goal)
+
+
+def waypoint(number: int) -> PddlObjectDto:
+    """A place of the given number."""
+    return PddlObjectDto(WAYPOINT, f"wp{number}")
+
+
+def navigation() -> PddlActionDto:
+    """The paper's action: a robot goes from a source to a destination."""
+    r, s, d = (
+        PddlObjectDto(ROBOT, "r"),
+        PddlObjectDto(WAYPOINT, "s"),
+        PddlObjectDto(WAYPOINT, "d"),
+    )
+    literal = PddlConditionEffectDto
+    return PddlActionDto(
+        "navigation",
+        [r, s, d],
+        [literal(ROBOT_AT, [r, s], literal.AT_START)],
+        [
+            literal(ROBOT_AT, [r, s], literal.AT_START, is_negative=True),
+            literal(ROBOT_AT, [r, d], literal.AT_END),
+        ],
+    )
