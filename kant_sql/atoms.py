@@ -1,13 +1,17 @@
-"""Interned propositions, and what is known of them between transactions."""
+"""Interned propositions, and what is known of the interned between transactions."""
 
 from __future__ import annotations
 
 import threading
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import Generic, NamedTuple, TypeVar
 
 # Beyond so many, the cache begins anew: about 60 MB.
 CACHED_ATOMS = 200_000
+
+K = TypeVar("K")
+A = TypeVar("A")
+H = TypeVar("H")
 
 
 class AtomKey(NamedTuple):
@@ -66,56 +70,65 @@ def open_status(since: int | None) -> Status:
     return ABSENT if since is None else Status(since, True)
 
 
-class AtomCache:
-    """What is known of propositions between transactions: identities for good, and what held.
+class InternCache(Generic[K, A, H]):
+    """What is known between transactions: identities for good, and what held.
 
     Attributes:
-        atoms: the identities.
-        since: what held at `revision`: the open version's revision, None for what did not hold.
-        revision: the head when `since` was taken; it says nothing about any other.
+        identities: the identities, by what makes each the one that it is.
+        held: what held at `revision`, by id: also that something did not.
+        revision: the head when `held` was taken; it says nothing about any other.
     """
 
     def __init__(self) -> None:
-        self.atoms: dict[AtomKey, Atom] = {}
-        self.since: dict[int, int | None] = {}
+        self.identities: dict[K, A] = {}
+        self.held: dict[int, H] = {}
         self.revision = 0
         self._lock = threading.Lock()
 
-    def at(self, revision: int) -> dict[int, int | None]:
+    def at(self, revision: int) -> dict[int, H]:
         """Give what is known of a revision.
 
         Args:
             revision: the head that a writer has locked.
 
         Returns:
-            Proposition id -> revision of its open version.
+            What held, by id.
         """
         with self._lock:
             if revision != self.revision:
-                self.since, self.revision = {}, revision
-            return self.since
+                self.held, self.revision = {}, revision
+            return self.held
+
+    def know(self, identities: Mapping[K, A]) -> None:
+        """Remember identities for good.
+
+        Args:
+            identities: what the tables have.
+        """
+        self.identities.update(identities)
+        if len(self.identities) > CACHED_ATOMS:
+            self.identities.clear()
 
     def learn(
-        self,
-        since: dict[int, int | None],
-        before: int,
-        after: int,
-        news: Mapping[int, int | None] | None,
+        self, held: dict[int, H], before: int, after: int, news: Mapping[int, H] | None
     ) -> None:
         """Let later writers know what a writer has found and made.
 
         Args:
-            since: what `at` gave to the writer.
+            held: what `at` gave to the writer.
             before: the head that the writer had locked.
             after: the head that it left.
-            news: proposition id -> revision of its open version, at `after`; None when that was
-                too much to keep.
+            news: what holds at `after`, by id; None when that was too much to keep.
         """
         with self._lock:
             # The lock of the head is gone by now: another writer may have been quicker.
-            if since is self.since and before == self.revision:
-                if news is None or len(since) > CACHED_ATOMS:
-                    self.since = {}
+            if held is self.held and before == self.revision:
+                if news is None or len(held) > CACHED_ATOMS:
+                    self.held = {}
                 else:
-                    since.update(news)
+                    held.update(news)
                 self.revision = after
+
+
+# Of a proposition, the revision of its open version is known; None: it does not hold.
+AtomCache = InternCache[AtomKey, Atom, int | None]

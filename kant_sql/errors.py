@@ -33,6 +33,31 @@ class TypeCycleError(InvalidKnowledgeError):
     """A type would be its own ancestor."""
 
 
+class PddlError(InvalidKnowledgeError):
+    """PDDL text that cannot be read.
+
+    Attributes:
+        source: the file's path, or `<string>`.
+        line: the line, from 1.
+        column: the column, from 1.
+        found: what is there.
+        expected: what should be there.
+        nesting: what it is in, such as `action move, :effect`; empty when it is in nothing.
+    """
+
+    def __init__(
+        self, source: str, line: int, column: int, found: str, expected: str, nesting: str = ""
+    ) -> None:
+        within = f"in {nesting}: " if nesting else ""
+        super().__init__(f"{source}:{line}:{column}: {within}found {found}, expected {expected}")
+        self.source, self.line, self.column = source, line, column
+        self.found, self.expected, self.nesting = found, expected, nesting
+
+    def __reduce__(self) -> tuple[type[PddlError], tuple[str, int, int, str, str, str]]:
+        parts = (self.source, self.line, self.column, self.found, self.expected, self.nesting)
+        return PddlError, parts
+
+
 class ConflictError(KantSqlError):
     """What a save refers to is stored already, with another definition."""
 
@@ -140,3 +165,25 @@ class TableMissingError(StoreError):
 
 class InvalidMetadataError(KantSqlError, ValueError):
     """The actor, reason or source of a revision cannot be kept as given."""
+
+
+class UnsupportedConstructError(KantSqlError):
+    """A construct that the other side has no exact counterpart for; nothing was left out."""
+
+
+class PlannerMissingError(KantSqlError, ImportError):
+    """A package that planning needs is not installed."""
+
+
+class NoPlanError(KantSqlError):
+    """No planner found a plan.
+
+    Attributes:
+        status: why, in one word of unified-planning's: `unsolvable_proven`,
+            `unsolvable_incompletely`, `timeout`, `memout`, `unsupported_problem`,
+            `internal_error`.
+    """
+
+    def __init__(self, message: str, status: str) -> None:
+        super().__init__(message)
+        self.status = status

@@ -7,18 +7,30 @@ from contextlib import AbstractContextManager
 from datetime import datetime
 from types import TracebackType
 
+from .dao.fluent_interfaces import PddlFunctionDao, PddlFunctionValueDao
+from .dao.formula_interfaces import (
+    ConstraintDao,
+    DerivedPredicateDao,
+    GoalDao,
+    InitialLiteralDao,
+    MetricDao,
+    TimedInitialLiteralDao,
+)
 from .dao.interfaces import (
     PddlActionDao,
+    PddlEventDao,
     PddlObjectDao,
     PddlPredicateDao,
+    PddlProcessDao,
     PddlPropositionDao,
     PddlTypeDao,
 )
+from .documents import DocumentMethods
 from .factory import DaoFactory, create_dao_factory
 from .history import LogEntry, Revision
 
 
-class KnowledgeBase:
+class KnowledgeBase(DocumentMethods):
     """A robot's knowledge: what it is now, and what it was. Threads may share it.
 
     Use it as a context manager, or call `close`.
@@ -27,15 +39,37 @@ class KnowledgeBase:
         types: the DAO of types.
         objects: the DAO of objects.
         predicates: the DAO of predicates.
+        functions: the DAO of functions.
+        function_values: the DAO of their values.
         propositions: the DAO of facts and goals.
         actions: the DAO of actions.
+        processes: the DAO of processes.
+        events: the DAO of events.
+        derived_predicates: the DAO of the rules for derived predicates.
+        timed_initial_literals: the DAO of timed initial literals and values.
+        initial_literals: the DAO of negative literals and equalities of the initial state.
+        goals: the DAO of goals of any form.
+        constraints: the DAO of the problem's constraints.
+        domain_constraints: the DAO of the domain's constraints.
+        metric: the DAO of the metric.
     """
 
     types: PddlTypeDao
     objects: PddlObjectDao
     predicates: PddlPredicateDao
+    functions: PddlFunctionDao
+    function_values: PddlFunctionValueDao
     propositions: PddlPropositionDao
     actions: PddlActionDao
+    processes: PddlProcessDao
+    events: PddlEventDao
+    derived_predicates: DerivedPredicateDao
+    timed_initial_literals: TimedInitialLiteralDao
+    initial_literals: InitialLiteralDao
+    goals: GoalDao
+    constraints: ConstraintDao
+    domain_constraints: ConstraintDao
+    metric: MetricDao
 
     def __init__(self, factory: DaoFactory) -> None:
         """Make a knowledge base of a factory's DAOs.
@@ -47,8 +81,20 @@ class KnowledgeBase:
         self.types = factory.create_pddl_type_dao()
         self.objects = factory.create_pddl_object_dao()
         self.predicates = factory.create_pddl_predicate_dao()
+        self.functions = factory.create_pddl_function_dao()
+        self.function_values = factory.create_pddl_function_value_dao()
         self.propositions = factory.create_pddl_proposition_dao()
         self.actions = factory.create_pddl_action_dao()
+        self.processes = factory.create_pddl_process_dao()
+        self.events = factory.create_pddl_event_dao()
+        self.derived_predicates = factory.create_derived_predicate_dao()
+        self.timed_initial_literals = factory.create_timed_initial_literal_dao()
+        self.initial_literals = factory.create_initial_literal_dao()
+        self.goals = factory.create_goal_dao()
+        self.constraints = factory.create_constraint_dao()
+        self.domain_constraints = factory.create_domain_constraint_dao()
+        self.metric = factory.create_metric_dao()
+        super().__init__(factory.create_exchange())
 
     def transaction(
         self,

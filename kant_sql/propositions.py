@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Iterator
 from typing import TYPE_CHECKING, Any
 
-from .atoms import ABSENT, CACHED_ATOMS, Atom, AtomCache, AtomKey, Status, open_status
+from .atoms import ABSENT, Atom, AtomCache, AtomKey, Status, open_status
 from .backends import Query
 from .knowledge.changes import ASSERTED, FACT, GOAL, RETRACTED, Change
 from .knowledge.proposition import CLOSE, CLOSED_HERE, FIND, OPEN, REOPEN, UNMAKE, VERSIONS
@@ -50,7 +50,7 @@ class PendingPropositions:
         found: dict[AtomKey, Atom] = {}
         missing: dict[tuple[bool, int], list[str]] = {}
         for key in keys:
-            atom = self._known.get(key) or self._cache.atoms.get(key)
+            atom = self._known.get(key) or self._cache.identities.get(key)
             if atom is not None:
                 found[key] = atom
             else:
@@ -196,7 +196,8 @@ class PendingPropositions:
             if wanted == status.holds:
                 continue
             if status.since is None:
-                inserts.append((kb, id_, number, None, self._atoms[id_].key.predicate_id))
+                key = self._atoms[id_].key
+                inserts.append((kb, id_, number, None, key.predicate_id, key.is_goal))
                 self._status[id_] = asserted
             elif status.since == number:
                 updates.setdefault(UNMAKE, []).append({"kb": kb, "id": id_})
@@ -256,13 +257,13 @@ class PendingPropositions:
         # Without a revision, what the transaction wrote was rolled back, and the ids that it gave
         # out with it.
         forgotten = self._new if made else self._atoms
-        cache.atoms.update(
-            (key, atom)
-            for key, atom in self._known.items()
-            if atom.id not in self._new and (made or atom.id < head.next_id)
+        cache.know(
+            {
+                key: atom
+                for key, atom in self._known.items()
+                if atom.id not in self._new and (made or atom.id < head.next_id)
+            }
         )
-        if len(cache.atoms) > CACHED_ATOMS:
-            cache.atoms.clear()
         news = {
             id_: status.since if status.holds else None
             for id_, status in self._status.items()

@@ -18,6 +18,7 @@ from .atoms import AtomCache
 from .backends import Backend, Query, Session, StoreClock
 from .canonical import make_metadata
 from .errors import ConnectionLostError, InvalidMetadataError
+from .fluents import FluentCache
 from .knowledge.cache import DefinitionCache
 from .knowledge.definitions import Definitions
 from .retry import retrying
@@ -52,7 +53,8 @@ class Reader:
         self.actor = actor
         self._kb_id: int | None = None
         self._definitions = DefinitionCache()
-        self._atoms = AtomCache()
+        self._atoms: AtomCache = AtomCache()
+        self._fluents: FluentCache = FluentCache()
         self._local = threading.local()
         backend.when_forked.append(self._forked)
         ensure_schema(backend)
@@ -60,8 +62,9 @@ class Reader:
             self._find(session)
 
     def _forked(self) -> None:
-        # Another thread may have had the lock of the old one.
+        # Another thread may have had the locks of the old ones.
         self._atoms = AtomCache()
+        self._fluents = FluentCache()
 
     def current(self) -> Transaction | None:
         """Give the transaction that this thread has open.
@@ -99,6 +102,21 @@ class Reader:
                 )
             except DefinitionsMovedError:
                 pass
+        return self.read_together(work, at)
+
+    def read_together(self, work: Callable[[View], T], at: int | None = None) -> T:
+        """Read with several statements from one consistent state.
+
+        Args:
+            work: reads from the view that it is given; it may be called again after a lost
+                connection.
+            at: the revision to read at; None for now, within the open transaction if there is one.
+
+        Returns:
+            What `work` returns.
+        """
+        if self.current() is not None and at is None:
+            return self.read(work)
         return self._apart(
             lambda session: work(open_view(session, self._find(session), self._definitions, at))
         )

@@ -125,7 +125,8 @@ class Store(Reader):
                 raise vanished(session)
             self._expect(expected, head.revision)
             definitions = self._definitions.at_head(session, kb_id, head.definition_revision)
-            return Transaction(session, kb_id, self.name, head, metadata, definitions, self._atoms)
+            known = definitions, self._atoms, self._fluents
+            return Transaction(session, kb_id, self.name, head, metadata, *known)
         except BaseException:
             end_session(session)
             raise
@@ -166,13 +167,11 @@ class Store(Reader):
         self._publish(transaction, committed)
 
     def _publish(self, transaction: Transaction, committed: Committed | None) -> None:
-        if committed is None:
-            transaction.propositions.publish(transaction.head.revision)
-            return
-        self._kb_id = transaction.kb_id
-        if transaction.redefined:
-            self._definitions.keep(committed.number, transaction.definitions.publish())
-        transaction.propositions.publish(committed.number)
+        if committed is not None:
+            self._kb_id = transaction.kb_id
+            if transaction.redefined:
+                self._definitions.keep(committed.number, transaction.definitions.publish())
+        transaction.publish()
 
     def _is_stored(self, kb_id: int, made: Committed) -> bool:
         """Tell whether a commit got through whose answer was lost."""

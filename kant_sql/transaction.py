@@ -19,6 +19,8 @@ from .backends import Session
 from .canonical import FORM, Metadata, revision_hash
 from .dto.name import fold, is_name
 from .errors import ConnectionLostError
+from .fluents import FluentCache
+from .function_values import PendingFunctionValues
 from .head import Committed, Head, move_head
 from .knowledge.changes import Change, stream_changes
 from .knowledge.definitions import KINDS, Definitions, PendingDefinitions
@@ -44,6 +46,7 @@ class Transaction:
         number: the revision that it makes.
         definitions: the definitions, as changed so far.
         propositions: the propositions that it has touched.
+        values: the values of functions that it has touched.
         committed: the revision, from just before COMMIT is sent.
         redefined: whether the revision changes a definition.
     """
@@ -57,6 +60,7 @@ class Transaction:
         metadata: Metadata,
         definitions: Definitions,
         atoms: AtomCache,
+        fluents: FluentCache,
     ) -> None:
         self.session = session
         self.kb_id = kb_id
@@ -66,6 +70,7 @@ class Transaction:
         self.metadata = metadata
         self.definitions = PendingDefinitions(definitions)
         self.propositions = PendingPropositions(self, atoms)
+        self.values = PendingFunctionValues(self, fluents)
         self.committed: Committed | None = None
         self.redefined = False
         self._next_id = head.next_id
@@ -162,12 +167,13 @@ class Transaction:
     def flush(self) -> None:
         """Write what is pending, so that a query sees it."""
         definitions = self._writer.pending()
-        if definitions or self.propositions.pending:
+        if definitions or self.propositions.pending or self.values.pending:
             self._check_open()
             self._undo.before_write()
             if definitions:
                 self._writer.write()
             self.propositions.write()
+            self.values.write()
 
     def commit(self) -> Committed | None:
         """Write the revision and commit; without a change, roll back.
@@ -179,7 +185,9 @@ class Transaction:
             self.flush()
             changes = self._stored_changes()
         else:
-            changes = sorted([*self._writer.changes(), *self.propositions.changes()])
+            changes = sorted(
+                [*self._writer.changes(), *self.propositions.changes(), *self.values.changes()]
+            )
         if not changes:
             self.session.rollback()
             return None
@@ -192,6 +200,12 @@ class Transaction:
         self.committed = made
         self.session.commit()
         return made
+
+    def publish(self) -> None:
+        """Let later transactions know what this one has learned, once it has ended well."""
+        revision = self.head.revision if self.committed is None else self.committed.number
+        self.propositions.publish(revision)
+        self.values.publish(revision)
 
     def _check_open(self) -> None:
         """Refuse to write after an error with which the database has ended the transaction."""
@@ -228,7 +242,8 @@ class Transaction:
         return () if first is None else chain((first,), stream)
 
     def _state(self) -> list[dict[Any, Any]]:
-        parts: list[dict[Any, Any]] = [self._writer.written, *self.propositions.state()]
+        parts: list[dict[Any, Any]] = [self._writer.written]
+        parts += [*self.propositions.state(), *self.values.state()]
         for kind in KINDS:
             elements = self.definitions.elements(kind)
             parts += [elements.changes, elements.interned, elements.unwritten]

@@ -14,6 +14,7 @@ from .knowledge.loading import KB
 from .tables import HeadRow
 
 _HEAD = Query(select(HeadRow.definition_revision).where(HeadRow.kb_id == KB))
+_REVISION = Query(select(HeadRow.revision).where(HeadRow.kb_id == KB))
 
 
 class View(NamedTuple):
@@ -80,6 +81,23 @@ def read_definition_revision(session: Session, kb_id: int) -> int:
     row = session.first(_HEAD, kb=kb_id)
     if row is None:
         raise vanished(session)
+    return int(row[0])
+
+
+def read_revision(view: View) -> int:
+    """Read which revision a state is of.
+
+    Args:
+        view: the state.
+
+    Returns:
+        The revision; of the state of an open transaction, the one that it began from.
+    """
+    if view.at is not None or view.kb_id is None:
+        return view.at or 0
+    row = view.session.first(_REVISION, kb=view.kb_id)
+    if row is None:
+        raise vanished(view.session)
     return int(row[0])
 
 

@@ -19,8 +19,8 @@ from sqlalchemy import make_url
 Execute = Callable[[str], Iterable[tuple[Any, ...]]]
 _Change = tuple[str, str, str]
 
-_KINDS = ("type", "object", "predicate", "action")
-_VERSIONS = (*_KINDS, "proposition")
+_DEFINITIONS = ("type", "object", "predicate", "function", "action", "formula", "document")
+_IDENTITIES = (*_DEFINITIONS, "proposition", "function_value")
 
 _KNOWLEDGE_BASES = """
     SELECT knowledge_base.id, knowledge_base.name, head.revision, head.definition_revision,
@@ -31,13 +31,20 @@ _REVISIONS = """
     SELECT kb_id, number, {time}, actor, reason, {source}, form, hash
     FROM revision ORDER BY kb_id, number
 """
-_DEFINITION_CHANGES = "SELECT kb_id, since, until, '{kind}', text FROM {kind}_version"
+_DEFINITION_CHANGES = "SELECT kb_id, since, until, {kind}, text FROM {table}_version"
+_VALUE_CHANGES = "SELECT kb_id, since, until, 'value', text FROM function_value_version"
 _PROPOSITION_CHANGES = """
-    SELECT version.kb_id, since, until, CASE WHEN is_goal THEN 'goal' ELSE 'fact' END, text
+    SELECT version.kb_id, since, until,
+           CASE WHEN proposition.is_goal THEN 'goal' ELSE 'fact' END, text
     FROM proposition_version AS version
     JOIN proposition ON proposition.kb_id = version.kb_id AND id = proposition_id
 """
-_IDS = " UNION ALL ".join(f"SELECT kb_id, id FROM {table}" for table in _VERSIONS)
+_WRONG_COPIES = """
+    SELECT text FROM proposition_version AS version
+    JOIN proposition ON proposition.kb_id = version.kb_id AND id = proposition_id
+    WHERE version.is_goal <> proposition.is_goal OR version.predicate_id <> proposition.predicate_id
+"""
+_IDS = " UNION ALL ".join(f"SELECT kb_id, id FROM {table}" for table in _IDENTITIES)
 
 
 class Dialect(NamedTuple):
@@ -90,6 +97,7 @@ def check_tables(execute: Execute, dialect: Dialect) -> dict[str, int]:
     for kb_id, *revision in execute(_REVISIONS.format(time=times, source=dialect.source)):
         revisions[kb_id].append(revision)
     changes = _changes(execute)
+    assert list(execute(_WRONG_COPIES)) == []
     largest: defaultdict[int, int] = defaultdict(int)
     for kb_id, id_ in execute(_IDS):
         largest[kb_id] = max(largest[kb_id], id_)
@@ -113,7 +121,7 @@ def _changes(execute: Execute) -> defaultdict[int, defaultdict[int, list[_Change
         lambda: defaultdict(list)
     )
     queries = [_DEFINITION_CHANGES.format(kind=kind) for kind in _KINDS]
-    for query in [*queries, _PROPOSITION_CHANGES]:
+    for query in [*queries, _VALUE_CHANGES, _PROPOSITION_CHANGES]:
         for kb_id, since, until, kind, text in execute(query):
             changes[kb_id][since].append(("+", kind, text))
             if until is not None:

@@ -19,7 +19,7 @@ from kant_sql import (
     PddlPredicateDto,
     PddlTypeDto,
 )
-from kant_sql.factory import SqlDaoFactory
+from kant_sql.sql_factory import SqlDaoFactory
 from kant_sql.store import Store
 
 State = dict[str, list[str]]
@@ -77,7 +77,7 @@ def versions(kb: KnowledgeBase, kind: str) -> list[tuple[str, int, int | None]]:
     if kind == "proposition":
         found = rows(
             kb,
-            "SELECT CASE WHEN is_goal THEN 'goal ' ELSE '' END || text, since, until "
+            "SELECT CASE WHEN proposition.is_goal THEN 'goal ' ELSE '' END || text, since, until "
             "FROM proposition_version AS version JOIN proposition "
             "ON proposition.kb_id = version.kb_id AND id = proposition_id "
             "WHERE version.kb_id = :kb",

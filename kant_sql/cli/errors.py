@@ -55,9 +55,10 @@ def run_to_exit_code(command: Callable[[], object], words: Sequence[str]) -> int
     except KantSqlError as error:
         return _complain(str(error), words, FAILED)
     except OSError as error:
+        if error.filename is not None:
+            return _complain(f"{error.filename}: {error.strerror}", words, FAILED)
         _drop_output()
-        what = error.filename or "cannot write the output"
-        return _complain(f"{what}: {error.strerror or error}", words, FAILED)
+        return _complain(f"cannot write the output: {error.strerror or error}", words, FAILED)
     except Exception as error:
         # Typer's own errors; their base class has another home in each version of it.
         if not hasattr(error, "format_message"):

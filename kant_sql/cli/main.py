@@ -12,9 +12,13 @@ import typer
 from typer.core import TyperGroup
 
 from .. import __version__
+from .check import check
 from .db import db
+from .dump import dump
 from .errors import INTERRUPTED, EndedEarlyError, run_to_exit_code
+from .load import load
 from .log import log
+from .plan import plan
 from .show import show
 
 
@@ -59,8 +63,8 @@ app = typer.Typer(
     cls=Commands, add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None
 )
 app.add_typer(db, name="db")
-app.command()(show)
-app.command()(log)
+for _command in (load, dump, check, plan, show, log):
+    app.command()(_command)
 
 
 def _version(wanted: bool) -> None:
@@ -75,14 +79,14 @@ def _kant_sql(
         bool, typer.Option("--version", callback=_version, is_eager=True, help="Tell the version.")
     ] = False,
 ) -> None:
-    """Look into the knowledge base that robots plan from and auditors can question."""
+    """Fill, question and plan from the knowledge base that remembers."""
 
 
 def run() -> None:
     """Run the process's command line."""
-    if not sys.stdout:
-        # The process was started with its standard output closed.
-        sys.stdout = Path(os.devnull).open("w")  # noqa: SIM115
+    # The process may have been started with these closed.
+    sys.stdout = sys.stdout or Path(os.devnull).open("w")  # noqa: SIM115
+    sys.stderr = sys.stderr or Path(os.devnull).open("w")  # noqa: SIM115
     if isinstance(sys.stdout, TextIOWrapper):
         # Standard error does so by itself: what its encoding lacks is escaped, and no failure.
         sys.stdout.reconfigure(errors="backslashreplace")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from datetime import UTC, datetime
@@ -35,6 +36,37 @@ Name = Annotated[
         help=f"The knowledge base; when not given, the only one, or else '{DEFAULT_NAME}'.",
     ),
 ]
+At = Annotated[
+    str | None,
+    typer.Option(
+        metavar="REV|TIME",
+        show_default=False,
+        help="The revision's number, or a time in ISO 8601 (UTC without a zone).",
+    ),
+]
+
+
+def split_url(words: Sequence[str], example: str) -> tuple[str, list[str]]:
+    """Tell the URL from the files that follow it.
+
+    Args:
+        words: the arguments; the first is the URL, or else the environment has it.
+        example: how they could look.
+
+    Returns:
+        The URL and the files.
+
+    Raises:
+        typer.BadParameter: one of them is missing.
+    """
+    default = os.environ.get(URL_VARIABLE)
+    if default and words and "://" not in words[0]:
+        words = [default, *words]
+    if len(words) < 2 or "://" not in words[0]:
+        raise typer.BadParameter(
+            f"give a URL (or set {URL_VARIABLE}) and files, {example}", param_hint="[URL] FILE..."
+        )
+    return words[0], list(words[1:])
 
 
 @contextmanager
@@ -54,6 +86,27 @@ def open_to_read(url: str, name: str | None) -> Iterator[tuple[str, KnowledgeBas
     chosen = choose(name, knowledge_bases(url))
     with connect(url, knowledge_base=chosen) as kb:
         yield chosen, kb
+
+
+@contextmanager
+def open_state(url: str, name: str | None, at: str | None) -> Iterator[tuple[str, KnowledgeBase]]:
+    """Open one state of a knowledge base that exists. Nothing is created.
+
+    Args:
+        url: the database URL.
+        name: the knowledge base's name; None for the only one, or else the default.
+        at: a revision's number or a time as text; None for now.
+
+    Yields:
+        The name, and the knowledge base at one revision, whatever is written meanwhile.
+
+    Raises:
+        KantSqlError: there is no such store, knowledge base or revision.
+        typer.BadParameter: `at` is neither a number nor a time.
+    """
+    when = None if at is None else parse_when(at)
+    with open_to_read(url, name) as (chosen, knowledge_base):
+        yield chosen, knowledge_base.at(knowledge_base.revision if when is None else when)
 
 
 def choose(name: str | None, names: Sequence[str]) -> str:

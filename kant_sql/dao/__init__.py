@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from .fluent_interfaces import PddlFunctionDao, PddlFunctionValueDao
 from .interfaces import (
     Dao,
     NamedDao,
@@ -16,6 +17,8 @@ __all__ = [
     "Dao",
     "NamedDao",
     "PddlActionDao",
+    "PddlFunctionDao",
+    "PddlFunctionValueDao",
     "PddlObjectDao",
     "PddlPredicateDao",
     "PddlPropositionDao",

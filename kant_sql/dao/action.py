@@ -1,50 +1,111 @@
-"""Actions: the DAO, and the rules that an action must keep."""
+"""Actions, processes and events: the DAOs, and the rules that an action must keep."""
 
 from __future__ import annotations
 
 import sys
 from collections.abc import Iterable
-from typing import ClassVar
+from decimal import Decimal
+from typing import ClassVar, TypeVar
 
 from ..dto import (
     PddlActionDto,
     PddlConditionEffectDto,
+    PddlEventDto,
     PddlObjectDto,
     PddlPredicateDto,
+    PddlProcessDto,
     PddlTypeDto,
 )
+from ..dto.formula import TIMES, Atom, Comparison, Constant, Node, Not, Number, Timed, Variable
 from ..dto.name import check_name, fold
-from ..dto.pddl_action_dto import action_text, number_text
-from ..dto.pddl_condition_effect_dto import literal_text
-from ..errors import ArityError, InvalidKnowledgeError, TypeMismatchError
-from ..knowledge.action import TIMES, ActionDefinition, LiteralDefinition, Term
+from ..dto.number import number_text
+from ..dto.pddl_action_dto import action_text, duration_text
+from ..errors import ArityError, ConflictError, InvalidKnowledgeError, TypeMismatchError
+from ..knowledge.action import ActionDefinition
 from ..knowledge.predicate import ParameterDefinition
+from ..knowledge.tree import Tree
+from ..knowledge.tree_reader import TreeReader, typed_name
 from ..transaction import Transaction
 from .base import expect, expect_list
 from .builder import DtoBuilder
-from .interfaces import PddlActionDao
+from .interfaces import PddlActionDao, PddlEventDao, PddlProcessDao
 from .named import SqlNamedDao
 from .object import check_object
 from .predicate import ensure_predicate
-from .type import ensure_type
+from .tree_writer import Place, TreeWriter
+from .type import ensure_type, ensure_types
+
+A = TypeVar("A", bound=PddlActionDto)
+
+
+def put_action(
+    transaction: Transaction,
+    keyword: str,
+    name: str,
+    parameters: tuple[ParameterDefinition, ...],
+    parts: tuple[Tree, Tree, Tree],
+) -> bool:
+    """Define an action, a process or an event.
+
+    Args:
+        transaction: the transaction.
+        keyword: what it is.
+        name: its name.
+        parameters: its parameters.
+        parts: duration, condition and effect.
+
+    Returns:
+        Whether that is a change.
+
+    Raises:
+        InvalidNameError: PDDL text could not carry the name.
+        ConflictError: the name is one of another kind of action.
+    """
+    check_name("action", name)
+    definitions = transaction.definitions
+    stored = definitions.actions.named(name)
+    if stored is not None and _family(stored.kind) != _family(keyword):
+        raise ConflictError(
+            f"{stored.name!r} is a stored {stored.kind}, so it cannot name a {keyword} as well; "
+            "delete that first, or choose another name"
+        )
+    id_, name = (stored.id, stored.name) if stored else transaction.intern("action", name)
+    duration, condition, effect = (
+        TreeReader(definitions, tree, parameters).conjuncts() for tree in parts
+    )
+    named = (typed_name(definitions, parameter) for parameter in parameters)
+    text = action_text(
+        keyword,
+        name,
+        [(part.name, part.type_text) for part in named],
+        duration_text(duration),
+        map(str, condition),
+        map(str, effect),
+    )
+    definition = ActionDefinition(id_, name, keyword, parameters, *parts, text)
+    return transaction.define("action", definition)
+
+
+def _family(kind: str) -> str:
+    return "action" if kind.endswith("action") else kind
 
 
 class ActionReader:
-    """Checks one action's DTO and makes its definition."""
+    """Checks one action's DTO and defines it."""
 
     def __init__(self, transaction: Transaction, dto: PddlActionDto) -> None:
         self._transaction = transaction
         self._definitions = transaction.definitions
         self._dto = dto
-        self._role = f"action {dto.name!r}"
+        self._role = f"{dto.keyword.rpartition('-')[2]} {dto.name!r}"
         self._positions: dict[str, int] = {}
         self._parameters: list[ParameterDefinition] = []
 
-    def read(self) -> ActionDefinition:
-        """Check the action, and save what it refers to when it is missing.
+    def put(self) -> bool:
+        """Check the action, and save it and what it refers to when that is missing.
 
         Returns:
-            The definition.
+            Whether that is a change.
 
         Raises:
             InvalidKnowledgeError: a rule is broken; the message says which and where.
@@ -52,35 +113,31 @@ class ActionReader:
         """
         dto = self._dto
         check_name("action", dto.name)
-        duration = self._duration()
+        duration = self._duration() if dto.durative else ()
         for parameter in expect_list(dto.parameters, PddlObjectDto, self._part("parameters")):
             self._add_parameter(parameter)
-        conditions = self._literals("condition", dto.conditions)
-        effects = self._literals("effect", dto.effects)
-        stored = self._definitions.actions.named(dto.name)
-        id_, name = (
-            (stored.id, stored.name) if stored else self._transaction.intern("action", dto.name)
+        condition = self._formulas("condition", dto.conditions)
+        effect = self._formulas("effect", dto.effects)
+        parts = (
+            self._constraint(duration),
+            self._writer("condition").conjunction(condition, Place.CONDITION),
+            self._writer("effect").conjunction(effect, Place.EFFECT),
         )
-        types = self._definitions.types
-        text = action_text(
-            name,
-            [(part.name, types.live(part.type_ids[0]).name) for part in self._parameters],
-            map(self._literal_text, conditions),
-            map(self._literal_text, effects),
-            duration,
-        )
-        return ActionDefinition(
-            id_, name, tuple(self._parameters), conditions, effects, duration, text
-        )
+        parameters = tuple(self._parameters)
+        return put_action(self._transaction, dto.keyword, dto.name, parameters, parts)
 
     def _part(self, part: str) -> str:
         return f"the list of {part} of {self._role}"
 
-    def _duration(self) -> str | None:
+    def _writer(self, section: str) -> TreeWriter:
+        role = f"the {section} of {self._role}"
+        return TreeWriter(self._definitions, role, self._parameters, self._dto.durative)
+
+    def _duration(self) -> tuple[Node, ...]:
         duration = self._dto.duration
-        if not self._dto.durative:
-            return None
-        if isinstance(duration, bool) or not isinstance(duration, int | float):
+        if isinstance(duration, list | tuple) and all(isinstance(part, Node) for part in duration):
+            return tuple(duration)
+        if isinstance(duration, bool) or not isinstance(duration, int | float | Decimal):
             raise InvalidKnowledgeError(
                 f"{self._role}: the duration is {duration!r:.80}, expected a number of 0 or more"
             )
@@ -90,7 +147,16 @@ class ActionReader:
             raise InvalidKnowledgeError(
                 f"{self._role}: the duration is {shown}, expected a number of 0 or more"
             )
-        return number_text(duration)
+        number = Number(Decimal(number_text(duration)))
+        return (Comparison("=", Variable("duration"), number),)
+
+    def _constraint(self, duration: tuple[Node, ...]) -> Tree:
+        if not duration:
+            return ()
+        writer = self._writer("duration")
+        if len(duration) == 1:
+            return writer.tree(duration[0], Place.CONDITION)
+        return writer.conjunction(duration, Place.CONDITION)
 
     def _add_parameter(self, dto: PddlObjectDto) -> None:
         check_name("parameter", dto.name)
@@ -99,20 +165,21 @@ class ActionReader:
             raise InvalidKnowledgeError(
                 f"{self._role} has two parameters of the name ?{dto.name}; rename one"
             )
-        type_ = ensure_type(self._transaction, dto.type, f"parameter ?{dto.name} of {self._role}")
+        role = f"parameter ?{dto.name} of {self._role}"
+        types = ensure_types(self._transaction, dto.type, role)
         self._positions[key] = len(self._parameters)
-        self._parameters.append(ParameterDefinition(dto.name, (type_.id,)))
+        self._parameters.append(ParameterDefinition(dto.name, types))
 
-    def _literals(
-        self, section: str, dtos: Iterable[PddlConditionEffectDto]
-    ) -> tuple[LiteralDefinition, ...]:
-        expect_list(dtos, PddlConditionEffectDto, self._part(f"{section}s"))
-        return tuple(
-            self._literal(dto, f"{section} {number} of {self._role}")
-            for number, dto in enumerate(dtos, start=1)
-        )
+    def _formulas(self, section: str, parts: Iterable[PddlConditionEffectDto | Node]) -> list[Node]:
+        expect_list(parts, (PddlConditionEffectDto, Node), self._part(f"{section}s"))
+        return [
+            part
+            if isinstance(part, Node)
+            else self._literal(part, f"{section} {number} of {self._role}")
+            for number, part in enumerate(parts, start=1)
+        ]
 
-    def _literal(self, dto: PddlConditionEffectDto, role: str) -> LiteralDefinition:
+    def _literal(self, dto: PddlConditionEffectDto, role: str) -> Node:
         expect(dto.predicate, PddlPredicateDto, f"the predicate of {role}")
         expect_list(dto.objects, PddlObjectDto, f"the list of objects of {role}")
         self._check_time(dto, role)
@@ -126,17 +193,18 @@ class ActionReader:
         for number, (object_, wanted) in enumerate(
             zip(dto.objects, predicate.parameters, strict=True), start=1
         ):
-            term, type_id = self._term(object_, f"term {number} of {role}")
-            if not self._definitions.fits(type_id, wanted.type_ids):
+            term, type_ids = self._term(object_, f"term {number} of {role}")
+            if not self._definitions.any_fits(type_ids, wanted.type_ids):
+                types = self._definitions.types
                 raise TypeMismatchError(
                     f"{role}: term {number} of {dto}, {object_.name!r}, is of type "
-                    f"{self._definitions.types.live(type_id).name!r}, expected "
-                    f"{self._definitions.types.live(wanted.type_ids[0]).name!r} or a subtype, as "
-                    f"in {predicate.text}"
+                    f"{types.live(type_ids[0]).name!r}, expected "
+                    f"{types.live(wanted.type_ids[0]).name!r} or a subtype, as in {predicate.text}"
                 )
             terms.append(term)
-        time = dto.time if self._dto.durative else None
-        return LiteralDefinition(predicate.id, tuple(terms), time, bool(dto.is_negative))
+        atom = Atom(predicate.name, tuple(terms))
+        literal = Not(atom) if dto.is_negative else atom
+        return Timed(dto.time, literal) if self._dto.durative and dto.time else literal
 
     def _check_time(self, dto: PddlConditionEffectDto, role: str) -> None:
         # The original library's programs write no time as an empty text.
@@ -151,20 +219,21 @@ class ActionReader:
                 f"{', '.join(map(repr, TIMES))}, for the action is durative"
             )
 
-    def _term(self, dto: PddlObjectDto, role: str) -> tuple[Term, int]:
+    def _term(self, dto: PddlObjectDto, role: str) -> tuple[Variable | Constant, tuple[int, ...]]:
         """Find what a term denotes: a parameter first, else an object that is known."""
         expect(dto.type, PddlTypeDto, f"the type of {role}")
         position = self._positions.get(fold(dto.name))
         if position is not None:
-            type_id = self._parameters[position].type_ids[0]
-            type_ = self._definitions.types.live(type_id)
-            if fold(dto.type.name) != fold(type_.name):
+            parameter = self._parameters[position]
+            type_text = typed_name(self._definitions, parameter).type_text
+            if fold(dto.type.name) != fold(type_text):
                 raise TypeMismatchError(
                     f"{role}: ?{dto.name} is given the type {dto.type.name!r}, but the parameter "
-                    f"of this name has {type_.name!r}"
+                    f"of this name has {type_text!r}"
                 )
-            ensure_type(self._transaction, dto.type, role)
-            return Term(position, None), type_id
+            if len(parameter.type_ids) == 1:
+                ensure_type(self._transaction, dto.type, role)
+            return Variable(parameter.name), parameter.type_ids
         constant = self._definitions.objects.named(dto.name)
         if constant is None:
             raise InvalidKnowledgeError(
@@ -172,31 +241,52 @@ class ActionReader:
                 "known; add the parameter, or save the object first"
             )
         check_object(self._transaction, dto, constant, role)
-        return Term(None, constant.id), constant.type_id
-
-    def _literal_text(self, literal: LiteralDefinition) -> str:
-        terms = [
-            f"?{self._parameters[term.parameter].name}"
-            if term.parameter is not None
-            else self._definitions.objects.live(term.object_id or 0).name
-            for term in literal.terms
-        ]
-        predicate = self._definitions.predicates.live(literal.predicate_id)
-        return literal_text(predicate.name, terms, literal.time, literal.is_negative)
+        return Constant(constant.name), constant.type_ids
 
 
-class SqlActionDao(SqlNamedDao[PddlActionDto], PddlActionDao):
-    """Actions in an SQL store."""
-
+class _SqlActionDao(SqlNamedDao[A]):
     kind: ClassVar[str] = "action"
-    dto_class = PddlActionDto
+    keywords: ClassVar[tuple[str, ...]]
 
-    def _build(self, builder: DtoBuilder, definition: ActionDefinition) -> PddlActionDto:
-        return builder.action(definition)
+    def _is_mine(self, definition: ActionDefinition) -> bool:
+        return definition.kind in self.keywords
 
-    def _put(self, transaction: Transaction, dto: PddlActionDto, cascade: bool) -> bool:
-        return transaction.define("action", ActionReader(transaction, dto).read())
+    def _check(self, dto: A) -> None:
+        super()._check(dto)
+        if dto.keyword not in self.keywords:
+            raise InvalidKnowledgeError(
+                f"{dto.name!r} is a {dto.keyword}, which has a DAO of its own; save it there"
+            )
+
+    def _build(self, builder: DtoBuilder, definition: ActionDefinition) -> A:
+        dto = builder.action(definition)
+        assert isinstance(dto, self.dto_class)
+        return dto
+
+    def _put(self, transaction: Transaction, dto: A, cascade: bool) -> bool:
+        return ActionReader(transaction, dto).put()
 
     def _remove(self, transaction: Transaction, ids: list[int]) -> None:
         for id_ in ids:
             transaction.undefine("action", id_)
+
+
+class SqlActionDao(_SqlActionDao[PddlActionDto], PddlActionDao):
+    """Actions in an SQL store."""
+
+    dto_class = PddlActionDto
+    keywords = ("action", "durative-action")
+
+
+class SqlProcessDao(_SqlActionDao[PddlProcessDto], PddlProcessDao):
+    """Processes in an SQL store."""
+
+    dto_class = PddlProcessDto
+    keywords = ("process",)
+
+
+class SqlEventDao(_SqlActionDao[PddlEventDto], PddlEventDao):
+    """Events in an SQL store."""
+
+    dto_class = PddlEventDto
+    keywords = ("event",)

@@ -69,12 +69,12 @@ def expect(value: Any, wanted: type[T], role: str) -> T:
     return value
 
 
-def expect_list(value: Any, wanted: type[T], role: str) -> Sequence[T]:
+def expect_list(value: Any, wanted: type[T] | tuple[type[T], ...], role: str) -> Sequence[T]:
     """Check that a value is a list, or a tuple, of DTOs of the class that its place asks for.
 
     Args:
         value: the value.
-        wanted: the class.
+        wanted: the class, or several.
         role: what the list is, for the message.
 
     Returns:
@@ -87,7 +87,8 @@ def expect_list(value: Any, wanted: type[T], role: str) -> Sequence[T]:
         expect(value, list, role)
     for item in value:
         if not isinstance(item, wanted):
-            expect(item, wanted, f"each item of {role}")
+            first = wanted[0] if isinstance(wanted, tuple) else wanted
+            expect(item, first, f"each item of {role}")
     return value  # type: ignore[no-any-return]
 
 

@@ -2,19 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 from ..dto import (
     PddlActionDto,
     PddlConditionEffectDto,
+    PddlEitherTypeDto,
+    PddlEventDto,
+    PddlFunctionDto,
     PddlObjectDto,
     PddlPredicateDto,
+    PddlProcessDto,
     PddlPropositionDto,
     PddlTypeDto,
 )
-from ..knowledge.action import ActionDefinition, LiteralDefinition
+from ..dto.formula import Atom, Comparison, Constant, Fluent, Node, Not, Number, Timed, Variable
+from ..dto.name import fold
+from ..dto.number import decimal_text, number_text
+from ..dto.pddl_action_dto import Duration
+from ..knowledge.action import ActionDefinition
 from ..knowledge.definitions import Definitions
 from ..knowledge.predicate import ParameterDefinition
+from ..knowledge.tree_reader import TreeReader
 
 
 class DtoBuilder:
@@ -25,6 +34,7 @@ class DtoBuilder:
         self._types: dict[int, PddlTypeDto] = {}
         self._objects: dict[int, PddlObjectDto] = {}
         self._predicates: dict[int, PddlPredicateDto] = {}
+        self._functions: dict[int, PddlFunctionDto] = {}
 
     def type(self, id_: int) -> PddlTypeDto:
         """Build a type, with the types above it.
@@ -38,10 +48,22 @@ class DtoBuilder:
         dto = self._types.get(id_)
         if dto is None:
             definition = self._definitions.types.live(id_)
-            parent = definition.parent_id
-            dto = PddlTypeDto(definition.name, parent=None if parent is None else self.type(parent))
+            above = definition.parent_ids
+            dto = PddlTypeDto(definition.name, parent=self.types(above) if above else None)
             self._types[id_] = dto
         return dto
+
+    def types(self, ids: Sequence[int]) -> PddlTypeDto:
+        """Build the type that stands for one type, or for several.
+
+        Args:
+            ids: the types' ids.
+
+        Returns:
+            The DTO, a `PddlEitherTypeDto` for several.
+        """
+        types = [self.type(id_) for id_ in ids]
+        return types[0] if len(types) == 1 else PddlEitherTypeDto(types)
 
     def object(self, id_: int) -> PddlObjectDto:
         """Build an object.
@@ -55,7 +77,11 @@ class DtoBuilder:
         dto = self._objects.get(id_)
         if dto is None:
             definition = self._definitions.objects.live(id_)
-            dto = PddlObjectDto(self.type(definition.type_id), definition.name)
+            dto = PddlObjectDto(
+                self.types(definition.type_ids),
+                definition.name,
+                is_constant=definition.is_constant,
+            )
             self._objects[id_] = dto
         return dto
 
@@ -72,8 +98,31 @@ class DtoBuilder:
         if dto is None:
             definition = self._definitions.predicates.live(id_)
             types = [self._parameter_type(parameter) for parameter in definition.parameters]
-            dto = PddlPredicateDto(definition.name, types)
+            names = [parameter.name for parameter in definition.parameters]
+            dto = PddlPredicateDto(definition.name, types, parameter_names=names)
             self._predicates[id_] = dto
+        return dto
+
+    def function(self, id_: int) -> PddlFunctionDto:
+        """Build a function.
+
+        Args:
+            id_: the function's id.
+
+        Returns:
+            The DTO.
+        """
+        dto = self._functions.get(id_)
+        if dto is None:
+            definition = self._definitions.functions.live(id_)
+            types = [self._parameter_type(parameter) for parameter in definition.parameters]
+            dto = PddlFunctionDto(
+                definition.name,
+                types,
+                value_types=[self.type(type_id) for type_id in definition.type_ids],
+                parameter_names=[parameter.name for parameter in definition.parameters],
+            )
+            self._functions[id_] = dto
         return dto
 
     def proposition(self, predicate_id: int, arguments: str, is_goal: bool) -> PddlPropositionDto:
@@ -103,35 +152,59 @@ class DtoBuilder:
             PddlObjectDto(self._parameter_type(parameter), parameter.name)
             for parameter in definition.parameters
         ]
-        dto = PddlActionDto(
-            definition.name,
-            parameters,
-            self._literals(definition.conditions, parameters),
-            self._literals(definition.effects, parameters),
-            durative=definition.duration is not None,
+        duration, conditions, effects = (
+            TreeReader(self._definitions, tree, definition.parameters).conjuncts()
+            for tree in definition.trees
         )
-        if definition.duration is not None:
-            text = definition.duration
-            dto.duration = float(text) if "." in text else int(text)
-        return dto
+        own = (definition.name, parameters)
+        parts = self._parts(conditions, parameters), self._parts(effects, parameters)
+        if definition.kind == "process":
+            return PddlProcessDto(*own, *parts)
+        if definition.kind == "event":
+            return PddlEventDto(*own, *parts)
+        if definition.kind == "action":
+            return PddlActionDto(*own, *parts, durative=False)
+        return PddlActionDto(*own, *parts, duration=_duration(duration))
 
-    def _literals(
-        self, literals: Iterable[LiteralDefinition], parameters: list[PddlObjectDto]
-    ) -> list[PddlConditionEffectDto]:
-        return [
-            PddlConditionEffectDto(
-                self.predicate(literal.predicate_id),
-                [
-                    self.object(term.object_id)
-                    if term.object_id is not None
-                    else parameters[term.parameter or 0]
-                    for term in literal.terms
-                ],
-                literal.time,
-                literal.is_negative,
-            )
-            for literal in literals
-        ]
+    def _parts(
+        self, formulas: Iterable[Node], parameters: list[PddlObjectDto]
+    ) -> list[PddlConditionEffectDto | Node]:
+        return [self._literal(formula, parameters) or formula for formula in formulas]
+
+    def _literal(
+        self, formula: Node, parameters: list[PddlObjectDto]
+    ) -> PddlConditionEffectDto | None:
+        """Build the literal that a formula is, if it is one that a DTO of the paper can say."""
+        time = formula.time if isinstance(formula, Timed) else None
+        inner = formula.formula if isinstance(formula, Timed) else formula
+        atom = inner.formula if isinstance(inner, Not) else inner
+        if not isinstance(atom, Atom) or any(isinstance(term, Fluent) for term in atom.terms):
+            return None
+        by_name = {fold(parameter.name): parameter for parameter in parameters}
+        objects = self._definitions.objects
+        terms = []
+        for term in atom.terms:
+            if isinstance(term, Variable):
+                terms.append(by_name[fold(term.name)])
+            elif isinstance(term, Constant) and (found := objects.named(term.name)):
+                if fold(term.name) in by_name:
+                    return None
+                terms.append(self.object(found.id))
+        predicate = self._definitions.predicates.named(atom.predicate)
+        assert predicate is not None
+        return PddlConditionEffectDto(
+            self.predicate(predicate.id), terms, time, isinstance(inner, Not)
+        )
 
     def _parameter_type(self, parameter: ParameterDefinition) -> PddlTypeDto:
-        return self.type(parameter.type_ids[0])
+        return self.types(parameter.type_ids)
+
+
+def _duration(constraints: Sequence[Node]) -> Duration:
+    """Give a duration that is fixed by a number as that number, as the paper's DTO has it."""
+    match constraints:
+        case [Comparison("=", Variable("duration"), Number(value))]:
+            text = decimal_text(value)
+            exact: int | float = float(text) if "." in text else int(text)
+            return exact if number_text(exact) == text else value
+    return list(constraints)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
-from typing import Any, NamedTuple
+from collections.abc import Collection, Iterable, Iterator
+from typing import Any
 
 from sqlalchemy import Select, select
 
@@ -12,11 +12,16 @@ from ..backends import Query, in_list, in_rows
 from ..errors import DependantsError
 from ..knowledge.action import ActionDefinition
 from ..knowledge.definitions import Definitions
+from ..knowledge.formula import FormulaDefinition
 from ..knowledge.loading import KB
+from ..knowledge.predicate import ParameterDefinition
+from ..knowledge.tree import Mentioned, mentions
 from ..tables import PropositionArgumentRow, PropositionRow, PropositionVersionRow
 from ..transaction import Transaction
+from .fluents_on import function_values_on, retract_function_values
 
 SHOWN = 10
+
 
 _LIVE = select(PropositionVersionRow.proposition_id).where(
     PropositionVersionRow.kb_id == KB, PropositionVersionRow.until.is_(None)
@@ -43,18 +48,7 @@ _OF_PREDICATES = _atoms(_LIVE.where(in_list(PropositionVersionRow.predicate_id, 
 _OF_OBJECTS = _atoms(_LIVE.where(in_rows(PropositionVersionRow.proposition_id, _MENTIONING)))
 
 
-class Scope(NamedTuple):
-    """A set of definitions.
-
-    Attributes:
-        types: ids of types.
-        objects: ids of objects.
-        predicates: ids of predicates.
-    """
-
-    types: Collection[int] = ()
-    objects: Collection[int] = ()
-    predicates: Collection[int] = ()
+Scope = Mentioned
 
 
 def of_types(definitions: Definitions, type_ids: Collection[int]) -> Scope:
@@ -65,23 +59,28 @@ def of_types(definitions: Definitions, type_ids: Collection[int]) -> Scope:
         type_ids: the types.
 
     Returns:
-        The types with their subtypes, the objects of these, and the predicates with a parameter
-        of one.
+        The types with their subtypes, the objects of these, and the predicates and functions with
+        a parameter, or with values, of one.
     """
     types = {below for type_id in type_ids for below in definitions.subtypes(type_id)}
+
+    def has(parameters: Iterable[ParameterDefinition]) -> bool:
+        return any(not types.isdisjoint(parameter.type_ids) for parameter in parameters)
+
     return Scope(
         types,
-        {object_.id for object_ in definitions.objects if object_.type_id in types},
+        {each.id for each in definitions.objects if not types.isdisjoint(each.type_ids)},
+        {each.id for each in definitions.predicates if has(each.parameters)},
         {
-            predicate.id
-            for predicate in definitions.predicates
-            if any(not types.isdisjoint(parameter.type_ids) for parameter in predicate.parameters)
+            each.id
+            for each in definitions.functions
+            if has(each.parameters) or not types.isdisjoint(each.type_ids)
         },
     )
 
 
 def actions_on(definitions: Definitions, scope: Scope) -> Iterator[ActionDefinition]:
-    """Find the actions that mention something.
+    """Find the actions, processes and events that mention something.
 
     Args:
         definitions: the definitions.
@@ -91,13 +90,23 @@ def actions_on(definitions: Definitions, scope: Scope) -> Iterator[ActionDefinit
         The actions.
     """
     for action in definitions.actions:
-        literals = (*action.conditions, *action.effects)
-        if (
-            any(id_ in scope.types for part in action.parameters for id_ in part.type_ids)
-            or any(literal.predicate_id in scope.predicates for literal in literals)
-            or any(term.object_id in scope.objects for part in literals for term in part.terms)
+        if mentions(action.trees, scope) or any(
+            id_ in scope.types for part in action.parameters for id_ in part.type_ids
         ):
             yield action
+
+
+def formulas_on(definitions: Definitions, scope: Scope) -> Iterator[FormulaDefinition]:
+    """Find the formulas that mention something.
+
+    Args:
+        definitions: the definitions.
+        scope: what they may mention.
+
+    Yields:
+        The formulas.
+    """
+    return (each for each in definitions.formulas if mentions([each.tree], scope))
 
 
 def propositions_on(transaction: Transaction, scope: Scope | None) -> list[Atom]:
@@ -139,6 +148,15 @@ def retract(transaction: Transaction, atoms: list[Atom]) -> None:
         transaction.propositions.set(transaction.propositions.know(atom), False)
 
 
+def _undefine_users(transaction: Transaction, scope: Scope) -> None:
+    retract(transaction, propositions_on(transaction, scope))
+    retract_function_values(transaction, function_values_on(transaction, scope))
+    for action in list(actions_on(transaction.definitions, scope)):
+        transaction.undefine("action", action.id)
+    for formula in list(formulas_on(transaction.definitions, scope)):
+        transaction.undefine("formula", formula.id)
+
+
 def delete_scope(transaction: Transaction, scope: Scope) -> None:
     """Delete definitions and all that depends on them.
 
@@ -146,16 +164,27 @@ def delete_scope(transaction: Transaction, scope: Scope) -> None:
         transaction: the transaction.
         scope: the definitions; closed already, as `of_types` gives them.
     """
-    retract(transaction, propositions_on(transaction, scope))
-    for action in list(actions_on(transaction.definitions, scope)):
-        transaction.undefine("action", action.id)
+    _undefine_users(transaction, scope)
     for kind, ids in (
         ("predicate", scope.predicates),
+        ("function", scope.functions),
         ("object", scope.objects),
         ("type", scope.types),
     ):
         for id_ in sorted(ids):
             transaction.undefine(kind, id_)
+
+
+def _users(transaction: Transaction, scope: Scope) -> list[str]:
+    """Name all that mentions something."""
+    definitions = transaction.definitions
+    atoms = propositions_on(transaction, scope)
+    return [
+        *(f"action {action.name}" for action in actions_on(definitions, scope)),
+        *(f"formula {formula.text}" for formula in formulas_on(definitions, scope)),
+        *(f"{'goal' if atom.key.is_goal else 'fact'} {atom.text}" for atom in atoms),
+        *(f"value {value.text}" for value in function_values_on(transaction, scope)),
+    ]
 
 
 def clear_for_redefinition(
@@ -173,11 +202,11 @@ def clear_for_redefinition(
     Raises:
         DependantsError: there are dependants, and `cascade` is False.
     """
-    atoms = propositions_on(transaction, scope)
-    actions = list(actions_on(transaction.definitions, scope))
-    if not cascade and (atoms or actions):
-        dependants = [*(f"action {action.name}" for action in actions)]
-        dependants += [f"{'goal' if atom.key.is_goal else 'fact'} {atom.text}" for atom in atoms]
+    if cascade:
+        _undefine_users(transaction, scope)
+        return
+    dependants = _users(transaction, scope)
+    if dependants:
         shown = ", ".join(dependants[:SHOWN])
         more = f" and {len(dependants) - SHOWN} more" if len(dependants) > SHOWN else ""
         raise DependantsError(
@@ -185,6 +214,3 @@ def clear_for_redefinition(
             "save with cascade=True to retract them",
             dependants,
         )
-    retract(transaction, atoms)
-    for action in actions:
-        transaction.undefine("action", action.id)

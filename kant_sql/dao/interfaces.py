@@ -18,8 +18,10 @@ from typing import Generic, TypeVar
 from ..dto import (
     Dto,
     PddlActionDto,
+    PddlEventDto,
     PddlObjectDto,
     PddlPredicateDto,
+    PddlProcessDto,
     PddlPropositionDto,
     PddlTypeDto,
 )
@@ -205,7 +207,19 @@ class PddlPredicateDao(RedefinableDao[PddlPredicateDto]):
 
 
 class PddlActionDao(NamedDao[PddlActionDto]):
-    """Reads, saves and deletes actions; nothing depends on them."""
+    """Reads, saves and deletes actions; nothing depends on them.
+
+    A condition or an effect is a literal, or a node of `kant_sql.pddl`. A literal saves what it
+    refers to when it is missing; a node names what must be known already.
+    """
+
+
+class PddlProcessDao(NamedDao[PddlProcessDto]):
+    """Reads, saves and deletes processes (PDDL+); no action or event has the name of one."""
+
+
+class PddlEventDao(NamedDao[PddlEventDto]):
+    """Reads, saves and deletes events (PDDL+); no action or process has the name of one."""
 
 
 class PddlPropositionDao(Dao[PddlPropositionDto]):

@@ -25,7 +25,7 @@ class SqlNamedDao(SqlDao, Generic[D]):
         """Read one element."""
 
         def work(definitions: Definitions) -> D | None:
-            definition = definitions.elements(self.kind).named(name)
+            definition = self._named(definitions, name)
             return None if definition is None else self._build(DtoBuilder(definitions), definition)
 
         return self._store.read_definitions(work, self._at)
@@ -35,9 +35,7 @@ class SqlNamedDao(SqlDao, Generic[D]):
 
         def work(definitions: Definitions) -> list[D]:
             builder = DtoBuilder(definitions)
-            return [
-                self._build(builder, definition) for definition in definitions.elements(self.kind)
-            ]
+            return [self._build(builder, definition) for definition in self._all(definitions)]
 
         return self._store.read_definitions(work, self._at)
 
@@ -52,7 +50,7 @@ class SqlNamedDao(SqlDao, Generic[D]):
         self._check(dto)
 
         def work(transaction: Transaction) -> bool:
-            if transaction.definitions.elements(self.kind).named(dto.name) is not None:
+            if self._named(transaction.definitions, dto.name) is not None:
                 return False
             self._put(transaction, dto, False)
             return True
@@ -64,7 +62,7 @@ class SqlNamedDao(SqlDao, Generic[D]):
         self._check(dto)
 
         def work(transaction: Transaction) -> bool:
-            if transaction.definitions.elements(self.kind).named(dto.name) is None:
+            if self._named(transaction.definitions, dto.name) is None:
                 return False
             self._put(transaction, dto, cascade)
             return True
@@ -88,7 +86,7 @@ class SqlNamedDao(SqlDao, Generic[D]):
         self._check(dto)
 
         def work(transaction: Transaction) -> bool:
-            definition = transaction.definitions.elements(self.kind).named(dto.name)
+            definition = self._named(transaction.definitions, dto.name)
             if definition is None:
                 return False
             self._remove(transaction, [definition.id])
@@ -101,7 +99,7 @@ class SqlNamedDao(SqlDao, Generic[D]):
         self._check_writable()
 
         def work(transaction: Transaction) -> int:
-            ids = [definition.id for definition in transaction.definitions.elements(self.kind)]
+            ids = [definition.id for definition in self._all(transaction.definitions)]
             if ids:
                 self._remove(transaction, ids)
             return len(ids)
@@ -111,6 +109,17 @@ class SqlNamedDao(SqlDao, Generic[D]):
     def _check(self, dto: D) -> None:
         self._check_writable()
         expect(dto, self.dto_class, f"what the {self.kind} DAO takes")
+
+    def _named(self, definitions: Definitions, name: str) -> Any:
+        definition = definitions.elements(self.kind).named(name)
+        return definition if definition is not None and self._is_mine(definition) else None
+
+    def _all(self, definitions: Definitions) -> list[Any]:
+        return [each for each in definitions.elements(self.kind) if self._is_mine(each)]
+
+    def _is_mine(self, definition: Any) -> bool:
+        """Tell whether a definition of the kind is one that this DAO is for."""
+        return True
 
     @abstractmethod
     def _build(self, builder: DtoBuilder, definition: Any) -> D:

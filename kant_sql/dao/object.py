@@ -6,6 +6,7 @@ from typing import ClassVar
 
 from ..dto import PddlObjectDto, PddlTypeDto
 from ..dto.name import check_name, fold
+from ..dto.parameters import either_text
 from ..errors import ConflictError
 from ..knowledge.object import ObjectDefinition
 from ..transaction import Transaction
@@ -14,7 +15,7 @@ from .builder import DtoBuilder
 from .dependants import Scope, clear_for_redefinition, delete_scope
 from .interfaces import PddlObjectDao
 from .named import SqlNamedDao
-from .type import ensure_type
+from .type import ensure_types
 
 
 def check_object(
@@ -31,15 +32,16 @@ def check_object(
     Raises:
         ConflictError: it is stored with another type.
     """
-    type_ = transaction.definitions.types.live(stored.type_id)
-    if dto.type.parent is None and dto.type.name == type_.name:
+    types = transaction.definitions.types
+    name = either_text(types.live(id_).name for id_ in stored.type_ids)
+    if dto.type.parent is None and dto.type.name == name:
         return
-    if fold(dto.type.name) != fold(type_.name):
+    if fold(dto.type.name) != fold(name):
         raise ConflictError(
             f"object {dto.name!r} is stored as '{stored.text}', but {role} refers to it as "
             f"'{dto}'; use the stored definition, or save the object itself to redefine it"
         )
-    ensure_type(transaction, dto.type, f"object {dto.name!r}")
+    ensure_types(transaction, dto.type, f"object {dto.name!r}")
 
 
 def ensure_object(transaction: Transaction, dto: PddlObjectDto, role: str) -> ObjectDefinition:
@@ -80,11 +82,15 @@ def put_object(
         The object, and whether it has changed.
     """
     check_name("object", dto.name)
-    type_ = ensure_type(transaction, dto.type, f"object {dto.name!r}")
+    type_ids = ensure_types(transaction, dto.type, f"object {dto.name!r}")
     stored = transaction.definitions.objects.named(dto.name)
     id_, name = (stored.id, stored.name) if stored else transaction.intern("object", dto.name)
-    definition = ObjectDefinition(id_, name, type_.id, f"{name} - {type_.name}")
-    if stored is not None and stored != definition:
+    live = transaction.definitions.types.live
+    types = either_text(live(type_id).name for type_id in type_ids)
+    is_constant = bool(dto.is_constant)
+    text = object_text(name, types, is_constant)
+    definition = ObjectDefinition(id_, name, type_ids[0], text, type_ids[1:], is_constant)
+    if stored is not None and stored.type_ids != type_ids:
         clear_for_redefinition(
             transaction,
             Scope(objects={id_}),
@@ -93,6 +99,21 @@ def put_object(
             cascade,
         )
     return definition, transaction.define("object", definition)
+
+
+def object_text(name: str, types: str, is_constant: bool) -> str:
+    """Write an object down.
+
+    Args:
+        name: its name.
+        types: its type as text.
+        is_constant: whether the domain declares it.
+
+    Returns:
+        The text, for example `rb1 - robot`, or `(:constants rb1 - robot)`.
+    """
+    text = f"{name} - {types}"
+    return f"(:constants {text})" if is_constant else text
 
 
 class SqlObjectDao(SqlNamedDao[PddlObjectDto], PddlObjectDao):

@@ -5,20 +5,17 @@ from __future__ import annotations
 from typing import ClassVar
 
 from ..dto import PddlPredicateDto, PddlTypeDto
-from ..dto.name import RESERVED_PREDICATES, check_name, fold
-from ..dto.pddl_predicate_dto import predicate_text
-from ..errors import ArityError, ConflictError
-from ..knowledge.predicate import ParameterDefinition, PredicateDefinition
+from ..dto.name import RESERVED_PREDICATES, check_name
+from ..dto.parameters import declaration_text
+from ..errors import ConflictError
+from ..knowledge.predicate import PredicateDefinition
 from ..transaction import Transaction
 from .base import expect, expect_list
 from .builder import DtoBuilder
 from .dependants import Scope, clear_for_redefinition, delete_scope
 from .interfaces import PddlPredicateDao
 from .named import SqlNamedDao
-from .type import ensure_type
-
-# A proposition's arguments are one index key, and PostgreSQL's keys end at 2,704 bytes.
-MAX_ARITY = 100
+from .parameters import agrees, check_parents, given_names, put_parameters, same_types, type_texts
 
 
 def ensure_predicate(
@@ -28,7 +25,7 @@ def ensure_predicate(
 
     Args:
         transaction: the transaction.
-        dto: the predicate as referred to.
+        dto: the predicate as referred to; the names of its parameters do not matter.
         role: what refers to it, for the message.
 
     Returns:
@@ -43,19 +40,17 @@ def ensure_predicate(
     stored = transaction.definitions.predicates.named(dto.name)
     if stored is None:
         return put_predicate(transaction, dto, cascade=False)[0]
-    types = transaction.definitions.types
-    names = [types.live(parameter.type_ids[0]).name for parameter in stored.parameters]
-    if len(names) != len(dto.types) or any(
-        given.name != name and fold(given.name) != fold(name)
-        for given, name in zip(dto.types, names, strict=True)
+    if len(stored.parameters) != len(dto.types) or not all(
+        agrees(transaction.definitions, given, parameter.type_ids)
+        for given, parameter in zip(dto.types, stored.parameters, strict=True)
     ):
         raise ConflictError(
             f"predicate {dto.name!r} is stored as {stored.text}, but {role} refers to it as {dto}; "
             "use the stored definition, or save the predicate itself to redefine it"
         )
+    given_names(dto, f"predicate {dto.name!r}")
     for type_ in dto.types:
-        if type_.parent is not None:
-            ensure_type(transaction, type_, f"predicate {dto.name!r}")
+        check_parents(transaction, type_, f"predicate {dto.name!r}")
     return stored
 
 
@@ -73,21 +68,18 @@ def put_predicate(
         The predicate, and whether it has changed.
     """
     check_name("predicate", dto.name, RESERVED_PREDICATES)
-    expect_list(dto.types, PddlTypeDto, f"the list of types of predicate {dto.name!r}")
-    if len(dto.types) > MAX_ARITY:
-        raise ArityError(
-            f"predicate {dto.name!r} has {len(dto.types)} parameters, {MAX_ARITY} at most"
-        )
-    types = [ensure_type(transaction, type_, f"predicate {dto.name!r}") for type_ in dto.types]
     stored = transaction.definitions.predicates.named(dto.name)
+    present = stored.parameters if stored else ()
+    parameters = put_parameters(transaction, dto, f"predicate {dto.name!r}", present)
     id_, name = (stored.id, stored.name) if stored else transaction.intern("predicate", dto.name)
-    parameters = tuple(
-        ParameterDefinition(f"{type_.name[:1]}{position}", (type_.id,))
-        for position, type_ in enumerate(types)
+    text = declaration_text(
+        name,
+        type_texts(transaction.definitions, parameters),
+        [parameter.name for parameter in parameters],
     )
-    text = predicate_text(name, [type_.name for type_ in types])
     definition = PredicateDefinition(id_, name, parameters, text)
-    if stored is not None and stored != definition:
+    # What depends on a predicate does not depend on the names of its parameters.
+    if stored is not None and not same_types(parameters, present):
         clear_for_redefinition(
             transaction,
             Scope(predicates={id_}),

@@ -5,22 +5,23 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
-from sqlalchemy import ColumnElement, Select, bindparam, false, literal_column, select, union_all
+from sqlalchemy import ColumnElement, bindparam, false, literal_column, select
 
 from ..atoms import AtomKey
-from ..backends import Query, in_rows
+from ..backends import in_rows
 from ..dto import PddlObjectDto, PddlPredicateDto, PddlPropositionDto
 from ..knowledge.loading import KB, held_at
-from ..tables import HeadRow, PropositionRow, PropositionVersionRow
+from ..knowledge.rows import table_of
+from ..tables import PropositionRow, PropositionVersionRow
 from ..transaction import Transaction
-from ..view import DefinitionsMovedError, View
+from ..view import View
 from .base import SqlDao, batches, expect, expect_list
 from .builder import DtoBuilder
 from .dependants import propositions_on, retract
 from .interfaces import PddlPropositionDao
+from .reading import NO_ID, Reading
 from .references import References
 
-_Columns = tuple[int, int, str, bool]
 _COLUMNS = (
     PropositionRow.id,
     PropositionRow.predicate_id,
@@ -30,22 +31,11 @@ _COLUMNS = (
 _HELD = (PropositionVersionRow.until.is_(None), held_at(PropositionVersionRow))
 
 
-# The head says, in the same statement, which definitions go with what is read. Ids begin at 1.
-_HEAD_ID, _NO_ID = 0, -1
-_HEAD: Select[*_Columns] = select(
-    literal_column(str(_HEAD_ID)), HeadRow.definition_revision, literal_column("''"), false()
-).where(HeadRow.kb_id == KB)
-
-
-class Reading:
+class PropositionReading(Reading):
     """One question about propositions, as asked of the present and of the past."""
 
-    def __init__(self, now: Select[*_Columns], then: Select[*_Columns]) -> None:
-        self._now = Query(union_all(now, _HEAD))
-        self._then = Query(then)
-
     @classmethod
-    def of_versions(cls, *conditions: ColumnElement[bool]) -> Reading:
+    def of_versions(cls, *conditions: ColumnElement[bool]) -> PropositionReading:
         """Ask for the propositions of the versions that are open.
 
         Args:
@@ -63,29 +53,7 @@ class Reading:
             )
             for held in _HELD
         )
-        return cls(now, then)
-
-    @classmethod
-    def of_goals(cls) -> Reading:
-        """Ask for the goals: few among many facts, so each is looked up for an open version.
-
-        Returns:
-            The question.
-        """
-        version = (
-            select(PropositionVersionRow.since)
-            .where(PropositionVersionRow.kb_id == PropositionRow.kb_id)
-            .where(PropositionVersionRow.proposition_id == PropositionRow.id)
-        )
-        now, then = (
-            select(*_COLUMNS).where(
-                PropositionRow.kb_id == KB,
-                PropositionRow.is_goal,
-                version.where(held).scalar_subquery().is_not(None),
-            )
-            for held in _HELD
-        )
-        return cls(now, then)
+        return cls(now, then, literal_column("''"), false())
 
     def answer(self, view: View, **parameters: Any) -> list[PddlPropositionDto]:
         """Ask it.
@@ -97,24 +65,15 @@ class Reading:
         Returns:
             The propositions, in the order in which each was first known.
         """
-        if view.kb_id is None:
-            return []
-        if view.at is not None:
-            rows = view.session.rows(self._then, kb=view.kb_id, at=view.at, **parameters)
-            rows.sort()
-        else:
-            rows = view.session.rows(self._now, kb=view.kb_id, **parameters)
-            rows.sort()
-            head = rows.pop(0) if rows and rows[0][0] == _HEAD_ID else None
-            if view.definition_revision not in (None, head and head[1]):
-                raise DefinitionsMovedError
         proposition = DtoBuilder(view.definitions).proposition
-        return [proposition(*row[1:]) for row in rows]
+        return [proposition(*row[1:]) for row in self.rows(view, **parameters)]
 
 
-_ALL = Reading.of_versions()
-_OF_PREDICATE = Reading.of_versions(PropositionVersionRow.predicate_id == bindparam("predicate"))
-_GOALS = Reading.of_goals()
+_ALL = PropositionReading.of_versions()
+_OF_PREDICATE = PropositionReading.of_versions(
+    PropositionVersionRow.predicate_id == bindparam("predicate")
+)
+GOALS = PropositionReading.of_versions(table_of(PropositionVersionRow).c.is_goal)
 
 
 def existing_key(transaction: Transaction, dto: PddlPropositionDto) -> AtomKey | None:
@@ -149,14 +108,14 @@ class SqlPropositionDao(SqlDao, PddlPropositionDao):
         def work(view: View) -> list[PddlPropositionDto]:
             predicate = view.definitions.predicates.named(name)
             # Asked even of no predicate: the head may say that there is one by now.
-            id_ = _NO_ID if predicate is None else predicate.id
+            id_ = NO_ID if predicate is None else predicate.id
             return _OF_PREDICATE.answer(view, predicate=id_)
 
         return self._store.read(work, self._at)
 
     def get_goals(self) -> list[PddlPropositionDto]:
         """Read the goals."""
-        return self._store.read(_GOALS.answer, self._at)
+        return self._store.read(GOALS.answer, self._at)
 
     def get_no_goals(self) -> list[PddlPropositionDto]:
         """Read the facts."""

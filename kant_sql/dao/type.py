@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from typing import ClassVar
 
-from ..dto import PddlTypeDto
+from ..dto import PddlEitherTypeDto, PddlTypeDto
 from ..dto.name import RESERVED_TYPES, ROOT_TYPE, check_name, fold
+from ..dto.parameters import either_text
 from ..errors import ConflictError, InvalidKnowledgeError, TypeCycleError
 from ..knowledge.type import TypeDefinition
 from ..transaction import Transaction
-from .base import expect
+from .base import expect, expect_list
 from .builder import DtoBuilder
 from .dependants import clear_for_redefinition, delete_scope, of_types
 from .interfaces import PddlTypeDao
@@ -42,9 +44,34 @@ def ensure_type(transaction: Transaction, dto: PddlTypeDto, role: str) -> TypeDe
             f"type {dto.name!r} is stored as '{stored.text}', but {role} refers to it as '{dto}'; "
             "use the stored definition, or save the type itself to redefine it"
         )
-    if dto.parent is not None and dto.parent.parent is not None:
-        ensure_type(transaction, dto.parent, f"type {dto.name!r}")
+    if isinstance(dto.parent, PddlEitherTypeDto) or (dto.parent and dto.parent.parent):
+        ensure_types(transaction, dto.parent, f"type {dto.name!r}")
     return stored
+
+
+def ensure_types(transaction: Transaction, dto: PddlTypeDto, role: str) -> tuple[int, ...]:
+    """Find the types that an element's type stands for; save those that are missing.
+
+    Args:
+        transaction: the transaction.
+        dto: the type as referred to, or several as `PddlEitherTypeDto`.
+        role: what refers to it, for the message.
+
+    Returns:
+        The ids: one, or several for `either`.
+
+    Raises:
+        ConflictError: as `ensure_type`.
+        InvalidKnowledgeError: as `ensure_type`, or `either` has no types.
+    """
+    if not isinstance(dto, PddlEitherTypeDto):
+        return (ensure_type(transaction, dto, role).id,)
+    types = expect_list(dto.types, PddlTypeDto, f"the list of types of {role}")
+    if not types:
+        raise InvalidKnowledgeError(
+            f"the type of {role} is 'either' of no types; give at least one"
+        )
+    return tuple(ensure_type(transaction, type_, role).id for type_ in types)
 
 
 def put_type(
@@ -62,16 +89,17 @@ def put_type(
     """
     check_name("type", dto.name, RESERVED_TYPES)
     _check_chain(dto)
-    parent = None
+    parents: tuple[int, ...] = ()
     if dto.parent is not None:
-        parent = ensure_type(transaction, dto.parent, f"type {dto.name!r}")
+        parents = ensure_types(transaction, dto.parent, f"type {dto.name!r}")
     stored = transaction.definitions.types.named(dto.name)
     id_, name = (stored.id, stored.name) if stored else transaction.intern("type", dto.name)
-    text = name if parent is None else f"{name} - {parent.name}"
-    definition = TypeDefinition(id_, name, parent and parent.id, text)
+    above = _names(transaction, parents)
+    text = f"{name} - {above}" if parents else name
+    definition = TypeDefinition(id_, name, parents[0] if parents else None, text, parents[1:])
     if stored is not None and stored != definition:
-        if parent is not None:
-            _check_cycle(transaction, stored, parent)
+        for parent in parents:
+            _check_cycle(transaction, stored, transaction.definitions.types.live(parent))
         scope = of_types(transaction.definitions, [id_])
         clear_for_redefinition(transaction, scope, f"type {stored.text}", f"'{text}'", cascade)
     return definition, transaction.define("type", definition)
@@ -79,16 +107,23 @@ def put_type(
 
 def _parent_key(transaction: Transaction, type_: TypeDefinition) -> str:
     """Give the folded name of the type above; the root is above all that say nothing."""
-    parent = transaction.definitions.types.get(type_.parent_id)
-    return ROOT_TYPE if parent is None else fold(parent.name)
+    return fold(_names(transaction, type_.parent_ids)) if type_.parent_ids else ROOT_TYPE
 
 
-def _check_chain(dto: PddlTypeDto) -> None:
+def _names(transaction: Transaction, type_ids: Iterable[int]) -> str:
+    return either_text(transaction.definitions.types.live(id_).name for id_ in type_ids)
+
+
+def _check_chain(dto: PddlTypeDto, below: Sequence[str] = ()) -> None:
     """Refuse a DTO that is its own ancestor, and a parent for the root."""
-    seen: list[str] = []
+    seen = list(below)
     current: PddlTypeDto | None = dto
     while current is not None:
         expect(current, PddlTypeDto, f"the parent of type {seen[-1] if seen else dto.name!r}")
+        if isinstance(current, PddlEitherTypeDto):
+            for type_ in expect_list(current.types, PddlTypeDto, f"the parents of {seen[-1]!r}"):
+                _check_chain(type_, seen)
+            return
         key = fold(current.name)
         if key in seen:
             raise TypeCycleError(

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 from .dto import Dto
-from .pddl_action_dto import PddlActionDto
+from .pddl_action_dto import PddlActionDto, PddlEventDto, PddlProcessDto
 from .pddl_condition_effect_dto import PddlConditionEffectDto
+from .pddl_either_type_dto import PddlEitherTypeDto
+from .pddl_function_dto import PddlFunctionDto
+from .pddl_function_value_dto import PddlFunctionValueDto
 from .pddl_object_dto import PddlObjectDto
 from .pddl_predicate_dto import PddlPredicateDto
 from .pddl_proposition_dto import PddlPropositionDto
@@ -14,8 +17,13 @@ __all__ = [
     "Dto",
     "PddlActionDto",
     "PddlConditionEffectDto",
+    "PddlEitherTypeDto",
+    "PddlEventDto",
+    "PddlFunctionDto",
+    "PddlFunctionValueDto",
     "PddlObjectDto",
     "PddlPredicateDto",
+    "PddlProcessDto",
     "PddlPropositionDto",
     "PddlTypeDto",
 ]

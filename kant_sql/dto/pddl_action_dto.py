@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from decimal import Decimal
 from typing import ClassVar
 
 from .dto import NamedDto
+from .formula import Node
 from .name import fold
+from .number import number_text
 from .pddl_condition_effect_dto import PddlConditionEffectDto
 from .pddl_object_dto import PddlObjectDto
 
 DEFAULT_DURATION = 10
+
+Duration = int | float | Decimal | Sequence[Node]
 
 
 @dataclass(init=False, eq=False)
@@ -24,19 +28,19 @@ class PddlActionDto(NamedDto):
     Attributes:
         name: the action's name.
         parameters: the parameters, in order.
-        conditions: the literals that must hold, in order.
-        effects: the literals that it brings about, in order.
+        conditions: what must hold, in order: literals, and nodes of formulas.
+        effects: what it brings about, in order: literals, and nodes of effects.
         durative: whether it is a durative action (PDDL 2.1, section 5).
-        duration: how long a durative action takes, in the planner's units of time; not used
-            otherwise.
+        duration: how long a durative action takes, in the planner's units of time: a number, or
+            the constraints on `Variable("duration")`; not used otherwise.
     """
 
     name: str
     parameters: list[PddlObjectDto]
-    conditions: list[PddlConditionEffectDto]
-    effects: list[PddlConditionEffectDto]
+    conditions: list[PddlConditionEffectDto | Node]
+    effects: list[PddlConditionEffectDto | Node]
     durative: bool
-    duration: int | float
+    duration: Duration
 
     _kind: ClassVar[str] = "action"
 
@@ -44,11 +48,11 @@ class PddlActionDto(NamedDto):
         self,
         name: str,
         parameters: Iterable[PddlObjectDto] | None = None,
-        conditions: Iterable[PddlConditionEffectDto] | None = None,
-        effects: Iterable[PddlConditionEffectDto] | None = None,
+        conditions: Iterable[PddlConditionEffectDto | Node] | None = None,
+        effects: Iterable[PddlConditionEffectDto | Node] | None = None,
         durative: bool = True,
         *,
-        duration: int | float = DEFAULT_DURATION,
+        duration: Duration = DEFAULT_DURATION,
     ) -> None:
         self.name = name
         self.parameters = list(parameters or ())
@@ -56,6 +60,11 @@ class PddlActionDto(NamedDto):
         self.effects = list(effects or ())
         self.durative = durative
         self.duration = duration
+
+    @property
+    def keyword(self) -> str:
+        """What it is, as PDDL says it: `action` or `durative-action`."""
+        return "durative-action" if self.durative else "action"
 
     def get_parameters(self) -> list[PddlObjectDto]:
         """Give the parameters.
@@ -73,35 +82,35 @@ class PddlActionDto(NamedDto):
         """
         self.parameters = list(parameters or ())
 
-    def get_conditions(self) -> list[PddlConditionEffectDto]:
+    def get_conditions(self) -> list[PddlConditionEffectDto | Node]:
         """Give the conditions.
 
         Returns:
-            The literals that must hold, in order.
+            What must hold, in order: literals, and nodes of formulas.
         """
         return self.conditions
 
-    def set_conditions(self, conditions: Iterable[PddlConditionEffectDto] | None) -> None:
+    def set_conditions(self, conditions: Iterable[PddlConditionEffectDto | Node] | None) -> None:
         """Set the conditions.
 
         Args:
-            conditions: the literals that must hold; copied. `None` means none.
+            conditions: what must hold; copied. `None` means none.
         """
         self.conditions = list(conditions or ())
 
-    def get_effects(self) -> list[PddlConditionEffectDto]:
+    def get_effects(self) -> list[PddlConditionEffectDto | Node]:
         """Give the effects.
 
         Returns:
-            The literals that it brings about, in order.
+            What it brings about, in order: literals, and nodes of effects.
         """
         return self.effects
 
-    def set_effects(self, effects: Iterable[PddlConditionEffectDto] | None) -> None:
+    def set_effects(self, effects: Iterable[PddlConditionEffectDto | Node] | None) -> None:
         """Set the effects.
 
         Args:
-            effects: the literals that it brings about; copied. `None` means none.
+            effects: what it brings about; copied. `None` means none.
         """
         self.effects = list(effects or ())
 
@@ -121,73 +130,121 @@ class PddlActionDto(NamedDto):
         """
         self.durative = durative
 
-    def get_duration(self) -> int | float:
+    def get_duration(self) -> Duration:
         """Give the duration.
 
         Returns:
-            The duration, in the planner's units of time.
+            The duration, in the planner's units of time, or the constraints on it.
         """
         return self.duration
 
-    def set_duration(self, duration: int | float) -> None:
+    def set_duration(self, duration: Duration) -> None:
         """Set the duration.
 
         Args:
-            duration: the duration, in the planner's units of time.
+            duration: the duration, in the planner's units of time, or the constraints on it.
         """
         self.duration = duration
 
     def __str__(self) -> str:
         names = {fold(parameter.name) for parameter in self.parameters}
         return action_text(
+            self.keyword,
             self.name,
             [(parameter.name, parameter.type.name) for parameter in self.parameters],
-            [literal.text(names) for literal in self.conditions],
-            [literal.text(names) for literal in self.effects],
-            number_text(self.duration) if self.durative else None,
+            duration_text(self.duration),
+            [_text(part, names) for part in self.conditions],
+            [_text(part, names) for part in self.effects],
         )
 
 
-def number_text(number: int | float) -> str:
-    """Write a number as PDDL does: digits with a decimal point, never an exponent.
+class PddlProcessDto(PddlActionDto):
+    """A process: what changes continuously while its condition holds (PDDL+, section 3).
+
+    As an action that is not durative; its text is a `:process`.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        parameters: Iterable[PddlObjectDto] | None = None,
+        conditions: Iterable[PddlConditionEffectDto | Node] | None = None,
+        effects: Iterable[PddlConditionEffectDto | Node] | None = None,
+    ) -> None:
+        super().__init__(name, parameters, conditions, effects, durative=False)
+
+    @property
+    def keyword(self) -> str:
+        """What it is, as PDDL says it: `process`."""
+        return "process"
+
+
+class PddlEventDto(PddlActionDto):
+    """An event: what happens as soon as its condition holds (PDDL+, section 3).
+
+    As an action that is not durative; its text is an `:event`.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        parameters: Iterable[PddlObjectDto] | None = None,
+        conditions: Iterable[PddlConditionEffectDto | Node] | None = None,
+        effects: Iterable[PddlConditionEffectDto | Node] | None = None,
+    ) -> None:
+        super().__init__(name, parameters, conditions, effects, durative=False)
+
+    @property
+    def keyword(self) -> str:
+        """What it is, as PDDL says it: `event`."""
+        return "event"
+
+
+def _text(part: PddlConditionEffectDto | Node, parameters: set[str]) -> str:
+    return part.text(parameters) if isinstance(part, PddlConditionEffectDto) else str(part)
+
+
+def duration_text(duration: Duration) -> str:
+    """Write the constraint on a duration (PDDL 2.1, section 5.1).
 
     Args:
-        number: the number.
+        duration: a number, or the conjuncts of the constraint.
 
     Returns:
-        Its shortest exact text, for example `10` or `2.5`.
+        The PDDL text, for example `(= ?duration 10)`; `()` when nothing constrains it.
     """
-    if isinstance(number, int):
-        return str(number)
-    # The point tells a float from an int when it is read back; the sum has no negative zero.
-    text = format(Decimal(repr(float(number) + 0.0)), "f")
-    return text if "." in text else f"{text}.0"
+    if isinstance(duration, int | float | Decimal):
+        return f"(= ?duration {number_text(duration)})"
+    texts = [str(part) for part in duration]
+    return texts[0] if len(texts) == 1 else f"(and {' '.join(texts)})" if texts else "()"
 
 
 def action_text(
+    keyword: str,
     name: str,
     parameters: Iterable[tuple[str, str]],
+    duration: str,
     conditions: Iterable[str],
     effects: Iterable[str],
-    duration: str | None,
 ) -> str:
-    """Write an action.
+    """Write an action, a process or an event.
 
     Args:
-        name: the action's name.
-        parameters: name and type name of each parameter, in order.
+        keyword: `action`, `durative-action`, `process` or `event`.
+        name: its name.
+        parameters: name and type of each parameter as text, in order.
+        duration: the constraint's text; written for a durative action alone.
         conditions: the text of each condition, in order.
         effects: the text of each effect, in order.
-        duration: the duration's text; `None` for an action that is not durative.
 
     Returns:
         The PDDL text, lines broken by a line feed and indented by tabs.
     """
-    durative = duration is not None
+    durative = keyword == "durative-action"
     lines = [
-        f"(:{'durative-action' if durative else 'action'} {name}",
+        f"(:{keyword} {name}",
         f"\t:parameters ({''.join(f' ?{name} - {type_}' for name, type_ in parameters)})",
-        *([f"\t:duration (= ?duration {duration})"] if durative else []),
+        *([f"\t:duration {duration}"] if durative else []),
         f"\t:{'condition' if durative else 'precondition'} (and",
         *(f"\t\t{text}" for text in conditions),
         "\t)",

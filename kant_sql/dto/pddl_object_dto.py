@@ -18,16 +18,20 @@ class PddlObjectDto(NamedDto):
     Attributes:
         type: the object's type.
         name: the object's name; a parameter's is written without its question mark.
+        is_constant: whether the domain declares it, not the problem; when another element refers
+            to it, it does not count.
     """
 
     type: PddlTypeDto
     name: str
+    is_constant: bool
 
     _kind: ClassVar[str] = "object"
 
-    def __init__(self, type: PddlTypeDto, name: str) -> None:
+    def __init__(self, type: PddlTypeDto, name: str, *, is_constant: bool = False) -> None:
         self.type = type
         self.name = name
+        self.is_constant = is_constant
 
     def get_type(self) -> PddlTypeDto:
         """Give the type.
@@ -44,6 +48,22 @@ class PddlObjectDto(NamedDto):
             type: the new type.
         """
         self.type = type
+
+    def get_is_constant(self) -> bool:
+        """Tell whether the domain declares it, not the problem.
+
+        Returns:
+            True for a constant of the domain.
+        """
+        return self.is_constant
+
+    def set_is_constant(self, is_constant: bool) -> None:
+        """Say whether the domain declares it, not the problem.
+
+        Args:
+            is_constant: True for a constant of the domain.
+        """
+        self.is_constant = is_constant
 
     def __str__(self) -> str:
         return f"{self.name} - {self.type.name}"

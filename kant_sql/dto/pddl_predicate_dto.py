@@ -7,29 +7,40 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from .dto import NamedDto
+from .parameters import declaration_text
 from .pddl_type_dto import PddlTypeDto
 
 
 @dataclass(init=False, eq=False)
 class PddlPredicateDto(NamedDto):
-    """A predicate and the types of its parameters.
+    """A predicate and its parameters.
 
-    Equal by name. Its text is `(robot_at ?r0 - robot ?w1 - wp)`: each variable is the first letter
-    of the type and the position.
+    Equal by name. Its text is `(robot_at ?r0 - robot ?w1 - wp)`: a parameter that was given no name
+    has the first letter of its type and the position.
 
     Attributes:
         name: the predicate's name.
         types: the type of each parameter, in order; empty for a predicate without parameters.
+        parameter_names: the name of each parameter, in order, without question marks; they may
+            repeat. `None` means "not said": what is stored keeps its names.
     """
 
     name: str
     types: list[PddlTypeDto]
+    parameter_names: list[str] | None
 
     _kind: ClassVar[str] = "predicate"
 
-    def __init__(self, name: str, types: Iterable[PddlTypeDto] | None = None) -> None:
+    def __init__(
+        self,
+        name: str,
+        types: Iterable[PddlTypeDto] | None = None,
+        *,
+        parameter_names: Iterable[str] | None = None,
+    ) -> None:
         self.name = name
         self.types = list(types or ())
+        self.parameter_names = None if parameter_names is None else list(parameter_names)
 
     def get_types(self) -> list[PddlTypeDto]:
         """Give the types of the parameters.
@@ -47,21 +58,22 @@ class PddlPredicateDto(NamedDto):
         """
         self.types = list(types or ())
 
+    def get_parameter_names(self) -> list[str] | None:
+        """Give the names of the parameters.
+
+        Returns:
+            The names in order, without question marks; `None` when not said.
+        """
+        return self.parameter_names
+
+    def set_parameter_names(self, parameter_names: Iterable[str] | None) -> None:
+        """Set the names of the parameters.
+
+        Args:
+            parameter_names: the names in order, without question marks; copied. `None` means "not
+                said".
+        """
+        self.parameter_names = None if parameter_names is None else list(parameter_names)
+
     def __str__(self) -> str:
-        return predicate_text(self.name, [type_.name for type_ in self.types])
-
-
-def predicate_text(name: str, type_names: Iterable[str]) -> str:
-    """Write a predicate's declaration.
-
-    Args:
-        name: the predicate's name.
-        type_names: the name of each parameter's type, in order.
-
-    Returns:
-        The PDDL text, for example `(robot_at ?r0 - robot ?w1 - wp)`.
-    """
-    parameters = [
-        f"?{type_name[:1]}{position} - {type_name}" for position, type_name in enumerate(type_names)
-    ]
-    return f"({' '.join([name, *parameters])})"
+        return declaration_text(self.name, [part.name for part in self.types], self.parameter_names)

@@ -3,23 +3,18 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple
 
 from ..backends import Row
-from .action import (
-    CONDITION,
-    DURATION,
-    EFFECT,
-    ActionDefinition,
-    Node,
-    Term,
-    tree_duration,
-    tree_literals,
-)
+from .action import CONDITION, DURATION, EFFECT, ActionDefinition
 from .definitions import KINDS, Definitions
+from .document import DOMAIN, PROBLEM, DocumentDefinition, Item
+from .formula import FormulaDefinition
+from .function import FunctionDefinition
 from .object import ObjectDefinition
 from .predicate import ParameterDefinition, PredicateDefinition
+from .tree import Node, Term, Tree
 from .type import TypeDefinition
 
 # How the part is named that says which elements of a kind are live no more.
@@ -27,7 +22,7 @@ GONE = "gone "
 
 
 class _Part(NamedTuple):
-    """A row of the statement. What `a`, `b` and `c` are depends on the part."""
+    """A row of the statement. What `a` to `f` are depends on the part."""
 
     part: str
     owner: int
@@ -36,8 +31,14 @@ class _Part(NamedTuple):
     a: Any
     b: Any
     c: Any
+    d: Any
+    e: Any
+    f: Any
     name: Any
     text: Any
+
+
+_Parts = dict[str, list[_Part]]
 
 
 def evolve(definitions: Definitions, rows: Iterable[Row]) -> Definitions:
@@ -53,25 +54,90 @@ def evolve(definitions: Definitions, rows: Iterable[Row]) -> Definitions:
     parts: defaultdict[str, list[_Part]] = defaultdict(list)
     for row in rows:
         parts[row[0]].append(_Part(*row))
-    changes: dict[str, dict[int, Any]] = {
-        kind: {row.owner: None for row in parts[f"{GONE}{kind}"]} for kind in KINDS
-    }
+    made: list[Any] = []
+    for kind in KINDS:
+        changes: dict[int, Any] = {row.owner: None for row in parts[f"{GONE}{kind}"]}
+        changes.update((definition.id, definition) for definition in _ASSEMBLE[kind](parts))
+        made.append(definitions.elements(kind).evolve(changes))
+    return Definitions(*made)
+
+
+def _types(parts: _Parts) -> Iterable[TypeDefinition]:
+    others = _listed(parts["type parent"])
     for row in parts["type"]:
-        changes["type"][row.owner] = TypeDefinition(row.owner, row.name, row.a, row.text)
+        yield TypeDefinition(row.owner, row.name, row.a, row.text, others.get(row.owner, ()))
+
+
+def _objects(parts: _Parts) -> Iterable[ObjectDefinition]:
+    others = _listed(parts["object type"])
     for row in parts["object"]:
-        changes["object"][row.owner] = ObjectDefinition(row.owner, row.name, row.a, row.text)
+        yield ObjectDefinition(
+            row.owner, row.name, row.a, row.text, others.get(row.owner, ()), bool(row.b)
+        )
+
+
+def _predicates(parts: _Parts) -> Iterable[PredicateDefinition]:
     parameters = _parameters(parts, "predicate")
     for row in parts["predicate"]:
-        changes["predicate"][row.owner] = PredicateDefinition(
-            row.owner, row.name, parameters.get(row.owner, ()), row.text
+        yield PredicateDefinition(row.owner, row.name, parameters.get(row.owner, ()), row.text)
+
+
+def _functions(parts: _Parts) -> Iterable[FunctionDefinition]:
+    parameters, types = _parameters(parts, "function"), _listed(parts["function value type"])
+    for row in parts["function"]:
+        own = parameters.get(row.owner, ())
+        yield FunctionDefinition(row.owner, row.name, own, types.get(row.owner, ()), row.text)
+
+
+def _actions(parts: _Parts) -> Iterable[ActionDefinition]:
+    parameters, trees = _parameters(parts, "action"), _trees(parts, "action")
+    for row in parts["action"]:
+        own = parameters.get(row.owner, ())
+        duration, condition, effect = (
+            trees.get((row.owner, section), ()) for section in (DURATION, CONDITION, EFFECT)
         )
-    changes["action"].update(_actions(parts))
-    return Definitions(*(definitions.elements(kind).evolve(changes[kind]) for kind in KINDS))
+        yield ActionDefinition(
+            row.owner, row.name, row.section, own, duration, condition, effect, row.text
+        )
 
 
-def _parameters(
-    parts: dict[str, list[_Part]], kind: str
-) -> dict[int, tuple[ParameterDefinition, ...]]:
+def _formulas(parts: _Parts) -> Iterable[FormulaDefinition]:
+    trees = _trees(parts, "formula")
+    for row in parts["formula"]:
+        tree = trees[row.owner, row.section]
+        yield FormulaDefinition(row.owner, row.name, row.section, tree, row.text)
+
+
+def _documents(parts: _Parts) -> Iterable[DocumentDefinition]:
+    items: defaultdict[int, list[Item]] = defaultdict(list)
+    for row in sorted(parts["item"], key=lambda row: (row.section, row.position)):
+        items[row.owner].append(Item(row.section, row.text))
+    for row in parts["document"]:
+        name = DOMAIN if row.section is None else PROBLEM
+        own = tuple(items[row.owner])
+        yield DocumentDefinition(row.owner, name, row.name, row.section, own, row.text)
+
+
+_ASSEMBLE: dict[str, Callable[[_Parts], Iterable[Any]]] = {
+    "type": _types,
+    "object": _objects,
+    "predicate": _predicates,
+    "function": _functions,
+    "action": _actions,
+    "formula": _formulas,
+    "document": _documents,
+}
+
+
+def _listed(rows: Iterable[_Part]) -> dict[int, tuple[int, ...]]:
+    """Give each owner's ids, in their order."""
+    ids: defaultdict[int, list[int]] = defaultdict(list)
+    for row in sorted(rows, key=lambda row: row.position):
+        ids[row.owner].append(row.a)
+    return {owner: tuple(listed) for owner, listed in ids.items()}
+
+
+def _parameters(parts: _Parts, kind: str) -> dict[int, tuple[ParameterDefinition, ...]]:
     types: defaultdict[tuple[int, int], list[tuple[int, int]]] = defaultdict(list)
     for row in parts[f"{kind} type"]:
         types[row.owner, row.position].append((row.a, row.b))
@@ -82,29 +148,32 @@ def _parameters(
     return {owner: tuple(listed) for owner, listed in parameters.items()}
 
 
-def _actions(parts: dict[str, list[_Part]]) -> dict[int, ActionDefinition]:
-    parameters, trees = _parameters(parts, "action"), _trees(parts)
-    return {
-        row.owner: ActionDefinition(
-            row.owner,
-            row.name,
-            parameters.get(row.owner, ()),
-            tree_literals(trees[row.owner, CONDITION]),
-            tree_literals(trees[row.owner, EFFECT]),
-            tree_duration(trees[row.owner, DURATION]),
-            row.text,
-        )
-        for row in parts["action"]
-    }
-
-
-def _trees(parts: dict[str, list[_Part]]) -> defaultdict[tuple[int, str], list[Node]]:
+def _trees(parts: _Parts, owner: str) -> dict[tuple[int, str], Tree]:
     terms: defaultdict[tuple[int, str, int], list[tuple[int, Term]]] = defaultdict(list)
-    for row in parts["term"]:
-        terms[row.owner, row.section, row.position].append((row.a, Term(row.b, row.c)))
+    for row in parts[f"{owner} term"]:
+        term = Term(row.b, row.c, row.d, row.e, row.f)
+        terms[row.owner, row.section, row.position].append((row.a, term))
+    variables = _variables(parts, owner)
     trees: defaultdict[tuple[int, str], list[Node]] = defaultdict(list)
-    for row in sorted(parts["expression"], key=lambda row: row.position):
-        own = tuple(term for _, term in sorted(terms[row.owner, row.section, row.position]))
-        node = Node(row.position, row.a, row.name, row.b, row.text, own)
+    for row in sorted(parts[f"{owner} node"], key=lambda row: row.position):
+        place = (row.owner, row.section, row.position)
+        # By position alone, for a term's other fields may be None.
+        own = tuple(term for _, term in sorted(terms[place], key=lambda pair: pair[0]))
+        bound = variables.get(place, ())
+        node = Node(row.position, row.a, row.name, row.b, row.c, row.text, own, bound)
         trees[row.owner, row.section].append(node)
-    return trees
+    return {place: tuple(nodes) for place, nodes in trees.items()}
+
+
+def _variables(
+    parts: _Parts, owner: str
+) -> dict[tuple[int, str, int], tuple[ParameterDefinition, ...]]:
+    types: defaultdict[tuple[int, str, int, int], list[tuple[int, int]]] = defaultdict(list)
+    for row in parts[f"{owner} variable type"]:
+        types[row.owner, row.section, row.position, row.a].append((row.b, row.c))
+    variables: defaultdict[tuple[int, str, int], list[ParameterDefinition]] = defaultdict(list)
+    for row in sorted(parts[f"{owner} variable"], key=lambda row: row.a):
+        place = (row.owner, row.section, row.position)
+        allowed = tuple(type_id for _, type_id in sorted(types[*place, row.a]))
+        variables[place].append(ParameterDefinition(row.text, allowed))
+    return {place: tuple(listed) for place, listed in variables.items()}

@@ -17,12 +17,12 @@ from sqlalchemy import (
 )
 
 from ..backends import Query, Session
-from ..tables import PropositionRow, PropositionVersionRow
+from ..tables import FunctionValueVersionRow, PropositionRow, PropositionVersionRow
 from .loading import KB
 from .rows import KIND_TABLES, table_of
 
 ASSERTED, RETRACTED = "+", "-"
-FACT, GOAL = "fact", "goal"
+FACT, GOAL, VALUE = "fact", "goal", "value"
 
 
 class Change(NamedTuple):
@@ -30,7 +30,7 @@ class Change(NamedTuple):
 
     Attributes:
         sign: `+` asserted, `-` retracted.
-        kind: `type`, `object`, `predicate`, `action`, `fact` or `goal`.
+        kind: one of `KINDS`, `fact`, `goal` or `value`.
         text: the element's canonical PDDL text.
     """
 
@@ -62,7 +62,11 @@ def _selects() -> list[Select[Any]]:
     selects = []
     for kind, tables in KIND_TABLES.items():
         version = tables.version.table.c
-        selects += _both_ends(version, literal_column(f"'{kind}'"), version.text)
+        # A formula is of the kind that its section says.
+        name = version.section if kind == "formula" else literal_column(f"'{kind}'")
+        selects += _both_ends(version, name, version.text)
+    value = table_of(FunctionValueVersionRow).c
+    selects += _both_ends(value, literal_column("'value'"), value.text)
     version, atom = table_of(PropositionVersionRow).c, table_of(PropositionRow).c
     kind_of = case((atom.is_goal, literal_column("'goal'")), else_=literal_column("'fact'"))
     kind_of_atom, text_of_atom = (

@@ -1,4 +1,4 @@
-"""All that is defined at one revision: types, objects, predicates and actions."""
+"""All that is defined at one revision, facts and the values of functions apart."""
 
 from __future__ import annotations
 
@@ -7,13 +7,16 @@ from typing import Any
 
 from ..dto.name import ROOT_TYPE, fold
 from .action import ActionDefinition
+from .document import DocumentDefinition
 from .elements import Elements, PendingElements
+from .formula import FormulaDefinition
+from .function import FunctionDefinition
 from .object import ObjectDefinition
 from .predicate import PredicateDefinition
 from .type import TypeDefinition
 
 # In the order in which they can be written: each refers to those before it only.
-KINDS = ("type", "object", "predicate", "action")
+KINDS = ("type", "object", "predicate", "function", "action", "formula", "document")
 
 
 class Definitions:
@@ -23,22 +26,31 @@ class Definitions:
         types: the types.
         objects: the objects.
         predicates: the predicates.
-        actions: the actions.
+        functions: the functions.
+        actions: the actions, processes and events.
+        formulas: the formulas that stand on their own.
+        documents: the domain and the problem.
     """
 
-    __slots__ = ("actions", "objects", "predicates", "types")
+    __slots__ = ("actions", "documents", "formulas", "functions", "objects", "predicates", "types")
 
-    def __init__(
-        self,
-        types: Elements[TypeDefinition] | None = None,
-        objects: Elements[ObjectDefinition] | None = None,
-        predicates: Elements[PredicateDefinition] | None = None,
-        actions: Elements[ActionDefinition] | None = None,
-    ) -> None:
-        self.types = types or Elements()
-        self.objects = objects or Elements()
-        self.predicates = predicates or Elements()
-        self.actions = actions or Elements()
+    types: Elements[TypeDefinition]
+    objects: Elements[ObjectDefinition]
+    predicates: Elements[PredicateDefinition]
+    functions: Elements[FunctionDefinition]
+    actions: Elements[ActionDefinition]
+    formulas: Elements[FormulaDefinition]
+    documents: Elements[DocumentDefinition]
+
+    def __init__(self, *elements: Elements[Any]) -> None:
+        """Make it.
+
+        Args:
+            *elements: the elements of each kind, in the order of `KINDS`; all of them or none.
+        """
+        given: Iterable[Elements[Any]] = elements or [Elements() for _ in KINDS]
+        for kind, of_kind in zip(KINDS, given, strict=True):
+            setattr(self, f"{kind}s", of_kind)
 
     def elements(self, kind: str) -> Elements[Any]:
         """Find the elements of one kind.
@@ -59,17 +71,31 @@ class Definitions:
             type_id: the type.
 
         Yields:
-            The type itself, its parent, and so on up.
+            The type itself, its parents, and so on up, each once.
         """
-        current: int | None = type_id
-        while (definition := self.types.get(current)) is not None:
-            yield definition
-            current = definition.parent_id
+        pending, seen = [type_id], {type_id}
+        while pending:
+            definition = self.types.get(pending.pop(0))
+            if definition is not None:
+                yield definition
+                above = [id_ for id_ in definition.parent_ids if id_ not in seen]
+                seen.update(above)
+                pending += above
+
+    def is_root(self, type_id: int) -> bool:
+        """Tell whether a type is `object`, above all types (PDDL 2.1, appendix A), said or not.
+
+        Args:
+            type_id: the type.
+
+        Returns:
+            Whether it is.
+        """
+        definition = self.types.get(type_id)
+        return definition is not None and fold(definition.name) == ROOT_TYPE
 
     def fits(self, type_id: int, allowed: Iterable[int]) -> bool:
         """Tell whether an object of a type fits a parameter.
-
-        Every type is a subtype of `object` (PDDL 2.1, appendix A), declared or not.
 
         Args:
             type_id: the object's type.
@@ -79,14 +105,23 @@ class Definitions:
             Whether the type is one of them, or a subtype of one.
         """
         for wanted in allowed:
-            if type_id == wanted:
-                return True
-            root = self.types.get(wanted)
-            if root is not None and fold(root.name) == ROOT_TYPE:
+            if type_id == wanted or self.is_root(wanted):
                 return True
             if any(above.id == wanted for above in self.ancestry(type_id)):
                 return True
         return False
+
+    def any_fits(self, type_ids: Iterable[int], allowed: Iterable[int]) -> bool:
+        """Tell whether what is of one of some types fits a parameter.
+
+        Args:
+            type_ids: the types, several for `either`.
+            allowed: the types that the parameter allows.
+
+        Returns:
+            Whether one of the types fits.
+        """
+        return any(self.fits(type_id, allowed) for type_id in type_ids)
 
     def subtypes(self, type_id: int) -> set[int]:
         """Give a type and all types below it.
@@ -97,9 +132,10 @@ class Definitions:
         Returns:
             Their ids.
         """
-        children: dict[int | None, list[int]] = {}
+        children: dict[int, list[int]] = {}
         for definition in self.types:
-            children.setdefault(definition.parent_id, []).append(definition.id)
+            for parent_id in definition.parent_ids:
+                children.setdefault(parent_id, []).append(definition.id)
         found: set[int] = set()
         pending = [type_id]
         while pending:
@@ -118,15 +154,13 @@ class PendingDefinitions(Definitions):
     types: PendingElements[TypeDefinition]
     objects: PendingElements[ObjectDefinition]
     predicates: PendingElements[PredicateDefinition]
+    functions: PendingElements[FunctionDefinition]
     actions: PendingElements[ActionDefinition]
+    formulas: PendingElements[FormulaDefinition]
+    documents: PendingElements[DocumentDefinition]
 
     def __init__(self, origin: Definitions) -> None:
-        super().__init__(
-            PendingElements(origin.types),
-            PendingElements(origin.objects),
-            PendingElements(origin.predicates),
-            PendingElements(origin.actions),
-        )
+        super().__init__(*(PendingElements(origin.elements(kind)) for kind in KINDS))
 
     def changed(self) -> list[tuple[str, PendingElements[Any]]]:
         """Give the kinds of which a definition was set, even to what it was.
@@ -134,12 +168,7 @@ class PendingDefinitions(Definitions):
         Returns:
             The name of each kind, and its elements.
         """
-        kinds = (
-            ("type", self.types),
-            ("object", self.objects),
-            ("predicate", self.predicates),
-            ("action", self.actions),
-        )
+        kinds = ((kind, self.elements(kind)) for kind in KINDS)
         return [(kind, elements) for kind, elements in kinds if elements.changes]
 
     def elements(self, kind: str) -> PendingElements[Any]:
@@ -153,9 +182,4 @@ class PendingDefinitions(Definitions):
         Returns:
             The snapshot.
         """
-        return Definitions(
-            self.types.publish(),
-            self.objects.publish(),
-            self.predicates.publish(),
-            self.actions.publish(),
-        )
+        return Definitions(*(self.elements(kind).publish() for kind in KINDS))

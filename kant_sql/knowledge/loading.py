@@ -7,6 +7,7 @@ from typing import Any
 from sqlalchemy import (
     BigInteger,
     ColumnElement,
+    Integer,
     Select,
     Text,
     and_,
@@ -22,14 +23,26 @@ from sqlalchemy import (
 
 from ..backends import Query, Session, in_rows
 from ..tables import (
-    ActionExpressionRow,
-    ActionExpressionTermRow,
+    ActionNodeRow,
     ActionParameterRow,
     ActionParameterTypeRow,
+    ActionTermRow,
+    ActionVariableRow,
+    ActionVariableTypeRow,
     Base,
+    DocumentItemRow,
+    FormulaNodeRow,
+    FormulaTermRow,
+    FormulaVariableRow,
+    FormulaVariableTypeRow,
+    FunctionParameterRow,
+    FunctionParameterTypeRow,
+    FunctionTypeRow,
     HeadRow,
+    ObjectTypeRow,
     PredicateParameterRow,
     PredicateParameterTypeRow,
+    TypeParentRow,
 )
 from .assembling import GONE, evolve
 from .definitions import Definitions
@@ -61,7 +74,7 @@ def _part(part: str, owner: Any, /, **columns: Any) -> Select[Any]:
         owner.label("owner"),
         columns.get("section", _TEXT).label("section"),
         columns.get("position", _NUMBER).label("position"),
-        *(columns.get(letter, _NUMBER).label(letter) for letter in "abc"),
+        *(columns.get(letter, _NUMBER).label(letter) for letter in "abcdef"),
         columns.get("name", _TEXT).label("name"),
         columns.get("text", _TEXT).label("text"),
     )
@@ -77,7 +90,7 @@ def _definition_part(kind: str, held: Any, **columns: Any) -> Select[Any]:
         .where(identity.kb_id == version.kb_id, identity.id == owner)
         .scalar_subquery()
     )
-    return _part(kind, owner, name=name, text=version.text, **columns).where(
+    return _part(kind, owner, **{"name": name, "text": version.text, **columns}).where(
         version.kb_id == KB, held(version)
     )
 
@@ -109,44 +122,79 @@ def _newer(version: Any) -> ColumnElement[bool]:
     return and_(version.since > _AFTER, version.until.is_(None))
 
 
+def _expression_parts(owner: str, held: Any, mapped: tuple[type[Base], ...]) -> list[Select[Any]]:
+    nodes, variables, variable_types, terms = mapped
+    columns: tuple[dict[str, str], ...] = (
+        {"a": "parent", "b": "predicate_id", "c": "function_id", "name": "operator"},
+        {"a": "variable"},
+        {"a": "variable", "b": "alternative", "c": "type_id"},
+        {"a": "term", "b": "parameter", "c": "object_id", "d": "quantifier", "e": "variable"},
+    )
+    node, variable, variable_type, term = columns
+    return [
+        _child_part(f"{owner} node", owner, held, nodes, section="section", text="value", **node),
+        _child_part(
+            f"{owner} variable", owner, held, variables, section="section", text="name", **variable
+        ),
+        _child_part(
+            f"{owner} variable type",
+            owner,
+            held,
+            variable_types,
+            section="section",
+            **variable_type,
+        ),
+        _child_part(f"{owner} term", owner, held, terms, section="section", f="child", **term),
+    ]
+
+
 def _parts(held: Any) -> list[Select[Any]]:
     versions = {kind: tables.version.table.c for kind, tables in KIND_TABLES.items()}
     parts = [
         _definition_part("type", held, a=versions["type"].parent_id),
-        _definition_part("object", held, a=versions["object"].type_id),
+        _definition_part(
+            "object",
+            held,
+            a=versions["object"].type_id,
+            b=cast(versions["object"].is_constant, Integer),
+        ),
         _definition_part("predicate", held),
-        _definition_part("action", held),
-        _child_part(
-            "expression",
-            "action",
+        _definition_part("function", held),
+        _definition_part("action", held, section=versions["action"].kind),
+        _definition_part("formula", held, section=versions["formula"].section),
+        _definition_part(
+            "document",
             held,
-            ActionExpressionRow,
-            section="section",
-            a="parent",
-            b="predicate_id",
-            name="operator",
-            text="value",
+            section=versions["document"].domain,
+            name=versions["document"].title,
         ),
-        _child_part(
-            "term",
-            "action",
-            held,
-            ActionExpressionTermRow,
-            section="section",
-            a="term",
-            b="parameter",
-            c="object_id",
-        ),
+        _child_part("type parent", "type", held, TypeParentRow, a="parent_id"),
+        _child_part("object type", "object", held, ObjectTypeRow, a="type_id"),
+        _child_part("function value type", "function", held, FunctionTypeRow, a="type_id"),
+        _child_part("item", "document", held, DocumentItemRow, section="section", text="name"),
     ]
     for kind, parameter, type_ in (
         ("predicate", PredicateParameterRow, PredicateParameterTypeRow),
+        ("function", FunctionParameterRow, FunctionParameterTypeRow),
         ("action", ActionParameterRow, ActionParameterTypeRow),
     ):
         parts += [
             _child_part(f"{kind} parameter", kind, held, parameter, name="name"),
             _child_part(f"{kind} type", kind, held, type_, a="alternative", b="type_id"),
         ]
-    return parts
+    return [
+        *parts,
+        *_expression_parts(
+            "action",
+            held,
+            (ActionNodeRow, ActionVariableRow, ActionVariableTypeRow, ActionTermRow),
+        ),
+        *_expression_parts(
+            "formula",
+            held,
+            (FormulaNodeRow, FormulaVariableRow, FormulaVariableTypeRow, FormulaTermRow),
+        ),
+    ]
 
 
 def _gone_part(kind: str, version: VersionTable) -> Select[Any]:

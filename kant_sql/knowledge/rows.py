@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
@@ -9,25 +10,47 @@ from sqlalchemy import Table, bindparam, delete, null, update
 
 from ..backends import Query, Row
 from ..tables import (
-    ActionExpressionRow,
-    ActionExpressionTermRow,
+    ActionNodeRow,
     ActionParameterRow,
     ActionParameterTypeRow,
     ActionRow,
+    ActionTermRow,
+    ActionVariableRow,
+    ActionVariableTypeRow,
     ActionVersionRow,
     Base,
+    DocumentItemRow,
+    DocumentRow,
+    DocumentVersionRow,
+    FormulaNodeRow,
+    FormulaRow,
+    FormulaTermRow,
+    FormulaVariableRow,
+    FormulaVariableTypeRow,
+    FormulaVersionRow,
+    FunctionParameterRow,
+    FunctionParameterTypeRow,
+    FunctionRow,
+    FunctionTypeRow,
+    FunctionVersionRow,
     ObjectRow,
+    ObjectTypeRow,
     ObjectVersionRow,
     PredicateParameterRow,
     PredicateParameterTypeRow,
     PredicateRow,
     PredicateVersionRow,
+    TypeParentRow,
     TypeRow,
     TypeVersionRow,
 )
-from .action import CONDITION, DURATION, EFFECT, ActionDefinition, duration_tree, literals_tree
+from .action import CONDITION, DURATION, EFFECT, ActionDefinition
+from .document import DocumentDefinition
+from .formula import FormulaDefinition
+from .function import FunctionDefinition
 from .object import ObjectDefinition
 from .predicate import ParameterDefinition, PredicateDefinition
+from .tree import Tree
 from .type import TypeDefinition
 
 
@@ -91,12 +114,23 @@ class Kind(NamedTuple):
     rows: Callable[[int, int, Any], Iterator[tuple[Table, Row]]]
 
 
-def _type_rows(kb: int, since: int, type_: TypeDefinition) -> Iterator[tuple[Table, Row]]:
+Rows = Iterator[tuple[Table, Row]]
+# The tables of an expression: nodes, variables, their types, terms.
+_ACTION_EXPRESSION = (ActionNodeRow, ActionVariableRow, ActionVariableTypeRow, ActionTermRow)
+_FORMULA_EXPRESSION = (FormulaNodeRow, FormulaVariableRow, FormulaVariableTypeRow, FormulaTermRow)
+
+
+def _type_rows(kb: int, since: int, type_: TypeDefinition) -> Rows:
     yield table_of(TypeVersionRow), (kb, type_.id, since, None, type_.parent_id, type_.text)
+    for position, parent_id in enumerate(type_.other_parent_ids, start=1):
+        yield table_of(TypeParentRow), (kb, type_.id, since, position, parent_id)
 
 
-def _object_rows(kb: int, since: int, object_: ObjectDefinition) -> Iterator[tuple[Table, Row]]:
-    yield table_of(ObjectVersionRow), (kb, object_.id, since, None, object_.type_id, object_.text)
+def _object_rows(kb: int, since: int, object_: ObjectDefinition) -> Rows:
+    values = (object_.type_id, object_.text, object_.is_constant)
+    yield table_of(ObjectVersionRow), (kb, object_.id, since, None, *values)
+    for position, type_id in enumerate(object_.other_type_ids, start=1):
+        yield table_of(ObjectTypeRow), (kb, object_.id, since, position, type_id)
 
 
 def _parameter_rows(
@@ -105,7 +139,7 @@ def _parameter_rows(
     owner: int,
     parameters: tuple[ParameterDefinition, ...],
     tables: tuple[Table, Table],
-) -> Iterator[tuple[Table, Row]]:
+) -> Rows:
     parameter_table, type_table = tables
     for position, parameter in enumerate(parameters):
         yield parameter_table, (kb, owner, since, position, parameter.name)
@@ -113,43 +147,89 @@ def _parameter_rows(
             yield type_table, (kb, owner, since, position, alternative, type_id)
 
 
-def _predicate_rows(
-    kb: int, since: int, predicate: PredicateDefinition
-) -> Iterator[tuple[Table, Row]]:
+def _expression_rows(
+    kb: int, since: int, owner: int, section: str, tree: Tree, mapped: tuple[type[Base], ...]
+) -> Rows:
+    nodes, variables, variable_types, terms = map(table_of, mapped)
+    for node in tree:
+        place = (kb, owner, since, section, node.position)
+        values = (node.parent, node.operator, node.predicate_id, node.function_id, node.value)
+        yield nodes, (*place, *values)
+        for position, variable in enumerate(node.variables):
+            yield variables, (*place, position, variable.name)
+            for alternative, type_id in enumerate(variable.type_ids):
+                yield variable_types, (*place, position, alternative, type_id)
+        for position, term in enumerate(node.terms):
+            yield terms, (*place, position, *term)
+
+
+def _predicate_rows(kb: int, since: int, predicate: PredicateDefinition) -> Rows:
     yield table_of(PredicateVersionRow), (kb, predicate.id, since, None, predicate.text)
     tables = table_of(PredicateParameterRow), table_of(PredicateParameterTypeRow)
     yield from _parameter_rows(kb, since, predicate.id, predicate.parameters, tables)
 
 
-def _action_rows(kb: int, since: int, action: ActionDefinition) -> Iterator[tuple[Table, Row]]:
-    durative = action.duration is not None
-    yield table_of(ActionVersionRow), (kb, action.id, since, None, durative, action.text)
+def _function_rows(kb: int, since: int, function: FunctionDefinition) -> Rows:
+    yield table_of(FunctionVersionRow), (kb, function.id, since, None, function.text)
+    tables = table_of(FunctionParameterRow), table_of(FunctionParameterTypeRow)
+    yield from _parameter_rows(kb, since, function.id, function.parameters, tables)
+    for position, type_id in enumerate(function.type_ids):
+        yield table_of(FunctionTypeRow), (kb, function.id, since, position, type_id)
+
+
+def _action_rows(kb: int, since: int, action: ActionDefinition) -> Rows:
+    yield table_of(ActionVersionRow), (kb, action.id, since, None, action.text, action.kind)
     tables = table_of(ActionParameterRow), table_of(ActionParameterTypeRow)
     yield from _parameter_rows(kb, since, action.id, action.parameters, tables)
-    trees = {
-        DURATION: [] if action.duration is None else duration_tree(action.duration),
-        CONDITION: literals_tree(action.conditions),
-        EFFECT: literals_tree(action.effects),
-    }
-    for section, nodes in trees.items():
-        for node in nodes:
-            place = (kb, action.id, since, section, node.position)
-            values = (node.parent, node.operator, node.predicate_id, node.value)
-            yield table_of(ActionExpressionRow), (*place, *values)
-            for position, term in enumerate(node.terms):
-                yield table_of(ActionExpressionTermRow), (*place, position, *term)
+    for section, tree in zip((DURATION, CONDITION, EFFECT), action.trees, strict=True):
+        yield from _expression_rows(kb, since, action.id, section, tree, _ACTION_EXPRESSION)
+
+
+def _formula_rows(kb: int, since: int, formula: FormulaDefinition) -> Rows:
+    values = (formula.section, formula.text)
+    yield table_of(FormulaVersionRow), (kb, formula.id, since, None, *values)
+    yield from _expression_rows(
+        kb, since, formula.id, formula.section, formula.tree, _FORMULA_EXPRESSION
+    )
+
+
+def _document_rows(kb: int, since: int, document: DocumentDefinition) -> Rows:
+    values = (document.title, document.domain, document.text)
+    yield table_of(DocumentVersionRow), (kb, document.id, since, None, *values)
+    positions: Counter[str] = Counter()
+    for item in document.items:
+        place = (item.section, positions[item.section])
+        positions[item.section] += 1
+        yield table_of(DocumentItemRow), (kb, document.id, since, *place, item.name)
 
 
 # In the order in which they can be written: each refers to those before it only.
 KIND_TABLES = {
-    "type": Kind(table_of(TypeRow), VersionTable("type_id", TypeVersionRow), _type_rows),
-    "object": Kind(table_of(ObjectRow), VersionTable("object_id", ObjectVersionRow), _object_rows),
+    "type": Kind(
+        table_of(TypeRow), VersionTable("type_id", TypeVersionRow, TypeParentRow), _type_rows
+    ),
+    "object": Kind(
+        table_of(ObjectRow),
+        VersionTable("object_id", ObjectVersionRow, ObjectTypeRow),
+        _object_rows,
+    ),
     "predicate": Kind(
         table_of(PredicateRow),
         VersionTable(
             "predicate_id", PredicateVersionRow, PredicateParameterRow, PredicateParameterTypeRow
         ),
         _predicate_rows,
+    ),
+    "function": Kind(
+        table_of(FunctionRow),
+        VersionTable(
+            "function_id",
+            FunctionVersionRow,
+            FunctionParameterRow,
+            FunctionParameterTypeRow,
+            FunctionTypeRow,
+        ),
+        _function_rows,
     ),
     "action": Kind(
         table_of(ActionRow),
@@ -158,9 +238,18 @@ KIND_TABLES = {
             ActionVersionRow,
             ActionParameterRow,
             ActionParameterTypeRow,
-            ActionExpressionRow,
-            ActionExpressionTermRow,
+            *_ACTION_EXPRESSION,
         ),
         _action_rows,
+    ),
+    "formula": Kind(
+        table_of(FormulaRow),
+        VersionTable("formula_id", FormulaVersionRow, *_FORMULA_EXPRESSION),
+        _formula_rows,
+    ),
+    "document": Kind(
+        table_of(DocumentRow),
+        VersionTable("document_id", DocumentVersionRow, DocumentItemRow),
+        _document_rows,
     ),
 }

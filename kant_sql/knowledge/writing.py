@@ -71,10 +71,10 @@ class DefinitionWriter:
             for id_, now in elements.changes.items():
                 before = elements.origin.get(id_)
                 if now != before:
-                    if before is not None:
-                        yield Change(RETRACTED, kind, before.text)
-                    if now is not None:
-                        yield Change(ASSERTED, kind, now.text)
+                    for sign, definition in ((RETRACTED, before), (ASSERTED, now)):
+                        if definition is not None:
+                            section = getattr(definition, "section", kind)
+                            yield Change(sign, section, definition.text)
 
     def pending(self) -> bool:
         """Tell whether there is anything to write."""

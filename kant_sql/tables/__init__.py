@@ -3,16 +3,37 @@
 from __future__ import annotations
 
 from .action import (
-    ActionExpressionRow,
-    ActionExpressionTermRow,
+    ActionNodeRow,
     ActionParameterRow,
     ActionParameterTypeRow,
     ActionRow,
+    ActionTermRow,
+    ActionVariableRow,
+    ActionVariableTypeRow,
     ActionVersionRow,
 )
 from .base import Base
+from .document import DocumentItemRow, DocumentRow, DocumentVersionRow
+from .formula import (
+    FormulaNodeRow,
+    FormulaRow,
+    FormulaTermRow,
+    FormulaVariableRow,
+    FormulaVariableTypeRow,
+    FormulaVersionRow,
+)
+from .function import (
+    FunctionParameterRow,
+    FunctionParameterTypeRow,
+    FunctionRow,
+    FunctionTypeRow,
+    FunctionValueArgumentRow,
+    FunctionValueRow,
+    FunctionValueVersionRow,
+    FunctionVersionRow,
+)
 from .knowledge_base import HeadRow, KnowledgeBaseRow
-from .object import ObjectRow, ObjectVersionRow
+from .object import ObjectRow, ObjectTypeRow, ObjectVersionRow
 from .predicate import (
     PredicateParameterRow,
     PredicateParameterTypeRow,
@@ -21,19 +42,41 @@ from .predicate import (
 )
 from .proposition import PropositionArgumentRow, PropositionRow, PropositionVersionRow
 from .revision import RevisionRow
-from .type import TypeRow, TypeVersionRow
+from .type import TypeParentRow, TypeRow, TypeVersionRow
 
 __all__ = [
     "ActionExpressionRow",
     "ActionExpressionTermRow",
+    "ActionNodeRow",
     "ActionParameterRow",
     "ActionParameterTypeRow",
     "ActionRow",
+    "ActionTermRow",
+    "ActionVariableRow",
+    "ActionVariableTypeRow",
     "ActionVersionRow",
     "Base",
+    "DocumentItemRow",
+    "DocumentRow",
+    "DocumentVersionRow",
+    "FormulaNodeRow",
+    "FormulaRow",
+    "FormulaTermRow",
+    "FormulaVariableRow",
+    "FormulaVariableTypeRow",
+    "FormulaVersionRow",
+    "FunctionParameterRow",
+    "FunctionParameterTypeRow",
+    "FunctionRow",
+    "FunctionTypeRow",
+    "FunctionValueArgumentRow",
+    "FunctionValueRow",
+    "FunctionValueVersionRow",
+    "FunctionVersionRow",
     "HeadRow",
     "KnowledgeBaseRow",
     "ObjectRow",
+    "ObjectTypeRow",
     "ObjectVersionRow",
     "PredicateParameterRow",
     "PredicateParameterTypeRow",
@@ -43,6 +86,7 @@ __all__ = [
     "PropositionRow",
     "PropositionVersionRow",
     "RevisionRow",
+    "TypeParentRow",
     "TypeRow",
     "TypeVersionRow",
 ]

@@ -1,32 +1,23 @@
-"""PDDL actions: parameters, and conditions, effects and durations as expression trees."""
+"""PDDL actions, processes and events: parameters, and their parts as expression trees."""
 
 from __future__ import annotations
 
-from sqlalchemy import (
-    BigInteger,
-    Boolean,
-    CheckConstraint,
-    ForeignKeyConstraint,
-    Index,
-    Integer,
-    String,
-)
+from sqlalchemy import CheckConstraint, String
 from sqlalchemy.orm import Mapped, mapped_column
 
-from .base import (
-    Base,
-    Identity,
-    Version,
-    identity_args,
-    kb_column,
-    owner_column,
-    since_column,
-    version_args,
+from .base import Base, Identity, Version, identity_args, owner_column, version_args
+from .expression import (
+    ExpressionNode,
+    ExpressionTerm,
+    ExpressionVariable,
+    ExpressionVariableType,
+    node_args,
+    term_args,
+    variable_args,
+    variable_type_args,
 )
 from .parameter import Parameter, ParameterType, parameter_args, parameter_type_args
 from .types import LongText
-
-_NODE = ["kb_id", "action_id", "since", "section", "position"]
 
 
 class ActionRow(Identity, Base):
@@ -43,8 +34,12 @@ class ActionVersionRow(Version, Base):
     __table_args__ = (*version_args("action"),)
 
     action_id: Mapped[int] = owner_column()
-    durative: Mapped[bool] = mapped_column(Boolean)
     text: Mapped[str] = mapped_column(LongText, comment="canonical PDDL")
+    kind: Mapped[str] = mapped_column(
+        String(16),
+        server_default="action",
+        comment="action, durative-action, process or event",
+    )
 
 
 class ActionParameterRow(Parameter, Base):
@@ -65,81 +60,40 @@ class ActionParameterTypeRow(ParameterType, Base):
     action_id: Mapped[int] = owner_column()
 
 
-class ActionExpressionRow(Base):
-    """A node of an expression tree of one version of an action, in preorder."""
+class ActionNodeRow(ExpressionNode, Base):
+    """A node of an action's duration, condition or effect."""
 
-    __tablename__ = "action_expression"
+    __tablename__ = "action_node"
     __table_args__ = (
-        ForeignKeyConstraint(_NODE[:3], [f"action_version.{column}" for column in _NODE[:3]]),
-        ForeignKeyConstraint(
-            [*_NODE[:4], "parent"], [f"action_expression.{column}" for column in _NODE]
-        ),
-        ForeignKeyConstraint(["kb_id", "predicate_id"], ["predicate.kb_id", "predicate.id"]),
-        CheckConstraint("parent < position", name="preorder"),
-        CheckConstraint("(parent IS NULL) = (position = 0)", name="one_root"),
-        CheckConstraint(
-            "(operator = 'predicate') = (predicate_id IS NOT NULL)", name="predicate_given"
-        ),
+        *node_args("action"),
         CheckConstraint("section IN ('duration', 'condition', 'effect')", name="section"),
-        Index("ix_action_expression_predicate", "kb_id", "predicate_id"),
     )
 
-    kb_id: Mapped[int] = kb_column()
     action_id: Mapped[int] = owner_column()
-    since: Mapped[int] = since_column()
-    section: Mapped[str] = mapped_column(
-        String(16), primary_key=True, sort_order=-70, comment="duration, condition or effect"
-    )
-    position: Mapped[int] = mapped_column(
-        Integer,
-        primary_key=True,
-        autoincrement=False,
-        sort_order=-60,
-        comment="from 0, in preorder",
-    )
-    parent: Mapped[int | None] = mapped_column(
-        Integer, comment="the position of the node above; NULL: the root"
-    )
-    operator: Mapped[str] = mapped_column(
-        String(32), comment="and, not, at start, over all, at end, =, predicate, variable, number"
-    )
-    predicate_id: Mapped[int | None] = mapped_column(BigInteger)
-    value: Mapped[str | None] = mapped_column(
-        LongText, comment="a number as exact decimal text, or a variable's name"
-    )
 
 
-class ActionExpressionTermRow(Base):
-    """A term of a predicate node: a parameter of the action, or a constant."""
+class ActionVariableRow(ExpressionVariable, Base):
+    """A variable that a quantifier of an action binds."""
 
-    __tablename__ = "action_expression_term"
-    __table_args__ = (
-        ForeignKeyConstraint(
-            _NODE,
-            [f"action_expression.{column}" for column in _NODE],
-            name="fk_action_expression_term_node",
-        ),
-        ForeignKeyConstraint(
-            [*_NODE[:3], "parameter"],
-            [f"action_parameter.{column}" for column in [*_NODE[:3], "position"]],
-            name="fk_action_expression_term_parameter",
-        ),
-        ForeignKeyConstraint(["kb_id", "object_id"], ["object.kb_id", "object.id"]),
-        CheckConstraint("(parameter IS NULL) <> (object_id IS NULL)", name="parameter_or_object"),
-        Index("ix_action_expression_term_object", "kb_id", "object_id"),
-    )
+    __tablename__ = "action_variable"
+    __table_args__ = variable_args("action")
 
-    kb_id: Mapped[int] = kb_column()
     action_id: Mapped[int] = owner_column()
-    since: Mapped[int] = since_column()
-    section: Mapped[str] = mapped_column(String(16), primary_key=True, sort_order=-70)
-    position: Mapped[int] = mapped_column(
-        Integer, primary_key=True, autoincrement=False, sort_order=-60
-    )
-    term: Mapped[int] = mapped_column(
-        Integer, primary_key=True, autoincrement=False, sort_order=-50, comment="from 0"
-    )
-    parameter: Mapped[int | None] = mapped_column(
-        Integer, comment="the position of the action's parameter"
-    )
-    object_id: Mapped[int | None] = mapped_column(BigInteger, comment="the constant")
+
+
+class ActionVariableTypeRow(ExpressionVariableType, Base):
+    """A type that such a variable allows: one row, or several for `either`."""
+
+    __tablename__ = "action_variable_type"
+    __table_args__ = variable_type_args("action")
+
+    action_id: Mapped[int] = owner_column()
+
+
+class ActionTermRow(ExpressionTerm, Base):
+    """A term of a node of an action."""
+
+    __tablename__ = "action_term"
+    __table_args__ = term_args("action", has_parameters=True)
+
+    action_id: Mapped[int] = owner_column()

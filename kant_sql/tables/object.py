@@ -2,10 +2,19 @@
 
 from __future__ import annotations
 
-from sqlalchemy import BigInteger, ForeignKeyConstraint
+from sqlalchemy import BigInteger, Boolean, ForeignKeyConstraint, Index, Integer, false
 from sqlalchemy.orm import Mapped, mapped_column
 
-from .base import Base, Identity, Version, identity_args, owner_column, version_args
+from .base import (
+    Base,
+    Identity,
+    Version,
+    identity_args,
+    kb_column,
+    owner_column,
+    since_column,
+    version_args,
+)
 from .types import LongText
 
 
@@ -28,3 +37,32 @@ class ObjectVersionRow(Version, Base):
     object_id: Mapped[int] = owner_column()
     type_id: Mapped[int] = mapped_column(BigInteger)
     text: Mapped[str] = mapped_column(LongText, comment="canonical PDDL")
+    is_constant: Mapped[bool] = mapped_column(
+        Boolean, server_default=false(), comment="declared in the domain, not in the problem"
+    )
+
+
+class ObjectTypeRow(Base):
+    """A further type of an object that is declared with `either`."""
+
+    __tablename__ = "object_type"
+    __table_args__ = (
+        ForeignKeyConstraint(
+            ["kb_id", "object_id", "since"],
+            ["object_version.kb_id", "object_version.object_id", "object_version.since"],
+        ),
+        ForeignKeyConstraint(["kb_id", "type_id"], ["type.kb_id", "type.id"]),
+        Index("ix_object_type_type", "kb_id", "type_id"),
+    )
+
+    kb_id: Mapped[int] = kb_column()
+    object_id: Mapped[int] = owner_column()
+    since: Mapped[int] = since_column()
+    position: Mapped[int] = mapped_column(
+        Integer,
+        primary_key=True,
+        autoincrement=False,
+        sort_order=-60,
+        comment="from 1: the first is in the version",
+    )
+    type_id: Mapped[int] = mapped_column(BigInteger)

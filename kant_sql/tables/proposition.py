@@ -2,7 +2,16 @@
 
 from __future__ import annotations
 
-from sqlalchemy import BigInteger, Boolean, ForeignKeyConstraint, Index, Integer, UniqueConstraint
+from sqlalchemy import (
+    BigInteger,
+    Boolean,
+    ForeignKeyConstraint,
+    Index,
+    Integer,
+    UniqueConstraint,
+    false,
+    text,
+)
 from sqlalchemy.orm import Mapped, mapped_column
 
 from .base import LIVE, Base, Version, kb_column, owner_column, partial_index, version_args
@@ -48,6 +57,12 @@ class PropositionArgumentRow(Base):
     object_id: Mapped[int] = mapped_column(BigInteger)
 
 
+def _goal_index(name: str, *columns: str) -> Index:
+    # SQLite uses a partial index only where a query repeats its very condition: this is how
+    # SQLAlchemy writes a boolean column for it.
+    return Index(name, *columns, sqlite_where=text("is_goal = 1"), postgresql_where=text("is_goal"))
+
+
 class PropositionVersionRow(Version, Base):
     """When a fact held, or a goal stood: one thin row for each time."""
 
@@ -72,7 +87,13 @@ class PropositionVersionRow(Version, Base):
             "until",
             "proposition_id",
         ),
+        # Goals are few among many facts, and those that stand few among those that ever did.
+        _goal_index("ix_proposition_version_goal", "kb_id", "until", "since", "proposition_id"),
+        _goal_index(
+            "ix_proposition_version_goal_history", "kb_id", "since", "until", "proposition_id"
+        ),
     )
 
     proposition_id: Mapped[int] = owner_column()
     predicate_id: Mapped[int] = mapped_column(BigInteger)
+    is_goal: Mapped[bool] = mapped_column(Boolean, server_default=false())

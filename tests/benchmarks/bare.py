@@ -46,14 +46,14 @@ LIVE_ATOMS = (
     " WHERE v.kb_id = ? AND v.until IS NULL"
 )
 OF_PREDICATE = LIVE_ATOMS + " AND v.predicate_id = ?"
-GOALS = LIVE_ATOMS + " AND p.is_goal"
+GOALS = LIVE_ATOMS + " AND v.is_goal = true"
 DEFINITION = (
     "SELECT v.text FROM {0} e JOIN {0}_version v ON v.kb_id = e.kb_id AND v.{0}_id = e.id"
     " WHERE e.kb_id = ? AND e.key = ? AND v.until IS NULL"
 )
 
 
-ASSERT = "INSERT INTO proposition_version VALUES (?, ?, ?, ?, ?) ON CONFLICT DO NOTHING"
+ASSERT = "INSERT INTO proposition_version VALUES (?, ?, ?, ?, ?, ?) ON CONFLICT DO NOTHING"
 
 
 @cache
@@ -129,7 +129,7 @@ class Bare:
     def save_proposition(self, dto: PddlPropositionDto) -> None:
         """Let a fact or a goal hold."""
         id_, predicate, text = self.atom(dto)
-        row = (self.kb, id_, self.number, None, predicate)
+        row = (self.kb, id_, self.number, None, predicate, dto.is_goal)
         if self.run(ASSERT, row).rowcount:
             self.changes.append(("+", "goal" if dto.is_goal else "fact", text))
 
@@ -178,10 +178,10 @@ class Bare:
             self.ids[kind, key] = id_
         return id_
 
-    def define(self, kind: str, id_: int, dto: Dto, *values: Any) -> None:
-        """Write the version row of a definition."""
+    def define(self, kind: str, id_: int, dto: Dto, *values: Any, after: Row = ()) -> None:
+        """Write the version row of a definition: values before its text, and after it."""
         text = str(dto)
-        row = (self.kb, id_, self.number, None, *values, text)
+        row = (self.kb, id_, self.number, None, *values, text, *after)
         self.run(insert(f"{kind}_version", len(row)), row)
         self.changes.append(("+", kind, text))
         self.defined = True
@@ -193,7 +193,8 @@ class Bare:
 
     def save_object(self, dto: PddlObjectDto) -> None:
         """Define an object."""
-        self.define("object", self.id("object", dto.name), dto, self.id("type", dto.type.name))
+        type_id = self.id("type", dto.type.name)
+        self.define("object", self.id("object", dto.name), dto, type_id, after=(False,))
 
     def save_predicate(self, dto: PddlPredicateDto) -> None:
         """Define a predicate."""
@@ -217,20 +218,21 @@ class Bare:
     def save_action(self, dto: PddlActionDto) -> None:
         """Define a durative action."""
         id_ = self.id("action", dto.name)
-        self.define("action", id_, dto, dto.durative)
+        self.define("action", id_, dto, after=(dto.keyword,))
         names = [parameter.name for parameter in dto.parameters]
         self.save_parameters("action", id_, names, [part.type for part in dto.parameters])
         key = (self.kb, id_, self.number)
         nodes: list[Row] = [
-            (*key, "duration", 0, None, "=", None, None),
-            (*key, "duration", 1, 0, "variable", None, "?duration"),
-            (*key, "duration", 2, 0, "number", None, str(dto.duration)),
+            (*key, "duration", 0, None, "=", None, None, None),
+            (*key, "duration", 1, 0, "variable", None, None, "?duration"),
+            (*key, "duration", 2, 0, "number", None, None, str(dto.duration)),
         ]
         terms: list[Row] = []
         for section, literals in (("condition", dto.conditions), ("effect", dto.effects)):
-            self.add_tree((*key, section), names, literals, nodes, terms)
-        self.driver.run_many(insert("action_expression", 9), nodes)
-        self.driver.run_many(insert("action_expression_term", 8), terms)
+            literals_ = [part for part in literals if isinstance(part, PddlConditionEffectDto)]
+            self.add_tree((*key, section), names, literals_, nodes, terms)
+        self.driver.run_many(insert("action_node", 10), nodes)
+        self.driver.run_many(insert("action_term", 11), terms)
 
     def add_tree(
         self,
@@ -242,21 +244,22 @@ class Bare:
     ) -> None:
         """Add the nodes and the terms of a conjunction of literals, in preorder."""
         position = 0
-        nodes.append((*key, 0, None, "and", None, None))
+        nodes.append((*key, 0, None, "and", None, None, None))
         for literal in literals:
             parent = 0
             for operator in [literal.time, *(["not"] if literal.is_negative else [])]:
                 position += 1
-                nodes.append((*key, position, parent, operator, None, None))
+                nodes.append((*key, position, parent, operator, None, None, None))
                 parent = position
             position += 1
             predicate = self.id("predicate", literal.predicate.name)
-            nodes.append((*key, position, parent, "predicate", predicate, None))
+            nodes.append((*key, position, parent, "predicate", predicate, None, None))
             for place, term in enumerate(literal.objects):
                 if term.name in names:
-                    terms.append((*key, position, place, names.index(term.name), None))
+                    which = (names.index(term.name), None)
                 else:
-                    terms.append((*key, position, place, None, self.id("object", term.name)))
+                    which = (None, self.id("object", term.name))
+                terms.append((*key, position, place, *which, None, None, None))
 
     def delete_all_propositions(self) -> None:
         """Let nothing hold."""

@@ -130,7 +130,8 @@ def load(store: Bare, past: Past, rows: int) -> None:
     store.insert("proposition_argument", 4, arguments())
     store.insert("revision", 8, revisions())
     versions = past.versions(rows, next_id, revision)
-    store.insert("proposition_version", 5, ((kb, id_, s, u, predicate) for id_, s, u in versions))
+    rows_ = ((kb, id_, s, u, predicate, past.is_goal) for id_, s, u in versions)
+    store.insert("proposition_version", 6, rows_)
     store.execute(
         "UPDATE head SET revision = ?, next_id = ?, hash = ?, committed_at = ?",
         (last, next_id + past.atoms, f"{last:064x}", moment.isoformat()[:19] + ".000000Z"),

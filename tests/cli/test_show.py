@@ -42,6 +42,11 @@ goals (1)
 
 actions (1)
 """
+# What the state says of the elements that it has none of.
+OTHER_LISTS = (
+    *("requirements", "functions", "derived_predicates", "function_values", "initial_literals"),
+    *("timed_initial_literals", "constraints", "domain_constraints", "processes", "events"),
+)
 
 
 def shown(*words: str) -> dict[str, Any]:
@@ -83,10 +88,10 @@ def test_json_says_all_of_the_state(store: str) -> None:
             {"name": "drone", "parent": "robot"},
         ],
         "objects": [
-            {"name": "rb1", "type": "robot"},
-            {"name": "wp1", "type": "wp"},
-            {"name": "wp2", "type": "wp"},
-            {"name": "d1", "type": "drone"},
+            {"name": "rb1", "type": "robot", "is_constant": False},
+            {"name": "wp1", "type": "wp", "is_constant": False},
+            {"name": "wp2", "type": "wp", "is_constant": False},
+            {"name": "d1", "type": "drone", "is_constant": False},
         ],
         "predicates": [
             {
@@ -119,6 +124,8 @@ def test_json_says_all_of_the_state(store: str) -> None:
                 "pddl": str(navigation()),
             }
         ],
+        **{name: [] for name in OTHER_LISTS},
+        "metric": None,
     }
 
 
@@ -191,12 +198,12 @@ def test_one_state_is_shown_whatever_is_written_meanwhile(
     expected = shown(own_store)
     read_time = kant_sql.cli.show._committed_at
 
-    def write_first(kb: kant_sql.KnowledgeBase, number: int) -> str | None:
+    def write_first(state: kant_sql.KnowledgeBase) -> str | None:
         with kant_sql.connect(own_store, "tiago") as other:
             other.propositions.delete_all()
             other.types.delete_all()
             other.types.save(PddlTypeDto("afterthought"))
-        return read_time(kb, number)
+        return read_time(state)
 
     monkeypatch.setattr(kant_sql.cli.show, "_committed_at", write_first)
     assert shown(own_store) == expected

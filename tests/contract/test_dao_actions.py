@@ -138,7 +138,7 @@ def test_a_duration_is_read_as_it_was_saved(fresh_kb: KnowledgeBase) -> None:
 
 def test_a_duration_that_is_no_number_of_0_or_more_is_refused(fresh_kb: KnowledgeBase) -> None:
     numbers = [-1, -0.5, math.nan, math.inf, -math.inf, 10**400, 10**5000, -(10**5000)]
-    others: list[Any] = [True, False, None, "10", b"10", [10], 1j, object(), Decimal(1)]
+    others: list[Any] = [True, False, None, "10", b"10", [10], 1j, object()]
     for duration in [*numbers, *others]:
         action = Action("a", duration=duration)
         call = partial(fresh_kb.actions.save, action)

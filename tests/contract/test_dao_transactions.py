@@ -234,7 +234,7 @@ def test_an_action_is_redefined_in_one_transaction_as_often_as_one_likes(
         kb.actions.save(navigation())
         kb.actions.get_all()
     assert versions(kb, "action") == [(str(navigation()), 2, None)]
-    nodes = "SELECT section, operator FROM action_expression WHERE kb_id = :kb"
+    nodes = "SELECT section, operator FROM action_node WHERE kb_id = :kb"
     assert len(rows(kb, nodes)) == 3 + 3 + 6
     assert [str(action) for action in kb.at(2).actions.get_all()] == [str(navigation())]
 

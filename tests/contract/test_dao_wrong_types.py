@@ -60,7 +60,9 @@ JUNK: list[Any] = [
     [robot_at()],
 ]
 # Flags count by their truth value.
-FLAGS = {"is_goal", "is_negative", "durative"}
+FLAGS = {"is_goal", "is_negative", "durative", "is_constant"}
+# What may be left unsaid.
+OPTIONAL = {"parent", "parameter_names"}
 
 
 def paths(dto: Any) -> Iterator[Path]:
@@ -101,9 +103,14 @@ def replaced(dto: Dto, path: Path, value: Any) -> Dto:
 
 def junk_for(path: Path) -> list[Any]:
     """What belongs at a place least of all."""
-    junk = JUNK if path[-1] == "parent" else [None, *JUNK]
+    junk = JUNK if path[-1] in OPTIONAL else [None, *JUNK]
     fits = {"name": str, "duration": int | float}.get(str(path[-1]), ())
-    return [value for value in junk if not isinstance(value, fits)]
+    names = path[-1] == "parameter_names"
+    return [
+        value
+        for value in junk
+        if not isinstance(value, fits) and not (names and value == ["x"])
+    ]
 
 
 def try_methods(kb: KnowledgeBase, kind: str, dto: Dto) -> None:

@@ -20,6 +20,7 @@ import kant_sql.backends.session
 from kant_sql import (
     KnowledgeBase,
     PddlActionDto,
+    PddlFunctionDto,
     PddlObjectDto,
     PddlPredicateDto,
     PddlPropositionDto,
@@ -27,9 +28,10 @@ from kant_sql import (
     propositions,
 )
 from kant_sql.canonical import make_metadata, revision_hash
+from kant_sql.dto.formula import Atom, Constant, Or
 from tests.conftest import Connect
 from tests.pages import Page, opened
-from tests.worlds import ROBOT, WP2, navigation, robot_at
+from tests.worlds import RB1, ROBOT, WP2, navigation, robot_at
 
 PAGE = Page("hash.md")
 SQL = {block.partition("\n")[0].removeprefix("-- "): block for block in PAGE.of("sql")}
@@ -39,6 +41,12 @@ HASHES = [block.strip() for block in PAGE.of("text")]
 
 PROGRAM: dict[str, Any] = {}
 exec(PYTHON[-1], PROGRAM)
+
+
+BATTERY = PddlFunctionDto("battery", [ROBOT])
+EITHER_PLACE = Or(
+    tuple(Atom("robot_at", (Constant("rb1"), Constant(place))) for place in ("wp1", "wp2"))
+)
 
 
 def last_hash(url: str, name: str = "tiago") -> str | None:
@@ -66,6 +74,10 @@ def write_history(kb: KnowledgeBase) -> None:
         for name in ("\U0001f916", "\uff21", "straße", "e\u0301")
     )
     kb.predicates.save(PddlPredicateDto("ready", [ROBOT, ROBOT]), cascade=True)
+    kb.function_values.set(BATTERY, [RB1], 80)
+    kb.function_values.decrease(BATTERY, [RB1], 12.5)
+    kb.goals.save(EITHER_PLACE)
+    kb.load_domain("(define (domain d) (:predicates (p)))", mode="merge")
     kb.types.delete(ROBOT)
     kb.types.delete_all()
 
@@ -132,6 +144,9 @@ def test_each_knowledge_base_of_a_store_has_a_chain_of_its_own(
         "UPDATE predicate_version SET until = 2",
         "UPDATE proposition SET text = '(robot_at rb1 wp9)' WHERE text = '(robot_at rb1 wp1)'",
         "UPDATE proposition SET is_goal = NOT is_goal WHERE text = '(robot_at rb1 wp1)'",
+        "UPDATE function_version SET text = '(charge ?r0 - robot)'",
+        "UPDATE function_value_version SET text = '(= (battery rb1) 81)'",
+        "UPDATE formula_version SET text = '(and)'",
         "UPDATE proposition_version SET until = NULL",
         "DELETE FROM proposition_version WHERE until = 2",
     ],
@@ -144,6 +159,8 @@ def test_whoever_changes_the_tables_breaks_the_chain(
     with kb.transaction(reason="moved", source={"sensor": "lidar"}):
         kb.propositions.delete(robot_at())
         kb.propositions.save(robot_at(place=WP2))
+        kb.function_values.set(BATTERY, [RB1], 80)
+        kb.goals.save(EITHER_PLACE)
     known = kb.revisions()[-1].hash
     assert last_hash(shared_url) == known
     with opened(shared_url) as store:
@@ -189,7 +206,7 @@ sources = st.recursive(
     st.none() | st.booleans() | st.floats(allow_nan=False, allow_infinity=False) | texts,
     lambda inner: st.lists(inner, max_size=3) | st.dictionaries(texts, inner, max_size=3),
 )
-kinds = st.sampled_from(["type", "object", "predicate", "action", "fact", "goal"])
+kinds = st.sampled_from(["type", "function", "action", "formula", "document", "fact", "value"])
 lines = st.lists(st.tuples(st.sampled_from("+-"), kinds, names), max_size=5)
 
 

@@ -25,7 +25,7 @@ from kant_sql import (
     PddlTypeDto,
 )
 from kant_sql.backends import Backend, create_backend
-from kant_sql.factory import SqlDaoFactory
+from kant_sql.sql_factory import SqlDaoFactory
 from kant_sql.store import Store
 from tests.chain import check_chain
 from tests.conftest import Server
@@ -70,7 +70,6 @@ def stores(server: Server, tmp_path_factory: pytest.TempPathFactory) -> Iterator
 # What is meant for large amounts, and how little of it the programs have.
 TIGHT = {
     "kant_sql.propositions.SPILL_AT": 1,
-    "kant_sql.propositions.CACHED_ATOMS": 1,
     "kant_sql.atoms.CACHED_ATOMS": 1,
     "kant_sql.dao.base.BATCH": 2,
     "kant_sql.knowledge.cache.CACHED_PASTS": 1,

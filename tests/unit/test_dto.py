@@ -15,12 +15,14 @@ from kant_sql import (
     Dto,
     PddlActionDto,
     PddlConditionEffectDto,
+    PddlFunctionDto,
+    PddlFunctionValueDto,
     PddlObjectDto,
     PddlPredicateDto,
     PddlPropositionDto,
     PddlTypeDto,
 )
-from tests.worlds import RB1, ROBOT_AT, WAYPOINT, WP1, WP2, navigation, robot_at
+from tests.worlds import RB1, ROBOT, ROBOT_AT, WAYPOINT, WP1, WP2, navigation, robot_at
 
 Literal = PddlConditionEffectDto
 
@@ -29,14 +31,31 @@ SAMPLES: dict[type[Dto], Dto] = {
     PddlObjectDto: RB1,
     PddlPredicateDto: ROBOT_AT,
     PddlPropositionDto: robot_at(),
+    PddlFunctionDto: PddlFunctionDto("loc", [ROBOT], value_types=[WAYPOINT], parameter_names=["r"]),
+    PddlFunctionValueDto: PddlFunctionValueDto(PddlFunctionDto("loc", [ROBOT]), [RB1], WP1),
     PddlConditionEffectDto: Literal(ROBOT_AT, [RB1, WP1], Literal.AT_END, True),
     PddlActionDto: navigation(),
 }
 # The fields in their positional order, each with another value for it.
 FIELDS: dict[type[Dto], dict[str, object]] = {
     PddlTypeDto: {"name": "car", "parent": WAYPOINT},
-    PddlObjectDto: {"type": WAYPOINT, "name": "wp9"},
-    PddlPredicateDto: {"name": "near", "types": [WAYPOINT, WAYPOINT]},
+    PddlObjectDto: {"type": WAYPOINT, "name": "wp9", "is_constant": True},
+    PddlPredicateDto: {
+        "name": "near",
+        "types": [WAYPOINT, WAYPOINT],
+        "parameter_names": ["from", "to"],
+    },
+    PddlFunctionDto: {
+        "name": "distance",
+        "types": [WAYPOINT, WAYPOINT],
+        "value_types": [ROBOT],
+        "parameter_names": ["from", "to"],
+    },
+    PddlFunctionValueDto: {
+        "function": PddlFunctionDto("distance", [WAYPOINT]),
+        "objects": [WP2],
+        "value": 2.5,
+    },
     PddlPropositionDto: {
         "predicate": PddlPredicateDto("near", [WAYPOINT]),
         "objects": [WP2],
@@ -59,6 +78,7 @@ FIELDS: dict[type[Dto], dict[str, object]] = {
 }
 FIELD_CASES = [(dto_class, name) for dto_class, fields in FIELDS.items() for name in fields]
 LIST_CASES = [case for case in FIELD_CASES if isinstance(FIELDS[case[0]][case[1]], list)]
+NEVER_NONE = [case for case in LIST_CASES if case[1] != "parameter_names"]
 
 
 @pytest.mark.parametrize("dto_class", FIELDS)
@@ -113,7 +133,7 @@ def test_a_list_that_is_given_is_never_aliased(dto_class: type[Dto], name: str) 
 
 
 @pytest.mark.parametrize("nothing", [None, (), [], iter(())])
-@pytest.mark.parametrize(("dto_class", "name"), LIST_CASES)
+@pytest.mark.parametrize(("dto_class", "name"), NEVER_NONE)
 def test_none_means_an_empty_list_of_its_own(
     dto_class: type[Dto], name: str, nothing: object
 ) -> None:
@@ -127,6 +147,8 @@ def test_none_means_an_empty_list_of_its_own(
 
 def test_lists_may_be_left_out() -> None:
     assert PddlPredicateDto("p").types == []
+    assert PddlFunctionDto("f").types == PddlFunctionDto("f").value_types == []
+    assert PddlFunctionValueDto(PddlFunctionDto("f")).objects == []
     assert PddlPropositionDto(ROBOT_AT).objects == []
     assert PddlConditionEffectDto(ROBOT_AT).objects == []
     action = PddlActionDto("a")
@@ -136,6 +158,9 @@ def test_lists_may_be_left_out() -> None:
 def test_what_is_left_out_has_the_documented_default() -> None:
     assert PddlTypeDto("robot").parent is None
     assert PddlPropositionDto(ROBOT_AT).is_goal is False
+    assert PddlPredicateDto("p").parameter_names is None
+    assert PddlFunctionDto("f").parameter_names is None
+    assert PddlFunctionValueDto(PddlFunctionDto("f")).value == 0
     literal = PddlConditionEffectDto(ROBOT_AT)
     assert (literal.time, literal.is_negative) == (None, False)
     assert (PddlActionDto("a").durative, PddlActionDto("a").duration) == (True, 10)

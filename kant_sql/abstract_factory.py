@@ -1,0 +1,253 @@
+"""The abstract factory: a family of DAOs, all on one knowledge base."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterator
+from contextlib import AbstractContextManager
+from datetime import datetime
+
+from .dao.fluent_interfaces import PddlFunctionDao, PddlFunctionValueDao
+from .dao.formula_interfaces import (
+    ConstraintDao,
+    DerivedPredicateDao,
+    GoalDao,
+    InitialLiteralDao,
+    MetricDao,
+    TimedInitialLiteralDao,
+)
+from .dao.interfaces import (
+    PddlActionDao,
+    PddlEventDao,
+    PddlObjectDao,
+    PddlPredicateDao,
+    PddlProcessDao,
+    PddlPropositionDao,
+    PddlTypeDao,
+)
+from .documents import Exchange
+from .history import LogEntry, Revision
+
+
+class DaoFactory(ABC):
+    """Creates the DAOs of one family, all on one knowledge base. Threads may share it."""
+
+    @abstractmethod
+    def __init__(self, url: str, knowledge_base: str = "default", actor: str | None = None) -> None:
+        """Open a knowledge base; `create_dao_factory` says what is given and raised."""
+
+    @abstractmethod
+    def create_pddl_type_dao(self) -> PddlTypeDao:
+        """Create the DAO of types.
+
+        Returns:
+            The DAO.
+        """
+
+    @abstractmethod
+    def create_pddl_object_dao(self) -> PddlObjectDao:
+        """Create the DAO of objects.
+
+        Returns:
+            The DAO.
+        """
+
+    @abstractmethod
+    def create_pddl_predicate_dao(self) -> PddlPredicateDao:
+        """Create the DAO of predicates.
+
+        Returns:
+            The DAO.
+        """
+
+    @abstractmethod
+    def create_pddl_function_dao(self) -> PddlFunctionDao:
+        """Create the DAO of functions.
+
+        Returns:
+            The DAO.
+        """
+
+    @abstractmethod
+    def create_pddl_function_value_dao(self) -> PddlFunctionValueDao:
+        """Create the DAO of the values of functions.
+
+        Returns:
+            The DAO.
+        """
+
+    @abstractmethod
+    def create_pddl_proposition_dao(self) -> PddlPropositionDao:
+        """Create the DAO of propositions.
+
+        Returns:
+            The DAO.
+        """
+
+    @abstractmethod
+    def create_pddl_action_dao(self) -> PddlActionDao:
+        """Create the DAO of actions.
+
+        Returns:
+            The DAO.
+        """
+
+    @abstractmethod
+    def create_pddl_process_dao(self) -> PddlProcessDao:
+        """Create the DAO of processes.
+
+        Returns:
+            The DAO.
+        """
+
+    @abstractmethod
+    def create_pddl_event_dao(self) -> PddlEventDao:
+        """Create the DAO of events.
+
+        Returns:
+            The DAO.
+        """
+
+    @abstractmethod
+    def create_derived_predicate_dao(self) -> DerivedPredicateDao:
+        """Create the DAO of rules for derived predicates.
+
+        Returns:
+            The DAO.
+        """
+
+    @abstractmethod
+    def create_timed_initial_literal_dao(self) -> TimedInitialLiteralDao:
+        """Create the DAO of timed initial literals.
+
+        Returns:
+            The DAO.
+        """
+
+    @abstractmethod
+    def create_initial_literal_dao(self) -> InitialLiteralDao:
+        """Create the DAO of negative literals and equalities of the initial state.
+
+        Returns:
+            The DAO.
+        """
+
+    @abstractmethod
+    def create_goal_dao(self) -> GoalDao:
+        """Create the DAO of goals of any form.
+
+        Returns:
+            The DAO.
+        """
+
+    @abstractmethod
+    def create_constraint_dao(self) -> ConstraintDao:
+        """Create the DAO of the problem's constraints.
+
+        Returns:
+            The DAO.
+        """
+
+    @abstractmethod
+    def create_domain_constraint_dao(self) -> ConstraintDao:
+        """Create the DAO of the domain's constraints.
+
+        Returns:
+            The DAO.
+        """
+
+    @abstractmethod
+    def create_metric_dao(self) -> MetricDao:
+        """Create the DAO of the metric.
+
+        Returns:
+            The DAO.
+        """
+
+    @abstractmethod
+    def create_exchange(self) -> Exchange:
+        """Create what loads whole documents, and gives them back.
+
+        Returns:
+            It.
+        """
+
+    @abstractmethod
+    def transaction(
+        self,
+        actor: str | None = None,
+        reason: str | None = None,
+        source: object | None = None,
+        expected_revision: int | None = None,
+    ) -> AbstractContextManager[None]:
+        """Make many calls one revision.
+
+        Within the `with` block, this thread's calls on the knowledge base are one transaction:
+        other writers wait, readers see nothing of it, and when the block ends well it becomes one
+        revision. When the block raises, nothing of it has happened. A block within another joins
+        it: the outer block's actor, reason and source stand, and if only the inner one raises,
+        only what it did is undone.
+
+        Args:
+            actor: who writes; the factory's actor when not given.
+            reason: why.
+            source: what the caller knows, as JSON values: the sensor, the plan's step.
+            expected_revision: the revision that the caller has read; a block within another is
+                held to the revision that the outer one began from.
+
+        Returns:
+            The context manager.
+
+        Raises:
+            StaleRevisionError: on entry, when the head is another than expected.
+            StoreBusyError: on entry, when other writers held the store for too long.
+            ConnectionLostError: the connection was lost; nothing of the block was written.
+            InvalidMetadataError: actor, reason or source cannot be kept.
+        """
+
+    @abstractmethod
+    def at(self, when: int | datetime) -> DaoFactory:
+        """Look at the past.
+
+        Args:
+            when: a revision's number (0 is before the first), or an aware time up to now.
+
+        Returns:
+            A factory whose DAOs read that state, and raise `ReadOnlyError` on a write.
+
+        Raises:
+            UnknownRevisionError: there is no such revision yet, or the time lies in the future or
+                has no zone.
+        """
+
+    @property
+    @abstractmethod
+    def revision(self) -> int:
+        """The number of the last revision, 0 before the first; in a transaction, the one before."""
+
+    @abstractmethod
+    def revisions(self, after: int = 0, limit: int | None = None) -> list[Revision]:
+        """Read revisions, oldest first.
+
+        Args:
+            after: only those with a larger number.
+            limit: at most so many; None for all.
+
+        Returns:
+            The revisions.
+        """
+
+    @abstractmethod
+    def log(self, limit: int | None = None) -> Iterator[LogEntry]:
+        """Read revisions with what they changed, newest first.
+
+        Args:
+            limit: at most so many; None for all.
+
+        Returns:
+            The entries, read in pages as they are asked for.
+        """
+
+    @abstractmethod
+    def close(self) -> None:
+        """Close the connections. A store in memory is gone with them."""

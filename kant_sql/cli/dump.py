@@ -1,0 +1,25 @@
+"""`kant-sql dump`: the domain and the problem as PDDL, now or at a moment of the past."""
+
+from __future__ import annotations
+
+import sys
+from typing import Annotated
+
+import typer
+
+from .stores import At, Name, Url, open_state
+
+
+def dump(
+    url: Url,
+    kb: Name = None,
+    at: At = None,
+    domain: Annotated[bool, typer.Option("--domain", help="Only the domain.")] = False,
+    problem: Annotated[bool, typer.Option("--problem", help="Only the problem.")] = False,
+) -> None:
+    """Write the domain and then the problem as PDDL; kant-sql load reads both from one file."""
+    with open_state(url, kb, at) as (_, state):
+        texts = [state.domain_pddl()] if domain or not problem else []
+        texts += [state.problem_pddl()] if problem or not domain else []
+    # In UTF-8, whatever the terminal's encoding: that is what planners read.
+    sys.stdout.buffer.write("\n".join(texts).encode())

@@ -1,0 +1,137 @@
+"""`kant-sql load`: PDDL files become knowledge, in one revision."""
+
+from __future__ import annotations
+
+import sys
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from typing import Annotated
+
+import typer
+
+from ..catalog import knowledge_bases
+from ..documents import Mode
+from ..history import LogEntry, Revision
+from ..knowledge_base import KnowledgeBase, connect
+from ..pddl import PddlWarning
+from .files import Inputs, read_inputs
+from .output import Printer, printable
+from .stores import DEFAULT_NAME, URL_VARIABLE, choose, split_url
+
+_USAGE = "such as: sqlite:///robot.db domain.pddl problem.pddl"
+_MEGABYTE = 1_000_000
+# What the log calls shortly.
+_LABELS = {
+    "derived": "derived predicate",
+    "initial": "initial literal",
+    "timed": "timed initial literal",
+    "value": "function value",
+}
+
+
+def load(
+    words: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="[URL] FILE...",
+            show_default=False,
+            help=f"The database URL [env var: {URL_VARIABLE}], and the PDDL files: a domain, which "
+            "may be spread over several files, a problem, or both; - is standard input.",
+        ),
+    ],
+    kb: Annotated[
+        str, typer.Option("--kb", metavar="NAME", help="The knowledge base to write to.")
+    ] = DEFAULT_NAME,
+    merge: Annotated[
+        bool,
+        typer.Option("--merge", help="Keep what the files do not say; else it is retracted."),
+    ] = False,
+    strict: Annotated[
+        bool, typer.Option("--strict", help="Refuse what violates the standard; else warn of it.")
+    ] = False,
+    actor: Annotated[
+        str | None, typer.Option(metavar="NAME", show_default=False, help="Who writes.")
+    ] = None,
+    reason: Annotated[
+        str | None, typer.Option(metavar="TEXT", show_default=False, help="Why.")
+    ] = None,
+) -> None:
+    """Load a domain, a problem or both: all of it in one revision, or nothing."""
+    url, paths = split_url(words, _USAGE)
+    inputs = read_inputs(paths)
+    if not inputs.domains:
+        # A problem needs a domain: without one, no store is created for it.
+        choose(kb, knowledge_bases(url))
+    with connect(url, knowledge_base=kb) as knowledge_base:
+        warnings, made = _store(
+            knowledge_base, inputs, "merge" if merge else "replace", strict, actor, reason
+        )
+        sys.stderr.writelines(f"{printable(str(warning))}\n" for warning in warnings)
+        _write_result(kb, knowledge_base, made)
+
+
+def _store(
+    knowledge_base: KnowledgeBase,
+    inputs: Inputs,
+    mode: Mode,
+    strict: bool,
+    actor: str | None,
+    reason: str | None,
+) -> tuple[Iterable[PddlWarning], Revision | None]:
+    """Store all that there is in one revision, and find that."""
+    source = {"files": list(inputs.files)}
+    warnings: list[PddlWarning] = []
+    with _progress() as show, knowledge_base.transaction(actor, reason, source):
+        before = knowledge_base.revision
+        if inputs.domains:
+            show("domain", sum(len(text.code) for text in inputs.domains))
+            warnings += knowledge_base.load_domain(*inputs.domains, mode=mode, strict=strict)[1]
+        if inputs.problem is not None:
+            show("problem", len(inputs.problem.code))
+            warnings += knowledge_base.load_problem(inputs.problem, mode, strict)[1]
+    made = knowledge_base.revisions(after=before, limit=1)
+    # When nothing has changed, the next revision is somebody else's.
+    own = [one for one in made if (one.actor, one.reason, one.source) == (actor, reason, source)]
+    return dict.fromkeys(warnings), own[0] if own else None
+
+
+def _write_result(name: str, knowledge_base: KnowledgeBase, made: Revision | None) -> None:
+    printer = Printer()
+    if made is None:
+        number = knowledge_base.revision
+        printer.line(f"knowledge base {name}, revision {number}: nothing has changed", "bold")
+        return
+    printer.line(f"knowledge base {name}, revision {made.number}", "bold")
+    (entry,) = knowledge_base.at(made.number).log(limit=1)
+    for sign, style in (("+", "green"), ("-", "red")):
+        counts = _counts(entry, sign)
+        if counts:
+            printer.line(f"{sign} {counts}", style)
+
+
+def _counts(entry: LogEntry, sign: str) -> str:
+    kinds = (change.kind for change in entry.changes if change.sign == sign)
+    counts = Counter(_LABELS.get(kind, kind) for kind in kinds)
+    return ", ".join(
+        f"{count} {label}{'' if count == 1 else 's'}" for label, count in sorted(counts.items())
+    )
+
+
+@contextmanager
+def _progress() -> Iterator[Callable[[str, int], None]]:
+    """Show in a terminal what is being loaded, and for how long already."""
+    if not sys.stderr.isatty():
+        yield lambda kind, size: None
+        return
+    from rich.console import Console
+    from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+    columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
+        task = progress.add_task("loading", total=None)
+
+        def show(kind: str, size: int) -> None:
+            progress.update(task, description=f"loading the {kind}, {size / _MEGABYTE:.1f} MB")
+
+        yield show

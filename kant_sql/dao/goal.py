@@ -1,0 +1,123 @@
+"""Goals of any form: the DAO."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+from ..atoms import AtomKey
+from ..dto.atom_dto import atom_text
+from ..dto.formula import Atom, Constant, Formula, Node
+from ..errors import InvalidKnowledgeError
+from ..knowledge.formula import GOAL
+from ..transaction import Transaction
+from ..view import View
+from .base import SqlDao, batches, expect
+from .dependants import propositions_on, retract
+from .formula import conjuncts, is_ground, put_formula, read_formula, read_formulas
+from .formula_interfaces import GoalDao
+from .proposition import GOALS
+from .tree_writer import Place, TreeWriter
+
+
+class SqlGoalDao(SqlDao, GoalDao):
+    """Goals of any form in an SQL store."""
+
+    def get_all(self) -> list[Formula]:
+        """Read all goals."""
+
+        def work(view: View) -> list[Formula]:
+            atoms: list[Any] = [
+                Atom(goal.predicate.name, tuple(Constant(object_.name) for object_ in goal.objects))
+                for goal in GOALS.answer(view)
+            ]
+            definitions = view.definitions
+            stored = read_formulas(definitions, GOAL)
+            return [*atoms, *(read_formula(definitions, each) for each in stored)]
+
+        return self._store.read(work, self._at)
+
+    def save(self, formula: Formula) -> bool:
+        """Let a goal stand."""
+        self.save_all([formula])
+        return True
+
+    def insert(self, formula: Formula) -> bool:
+        """Let a goal stand that does not stand yet."""
+        return self.save_all([formula]) > 0
+
+    def save_all(self, formulas: Iterable[Formula]) -> int:
+        """Let many goals stand, in one revision."""
+        self._check_writable()
+        changed = 0
+        with self._store.transaction() as transaction:
+            for batch in batches(formulas):
+                for formula in batch:
+                    expect(formula, Node, "a goal")
+                    made = [self._put(transaction, part) for part in conjuncts(formula)]
+                    changed += any(made)
+        return changed
+
+    def delete(self, formula: Formula) -> bool:
+        """Let a goal stand no more."""
+        self._check_writable()
+        expect(formula, Node, "a goal")
+
+        def work(transaction: Transaction) -> bool:
+            gone = [self._remove(transaction, part) for part in conjuncts(formula)]
+            return any(gone)
+
+        return self._store.write(work)
+
+    def delete_all(self) -> int:
+        """Let no goal stand."""
+        self._check_writable()
+
+        def work(transaction: Transaction) -> int:
+            atoms = [atom for atom in propositions_on(transaction, None) if atom.key.is_goal]
+            retract(transaction, atoms)
+            stored = read_formulas(transaction.definitions, GOAL)
+            for each in stored:
+                transaction.undefine("formula", each.id)
+            return len(atoms) + len(stored)
+
+        return self._store.write(work)
+
+    def _put(self, transaction: Transaction, goal: Formula) -> bool:
+        if not (isinstance(goal, Atom) and is_ground(goal)):
+            return put_formula(transaction, GOAL, goal)
+        TreeWriter(transaction.definitions, "a goal").tree(goal, Place.CONDITION)
+        key, text = self._key(transaction, goal)
+        propositions = transaction.propositions
+        found = propositions.find([key]).get(key)
+        if found is not None:
+            return propositions.set(found, True)
+        propositions.add(key, text)
+        return True
+
+    def _remove(self, transaction: Transaction, goal: Formula) -> bool:
+        definitions = transaction.definitions
+        if isinstance(goal, Atom) and is_ground(goal):
+            try:
+                key, _ = self._key(transaction, goal)
+            except InvalidKnowledgeError:
+                return False
+            found = transaction.propositions.find([key]).get(key)
+            return found is not None and transaction.propositions.set(found, False)
+        for stored in read_formulas(definitions, GOAL):
+            if read_formula(definitions, stored) == goal:
+                transaction.undefine("formula", stored.id)
+                return True
+        return False
+
+    @staticmethod
+    def _key(transaction: Transaction, goal: Atom) -> tuple[AtomKey, str]:
+        definitions = transaction.definitions
+        predicate = definitions.predicates.named(goal.predicate)
+        objects = [definitions.objects.named(str(term)) for term in goal.terms]
+        if predicate is None or None in objects:
+            raise InvalidKnowledgeError(f"the goal {goal} names what is not known; save that first")
+        known = [object_ for object_ in objects if object_ is not None]
+        ids = " ".join(str(object_.id) for object_ in known)
+        text = atom_text(predicate.name, [object_.name for object_ in known])
+        return AtomKey(True, predicate.id, ids), text

@@ -1,0 +1,151 @@
+"""Loading a domain into a store."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from ..dao.action import put_action
+from ..dao.dependants import Scope, delete_scope
+from ..dao.formula import make_formula
+from ..dao.tree_writer import Place, TreeWriter
+from ..dto.formula import Formula, Node
+from ..dto.name import ROOT_TYPE, fold
+from ..errors import ConflictError
+from ..knowledge.document import DOMAIN, Item
+from ..knowledge.formula import DERIVED_PREDICATE, DOMAIN_CONSTRAINT, DOMAIN_SECTIONS
+from ..knowledge.predicate import ParameterDefinition
+from ..knowledge.tree import Tree
+from ..pddl.document import DURATIVE_ACTION, Action, Domain
+from ..transaction import Transaction
+from .declaring import Declaring
+from .misfits import retract_misfits
+from .ordering import find_document, merged, put_document
+
+
+def load_domain(transaction: Transaction, domain: Domain, replace: bool) -> None:
+    """Store a domain.
+
+    Args:
+        transaction: the transaction.
+        domain: the domain.
+        replace: whether what it does not say is retracted; else it must not contradict what is
+            stored, and that stays.
+
+    Raises:
+        ConflictError: it contradicts what is stored.
+    """
+    stored = find_document(transaction.definitions, DOMAIN)
+    if stored is not None and not replace and fold(stored.title) != fold(domain.name):
+        raise ConflictError(
+            f"domain {stored.title!r} is stored, but the document is domain {domain.name!r}; load "
+            "it with mode='replace'"
+        )
+    declaring = Declaring(transaction, replace)
+    declaring.types(domain.types)
+    declaring.objects(domain.constants, is_constant=True)
+    declaring.predicates(domain.predicates)
+    declaring.functions(domain.functions)
+    formulas = _put_formulas(transaction, domain)
+    actions = _put_actions(transaction, domain.actions, declaring, replace)
+    if replace:
+        _retract_unsaid(transaction, declaring, {*formulas.values()}, actions)
+        retract_misfits(transaction)
+    items = merged(stored, _items(domain, list(formulas)), replace)
+    put_document(transaction, DOMAIN, domain.name, None, items)
+
+
+def _items(domain: Domain, formulas: Sequence[tuple[str, str]]) -> Iterator[Item]:
+    yield from (Item("requirement", name) for name in domain.requirements)
+    for section, named in (
+        ("type", domain.types),
+        ("constant", domain.constants),
+        ("predicate", domain.predicates),
+        ("function", domain.functions),
+        ("action", domain.actions),
+    ):
+        yield from (Item(section, fold(each.name)) for each in named)
+    yield from (Item(section, name) for section, name in formulas)
+
+
+def _put_formulas(transaction: Transaction, domain: Domain) -> dict[tuple[str, str], int]:
+    sections: tuple[tuple[str, Sequence[Node]], ...] = (
+        (DERIVED_PREDICATE, domain.derived),
+        (DOMAIN_CONSTRAINT, domain.constraints),
+    )
+    ids = {}
+    for section, nodes in sections:
+        for node in nodes:
+            formula = make_formula(transaction, section, node)
+            transaction.define("formula", formula)
+            ids[section, formula.name] = formula.id
+    return ids
+
+
+def _put_actions(
+    transaction: Transaction, actions: Sequence[Action], declaring: Declaring, replace: bool
+) -> set[int]:
+    definitions = transaction.definitions
+    names = [action.name for action in actions]
+    transaction.look_up("action", names)
+    for action in actions:
+        stored = definitions.actions.named(action.name)
+        parameters = declaring.parameters(action.parameters)
+        if replace and stored is not None and stored.kind != action.kind:
+            transaction.undefine("action", stored.id)
+        put_action(
+            transaction,
+            action.kind,
+            action.name,
+            parameters,
+            _parts(transaction, action, parameters),
+        )
+        now = definitions.actions.named(action.name)
+        if stored is not None and not replace and now != stored:
+            raise ConflictError(
+                f"action {stored.name!r} is stored with another definition than the document has; "
+                "load it with mode='replace', or make the two agree"
+            )
+    found = (definitions.actions.named(name) for name in names)
+    return {action.id for action in found if action is not None}
+
+
+def _parts(
+    transaction: Transaction, action: Action, parameters: tuple[ParameterDefinition, ...]
+) -> tuple[Tree, Tree, Tree]:
+    def tree(section: str, formulas: Sequence[Formula], place: Place) -> Tree:
+        role = f"the {section} of {action.kind} {action.name!r}"
+        durative = action.kind == DURATIVE_ACTION
+        writer = TreeWriter(transaction.definitions, role, parameters, durative)
+        if section == "duration" and len(formulas) <= 1:
+            return writer.tree(formulas[0], place) if formulas else ()
+        return writer.conjunction(formulas, place)
+
+    return (
+        tree("duration", action.duration, Place.CONDITION),
+        tree("condition", action.condition, Place.CONDITION),
+        tree("effect", action.effect, Place.EFFECT),
+    )
+
+
+def _retract_unsaid(
+    transaction: Transaction, declaring: Declaring, formulas: set[int], actions: set[int]
+) -> None:
+    definitions = transaction.definitions
+    for action in list(definitions.actions):
+        if action.id not in actions:
+            transaction.undefine("action", action.id)
+    for formula in list(definitions.formulas):
+        if formula.section in DOMAIN_SECTIONS and formula.id not in formulas:
+            transaction.undefine("formula", formula.id)
+    said = declaring.said
+
+    def unsaid(kind: str) -> set[int]:
+        return {each.id for each in definitions.elements(kind)} - said.get(kind, set())
+
+    types = {id_ for id_ in unsaid("type") if fold(definitions.types.live(id_).name) != ROOT_TYPE}
+    constants = {id_ for id_ in unsaid("object") if definitions.objects.live(id_).is_constant}
+    objects = {each.id for each in definitions.objects if not types.isdisjoint(each.type_ids)}
+    delete_scope(
+        transaction,
+        Scope(types, constants | objects, unsaid("predicate"), unsaid("function")),
+    )

@@ -1,0 +1,143 @@
+"""Taking PDDL files in and giving them back: what the front door does with whole documents."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from typing import TypeVar
+
+from ..dao.base import SqlDao
+from ..dto.name import is_name
+from ..errors import InvalidKnowledgeError
+from ..knowledge.definitions import Definitions
+from ..knowledge.document import DOMAIN
+from ..pddl import read_domain, read_problem, used_requirements
+from ..pddl.document import Domain, Problem
+from ..pddl.tokens import Source
+from ..pddl.writer import write, write_domain
+from ..transaction import Transaction
+from ..view import View, read_revision
+from .domain_building import build_domain
+from .domain_loading import load_domain
+from .interfaces import Exchange, Loaded, Mode, State
+from .ordering import find_document
+from .problem_building import build_problem, problem_text
+from .problem_loading import load_problem
+
+T = TypeVar("T")
+
+
+class SqlExchange(SqlDao, Exchange):
+    """Loads domains and problems into an SQL store, and builds them from it."""
+
+    def load_domain(self, *sources: Source, mode: Mode = "replace", strict: bool = False) -> Loaded:
+        """Load a domain."""
+        domain = read_domain(*sources, strict=strict)
+        replace = self._is_replacing(mode)
+        revision = self._write(lambda transaction: load_domain(transaction, domain, replace))
+        return Loaded(revision, domain.warnings)
+
+    def load_problem(self, source: Source, mode: Mode = "replace", strict: bool = False) -> Loaded:
+        """Load a problem."""
+        replace = self._is_replacing(mode)
+        domain = self.domain()
+        problem = self._read_problem(source, domain, strict)
+
+        def work(transaction: Transaction) -> None:
+            nonlocal problem
+            now = self._build_domain(transaction.definitions)
+            if now != domain:
+                # Another writer changed the domain after the problem was checked against it.
+                problem = self._read_problem(source, now, strict)
+            load_problem(transaction, problem, replace)
+
+        revision = self._write(work)
+        return Loaded(revision, problem.warnings)
+
+    def put(self, domain: Domain, problem: Problem, mode: Mode = "replace") -> Loaded:
+        """Store a domain and a problem that go together."""
+        replace = self._is_replacing(mode)
+        # Whoever made them, what is stored has passed the reader's checks.
+        checked = read_domain(write(domain))
+        own = read_problem(write(problem), checked)
+
+        def work(transaction: Transaction) -> None:
+            load_domain(transaction, checked, replace)
+            load_problem(transaction, own, replace)
+
+        return Loaded(self._write(work), domain.warnings + problem.warnings)
+
+    def domain(self) -> Domain:
+        """Build the domain."""
+        return self._store.read_definitions(self._build_domain, self._at)
+
+    def problem(self) -> Problem:
+        """Build the problem."""
+        return self._read(lambda view: build_problem(view, *self._names(view.definitions)))
+
+    def state(self) -> State:
+        """Build the domain and the problem of one and the same state."""
+
+        def work(view: View) -> State:
+            definitions = view.definitions
+            problem = build_problem(view, *self._names(definitions))
+            return State(read_revision(view), self._build_domain(definitions), problem)
+
+        return self._read(work)
+
+    def domain_pddl(self) -> str:
+        """Write the domain as PDDL."""
+        return write_domain(self.domain())
+
+    def problem_pddl(self) -> str:
+        """Write the problem as PDDL."""
+        return self._read(lambda view: problem_text(view, *self._names(view.definitions)))
+
+    def requirements(self) -> tuple[str, ...]:
+        """Compute which requirements domain and problem use."""
+        state = self.state()
+        return used_requirements(state.domain, state.problem)
+
+    def _read(self, work: Callable[[View], T]) -> T:
+        return self._store.read_together(work, self._at)
+
+    def _write(self, work: Callable[[Transaction], None]) -> int | None:
+        self._check_writable()
+        made: list[Transaction] = []
+
+        def remember(transaction: Transaction) -> None:
+            made[:] = [transaction]
+            work(transaction)
+
+        self._store.write(remember)
+        committed = made[0].committed
+        return None if committed is None else committed.number
+
+    def _read_problem(self, source: Source, domain: Domain, strict: bool) -> Problem:
+        if not self._store.read_definitions(self._has_domain):
+            # A domain that DAOs have made answers to any name.
+            named = read_problem(source, strict=strict).domain
+            domain = dataclasses.replace(domain, name=named)
+        return read_problem(source, domain, strict=strict)
+
+    @staticmethod
+    def _has_domain(definitions: Definitions) -> bool:
+        return find_document(definitions, DOMAIN) is not None
+
+    def _build_domain(self, definitions: Definitions) -> Domain:
+        return build_domain(definitions, self._default_name)
+
+    def _names(self, definitions: Definitions) -> tuple[str, str]:
+        document = find_document(definitions, DOMAIN)
+        return self._default_name, self._default_name if document is None else document.title
+
+    @property
+    def _default_name(self) -> str:
+        """What a document is called that was never loaded: as the knowledge base, if PDDL can."""
+        return self._store.name if is_name(self._store.name) else "default"
+
+    @staticmethod
+    def _is_replacing(mode: str) -> bool:
+        if mode not in ("replace", "merge"):
+            raise InvalidKnowledgeError(f"the mode is {mode!r}, expected 'replace' or 'merge'")
+        return mode == "replace"

@@ -1,0 +1,244 @@
+"""Building the problem that a store holds."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from decimal import Decimal
+from operator import itemgetter
+from typing import Any, NamedTuple
+
+from sqlalchemy import Select, select
+
+from ..backends import Query, in_rows
+from ..dao.formula import read_formula, read_formulas
+from ..dto.formula import Atom, Constant, Fluent, Formula, Number, TypedName
+from ..dto.name import fold
+from ..knowledge.definitions import Definitions
+from ..knowledge.document import PROBLEM
+from ..knowledge.formula import CONSTRAINT, GOAL, INITIAL, METRIC, TIMED
+from ..knowledge.loading import KB, held_at
+from ..knowledge.predicate import ParameterDefinition
+from ..knowledge.tree_reader import typed_name
+from ..pddl.document import FunctionValue, Problem
+from ..pddl.writer import write_problem
+from ..tables import (
+    FunctionValueRow,
+    FunctionValueVersionRow,
+    PropositionRow,
+    PropositionVersionRow,
+)
+from ..view import View
+from .domain_building import read_section
+from .ordering import find_document, ordered
+
+
+class Initial(NamedTuple):
+    """What held at one moment, as rows; each row begins with its id.
+
+    Attributes:
+        facts: id, predicate, arguments and text of each fact.
+        goals: the same of each goal that is a ground atom.
+        values: id, number, object and text of the value of each fluent.
+        fluents: id, function and arguments of each fluent; not read for text alone.
+    """
+
+    facts: list[Any]
+    goals: list[Any]
+    values: list[Any]
+    fluents: list[Any]
+
+
+def _held(version: Any, at: int | None) -> Any:
+    return version.until.is_(None) if at is None else held_at(version)
+
+
+def _propositions(held: Any) -> Query:
+    versions = select(PropositionVersionRow.proposition_id).where(
+        PropositionVersionRow.kb_id == KB, held
+    )
+    return Query(
+        select(
+            PropositionRow.id,
+            PropositionRow.predicate_id,
+            PropositionRow.arguments,
+            PropositionRow.text,
+            PropositionRow.is_goal,
+        ).where(PropositionRow.kb_id == KB, in_rows(PropositionRow.id, versions))
+    )
+
+
+def _values(held: Any) -> Query:
+    version = FunctionValueVersionRow
+    columns = version.function_value_id, version.value, version.object_id, version.text
+    return Query(select(*columns).where(version.kb_id == KB, held))
+
+
+def _fluents(held: Any) -> Query:
+    versions: Select[Any] = select(FunctionValueVersionRow.function_value_id).where(
+        FunctionValueVersionRow.kb_id == KB, held
+    )
+    return Query(
+        select(FunctionValueRow.id, FunctionValueRow.function_id, FunctionValueRow.arguments).where(
+            FunctionValueRow.kb_id == KB, in_rows(FunctionValueRow.id, versions)
+        )
+    )
+
+
+_ID = itemgetter(0)
+
+
+def _queries(at: int | None) -> tuple[Query, Query, Query]:
+    values = _held(FunctionValueVersionRow, at)
+    return _propositions(_held(PropositionVersionRow, at)), _values(values), _fluents(values)
+
+
+_NOW, _THEN = _queries(None), _queries(0)
+
+
+def read_initial(view: View, for_text: bool) -> Initial:
+    """Read what held at one moment, in two or three statements.
+
+    Args:
+        view: the moment.
+        for_text: whether only the texts are needed.
+
+    Returns:
+        What held, in the order in which each was first known.
+    """
+    if view.kb_id is None:
+        return Initial([], [], [], [])
+    queries = _NOW if view.at is None else _THEN
+    parameters = {"kb": view.kb_id} if view.at is None else {"kb": view.kb_id, "at": view.at}
+    wanted = queries[:2] if for_text else queries
+    propositions, values, *fluents = (
+        sorted(view.session.rows(query, **parameters), key=_ID) for query in wanted
+    )
+    facts = [row for row in propositions if not row[4]]
+    goals = [row for row in propositions if row[4]]
+    return Initial(facts, goals, values, fluents[0] if fluents else [])
+
+
+class ProblemBuilder:
+    """Builds a problem from definitions, and from what held."""
+
+    def __init__(self, definitions: Definitions, initial: Initial) -> None:
+        """Make it.
+
+        Args:
+            definitions: what is defined.
+            initial: what held.
+        """
+        self._definitions = definitions
+        self._initial = initial
+        self._document = find_document(definitions, PROBLEM)
+        self._constants: dict[int, Constant] = {}
+
+    def build(self, default_name: str, domain: str, with_initial: bool = True) -> Problem:
+        """Build the problem.
+
+        Args:
+            default_name: what it is called when none was loaded.
+            domain: the domain's name.
+            with_initial: whether facts and values are wanted, too.
+
+        Returns:
+            The problem.
+        """
+        document, definitions = self._document, self._definitions
+        metrics = read_formulas(definitions, METRIC)
+        return Problem(
+            default_name if document is None else document.title,
+            domain if document is None or document.domain is None else document.domain,
+            () if document is None else tuple(document.names("requirement")),
+            tuple(self._objects()),
+            self._facts() if with_initial else (),
+            self._section(INITIAL),
+            self._values() if with_initial else (),
+            self._section(TIMED),
+            tuple(self._goals()),
+            self._section(CONSTRAINT),
+            read_formula(definitions, metrics[0]) if metrics else None,  # type: ignore[arg-type]
+        )
+
+    def _section(self, section: str) -> tuple[Any, ...]:
+        return read_section(self._definitions, self._document, section)
+
+    def _objects(self) -> list[TypedName]:
+        objects = [object_ for object_ in self._definitions.objects if not object_.is_constant]
+        found = ordered(objects, lambda each: fold(each.name), self._document, "object")
+        return [
+            typed_name(self._definitions, ParameterDefinition(each.name, each.type_ids))
+            for each in found
+        ]
+
+    def _facts(self) -> tuple[Atom, ...]:
+        return tuple(self._atom(row) for row in self._initial.facts)
+
+    def _values(self) -> tuple[FunctionValue, ...]:
+        values = {id_: (number, object_id) for id_, number, object_id, _ in self._initial.values}
+        functions, made = self._definitions.functions, []
+        for id_, function_id, arguments in self._initial.fluents:
+            number, object_id = values[id_]
+            value: Number | Constant = (
+                Number(Decimal(number)) if object_id is None else self._constant(object_id)
+            )
+            fluent = Fluent(functions.live(function_id).name, self._terms(arguments))
+            made.append(FunctionValue(fluent, value))
+        return tuple(made)
+
+    def _goals(self) -> list[Formula]:
+        atoms: list[tuple[str, Formula]] = [
+            (row[3], self._atom(row)) for row in self._initial.goals
+        ]
+        formulas: list[tuple[str, Any]] = [
+            (formula.name, read_formula(self._definitions, formula))
+            for formula in read_formulas(self._definitions, GOAL)
+        ]
+        goals = ordered([*atoms, *formulas], lambda goal: goal[0], self._document, GOAL)
+        return [goal for _, goal in goals]
+
+    def _atom(self, row: Any) -> Atom:
+        predicate = self._definitions.predicates.live(row[1])
+        return Atom(predicate.name, self._terms(row[2]))
+
+    def _terms(self, arguments: str) -> tuple[Constant, ...]:
+        return tuple([self._constant(int(id_)) for id_ in arguments.split()])
+
+    def _constant(self, id_: int) -> Constant:
+        constant = self._constants.get(id_)
+        if constant is None:
+            constant = Constant(self._definitions.objects.live(id_).name)
+            self._constants[id_] = constant
+        return constant
+
+
+def build_problem(view: View, default_name: str, domain: str) -> Problem:
+    """Build the problem of one moment.
+
+    Args:
+        view: the moment.
+        default_name: what it is called when none was loaded.
+        domain: the domain's name.
+
+    Returns:
+        The problem.
+    """
+    initial = read_initial(view, for_text=False)
+    return ProblemBuilder(view.definitions, initial).build(default_name, domain)
+
+
+def problem_text(view: View, default_name: str, domain: str) -> str:
+    """Write the problem of one moment as PDDL, from the texts that the store has.
+
+    Args:
+        view: the moment.
+        default_name: what it is called when none was loaded.
+        domain: the domain's name.
+
+    Returns:
+        The text.
+    """
+    initial = read_initial(view, for_text=True)
+    problem = ProblemBuilder(view.definitions, initial).build(default_name, domain, False)
+    facts: Sequence[str] = [row[3] for row in initial.facts]
+    return write_problem(problem, facts, [row[3] for row in initial.values])

@@ -1,0 +1,202 @@
+"""Conditions and constraints as nodes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from .terms import Expression, Node, Number, Term, TypedName, list_text, variables_text
+
+if TYPE_CHECKING:
+    from .formula import Formula
+
+
+@dataclass(frozen=True, slots=True)
+class Atom(Node):
+    """A predicate applied to terms.
+
+    Attributes:
+        predicate: the predicate's name.
+        terms: the terms, in order.
+    """
+
+    predicate: str
+    terms: tuple[Term, ...] = ()
+
+    def __str__(self) -> str:
+        return list_text(self.predicate, *self.terms)
+
+
+@dataclass(frozen=True, slots=True)
+class Equal(Node):
+    """Two terms that denote one object.
+
+    Attributes:
+        left: the one term.
+        right: the other.
+    """
+
+    left: Term
+    right: Term
+
+    def __str__(self) -> str:
+        return list_text("=", self.left, self.right)
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison(Node):
+    """Two numbers that are compared; a duration's constraint is one, too.
+
+    Attributes:
+        operator: `<`, `<=`, `=`, `>=` or `>`.
+        left: the one number.
+        right: the other.
+    """
+
+    operator: str
+    left: Expression
+    right: Expression
+
+    def __str__(self) -> str:
+        return list_text(self.operator, self.left, self.right)
+
+
+@dataclass(frozen=True, slots=True)
+class Not(Node):
+    """A negation; as an effect, a delete.
+
+    Attributes:
+        formula: what does not hold.
+    """
+
+    formula: Formula
+
+    def __str__(self) -> str:
+        return list_text("not", self.formula)
+
+
+@dataclass(frozen=True, slots=True)
+class And(Node):
+    """A conjunction.
+
+    Attributes:
+        formulas: the conjuncts, in order.
+    """
+
+    formulas: tuple[Formula, ...] = ()
+
+    def __str__(self) -> str:
+        return list_text("and", *self.formulas)
+
+
+@dataclass(frozen=True, slots=True)
+class Or(Node):
+    """A disjunction.
+
+    Attributes:
+        formulas: the disjuncts, in order.
+    """
+
+    formulas: tuple[Formula, ...] = ()
+
+    def __str__(self) -> str:
+        return list_text("or", *self.formulas)
+
+
+@dataclass(frozen=True, slots=True)
+class Imply(Node):
+    """An implication.
+
+    Attributes:
+        condition: the antecedent.
+        formula: the consequent.
+    """
+
+    condition: Formula
+    formula: Formula
+
+    def __str__(self) -> str:
+        return list_text("imply", self.condition, self.formula)
+
+
+@dataclass(frozen=True, slots=True)
+class Forall(Node):
+    """A formula, or an effect, for all objects.
+
+    Attributes:
+        variables: what is bound, in order.
+        formula: what holds, or happens, for all of them.
+    """
+
+    variables: tuple[TypedName, ...]
+    formula: Formula
+
+    def __str__(self) -> str:
+        return list_text("forall", f"({variables_text(self.variables)})", self.formula)
+
+
+@dataclass(frozen=True, slots=True)
+class Exists(Node):
+    """A formula that holds for some objects.
+
+    Attributes:
+        variables: what is bound, in order.
+        formula: what holds for some of them.
+    """
+
+    variables: tuple[TypedName, ...]
+    formula: Formula
+
+    def __str__(self) -> str:
+        return list_text("exists", f"({variables_text(self.variables)})", self.formula)
+
+
+@dataclass(frozen=True, slots=True)
+class Timed(Node):
+    """A condition or an effect at a time of a durative action; `at end`, a constraint's too.
+
+    Attributes:
+        time: `at start`, `over all` or `at end`.
+        formula: what holds, or happens, then.
+    """
+
+    time: str
+    formula: Formula
+
+    def __str__(self) -> str:
+        return f"({self.time} {self.formula})"
+
+
+@dataclass(frozen=True, slots=True)
+class Preference(Node):
+    """A soft goal, precondition or constraint (PDDL 3.0, section 3).
+
+    Attributes:
+        name: its name, which others may share; None when it has none.
+        formula: what is preferred.
+    """
+
+    name: str | None
+    formula: Formula
+
+    def __str__(self) -> str:
+        return list_text("preference", *([] if self.name is None else [self.name]), self.formula)
+
+
+@dataclass(frozen=True, slots=True)
+class Modal(Node):
+    """A constraint on the trajectory (PDDL 3.0, section 2).
+
+    Attributes:
+        operator: `always`, `sometime`, `at-most-once`, `sometime-after`, `sometime-before`,
+            `within`, `always-within`, `hold-during` or `hold-after`.
+        numbers: the times that it takes, in the planner's units.
+        formulas: the formulas that it takes.
+    """
+
+    operator: str
+    numbers: tuple[Number, ...]
+    formulas: tuple[Formula, ...]
+
+    def __str__(self) -> str:
+        return list_text(self.operator, *self.numbers, *self.formulas)

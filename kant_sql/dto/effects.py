@@ -1,0 +1,100 @@
+"""Effects as nodes, and what stands on its own in a domain or a problem."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from .conditions import Atom, Not
+from .terms import Expression, Fluent, Node, Number, Term, TypedName, list_text, variables_text
+
+if TYPE_CHECKING:
+    from .formula import Formula
+
+
+@dataclass(frozen=True, slots=True)
+class When(Node):
+    """A conditional effect.
+
+    Attributes:
+        condition: when it happens.
+        effect: what happens.
+    """
+
+    condition: Formula
+    effect: Formula
+
+    def __str__(self) -> str:
+        return list_text("when", self.condition, self.effect)
+
+
+@dataclass(frozen=True, slots=True)
+class Assign(Node):
+    """An effect on a fluent.
+
+    Attributes:
+        operator: `assign`, `increase`, `decrease`, `scale-up` or `scale-down`.
+        fluent: the fluent.
+        value: a number's expression, or for an object fluent a term.
+    """
+
+    operator: str
+    fluent: Fluent
+    value: Expression | Term
+
+    def __str__(self) -> str:
+        return list_text(self.operator, self.fluent, self.value)
+
+
+@dataclass(frozen=True, slots=True)
+class Derived(Node):
+    """A rule for a derived predicate (PDDL 2.2, section 3.1).
+
+    Attributes:
+        predicate: the predicate's name.
+        variables: the predicate's parameters, as the rule names and types them.
+        formula: what it follows from.
+    """
+
+    predicate: str
+    variables: tuple[TypedName, ...]
+    formula: Formula
+
+    def __str__(self) -> str:
+        head = " ".join(part for part in (self.predicate, variables_text(self.variables)) if part)
+        return f"(:derived ({head}) {self.formula})"
+
+
+@dataclass(frozen=True, slots=True)
+class TimedLiteral(Node):
+    """A timed initial literal (PDDL 2.2, section 3.2), or a timed initial value.
+
+    Attributes:
+        time: when, in the planner's units of time.
+        effect: an `Atom`, `Not` of one, or an `Assign`, written `(= (fluent) value)`.
+    """
+
+    time: Number
+    effect: Atom | Not | Assign
+
+    def __str__(self) -> str:
+        effect: object = self.effect
+        if isinstance(effect, Assign):
+            effect = list_text("=", effect.fluent, effect.value)
+        return f"(at {self.time} {effect})"
+
+
+@dataclass(frozen=True, slots=True)
+class Metric(Node):
+    """What a plan is measured by (PDDL 2.1, section 4.1).
+
+    Attributes:
+        optimization: `minimize` or `maximize`.
+        expression: the quantity.
+    """
+
+    optimization: str
+    expression: Expression
+
+    def __str__(self) -> str:
+        return f"(:metric {self.optimization} {self.expression})"

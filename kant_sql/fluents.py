@@ -1,0 +1,97 @@
+"""Interned fluents and their values: what a function gives for some objects."""
+
+from __future__ import annotations
+
+from decimal import Decimal
+from typing import NamedTuple
+
+from .atoms import InternCache
+from .dto.pddl_function_value_dto import value_text
+
+
+class FluentKey(NamedTuple):
+    """What makes a fluent the one that it is.
+
+    Attributes:
+        function_id: its function.
+        arguments: the ids of its objects in order, separated by spaces.
+    """
+
+    function_id: int
+    arguments: str
+
+
+class Fluent(NamedTuple):
+    """An interned fluent.
+
+    Attributes:
+        id: its id.
+        key: what makes it the one that it is.
+        text: its canonical PDDL text, without a value.
+    """
+
+    id: int
+    key: FluentKey
+    text: str
+
+
+class FluentValue(NamedTuple):
+    """What a fluent is.
+
+    Attributes:
+        text: the number, as exact decimal text, or the object's name.
+        object_id: the object; None for a number.
+    """
+
+    text: str
+    object_id: int | None = None
+
+    def is_same(self, other: FluentValue | None) -> bool:
+        """Tell whether a value is another one: 10 and 10.0 are the same number.
+
+        Args:
+            other: the other; None for no value.
+
+        Returns:
+            Whether they are the same.
+        """
+        if other is None or self.object_id != other.object_id:
+            return False
+        if self.text == other.text or self.object_id is not None:
+            return True
+        return Decimal(self.text) == Decimal(other.text)
+
+
+class HeldValue(NamedTuple):
+    """A fluent and what it is.
+
+    Attributes:
+        fluent: the fluent.
+        value: its value.
+    """
+
+    fluent: Fluent
+    value: FluentValue
+
+    @property
+    def text(self) -> str:
+        """The canonical PDDL text, for example `(= (distance wp1 wp2) 10)`."""
+        return value_text(self.fluent.text, self.value.text)
+
+
+def read_value(fluent: str, held: str, object_id: int | None) -> FluentValue:
+    """Read a value from its canonical text, where it stands between the fluent and the end.
+
+    Args:
+        fluent: the fluent's text.
+        held: the text of fluent and value.
+        object_id: the object that it is; None for a number.
+
+    Returns:
+        The value.
+    """
+    return FluentValue(held[len(value_text(fluent, "")) - 1 : -1], object_id)
+
+
+# Of a fluent, its value is known; None: it has none.
+FluentCache = InternCache[FluentKey, Fluent, FluentValue | None]

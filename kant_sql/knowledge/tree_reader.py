@@ -1,0 +1,190 @@
+"""From trees, which refer to what they mention, back to formulas, which name it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from decimal import Decimal
+from typing import Any
+
+from ..dto.formula import (
+    ARITHMETIC,
+    ASSIGNMENTS,
+    COMPARISONS,
+    MODALS,
+    TIMES,
+    And,
+    Arithmetic,
+    Assign,
+    Atom,
+    Comparison,
+    Constant,
+    ContinuousTime,
+    Derived,
+    Equal,
+    Exists,
+    Fluent,
+    Forall,
+    Imply,
+    IsViolated,
+    Metric,
+    Modal,
+    Not,
+    Number,
+    Or,
+    Preference,
+    Timed,
+    TimedLiteral,
+    TypedName,
+    Variable,
+    When,
+)
+from ..dto.formula import (
+    Node as Formula,
+)
+from ..dto.formula import (
+    Term as FormulaTerm,
+)
+from . import tree as kinds
+from .definitions import Definitions
+from .predicate import ParameterDefinition
+from .tree import Node, Term, Tree, children
+
+
+def typed_name(definitions: Definitions, parameter: ParameterDefinition) -> TypedName:
+    """Name a parameter and its types.
+
+    Args:
+        definitions: what is defined.
+        parameter: the parameter.
+
+    Returns:
+        The name, with the names of the types.
+    """
+    live = definitions.types.live
+    return TypedName(parameter.name, tuple(live(id_).name for id_ in parameter.type_ids))
+
+
+class TreeReader:
+    """Reads one tree."""
+
+    def __init__(
+        self, definitions: Definitions, tree: Tree, parameters: Sequence[ParameterDefinition] = ()
+    ) -> None:
+        """Make it.
+
+        Args:
+            definitions: what is defined.
+            tree: the tree.
+            parameters: the parameters of the element that it belongs to.
+        """
+        self._definitions = definitions
+        self._tree = tree
+        self._parameters = parameters
+        self._below = children(tree)
+
+    def formula(self) -> Any:
+        """Read the tree as a formula.
+
+        Returns:
+            The formula: a rule, a timed literal or a metric too.
+        """
+        return self._node(self._tree[0])
+
+    def conjuncts(self) -> tuple[Any, ...]:
+        """Read the tree as the conjuncts of its root.
+
+        Returns:
+            The formulas; none of an empty tree.
+        """
+        if not self._tree:
+            return ()
+        formula = self.formula()
+        return formula.formulas if isinstance(formula, And) else (formula,)
+
+    def _parts(self, node: Node) -> tuple[Any, ...]:
+        # Function nodes that are the values of terms are read where the terms are.
+        values = {term.child for term in node.terms}
+        return tuple(
+            self._node(child)
+            for child in self._below.get(node.position, ())
+            if child.position not in values
+        )
+
+    def _node(self, node: Node) -> Any:
+        operator = node.operator
+        parts = self._parts(node)
+        if operator == kinds.PREDICATE:
+            predicate = self._definitions.predicates.live(node.predicate_id or 0)
+            return Atom(predicate.name, self._terms(node))
+        if operator == kinds.FUNCTION:
+            function = self._definitions.functions.live(node.function_id or 0)
+            return Fluent(function.name, self._terms(node))
+        if operator in (kinds.NUMBER, kinds.VARIABLE, kinds.TIME, kinds.IS_VIOLATED):
+            return _leaf(node)
+        if operator == kinds.EQUAL and node.terms:
+            return Equal(*self._terms(node))
+        if operator in COMPARISONS:
+            return Comparison(operator, *parts)
+        if operator in ARITHMETIC:
+            return Arithmetic(operator, parts)
+        if operator in ASSIGNMENTS:
+            return Assign(operator, *parts, *self._terms(node))
+        if operator in TIMES:
+            return Timed(operator, *parts)
+        if operator in MODALS:
+            numbers = MODALS[operator][0]
+            return Modal(operator, parts[:numbers], parts[numbers:])
+        return self._special(node, parts)
+
+    def _special(self, node: Node, parts: tuple[Any, ...]) -> Any:
+        variables = tuple(typed_name(self._definitions, bound) for bound in node.variables)
+        match node.operator:
+            case kinds.AND:
+                return And(parts)
+            case kinds.OR:
+                return Or(parts)
+            case kinds.NOT:
+                return Not(*parts)
+            case kinds.IMPLY:
+                return Imply(*parts)
+            case kinds.FORALL:
+                return Forall(variables, *parts)
+            case kinds.EXISTS:
+                return Exists(variables, *parts)
+            case kinds.WHEN:
+                return When(*parts)
+            case kinds.PREFERENCE:
+                return Preference(node.value, *parts)
+            case kinds.DERIVED:
+                return Derived(parts[0].predicate, variables, parts[1])
+            case kinds.AT:
+                return TimedLiteral(Number(Decimal(node.value or 0)), *parts)
+            case "minimize" | "maximize":
+                return Metric(node.operator, *parts)
+            case _:
+                # What is declared nowhere, as `total-time`, is its own operator.
+                return Fluent(node.operator)
+
+    def _terms(self, node: Node) -> tuple[FormulaTerm, ...]:
+        return tuple(self._term(term) for term in node.terms)
+
+    def _term(self, term: Term) -> FormulaTerm:
+        if term.parameter is not None:
+            return Variable(self._parameters[term.parameter].name)
+        if term.object_id is not None:
+            return Constant(self._definitions.objects.live(term.object_id).name)
+        if term.quantifier is not None:
+            return Variable(self._tree[term.quantifier].variables[term.variable or 0].name)
+        fluent: Fluent = self._node(self._tree[term.child or 0])
+        return fluent
+
+
+def _leaf(node: Node) -> Formula:
+    value = node.value or ""
+    if node.operator == kinds.NUMBER:
+        return Number(Decimal(value))
+    if node.operator == kinds.VARIABLE:
+        return Variable(value[1:])
+    if node.operator == kinds.IS_VIOLATED:
+        return IsViolated(value)
+    return ContinuousTime()

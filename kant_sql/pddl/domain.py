@@ -1,0 +1,225 @@
+"""The reader of domains."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from ..dto.formula import Derived, Formula, TypedName
+from ..dto.name import RESERVED_TYPES, ROOT_TYPE, fold
+from .actions import ActionReader, DerivedReader
+from .cursor import Cursor, Reading, Section
+from .declarations import DeclarationReader
+from .document import Action, Domain, Function, Predicate
+from .forms import DOMAIN_ORDER, STRUCTURES, Form, check_sections, finish
+from .formulas import CONSTRAINTS, PREFERENCES, FormulaReader
+from .requirements import used_requirements
+from .symbols import ANY, Symbols, find_cycle
+from .tables import NameTable, Table
+from .tokens import Text
+from .typed_lists import ListReader
+
+
+class DomainReader:
+    """A reader of one domain, which may be spread over several forms."""
+
+    def __init__(self, reading: Reading) -> None:
+        self._reading = reading
+        self._symbols = Symbols()
+        self._symbols.grows = True
+        self._requirements: dict[str, str] = {}
+        self._types = NameTable("type")
+        self._constants = NameTable("constant")
+        self._predicates: Table[Predicate] = Table("predicate", _predicate_meaning)
+        self._functions: Table[Function] = Table("function", _function_meaning)
+        self._actions: Table[Action] = Table("action", lambda action: action)
+        self._action_reader: ActionReader | None = None
+        self._derived: Table[Derived] = Table("rule", lambda rule: rule)
+        self._constraints: list[Formula] = []
+        self._constrained: dict[Formula, Text] = {}
+
+    def read(self, forms: list[Form]) -> Domain:
+        """Read the domain.
+
+        Args:
+            forms: its forms.
+
+        Returns:
+            The domain, without the warnings.
+        """
+        sections = [section for form in forms for section in form.sections]
+        self._check_forms(forms)
+        self._declare(sections)
+        for section in sections:
+            reader = _STRUCTURES.get(section.keyword)
+            if reader is not None:
+                reader(self, section)
+                section.forget()
+        types = self._known_types()
+        domain = Domain(
+            name=forms[0].name,
+            requirements=tuple(self._requirements.values()),
+            types=tuple(types),
+            constants=tuple(self._constants.resolve(self._symbols)),
+            predicates=self._predicates.elements(),
+            functions=self._all_functions(),
+            constraints=tuple(self._constraints),
+            derived=self._derived.elements(),
+            actions=self._actions.elements(),
+        )
+        self._check_requirements(forms, domain)
+        return domain
+
+    def _check_forms(self, forms: list[Form]) -> None:
+        for form in forms:
+            check_sections(self._reading, form, DOMAIN_ORDER, STRUCTURES, {":objects": ":constants"})
+            if fold(form.name) != fold(forms[0].name):
+                cursor = Cursor(self._reading, form.head, "")
+                cursor.fail(f"{forms[0].name}, as in {forms[0].head.text.name}", at=4)
+
+    def _declare(self, sections: list[Section]) -> None:
+        """Read all declarations, which may stand behind what uses them."""
+        for keyword, declare in _DECLARATIONS:
+            for section in sections:
+                if section.keyword == keyword:
+                    reader = DeclarationReader(self._reading, section, self._symbols)
+                    declare(self, reader)
+                    finish(reader)
+            if keyword == ":types":
+                self._resolve_types()
+            if keyword == ":constants":
+                for constant in self._constants.resolve(self._symbols):
+                    self._symbols.add_object(constant)
+        for section in sections:
+            if section.keyword == ":derived":
+                self._declare_derived(section)
+
+    def _read_requirements(self, reader: DeclarationReader) -> None:
+        for requirement in reader.requirements():
+            self._requirements.setdefault(fold(requirement), requirement)
+
+    def _read_types(self, reader: DeclarationReader) -> None:
+        for group in reader.names():
+            for at, name in enumerate(group.words, group.at):
+                if fold(name) in RESERVED_TYPES:
+                    reader.fail("the name of the type, which is no reserved word", at=at)
+                if fold(name) != ROOT_TYPE:
+                    self._types.add(reader, name, group, at)
+                    continue
+                if any(fold(above) != ROOT_TYPE for above in group.types):
+                    reader.fail("no type above object", f"object under {group.types[0]}", at)
+                reader.deviate("no declaration of object", "left out", at=at)
+
+    def _resolve_types(self) -> None:
+        symbols = self._symbols
+        symbols.types.update({fold(name): name for name in self._types.names()})
+        symbols.add_types(self._types.resolve(symbols))
+        name = find_cycle(symbols.parents)
+        if name is not None:
+            self._types.refuse(name, "no cycle of types", f"the type {name} above itself")
+
+    def _known_types(self) -> list[TypedName]:
+        """All types: those that are declared, and then those that were only used."""
+        symbols = self._symbols
+        names = [name for name in symbols.type_names() if name != ROOT_TYPE]
+        return [TypedName(name, symbols.parents.get(name, ANY)) for name in names]
+
+    def _read_constants(self, reader: DeclarationReader) -> None:
+        for group in reader.names():
+            for at, name in enumerate(group.words, group.at):
+                if self._constants.add(reader, name, group, at) and name in self._types:
+                    _clash(reader, "constant", "type", name, at)
+
+    def _read_predicates(self, reader: DeclarationReader) -> None:
+        reader.predicates(lambda predicate, at: self._add_predicate(reader, predicate, at))
+
+    def _add_predicate(self, reader: ListReader, predicate: Predicate, at: int) -> None:
+        if self._predicates.add(reader, predicate.name, predicate, at):
+            self._symbols.predicates.declare(predicate)
+            if predicate.name in self._types:
+                _clash(reader, "predicate", "type", predicate.name, at)
+
+    def _read_functions(self, reader: DeclarationReader) -> None:
+        reader.functions(lambda function, at: self._add_function(reader, function, at))
+
+    def _add_function(self, reader: ListReader, function: Function, at: int) -> None:
+        if self._functions.add(reader, function.name, function, at):
+            self._symbols.functions.declare(function)
+            if function.name in self._predicates:
+                _clash(reader, "function", "predicate", function.name, at)
+
+    def _declare_derived(self, section: Section) -> None:
+        if section.tokens[2] == "(" and self._symbols.predicates.find(section.tokens[3]) is None:
+            reader = DerivedReader(self._reading, section, self._symbols, section.keyword)
+            predicate = reader.head(section)
+            found = f"the predicate '{predicate.name}'"
+            reader.deviate("its declaration in :predicates", "declared so", found, 3)
+            self._add_predicate(reader, predicate, 3)
+
+    def _read_action(self, section: Section) -> None:
+        reader = self._action_reader
+        if reader is None:
+            reader = ActionReader(self._reading, section, self._symbols, "")
+            self._action_reader = reader
+        action, at = reader.action(section)
+        finish(reader)
+        if self._actions.add(reader, action.name, action, at) and action.name in self._predicates:
+            _clash(reader, "action", "predicate", action.name, at)
+
+    def _read_derived(self, section: Section) -> None:
+        reader = DerivedReader(self._reading, section, self._symbols, "")
+        rule = reader.rule(section)
+        finish(reader)
+        self._derived.add(reader, str(rule), rule, 3)
+
+    def _read_constraints(self, section: Section) -> None:
+        reader = FormulaReader(self._reading, section, self._symbols, section.keyword)
+        reader.at = 2
+        for formula in reader.conjuncts(CONSTRAINTS | PREFERENCES):
+            # A file may say a thing twice, as preferences do; another file says it again.
+            if self._constrained.setdefault(formula, section.text) is section.text:
+                self._constraints.append(formula)
+        reader.expect(")", "')' after the constraints")
+        finish(reader)
+
+    def _all_functions(self) -> tuple[Function, ...]:
+        """The functions, with total-cost if it was only used."""
+        declared = self._functions.elements()
+        used = self._symbols.functions.names()
+        return declared + tuple([Function(name) for name in used if name not in self._functions])
+
+    def _check_requirements(self, forms: list[Form], domain: Domain) -> None:
+        if self._requirements:
+            return
+        used = [one for one in used_requirements(domain) if one != ":strips"]
+        if used:
+            cursor = Cursor(self._reading, forms[0].head, "")
+            expected = f"(:requirements {' '.join(used)})"
+            cursor.deviate(expected, "taken for required", "no requirements", 0)
+
+
+def _predicate_meaning(predicate: Predicate) -> tuple[tuple[str, ...], ...]:
+    return tuple([parameter.types for parameter in predicate.parameters])
+
+
+def _function_meaning(function: Function) -> tuple[object, ...]:
+    return tuple([parameter.types for parameter in function.parameters]), function.types
+
+
+def _clash(cursor: Cursor, kind: str, other: str, name: str, at: int) -> None:
+    """Note that things of two kinds have one name."""
+    found = f"the {kind} {name}, which is named like a {other}"
+    cursor.deviate("names that differ", "kept apart by what they are", found, at)
+
+
+_DECLARATIONS: tuple[tuple[str, Callable[[DomainReader, DeclarationReader], None]], ...] = (
+    (":requirements", DomainReader._read_requirements),
+    (":types", DomainReader._read_types),
+    (":constants", DomainReader._read_constants),
+    (":predicates", DomainReader._read_predicates),
+    (":functions", DomainReader._read_functions),
+)
+_STRUCTURES: dict[str, Callable[[DomainReader, Section], None]] = {
+    ":constraints": DomainReader._read_constraints,
+    ":derived": DomainReader._read_derived,
+    **dict.fromkeys((":action", ":durative-action", ":process", ":event"), DomainReader._read_action),
+}

@@ -1,0 +1,291 @@
+"""The forms of a text, `(define ...)`, and their sections: found without reading what is in them.
+
+Declarations may stand behind what uses them, so the sections have to be known before any is read.
+A section is found by its `(:keyword` and by counting parentheses, which costs next to nothing, and
+also tells in which section one is missing.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import NoReturn
+
+from ..errors import PddlError
+from .cursor import END, Cursor, Reading, Section, hint
+from .tokens import MAX_DEPTH, Text, end_of_tokens, tokenize, too_deep
+from .typed_lists import ListReader
+
+DOMAIN, PROBLEM = "domain", "problem"
+HEAD = "define"
+DOMAIN_ORDER = (
+    ":requirements",
+    ":types",
+    ":constants",
+    ":predicates",
+    ":functions",
+    ":constraints",
+)
+PROBLEM_ORDER = (
+    ":domain",
+    ":requirements",
+    ":objects",
+    ":init",
+    ":goal",
+    ":constraints",
+    ":metric",
+    ":length",
+)
+STRUCTURES = (":action", ":durative-action", ":process", ":event", ":derived")
+_SECTIONS = frozenset(DOMAIN_ORDER + PROBLEM_ORDER + STRUCTURES)
+
+# What old and other languages have: a message should not call it a mistyped section.
+_FOREIGN = {
+    ":axiom": "PDDL 1.2; use (:derived ...)",
+    ":domain-variables": "PDDL 1.2",
+    ":extends": "PDDL 1.2",
+    ":method": "HTN planning",
+    ":safety": "PDDL 1.2",
+    ":situation": "PDDL 1.2",
+    ":task": "HTN planning",
+    ":timeless": "PDDL 1.2",
+}
+
+_CUT = re.compile(r"\(\s*(?:(:[^\s()]*)|define\s*\()", re.IGNORECASE)
+_DEFINE = re.compile(r"\(\s*define\s*\(", re.IGNORECASE)
+
+
+@dataclass(eq=False)
+class Form:
+    """One definition.
+
+    Attributes:
+        head: its beginning, up to the first section.
+        sections: its sections, in order.
+    """
+
+    head: Section
+    sections: list[Section] = field(default_factory=list)
+
+    def add(self, section: Section) -> None:
+        """Add a section behind the others.
+
+        Args:
+            section: the section.
+        """
+        last = self.sections[-1] if self.sections else self.head
+        last.last = False
+        self.sections.append(section)
+
+    @cached_property
+    def kind(self) -> str:
+        """`domain` or `problem`, or another word that follows `define`."""
+        return self.head.tokens[3].lower()
+
+    @property
+    def name(self) -> str:
+        """The name of what it defines."""
+        return self.head.tokens[4]
+
+    @property
+    def domain(self) -> str:
+        """The name of a problem's domain; empty when it does not say one."""
+        for section in self.sections:
+            if section.keyword == ":domain":
+                return section.tokens[2]
+        return ""
+
+    @property
+    def nesting(self) -> str:
+        """The form, for messages."""
+        return f"{self.kind} {self.name}"
+
+
+class Scanner:
+    """What finds the forms of one text."""
+
+    def __init__(self, reading: Reading, text: Text) -> None:
+        self._reading = reading
+        self._text = text
+        self._code = text.code
+        self._forms: list[Form] = []
+
+    def scan(self) -> list[Form]:
+        """Find the forms.
+
+        Returns:
+            The definitions, in order.
+
+        Raises:
+            PddlError: there is none, or the parentheses do not match.
+        """
+        self._reading.check_comments(self._text)
+        self._check_start()
+        deep = too_deep(self._code)
+        if deep is not None:
+            self._refuse(deep, f"more than {MAX_DEPTH} parentheses that are not closed", "')'")
+        if _DEFINE.search(self._code) is None:
+            self._refuse_start(0)
+        self._split()
+        for form in self._forms:
+            self._check_head(form)
+        return self._forms
+
+    def _refuse(self, offset: int, found: str, expected: str, nesting: str = "") -> NoReturn:
+        [place] = self._text.locate([offset])
+        raise PddlError(self._text.name, place.line, place.column, found, expected, nesting)
+
+    def _check_start(self) -> None:
+        """Refuse what cannot be PDDL without looking at all of it."""
+        end = end_of_tokens(self._code, 2)
+        tokens = tokenize(self._code[:end])
+        if tokens[:1] != ["("] or tokens[1:] in ([], ["("], [")"]):
+            self._refuse_start(1 if tokens[:1] == ["("] else 0)
+
+    def _refuse_start(self, at: int) -> NoReturn:
+        start = Section(self._text, "", 0, end_of_tokens(self._code, 2))
+        Cursor(self._reading, start, "").fail("(define", at=at)
+
+    def _split(self) -> None:
+        """Cut the code at each `(define` and at each section."""
+        depth, seen = 0, 0
+        before = Section(self._text, "", 0, 0)
+        for found in _CUT.finditer(self._code):
+            start, keyword = found.start(), (found[1] or HEAD).lower()
+            depth += self._code.count("(", seen, start) - self._code.count(")", seen, start)
+            seen = start
+            if self._begins(before, start, keyword, depth):
+                before.end = start
+                if not before.keyword:
+                    skip_foreign(Cursor(self._reading, before, ""))
+                before = self._begin(start, keyword)
+        before.end = len(self._code)
+        depth += self._code.count("(", seen) - self._code.count(")", seen)
+        if depth > 0:
+            expected = f"')' that closes {self._called(before)}"
+            self._refuse(len(self._code.rstrip()), END, expected)
+
+    def _begins(self, before: Section, start: int, keyword: str, depth: int) -> bool:
+        """Whether a section or a form begins here."""
+        level = 0 if keyword == HEAD else 1
+        if depth == level:
+            return True
+        if depth < level:
+            outside = f"'({keyword}' outside of a definition: a ')' before it is too many"
+            self._refuse(start, outside, "(define")
+        if keyword in _SECTIONS or keyword == HEAD:
+            self._refuse(start, f"'({keyword}'", f"')' that closes {self._called(before)}")
+        return False
+
+    def _called(self, section: Section) -> str:
+        """Name a section that is not closed."""
+        if section.keyword in ("", HEAD):
+            return "the definition"
+        [place] = self._text.locate([section.start])
+        return f"({section.keyword} of line {place.line}"
+
+    def _begin(self, start: int, keyword: str) -> Section:
+        section = Section(self._text, keyword, start, start)
+        if keyword == HEAD:
+            self._forms.append(Form(section))
+        elif self._forms:
+            self._forms[-1].add(section)
+        else:
+            self._refuse(start, f"'({keyword}'", "(define")
+        return section
+
+    def _check_head(self, form: Form) -> None:
+        cursor = ListReader(self._reading, form.head, "")
+        cursor.at = 3
+        kind = cursor.word("domain or problem").lower()
+        if kind not in (DOMAIN, PROBLEM):
+            cursor.fail("domain or problem", at=3)
+        cursor.declared_name(kind)
+        cursor.expect(")", f"')' after the name of the {kind}")
+        cursor.nesting = form.nesting
+        finish(cursor)
+
+
+def finish(cursor: Cursor) -> None:
+    """Check that a section ends where its reader has come to.
+
+    Args:
+        cursor: the reader, behind the parenthesis that closes the section.
+
+    Raises:
+        PddlError: something follows that is no section.
+    """
+    if cursor.section.last:
+        cursor.expect(")", "')' that closes the definition")
+        skip_foreign(cursor)
+    elif cursor.tokens[cursor.at]:
+        cursor.fail("a section such as (:init ...)" if cursor.tokens[cursor.at] == "(" else "'(:'")
+
+
+def skip_foreign(cursor: Cursor) -> None:
+    """Pass what is outside of definitions, with a warning.
+
+    Args:
+        cursor: the reader, outside of all definitions.
+
+    Raises:
+        PddlError: there is a word, or the reading is strict.
+    """
+    while cursor.tokens[cursor.at]:
+        if cursor.tokens[cursor.at] == ")":
+            cursor.deviate("the end of the text", "left out", "')' that closes nothing")
+        elif cursor.tokens[cursor.at] == "(":
+            cursor.deviate("(define", "left out")
+        else:
+            cursor.fail("(define")
+        cursor.skip()
+
+
+def check_sections(
+    reading: Reading,
+    form: Form,
+    order: tuple[str, ...],
+    structures: tuple[str, ...],
+    aliases: dict[str, str],
+) -> None:
+    """Check which sections a form has, and in which order.
+
+    Args:
+        reading: the call that reads.
+        form: the form.
+        order: the sections that come first, in the order of the standard, each once.
+        structures: the sections that come behind them, as often as one likes.
+        aliases: sections that belong elsewhere, and what they are read as.
+    """
+    ranks = {keyword: rank for rank, keyword in enumerate(order)}
+    behind: Section | None = None
+    seen: set[str] = set()
+    for section in form.sections:
+        cursor: Cursor | None = None
+        if section.keyword not in structures:
+            cursor = Cursor(reading, section, form.nesting)
+            _check_section(cursor, form, [*order, *structures], aliases)
+            if section.keyword in seen:
+                cursor.deviate(f"({section.keyword} ...) once", "read as one", at=0)
+            seen.add(section.keyword)
+        rank = ranks.get(section.keyword, len(order))
+        if behind is not None and rank < ranks.get(behind.keyword, len(order)):
+            cursor = cursor or Cursor(reading, section, form.nesting)
+            cursor.deviate(f"it before ({behind.keyword} ...)", "read all the same", at=0)
+        else:
+            behind = section
+
+
+def _check_section(
+    cursor: Cursor, form: Form, known: list[str], aliases: dict[str, str]
+) -> None:
+    keyword = cursor.section.keyword
+    alias = aliases.get(keyword)
+    if alias is not None:
+        cursor.deviate(f"'({alias}'", "read so", at=0)
+        cursor.section.keyword = alias
+    elif keyword not in known:
+        expected = f"a section of a {form.kind}{hint(keyword, known)}"
+        origin = _FOREIGN.get(keyword)
+        cursor.fail(expected, f"'({keyword}'{f', which is of {origin}' if origin else ''}", 0)

@@ -1,0 +1,295 @@
+"""Formulas: conditions, goals, constraints and preferences."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Final
+
+from ..dto.formula import (
+    AT_END,
+    AT_START,
+    COMPARISONS,
+    MODALS,
+    OVER_ALL,
+    And,
+    Comparison,
+    Equal,
+    Exists,
+    Forall,
+    Formula,
+    Imply,
+    Modal,
+    Not,
+    Number,
+    Or,
+    Preference,
+    Timed,
+)
+from .cursor import hint
+from .expressions import ExpressionReader
+from .symbols import Head, Signature
+
+# What a formula may or must be, where it is: bits of a context.
+PREFERENCES: Final = 1  # preferences may be
+TIMED: Final = 2  # atoms must be within (at start ...), (over all ...) or (at end ...)
+CONSTRAINTS: Final = 4  # atoms must be within modal operators
+MODAL: Final = 8  # modal operators may be
+_MUST: Final = TIMED | CONSTRAINTS
+
+_TIMES = {("at", "start"): AT_START, ("at", "end"): AT_END, ("over", "all"): OVER_ALL}
+_TIMED_FORM = "(at start ...), (over all ...) or (at end ...)"
+_CONSTRAINT_FORM = "a constraint such as (always ...)"
+
+
+class FormulaReader(ExpressionReader):
+    """A reader of formulas."""
+
+    def conjuncts(self, context: int) -> tuple[Formula, ...]:
+        """Read a formula that may be `()` or a conjunction, at the top of something.
+
+        Args:
+            context: what it may or must be.
+
+        Returns:
+            Its conjuncts.
+        """
+        formula = self._empty() if self.is_empty() else self.formula(self.top(), context)
+        return flatten(formula)
+
+    def top(self) -> int:
+        """The depth of what is next, at the top: the conjunction of its conjuncts is no level."""
+        return 0 if self.tokens[self.at + 1].lower() == "and" else 1
+
+    def is_empty(self) -> bool:
+        """Whether `()` is next."""
+        return self.tokens[self.at] == "(" and self.tokens[self.at + 1] == ")"
+
+    def _empty(self) -> And:
+        self.at += 2
+        return And()
+
+    def formula(self, depth: int, context: int) -> Formula:
+        """Read a formula.
+
+        Args:
+            depth: how deeply it is nested.
+            context: what it may or must be.
+
+        Returns:
+            The formula.
+        """
+        tokens, at = self.tokens, self.at
+        if tokens[at] != "(":
+            self.fail("a formula, which begins with '('")
+        head = tokens[at + 1]
+        kind = self.symbols.heads.get(head)
+        if kind is None:
+            kind = self._head(head)
+        if not isinstance(kind, Signature):
+            return kind(self, depth + 1, context)
+        if context & _MUST:
+            self._misplaced(context)
+        return self.atom(kind, depth)
+
+    def _head(self, head: str) -> Head:
+        """Find what a word behind a parenthesis begins, and remember it."""
+        if head in ("(", ")", ""):
+            return self._no_head()
+        kind: Head | None = _READERS.get(head.lower())
+        if kind is None:
+            kind = self.symbols.predicates.find(head)
+        if kind is None:
+            if not self.symbols.unknown_domain:
+                self._unknown_predicate(head)
+            kind = self.known(self.symbols.predicates, head)
+        self.symbols.heads[head] = kind
+        return kind
+
+    def _unknown_predicate(self, head: str) -> None:
+        names = self.symbols.predicates.names()
+        expected = f"a predicate that is declared{hint(head, [*names, *_READERS])}"
+        function = self.symbols.functions.find(head)
+        if function is not None:
+            expected = f"a formula, but {function.name} is a function"
+        self.fail(expected, f"the predicate '{head}'", self.at + 1)
+
+    def _no_head(self) -> Head:
+        if self.tokens[self.at + 1] == ")":
+            self.deviate("a formula", "read as (and)", "'()'")
+            return FormulaReader._none
+        self.fail("a predicate or an operator", at=self.at + 1)
+
+    def _misplaced(self, context: int) -> None:
+        self.fail(_TIMED_FORM if context & TIMED else _CONSTRAINT_FORM)
+
+    def _none(self, depth: int, context: int) -> Formula:
+        del depth, context
+        return self._empty()
+
+    def _junction(self, depth: int, context: int) -> Formula:
+        self.check_depth(depth)
+        kind = And if self.tokens[self.at + 1].lower() == "and" else Or
+        if kind is Or:
+            context = self._plain("or", context)
+        self.at += 2
+        formulas = []
+        while self.tokens[self.at] != ")":
+            formulas.append(self.formula(depth, context))
+        self.at += 1
+        return kind(tuple(formulas))
+
+    def _plain(self, operator: str, context: int) -> int:
+        """The context within an operator that timed formulas and constraints should not be in."""
+        if context & _MUST:
+            expected = _TIMED_FORM if context & TIMED else _CONSTRAINT_FORM
+            self.deviate(f"{expected} instead of ({operator} ...)", "read as it is")
+        return context & ~PREFERENCES
+
+    def _not(self, depth: int, context: int) -> Formula:
+        self.check_depth(depth)
+        context = self._plain("not", context)
+        self.at += 2
+        formula = self.formula(depth, context)
+        self.expect(")", "')' after the formula that is negated")
+        return Not(formula)
+
+    def _imply(self, depth: int, context: int) -> Formula:
+        self.check_depth(depth)
+        context = self._plain("imply", context)
+        self.at += 2
+        condition = self.formula(depth, context)
+        formula = self.formula(depth, context)
+        self.expect(")", "')' after the two formulas of imply")
+        return Imply(condition, formula)
+
+    def _forall(self, depth: int, context: int) -> Formula:
+        self.check_depth(depth)
+        outside = self.scope
+        self.at += 2
+        variables = self.variables()
+        formula = self.formula(depth, context)
+        self.expect(")", "')' after the formula of forall")
+        self.scope = outside
+        return Forall(variables, formula)
+
+    def _exists(self, depth: int, context: int) -> Formula:
+        self.check_depth(depth)
+        context = self._plain("exists", context)
+        outside = self.scope
+        self.at += 2
+        variables = self.variables()
+        formula = self.formula(depth, context)
+        self.expect(")", "')' after the formula of exists")
+        self.scope = outside
+        return Exists(variables, formula)
+
+    def _comparison(self, depth: int, context: int) -> Comparison | Equal:
+        if context & _MUST:
+            self._misplaced(context)
+        return self.comparison(depth)
+
+    def time_here(self) -> str | None:
+        """Tell at which time what is next is said to hold or happen.
+
+        Returns:
+            `at start`, `over all` or `at end`; None when it is not said.
+        """
+        words = self.tokens[self.at + 1].lower(), self.tokens[self.at + 2].lower()
+        return _TIMES.get(words) if self.tokens[self.at + 3] == "(" else None
+
+    def _timed(self, depth: int, context: int) -> Formula:
+        time = self.time_here()
+        if time is None:
+            return self._named_like_operator(depth, context)
+        if not (context & TIMED or (time == AT_END and context & (CONSTRAINTS | MODAL))):
+            self.fail("a formula without a time", f"({time} ...)")
+        self.check_depth(depth)
+        self.at += 3
+        formula = self.formula(depth, 0)
+        self.expect(")", f"')' after the formula that holds {time}")
+        return Timed(time, formula)
+
+    def _named_like_operator(self, depth: int, context: int) -> Formula:
+        """Read an atom whose predicate is named like an operator."""
+        signature = self.known(self.symbols.predicates, self.tokens[self.at + 1])
+        if context & _MUST:
+            self._misplaced(context)
+        return self.atom(signature, depth)
+
+    def _is_predicate(self) -> bool:
+        """Whether the word that is next, an operator, is used as a predicate's name."""
+        declared = self.symbols.predicates.find(self.tokens[self.at + 1]) is not None
+        return declared and self.tokens[self.at + 2] != "("
+
+    def _preference(self, depth: int, context: int) -> Formula:
+        if self._is_predicate() and not context & PREFERENCES:
+            return self._named_like_operator(depth, context)
+        if not context & PREFERENCES:
+            self.fail("a formula; a preference belongs to the top of a goal or precondition")
+        self.check_depth(depth)
+        self.at += 2
+        name = None if self.tokens[self.at] == "(" else self.declared_name("preference")
+        formula = self.formula(depth, context & ~PREFERENCES)
+        self.expect(")", "')' after the formula that is preferred")
+        return Preference(name, formula)
+
+    def _modal(self, depth: int, context: int) -> Formula:
+        operator = self.tokens[self.at + 1].lower()
+        wanted, formulas = MODALS[operator]
+        if self._is_predicate() and not (wanted and context & CONSTRAINTS):
+            return self._named_like_operator(depth, context)
+        if not context & (CONSTRAINTS | MODAL):
+            self.fail("a formula; constraints belong to (:constraints ...)")
+        self.check_depth(depth)
+        self.at += 2
+        numbers = tuple([self._time_span(operator) for _ in range(wanted)])
+        parts = tuple([self.formula(depth, MODAL) for _ in range(formulas)])
+        self.expect(")", f"')' after the {formulas} formula{'s' * (formulas - 1)} of {operator}")
+        return Modal(operator, numbers, parts)
+
+    def _time_span(self, operator: str) -> Number:
+        number = self.number_here()
+        if number is None:
+            self.fail(f"a number, the time of {operator}")
+        self.at += 1
+        return number
+
+
+def flatten(formula: Formula) -> tuple[Formula, ...]:
+    """Give the conjuncts of a formula, also those of conjunctions directly within.
+
+    Args:
+        formula: the formula.
+
+    Returns:
+        The conjuncts, in order.
+    """
+    if not isinstance(formula, And):
+        return (formula,)
+    if not any([type(part) is And for part in formula.formulas]):
+        return formula.formulas
+    found: list[Formula] = []
+    stack: list[Formula] = [formula]
+    while stack:
+        part = stack.pop()
+        if isinstance(part, And):
+            stack.extend(reversed(part.formulas))
+        else:
+            found.append(part)
+    return tuple(found)
+
+
+_Reader = Callable[[FormulaReader, int, int], Formula]
+_READERS: dict[str, _Reader] = {
+    "and": FormulaReader._junction,
+    "or": FormulaReader._junction,
+    "not": FormulaReader._not,
+    "imply": FormulaReader._imply,
+    "forall": FormulaReader._forall,
+    "exists": FormulaReader._exists,
+    "at": FormulaReader._timed,
+    "over": FormulaReader._timed,
+    "preference": FormulaReader._preference,
+    **dict.fromkeys(COMPARISONS, FormulaReader._comparison),
+    **dict.fromkeys(MODALS, FormulaReader._modal),
+}

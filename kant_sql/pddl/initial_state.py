@@ -1,0 +1,319 @@
+"""The initial state: most of a large problem, so plain facts and values are read in a tight loop.
+
+The loop knows objects in their declared spelling that fit; all else is left to the slow readers,
+which know everything and say what is wrong.
+"""
+
+from __future__ import annotations
+
+from operator import getitem
+from typing import Final
+
+from ..dto.formula import Assign, Atom, Constant, Equal, Fluent, Not, Number, Term, TimedLiteral
+from .cursor import Reading, Section
+from .document import FunctionValue
+from .formulas import FormulaReader
+from .symbols import Fit, Signature, Symbols, Types
+from .tokens import Blocks
+
+_FOREIGN: Final = {
+    "oneof": "conformant planning",
+    "unknown": "conformant planning",
+    "or": "conformant planning",
+    "probabilistic": "probabilistic planning",
+}
+
+
+class _NotPlainError(Exception):
+    """A token is not what the tight loop knows."""
+
+
+class _Fitting(dict[str, Constant]):
+    """The objects that fit a parameter, by their declared spelling; looked up when first met."""
+
+    def __init__(self, symbols: Symbols, wanted: Types) -> None:
+        super().__init__()
+        self._symbols = symbols
+        self._wanted = wanted
+
+    def __missing__(self, token: str) -> Constant:
+        entity = self._symbols.object(token)
+        if entity is None or self._symbols.fit(entity[1], self._wanted) is not Fit.YES:
+            raise _NotPlainError
+        constant = entity[0]
+        if not isinstance(constant, Constant) or constant.name != token:
+            raise _NotPlainError
+        self[token] = constant
+        return constant
+
+
+class _Numbers(dict[str, Number]):
+    """Numbers in standard spelling, by their text."""
+
+    def __missing__(self, token: str) -> Number:
+        raise _NotPlainError
+
+
+class _Plain:
+    """A predicate or a function, as the tight loop needs it."""
+
+    __slots__ = ("arity", "facts", "fitting", "name", "values")
+
+    def __init__(self, symbols: Symbols, signature: Signature) -> None:
+        self.name = signature.name
+        self.arity = len(signature.accepted)
+        self.fitting = [_Fitting(symbols, wanted) for wanted in signature.parameters or ()]
+        self.facts: set[tuple[str, ...]] = set()
+        self.values: dict[tuple[str, ...], Number | Constant] = {}
+
+
+class InitialStateReader(FormulaReader):
+    """A reader of initial states.
+
+    Attributes:
+        facts: what holds.
+        literals: negative literals and equality.
+        values: what the fluents are.
+        timed: timed initial literals and values.
+    """
+
+    def __init__(self, reading: Reading, section: Section, symbols: Symbols) -> None:
+        super().__init__(reading, section, symbols, section.keyword)
+        self.facts: list[Atom] = []
+        self.literals: dict[Not | Equal, None] = {}
+        self.values: list[FunctionValue] = []
+        self.timed: dict[TimedLiteral, None] = {}
+        self._plain: dict[str, _Plain] = {}
+        self._plain_functions: dict[str, _Plain] = {}
+        self._numbers = _Numbers()
+        self._blocks = Blocks(section.text.code, section.start, section.end)
+        self._count = 0
+        self._ends = [""]
+
+    def first_tokens(self) -> list[str]:
+        """Give the tokens to begin with.
+
+        Returns:
+            None but the end: the section is read in blocks.
+        """
+        return [""]
+
+    def state(self) -> None:
+        """Read the whole section."""
+        # The loop looks as far ahead as the longest fact goes.
+        self._ends = [""] * (6 + max(self.symbols.predicates.longest(), self.symbols.functions.longest()))
+        self._next_block()
+        self.at = 2
+        self._elements(1)
+        self.at += 1
+        self.tokens[self._count :] = self._blocks.rest() + self._ends
+
+    def _next_block(self) -> bool:
+        """Go on to the next block, if there is one."""
+        tokens = self._blocks.next()
+        self.base += self._count
+        self._count = len(tokens)
+        self.tokens = tokens + self._ends
+        self.at = 0
+        return bool(tokens)
+
+    def _elements(self, depth: int) -> None:
+        """Read facts and the like up to the parenthesis that closes their list."""
+        tokens, at = self.tokens, self.at
+        plain, append = self._plain.get, self.facts.append
+        while tokens[at] != ")":
+            entry = plain(tokens[at + 1])
+            if entry is not None and tokens[at] == "(":
+                end = at + 2 + entry.arity
+                arguments = tuple(tokens[at + 2 : end])
+                try:
+                    terms = tuple(map(getitem, entry.fitting, arguments))
+                except _NotPlainError:
+                    terms = None
+                if terms is not None and tokens[end] == ")" and arguments not in entry.facts:
+                    entry.facts.add(arguments)
+                    append(Atom(entry.name, terms))
+                    at = end + 1
+                    continue
+            elif tokens[at + 1] == "=":
+                end = self._plain_value(at)
+                if end:
+                    at = end
+                    continue
+            self.at = at
+            if tokens[at] or not self._next_block():
+                self._element(depth)
+            tokens, at = self.tokens, self.at
+        self.at = at
+
+    def _plain_value(self, at: int) -> int:
+        """Read `(= (function object ...) number)`, and tell where it ends; 0 if it is not that."""
+        tokens = self.tokens
+        entry = self._plain_functions.get(tokens[at + 3])
+        if entry is None or tokens[at + 2] != "(" or tokens[at] != "(":
+            return 0
+        end = at + 4 + entry.arity
+        arguments = tuple(tokens[at + 4 : end])
+        if tokens[end] != ")" or tokens[end + 2] != ")" or arguments in entry.values:
+            return 0
+        try:
+            terms = tuple(map(getitem, entry.fitting, arguments))
+            number = self._numbers[tokens[end + 1]]
+        except _NotPlainError:
+            return 0
+        entry.values[arguments] = number
+        self.values.append(FunctionValue(Fluent(entry.name, terms), number))
+        return end + 3
+
+    def _element(self, depth: int) -> None:
+        """Read one element of the initial state, whatever it is."""
+        self.expect("(", "a fact, which begins with '('")
+        head = self.word("a predicate").lower()
+        self.at -= 2
+        if head == "=":
+            self._equation()
+        elif head == "not":
+            self._add_literal(self._negation())
+        elif head == "at" and self._is_timed():
+            self._timed_element()
+        elif head == "and":
+            self.check_depth(depth)
+            self.deviate("facts without (and ...)", "read as a list")
+            self.at += 2
+            self._elements(depth + 1)
+            self.at += 1
+        elif head in _FOREIGN and self.symbols.predicates.find(head) is None:
+            self.fail("a fact", f"'({head}', which is of {_FOREIGN[head]}")
+        else:
+            self._fact()
+
+    def _fact(self) -> None:
+        start = self.at
+        atom = self._ground_atom()
+        entry = self._entry(self._plain, self.tokens[start + 1], atom.predicate)
+        key = tuple([str(term) for term in atom.terms])
+        if key in entry.facts:
+            self.deviate("each fact once", "left out", f"{atom} again", start)
+            return
+        entry.facts.add(key)
+        self.facts.append(atom)
+
+    def _entry(self, plain: dict[str, _Plain], spelling: str, name: str) -> _Plain:
+        """The entry of a predicate or function, which the tight loop knows from now on."""
+        entry = plain.get(spelling)
+        if entry is None:
+            entry = plain.get(name)
+            if entry is None:
+                named = self.symbols.predicates
+                if plain is self._plain_functions:
+                    named = self.symbols.functions
+                signature = named.find(name) or Signature(name, ())
+                entry = _Plain(self.symbols, signature)
+                plain[name] = entry
+            plain[spelling] = entry
+        return entry
+
+    def _ground_atom(self) -> Atom:
+        self.expect("(", "an atom")
+        name = self.word("a predicate")
+        self.at -= 2
+        start = self.at
+        atom = self.atom(self.known(self.symbols.predicates, name), 1)
+        self._check_ground(atom.terms, start)
+        return atom
+
+    def _check_ground(self, terms: tuple[Term, ...], start: int) -> None:
+        for term in terms:
+            if not isinstance(term, Constant):
+                self.fail("objects as arguments", f"the argument {term}", start)
+
+    def _negation(self) -> Not:
+        self.at += 2
+        if self.tokens[self.at + 1] == "=":
+            formula: Atom | Equal = self._equality()
+        else:
+            formula = self._ground_atom()
+        self.expect(")", "')' after the atom that is negated")
+        return Not(formula)
+
+    def _equality(self) -> Equal:
+        start = self.at
+        found = self.comparison(1)
+        if not isinstance(found, Equal):
+            self.fail("two objects", f"{found}", start)
+        self._check_ground((found.left, found.right), start)
+        return found
+
+    def _equation(self) -> None:
+        """Read `(= (function ...) value)`, or that two names denote one object."""
+        first = self.tokens[self.at + 2]
+        if first != "(" and (
+            self.symbols.functions.find(first) is None or self.symbols.is_object(first)
+        ):
+            self._add_literal(self._equality())
+            return
+        start = self.at
+        value = self._value()
+        entry = self._entry(
+            self._plain_functions, self.tokens[start + 3], value.fluent.function
+        )
+        key = tuple([str(term) for term in value.fluent.terms])
+        known = entry.values.setdefault(key, value.value)
+        if known is value.value:
+            self.values.append(value)
+        elif known == value.value:
+            self.deviate("each value once", "left out", f"the value of {value.fluent} again", start)
+        else:
+            found = f"{value.value} as the value of {value.fluent}"
+            self.fail(f"one value, which was {known}", found, start)
+
+    def _value(self) -> FunctionValue:
+        self.at += 2
+        start = self.at
+        if self.tokens[self.at] == "(":
+            fluent = self.fluent(1)
+        else:
+            fluent = self.bare_fluent(self.tokens[self.at])
+        self._check_ground(fluent.terms, start)
+        signature = self.symbols.functions.find(fluent.function)
+        assert signature is not None
+        at = self.at
+        value = self.assigned(signature, 1)
+        if not isinstance(value, Number | Constant):
+            self.fail("a number" if not signature.types else "an object", f"{value}", at)
+        if isinstance(value, Number) and value.value.is_finite():
+            self._numbers.setdefault(self.tokens[at], value)
+        self.expect(")", "')' after the value")
+        return FunctionValue(fluent, value)
+
+    def _add_literal(self, literal: Not | Equal) -> None:
+        if literal in self.literals:
+            self.deviate("each literal once", "left out", f"{literal} again", self.at - 1)
+        self.literals[literal] = None
+
+    def _is_timed(self) -> bool:
+        self.at += 2
+        number = self.is_number() and self.tokens[self.at + 1] == "("
+        self.at -= 2
+        return number
+
+    def _timed_element(self) -> None:
+        start = self.at
+        self.at += 2
+        time = self.number_here()
+        assert time is not None
+        self.at += 1
+        timed = TimedLiteral(time, self._timed_effect())
+        self.expect(")", "')' after the timed literal")
+        if timed in self.timed:
+            self.deviate("each timed literal once", "left out", f"{timed} again", start)
+        self.timed[timed] = None
+
+    def _timed_effect(self) -> Atom | Not | Assign:
+        head = self.tokens[self.at + 1].lower()
+        if head == "=":
+            value = self._value()
+            return Assign("assign", value.fluent, value.value)
+        if head == "not":
+            return self._negation()
+        return self._ground_atom()

@@ -1,0 +1,345 @@
+"""What the names in a domain and a problem refer to, and which arguments fit which parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from enum import Enum
+from typing import NamedTuple
+
+from ..dto.formula import Atom, Constant, Formula, Term, TypedName, Variable
+from ..dto.name import ROOT_TYPE, fold
+from .document import Domain, Function, Predicate
+
+Types = tuple[str, ...]
+# What a term is, and the types of what it denotes.
+Entity = tuple[Term, Types]
+ANY: Types = (ROOT_TYPE,)
+
+
+class Fit(Enum):
+    """Whether an argument of some types fits a parameter of some types."""
+
+    YES = "yes"
+    # The argument's type is above the parameter's: some of its objects fit.
+    PERHAPS = "perhaps"
+    NO = "no"
+
+
+class Signature:
+    """What a predicate or a function is applied to, as readers need it.
+
+    Attributes:
+        name: its name, as declared.
+        parameters: the types of its parameters; None when nothing is known of them.
+        accepted: for each parameter, its types, and those of arguments that are known to fit.
+        types: the types of a function's values; none for numbers, and for a predicate.
+        bare: the predicate without arguments.
+    """
+
+    __slots__ = ("accepted", "bare", "name", "parameters", "types")
+
+    def __init__(self, name: str, parameters: tuple[Types, ...] | None, types: Types = ()) -> None:
+        self.name = name
+        self.parameters = parameters
+        self.accepted: tuple[tuple[Types, set[Types]], ...] = tuple(
+            [(wanted, {wanted}) for wanted in parameters or ()]
+        )
+        self.types = types
+        self.bare = Atom(name)
+
+
+class Named:
+    """The predicates, or the functions, by their names.
+
+    Args:
+        kind: what they are, for messages.
+    """
+
+    def __init__(self, kind: str) -> None:
+        self.kind = kind
+        self._declared: dict[str, Predicate | Function] = {}
+        self._found: dict[str, Signature] = {}
+
+    def declare(self, element: Predicate | Function) -> None:
+        """Declare one.
+
+        Args:
+            element: the predicate or function.
+        """
+        self._declared[fold(element.name)] = element
+
+    def add(self, signature: Signature) -> None:
+        """Add one that is not declared.
+
+        Args:
+            signature: what its name stands for.
+        """
+        self._found[signature.name] = self._found[fold(signature.name)] = signature
+
+    def find(self, name: str) -> Signature | None:
+        """Look up a name.
+
+        Args:
+            name: the name, in any spelling.
+
+        Returns:
+            What it stands for; None when it is not known.
+        """
+        found = self._found.get(name)
+        if found is None:
+            key = fold(name)
+            found = self._found.get(key)
+            if found is None:
+                element = self._declared.get(key)
+                if element is None:
+                    return None
+                types = element.types if isinstance(element, Function) else ()
+                parameters = tuple([parameter.types for parameter in element.parameters])
+                found = self._found[key] = Signature(element.name, parameters, types)
+            self._found[name] = found
+        return found
+
+    def names(self) -> list[str]:
+        """Give the names.
+
+        Returns:
+            The names, as declared, and then those that were added.
+        """
+        names = {key: element.name for key, element in self._declared.items()}
+        names |= {fold(one.name): one.name for one in self._found.values()}
+        return list(names.values())
+
+    def longest(self) -> int:
+        """Give the number of parameters of the one that has most.
+
+        Returns:
+            The number.
+        """
+        return max((len(one.parameters) for one in self._declared.values()), default=0)
+
+
+class Bound(NamedTuple):
+    """A variable that is bound.
+
+    Attributes:
+        declared: the variable with its types.
+        key: its folded name, with its question mark.
+        entity: what it is in a formula.
+    """
+
+    declared: TypedName
+    key: str
+    entity: Entity
+
+
+# What a word behind a parenthesis begins: an atom, or what a reader's method reads.
+Head = Signature | Callable[..., Formula]
+
+
+class Symbols:
+    """The names that formulas may use.
+
+    Attributes:
+        unknown_domain: whether names are taken for what their place asks for, since there is no
+            domain to look them up in.
+        grows: whether types that are not declared are added: those of a domain that is being read.
+        types: the types: their names by folded names.
+        resolved: lists of types in the spellings that were met, and in the declared spelling.
+        parents: the types above each type, by its name.
+        predicates: the predicates.
+        functions: the functions.
+        objects: constants and objects, by the spellings that were met.
+        heads: what begins a formula, by the spellings that were met: a predicate, or an operator.
+        effect_heads: the same of effects.
+    """
+
+    def __init__(self, unknown_domain: bool = False) -> None:
+        self.unknown_domain = unknown_domain
+        self.grows = False
+        self.types: dict[str, str] = {ROOT_TYPE: ROOT_TYPE}
+        self.resolved: dict[Types, Types] = {}
+        self.parents: dict[str, Types] = {}
+        self.predicates = Named("predicate")
+        self.functions = Named("function")
+        self.objects: dict[str, Entity] = {}
+        self.heads: dict[str, Head] = {}
+        self.effect_heads: dict[str, Head] = {}
+        self._bound: dict[tuple[str, Types], Bound] = {}
+        self._declared_objects: dict[str, Entity] = {}
+        self._fits: dict[tuple[Types, Types], Fit] = {}
+
+    @classmethod
+    def of_domain(cls, domain: Domain) -> Symbols:
+        """Give the names that a domain declares.
+
+        Args:
+            domain: the domain.
+
+        Returns:
+            Its names; what is added to them does not change the domain.
+        """
+        symbols = cls()
+        symbols.add_types(domain.types)
+        for constant in domain.constants:
+            symbols.add_object(constant)
+        for predicate in domain.predicates:
+            symbols.predicates.declare(predicate)
+        for function in domain.functions:
+            symbols.functions.declare(function)
+        return symbols
+
+    def add_types(self, types: Iterable[TypedName]) -> None:
+        """Declare types.
+
+        Args:
+            types: the types, with those above them in their declared spelling.
+        """
+        for type_ in types:
+            self.types[fold(type_.name)] = type_.name
+            self.parents[type_.name] = type_.types
+
+    def add_object(self, item: TypedName) -> None:
+        """Declare a constant or an object.
+
+        Args:
+            item: it, with its types in their declared spelling.
+        """
+        entity = (Constant(item.name), item.types)
+        self._declared_objects[fold(item.name)] = entity
+        self.objects[item.name] = entity
+
+    def bound(self, word: str, types: Types) -> Bound:
+        """Give a variable that is bound.
+
+        Args:
+            word: its name, with its question mark.
+            types: its types.
+
+        Returns:
+            The variable: the same for the same arguments, since domains repeat them.
+        """
+        found = self._bound.get((word, types))
+        if found is None:
+            name = word[1:]
+            entity = (Variable(name), types)
+            found = Bound(TypedName(name, types), fold(word), entity)
+            self._bound[word, types] = found
+        return found
+
+    def object(self, name: str) -> Entity | None:
+        """Look up a constant or an object.
+
+        Args:
+            name: its name, in any spelling.
+
+        Returns:
+            It and its types; None when it is not declared.
+        """
+        found = self.objects.get(name)
+        if found is None:
+            found = self._declared_objects.get(fold(name))
+            if found is None and self.unknown_domain:
+                found = self._declared_objects[fold(name)] = (Constant(name), ANY)
+            if found is not None:
+                self.objects[name] = found
+        return found
+
+    def is_object(self, name: str) -> bool:
+        """Tell whether a constant or an object is declared.
+
+        Args:
+            name: its name, in any spelling.
+
+        Returns:
+            Whether it is.
+        """
+        return name in self.objects or fold(name) in self._declared_objects
+
+    def type_names(self) -> list[str]:
+        """Give the names of types, as declared.
+
+        Returns:
+            The names, `object` first.
+        """
+        return list(self.types.values())
+
+    def object_names(self) -> list[str]:
+        """Give the names of constants and objects, as declared.
+
+        Returns:
+            The names.
+        """
+        return [str(term) for term, _ in self._declared_objects.values()]
+
+    def fit(self, given: Types, wanted: Types) -> Fit:
+        """Tell whether an argument fits a parameter.
+
+        Args:
+            given: the argument's types: it is of one of them.
+            wanted: the parameter's types.
+
+        Returns:
+            `Fit.YES` when one of the argument's types is one of the parameter's or below it,
+            `Fit.PERHAPS` when one is above, else `Fit.NO`.
+        """
+        found = self._fits.get((given, wanted))
+        if found is None:
+            found = Fit.NO
+            if ROOT_TYPE in wanted or is_below(self.parents, given, wanted):
+                found = Fit.YES
+            elif ROOT_TYPE in given or is_below(self.parents, wanted, given):
+                found = Fit.PERHAPS
+            self._fits[given, wanted] = found
+        return found
+
+
+def is_below(parents: Mapping[str, Types], lower: Types, upper: Types) -> bool:
+    """Tell whether one of some types is one of others, or below it.
+
+    Args:
+        parents: the types directly above each type.
+        lower: the types to go up from.
+        upper: the types to come to.
+
+    Returns:
+        Whether it is.
+    """
+    stack, seen = list(lower), set(lower)
+    while stack:
+        type_ = stack.pop()
+        if type_ in upper:
+            return True
+        above = [parent for parent in parents.get(type_, ()) if parent not in seen]
+        seen.update(above)
+        stack += above
+    return False
+
+
+def find_cycle(parents: Mapping[str, Types]) -> str | None:
+    """Find a type that is above itself.
+
+    Args:
+        parents: the types directly above each type.
+
+    Returns:
+        Such a type; None when there is none.
+    """
+    children: dict[str, list[str]] = {}
+    waiting = {type_: sum(1 for one in above if one in parents) for type_, above in parents.items()}
+    for type_, above in parents.items():
+        for parent in above:
+            children.setdefault(parent, []).append(type_)
+    ready = [type_ for type_, count in waiting.items() if not count]
+    while ready:
+        type_ = ready.pop()
+        del waiting[type_]
+        for child in children.get(type_, ()):
+            waiting[child] -= 1
+            if not waiting[child]:
+                ready.append(child)
+    seen: set[str] = set()
+    type_ = next(iter(waiting), "")
+    while type_ not in seen and waiting:
+        seen.add(type_)
+        type_ = next(one for one in parents[type_] if one in waiting)
+    return type_ or None

@@ -1,0 +1,249 @@
+"""Terms and atoms: predicates and functions applied to variables, objects and object fluents."""
+
+from __future__ import annotations
+
+from ..dto.formula import Atom, Constant, Fluent, Term, TypedName, Variable
+from ..dto.name import fold
+from .cursor import Reading, Section, hint
+from .symbols import Bound, Entity, Fit, Named, Signature, Symbols, Types
+from .typed_lists import VARIABLES, Group, ListReader
+
+
+class TermReader(ListReader):
+    """A reader of terms and atoms.
+
+    Attributes:
+        symbols: the names that may be used.
+        scope: the variables that may be used, in the spellings that were met, each with its `?`.
+    """
+
+    def __init__(self, reading: Reading, section: Section, symbols: Symbols, nesting: str) -> None:
+        super().__init__(reading, section, nesting)
+        self.symbols = symbols
+
+    def open(self, section: Section, nesting: str) -> None:
+        """Go to the beginning of a section, where no variables are bound.
+
+        Args:
+            section: the section.
+            nesting: what it is, for messages.
+        """
+        super().open(section, nesting)
+        self.scope: dict[str, Entity] = {}
+
+    def variables(self) -> tuple[TypedName, ...]:
+        """Read a parenthesised list of typed variables, and let them be used from here on.
+
+        Returns:
+            The variables, in order.
+        """
+        self.expect("(", "'(' before the variables")
+        return self.bind(self.typed_list(VARIABLES))
+
+    def bind(self, groups: list[Group]) -> tuple[TypedName, ...]:
+        """Let variables be used from here on, beside those that may be.
+
+        Args:
+            groups: the variables, as written.
+
+        Returns:
+            The variables, in order.
+        """
+        symbols = self.symbols
+        scope = self.scope.copy()
+        found: list[Bound] = []
+        for group in groups:
+            types = self.resolve(symbols, group.types, group.types_at)
+            for word in group.words:
+                bound = symbols.bound(word, types)
+                if bound.key in scope:
+                    self._shadow(scope, bound, found, group.at + group.words.index(word))
+                scope[bound.key] = scope[word] = bound.entity
+                found.append(bound)
+        self.scope = scope
+        return tuple([bound.declared for bound in found])
+
+    def _shadow(
+        self, scope: dict[str, Entity], bound: Bound, before: list[Bound], at: int
+    ) -> None:
+        """Forget the variable of that name that is bound outside, in all spellings."""
+        if any(one.key == bound.key for one in before):
+            self.fail("each variable once", f"the variable '?{bound.declared.name}' again", at)
+        for spelling in [one for one in scope if fold(one) == bound.key]:
+            del scope[spelling]
+
+    def variable(self, token: str) -> Entity | None:
+        """Look up a variable.
+
+        Args:
+            token: its name in any spelling, with its question mark.
+
+        Returns:
+            It and its types; None when it is not bound.
+        """
+        found = self.scope.get(token)
+        if found is None:
+            found = self.scope.get(fold(token))
+            if found is not None:
+                self.scope[token] = found
+        return found
+
+    def atom(self, signature: Signature, depth: int) -> Atom:
+        """Read an atom.
+
+        Args:
+            signature: its predicate, whose name is the token behind the parenthesis.
+            depth: how deeply it is nested.
+
+        Returns:
+            The atom.
+        """
+        if not signature.accepted and self.tokens[self.at + 2] == ")":
+            self.at += 3
+            return signature.bare
+        return Atom(signature.name, self.arguments(signature, depth))
+
+    def arguments(self, signature: Signature, depth: int) -> tuple[Term, ...]:
+        """Read the arguments of a predicate or function, and the parenthesis behind them.
+
+        Args:
+            signature: the predicate or function, whose parenthesis is the next token.
+            depth: how deeply it is nested.
+
+        Returns:
+            The arguments.
+        """
+        if signature.parameters is None:
+            return self._any_arguments(depth)
+        tokens, scope, objects = self.tokens, self.scope, self.symbols.objects
+        start = self.at
+        at = start + 2
+        terms: list[Term] = []
+        for wanted, accepted in signature.accepted:
+            word = tokens[at]
+            entity = scope.get(word) or objects.get(word)
+            if entity is None or (entity[1] is not wanted and entity[1] not in accepted):
+                self.at = at
+                terms.append(self._argument(signature, len(terms), start, depth))
+                at = self.at
+            else:
+                terms.append(entity[0])
+                at += 1
+        self.at = at + 1
+        if tokens[at] != ")":
+            self._wrong_number(signature, start, at)
+        return tuple(terms)
+
+    def _any_arguments(self, depth: int) -> tuple[Term, ...]:
+        self.at += 2
+        terms = []
+        while self.tokens[self.at] != ")":
+            terms.append(self.term(depth + 2)[0])
+        self.at += 1
+        return tuple(terms)
+
+    def _wrong_number(self, signature: Signature, start: int, at: int) -> None:
+        wanted = len(signature.accepted)
+        arguments = f"{wanted} argument{'' if wanted == 1 else 's'} of {signature.name}"
+        if self.tokens[at] == ")":
+            given = sum(1 for token in self.tokens[start + 2 : at] if token not in ("(", ")"))
+            self.fail(arguments, f"{given}", at)
+        self.fail(f"')' after the {arguments}", at=at)
+
+    def _argument(self, signature: Signature, place: int, start: int, depth: int) -> Term:
+        """Read one argument with all checks."""
+        at = self.at
+        if self.tokens[at] == ")":
+            self._wrong_number(signature, start, at)
+        term, types = self.term(depth + 2)
+        wanted, accepted = signature.accepted[place]
+        if self.symbols.fit(types, wanted) is Fit.YES:
+            accepted.add(types)
+        else:
+            self.misfit((term, types), wanted, f"as argument {place + 1} of {signature.name}", at)
+        return term
+
+    def misfit(self, entity: Entity, wanted: Types, role: str, at: int) -> None:
+        """Note a term that may not fit, or refuse one that does not.
+
+        Args:
+            entity: the term, with its types.
+            wanted: the types that fit.
+            role: what it is there, for messages.
+            at: the index of its first token.
+        """
+        term, types = entity
+        found = f"{term} of type {TypedName('', types).type_text}"
+        expected = f"{TypedName('', wanted).type_text} {role}"
+        if isinstance(term, Constant) or self.symbols.fit(types, wanted) is Fit.NO:
+            self.fail(expected, found, at)
+        self.deviate(expected, "it may be one", found, at)
+
+    def term(self, depth: int) -> Entity:
+        """Read a term.
+
+        Args:
+            depth: how deeply it is nested.
+
+        Returns:
+            The term, and the types of what it denotes.
+        """
+        token = self.tokens[self.at]
+        if token == "(":
+            return self._object_fluent(depth)
+        if token == ")":
+            self.fail("a term")
+        found = self.variable(token) if token[0] == "?" else self.symbols.object(token)
+        if found is None:
+            self._unknown_term(token)
+        self.at += 1
+        return found
+
+    def _unknown_term(self, token: str) -> None:
+        if token[0] != "?":
+            names = self.symbols.object_names()
+            expected = f"an object that is declared{hint(token, names)}"
+            if self.variable(f"?{token}") is not None:
+                expected = f"an object, or the variable ?{token}"
+            self.fail(expected, f"the object '{token}'")
+        names = [f"{entity[0]}" for entity in self.scope.values()]
+        expected = f"a variable that is bound here{hint(token, names)}"
+        self.fail(expected, f"the variable '{token}'")
+
+    def _object_fluent(self, depth: int) -> Entity:
+        signature = self.function_here()
+        if signature.parameters is not None and not signature.types:
+            self.fail("a term", f"the number ({signature.name} ...)")
+        self.check_depth(depth)
+        return Fluent(signature.name, self.arguments(signature, depth)), signature.types
+
+    def function_here(self) -> Signature:
+        """Look up the function whose parenthesis is the next token.
+
+        Returns:
+            The function.
+        """
+        self.at += 1
+        name = self.word("a function")
+        self.at -= 2
+        return self.known(self.symbols.functions, name)
+
+    def known(self, named: Named, name: str) -> Signature:
+        """Look up a predicate or a function.
+
+        Args:
+            named: the predicates, or the functions.
+            name: the name, which is the token behind the next one.
+
+        Returns:
+            It.
+        """
+        found = named.find(name)
+        if found is None and self.symbols.unknown_domain:
+            found = Signature(name, None, ())
+            named.add(found)
+        if found is None:
+            expected = f"a {named.kind} that is declared{hint(name, named.names())}"
+            self.fail(expected, f"the {named.kind} '{name}'", self.at + 1)
+        return found
+

@@ -1,0 +1,272 @@
+"""The lexer: PDDL text without its comments, its tokens, and where each of them is.
+
+Reading must be fast and errors must be exact. So tokens are plain strings, without positions: where
+one is gets found by going through the text again, when an error or a warning needs it.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterable, Iterator
+from copy import copy
+from itertools import islice
+from typing import NamedTuple
+
+from ..errors import PddlError
+
+STRING = "<string>"
+# Formulas that people and programs write are nested 10 deep; each level costs stack.
+MAX_DEPTH = 250
+
+_COMMENT = re.compile(r";[^\n]*")
+_TOKEN = re.compile(r"[()]|[^\s()]+")
+_UNDECODABLE = re.compile(r"[\udc80-\udcff]")
+_BLOCK = 1 << 15
+
+
+class Position(NamedTuple):
+    """A place in a source.
+
+    Attributes:
+        line: the line, from 1.
+        column: the column, from 1, in characters.
+    """
+
+    line: int
+    column: int
+
+
+class Text:
+    """The text of one source.
+
+    Attributes:
+        name: the source's name: a path, or `<string>`.
+        code: the text without its comments.
+        undecodable: where a comment first holds what is not UTF-8, if one does.
+    """
+
+    def __init__(self, name: str, whole: str) -> None:
+        self.name = name
+        if "\r" in whole:
+            whole = whole.replace("\r\n", "\n").replace("\r", "\n")
+        self._whole = whole.removeprefix("\ufeff")
+        self.code = _COMMENT.sub("", self._whole) if ";" in self._whole else self._whole
+        self.undecodable: Position | None = None
+        self._check_characters()
+
+    def _check_characters(self) -> None:
+        nul = self._whole.find("\0")
+        if nul >= 0:
+            raise self._refusal(self._at(nul), "a NUL character", "PDDL text in UTF-8")
+        if self._whole.isascii():
+            return
+        found = _UNDECODABLE.search(self.code)
+        if found is not None:
+            [position] = self.locate([found.start()])
+            byte = f"the byte 0x{ord(found[0]) - 0xDC00:02X}"
+            raise self._refusal(position, byte, "PDDL text in UTF-8")
+        found = _UNDECODABLE.search(self._whole)
+        if found is not None:
+            self.undecodable = self._at(found.start())
+
+    def _refusal(self, position: Position, found: str, expected: str) -> PddlError:
+        return PddlError(self.name, position.line, position.column, found, expected)
+
+    def _at(self, offset: int) -> Position:
+        line_start = self._whole.rfind("\n", 0, offset) + 1
+        return Position(self._whole.count("\n", 0, offset) + 1, offset - line_start + 1)
+
+    def without(self, parts: Iterable[tuple[int, int]]) -> Text:
+        """Leave out parts; all else keeps its place.
+
+        Args:
+            parts: the offset in the code where each begins, and the one behind it, ascending.
+
+        Returns:
+            The text with blanks instead of the parts.
+        """
+        pieces, seen = [], 0
+        for start, end in parts:
+            pieces += [self.code[seen:start], " " * (end - start)]
+            seen = end
+        rest = copy(self)
+        rest.code = "".join([*pieces, self.code[seen:]])
+        return rest
+
+    def locate(self, offsets: Iterable[int]) -> list[Position]:
+        """Tell where places in the code are in the text.
+
+        Args:
+            offsets: offsets in the code, ascending.
+
+        Returns:
+            The position of each, in the same order.
+        """
+        comments = _COMMENT.finditer(self._whole)
+        comment = next(comments, None)
+        removed, line, line_start, seen = 0, 1, 0, 0
+        positions = []
+        for offset in offsets:
+            while comment is not None and comment.start() - removed <= offset:
+                removed += len(comment[0])
+                comment = next(comments, None)
+            place = offset + removed
+            line += self._whole.count("\n", seen, place)
+            line_start = max(line_start, self._whole.rfind("\n", seen, place) + 1)
+            seen = place
+            positions.append(Position(line, place - line_start + 1))
+        return positions
+
+    def offsets(self, start: int, indexes: Iterable[int]) -> Iterator[int]:
+        """Tell where tokens are in the code.
+
+        Args:
+            start: the offset in the code where the tokens are counted from.
+            indexes: which tokens, ascending.
+
+        Yields:
+            The offset of each; the end of the code for those behind it.
+        """
+        tokens = enumerate(_TOKEN.finditer(self.code, start))
+        place = (-1, start)
+        for index in indexes:
+            if index > place[0]:
+                found = next(islice(tokens, index - place[0] - 1, None), None)
+                place = (index, len(self.code)) if found is None else (found[0], found[1].start())
+            yield place[1]
+
+
+Source = str | os.PathLike[str] | Text
+
+
+def tokenize(text: str) -> list[str]:
+    """Split text into parentheses and words.
+
+    Args:
+        text: PDDL text without comments.
+
+    Returns:
+        The tokens, in order.
+    """
+    return text.replace("(", " ( ").replace(")", " ) ").split()
+
+
+class Blocks:
+    """The tokens of a list in blocks that a processor's cache holds, each of whole elements.
+
+    Args:
+        code: PDDL text without comments.
+        start: the offset of the parenthesis that opens the list.
+        end: the offset where the blocks end, at or behind the one that closes it.
+    """
+
+    def __init__(self, code: str, start: int, end: int) -> None:
+        self._code = code
+        self._next = start
+        self._end = end
+        self._depth = 0
+
+    def next(self) -> list[str]:
+        """Give the next block.
+
+        Returns:
+            Its tokens; none when there are no more.
+        """
+        start = counted = self._next
+        cut = start + _BLOCK
+        while cut < self._end:
+            cut = self._code.find("\n", cut, self._end) + 1 or self._end
+            self._depth += self._code.count("(", counted, cut) - self._code.count(")", counted, cut)
+            counted = cut
+            # Between two elements, only the list itself is open.
+            if self._depth == 1:
+                break
+        self._next = min(cut, self._end)
+        return tokenize(self._code[start : self._next])
+
+    def rest(self) -> list[str]:
+        """Give all that no block had so far.
+
+        Returns:
+            The tokens.
+        """
+        start, self._next = self._next, self._end
+        return tokenize(self._code[start : self._end])
+
+
+def end_of_tokens(text: str, count: int) -> int:
+    """Tell where the first tokens of a text end, which may be huge.
+
+    Args:
+        text: PDDL text without comments.
+        count: how many tokens.
+
+    Returns:
+        The offset behind the last of them.
+    """
+    return max((found.end() for found in islice(_TOKEN.finditer(text), count)), default=0)
+
+
+def too_deep(code: str) -> int | None:
+    """Find where parentheses are opened more than `MAX_DEPTH` deep and never closed.
+
+    Args:
+        code: PDDL text without comments.
+
+    Returns:
+        The offset of the first parenthesis that is too deep; None when there is no such.
+    """
+    if code.count("(") - code.count(")") <= MAX_DEPTH:
+        return None
+    depth = 0
+    for start in range(0, len(code), _BLOCK):
+        block = code[start : start + _BLOCK]
+        gain = block.count("(") - block.count(")")
+        if depth + gain > MAX_DEPTH:
+            break
+        depth += gain
+    for found in re.finditer("[()]", block):
+        depth += 1 if found[0] == "(" else -1
+        if depth > MAX_DEPTH:
+            return start + found.start()
+    return None
+
+
+def load(source: Source) -> Text:
+    """Take the text of a source.
+
+    Args:
+        source: a path, or a string that is PDDL text: it contains `(`, or cannot be a path; or a
+            text that was taken before.
+
+    Returns:
+        The text.
+
+    Raises:
+        PddlError: the text has NUL characters, or is not UTF-8 outside of comments.
+        OSError: the file cannot be read.
+    """
+    if isinstance(source, Text):
+        return source
+    if isinstance(source, str) and (
+        "(" in source or "\n" in source or "\0" in source or not source.strip()
+    ):
+        return Text(STRING, source)
+    return decode(str(source), Path(source).read_bytes())
+
+
+def decode(name: str, data: bytes) -> Text:
+    """Take the text of what a file holds.
+
+    Args:
+        name: the file's name.
+        data: its bytes.
+
+    Returns:
+        The text.
+
+    Raises:
+        PddlError: the text has NUL characters, or is not UTF-8 outside of comments.
+    """
+    return Text(name, data.decode("utf-8", "surrogateescape"))

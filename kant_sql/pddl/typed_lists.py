@@ -1,0 +1,204 @@
+"""Typed lists: of types, of objects, of variables; and the names that are declared in them."""
+
+from __future__ import annotations
+
+import re
+from typing import NamedTuple
+
+from ..dto.name import fold, is_name
+from .cursor import Cursor, hint
+from .symbols import ANY, Symbols, Types
+
+_STANDARD_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]{0,254}")
+OBJECTS, VARIABLES = "name", "variable"
+
+
+class Group(NamedTuple):
+    """Names in a typed list that have one type, as written.
+
+    Attributes:
+        words: the names, in order; variables with their question marks.
+        types: their types as written; none when they have no type.
+        at: the index of the first name's token; those of the others follow.
+        types_at: the index of the token behind the names.
+    """
+
+    words: list[str]
+    types: Types
+    at: int
+    types_at: int
+
+
+class ListReader(Cursor):
+    """A reader of typed lists."""
+
+    def typed_list(self, kind: str) -> list[Group]:
+        """Read a typed list and the parenthesis behind it.
+
+        Args:
+            kind: `variable` or `name`.
+
+        Returns:
+            The names, in order.
+        """
+        tokens, at = self.tokens, self.at
+        reading = self.reading
+        standard = reading.standard_variables if kind == VARIABLES else reading.standard_names
+        groups: list[Group] = []
+        start = at
+        while True:
+            token = tokens[at]
+            if token in standard:
+                at += 1
+                continue
+            self.at = at
+            if token == ")":
+                if at > start:
+                    groups.append(Group(tokens[start:at], (), start, at))
+                self.at = at + 1
+                return groups
+            if token[:1] == "-":
+                types = self.type_behind(kind, token, at - start)
+                groups.append(Group(tokens[start:at], types, start, at))
+                at = start = self.at
+            else:
+                self._check_name(kind, token)
+
+    def type_behind(self, kind: str, token: str, count: int) -> Types:
+        """Read a dash and the type of the names before it.
+
+        Args:
+            kind: what has the type, for messages.
+            token: the next token, which is a dash or begins with one.
+            count: how many names have the type.
+
+        Returns:
+            The types, as written.
+        """
+        if not count:
+            self.deviate(f"a {kind} before the type", "the type left out")
+        return self.after_dash(token)
+
+    def _check_name(self, kind: str, token: str) -> None:
+        """Check a name once, and remember it."""
+        name, known = token, self.reading.standard_names
+        if kind == VARIABLES:
+            if token[:1] != "?":
+                self.fail("a variable, which begins with '?'")
+            name, known = token[1:], self.reading.standard_variables
+        if _STANDARD_NAME.fullmatch(name) is None:
+            self.odd_name(name, kind)
+        known.add(token)
+
+    def odd_name(self, name: str, kind: str) -> None:
+        """Note a name that is none in the standard, or refuse what can be none at all.
+
+        Args:
+            name: the name, which is the next token, but for its question mark.
+            kind: what it names, for messages.
+        """
+        article = "an" if kind[0] in "aeiou" else "a"
+        if not is_name(name):
+            self.fail(f"the name of {article} {kind}" if kind != OBJECTS else "a name")
+        expected = f"{article} {kind} of a letter and letters, digits, '-' and '_'"
+        self.deviate(expected, "taken as it is")
+
+    def declared_name(self, kind: str, reserved: frozenset[str] = frozenset()) -> str:
+        """Pass a name that is declared here.
+
+        Args:
+            kind: what it names, for messages.
+            reserved: folded words that may not name it.
+
+        Returns:
+            The name.
+        """
+        name = self.word(f"the name of the {kind}")
+        self.at -= 1
+        if name not in self.reading.standard_names:
+            self._check_name(kind, name)
+        if reserved and fold(name) in reserved:
+            self.fail(f"the name of the {kind}, which is no reserved word")
+        self.at += 1
+        return name
+
+    def after_dash(self, token: str) -> Types:
+        """Read a type and the dash before it, which may have no space behind it.
+
+        Args:
+            token: the next token.
+
+        Returns:
+            The types, as written.
+        """
+        if token == "-":
+            self.at += 1
+            return self.type_expression()
+        self.deviate(f"'- {token[1:]}'", "read so")
+        self.at += 1
+        return (token[1:],)
+
+    def type_expression(self, depth: int = 0) -> Types:
+        """Read a type, or `(either ...)`.
+
+        Args:
+            depth: how deeply it is nested.
+
+        Returns:
+            The types, as written.
+        """
+        if self.tokens[self.at] != "(":
+            return (self.word("a type"),)
+        self.check_depth(depth)
+        self.at += 1
+        if self.tokens[self.at].lower() == "either":
+            self.at += 1
+        else:
+            self.deviate("a type or (either ...)", "read as (either ...)", at=self.at - 1)
+        types: dict[str, str] = {}
+        while self.tokens[self.at] != ")":
+            if self.tokens[self.at] == "(":
+                self.deviate("a type", "its types read as alternatives")
+            for name in self.type_expression(depth + 1):
+                types.setdefault(fold(name), name)
+        if not types:
+            self.fail("a type")
+        self.at += 1
+        return tuple(types.values())
+
+    def resolve(self, symbols: Symbols, types: Types, at: int) -> Types:
+        """Find types among those that are declared.
+
+        Args:
+            symbols: the names that are declared.
+            types: the types, as written.
+            at: the index of the token that a message names.
+
+        Returns:
+            The types in their declared spelling; `object` when there are none.
+        """
+        known = symbols.resolved.get(types)
+        if known is None:
+            known = symbols.resolved[types] = tuple(
+                [self._resolve(symbols, name, at) for name in types or ANY]
+            )
+        return known
+
+    def _resolve(self, symbols: Symbols, name: str, at: int) -> str:
+        known = symbols.types.get(fold(name))
+        if known is None:
+            if not symbols.unknown_domain:
+                place = self._token_of(name, at)
+                expected = f"a type that is declared{hint(name, symbols.type_names())}"
+                if not symbols.grows:
+                    self.fail(expected, f"the type '{name}'", place)
+                self.deviate(expected, "added under object", f"the type '{name}'", place)
+            known = symbols.types[fold(name)] = name
+        return known
+
+    def _token_of(self, name: str, at: int) -> int:
+        """The index of a type's own token, when it is among those behind the dash."""
+        for index in range(at, self.at):
+            if self.tokens[index] in (name, f"-{name}"):
+                return index
+        return at

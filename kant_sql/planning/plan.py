@@ -1,0 +1,142 @@
+"""Plans, and how to get one: a planner is asked in a process of its own."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import pickle
+import signal
+import subprocess
+import sys
+import tempfile
+from dataclasses import dataclass
+from decimal import Decimal
+from pathlib import Path
+
+from ..errors import KantSqlError, NoPlanError, PlannerMissingError, UnsupportedConstructError
+from ..pddl.document import Domain, Problem
+from .extra import require_unified_planning
+
+_ERRORS: dict[str, type[KantSqlError]] = {
+    error.__name__: error for error in (PlannerMissingError, UnsupportedConstructError)
+}
+
+
+@dataclass(frozen=True, slots=True)
+class PlanStep:
+    """A step of a plan.
+
+    Attributes:
+        start: when it starts; None in a plan without times.
+        action: the action's name in the domain.
+        arguments: the objects' names, in the order of the action's parameters.
+        duration: how long it takes; None for what happens in an instant.
+    """
+
+    start: Decimal | None
+    action: str
+    arguments: tuple[str, ...] = ()
+    duration: Decimal | None = None
+
+    def __str__(self) -> str:
+        text = f"({' '.join((self.action, *self.arguments))})"
+        if self.start is not None:
+            text = f"{self.start:f}: {text}"
+        return text if self.duration is None else f"{text} [{self.duration:f}]"
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """A plan; its text is in the format of the validator VAL.
+
+    Attributes:
+        steps: its steps, in order.
+        engine: the engine of unified-planning that found it.
+        status: what the engine says of it: `solved_satisficing` or `solved_optimally`.
+        revision: the revision of the knowledge base that it was made from.
+    """
+
+    steps: tuple[PlanStep, ...]
+    engine: str
+    status: str
+    revision: int | None = None
+
+    def __str__(self) -> str:
+        return "".join(f"{step}\n" for step in self.steps)
+
+
+def solve(
+    domain: Domain, problem: Problem, engine: str | None = None, timeout: float | None = None
+) -> Plan:
+    """Find a plan.
+
+    Without an engine's name, the installed engines that can express the problem are asked in turn:
+    aries first where actions take time, ENHSP where there are numbers, else Fast Downward and
+    pyperplan. What an engine does not know may be compiled away by unified-planning: quantifiers,
+    conditional effects, constraints on the trajectory, object fluents. A metric that no engine
+    knows is left aside: the plan is valid, and not measured.
+
+    Args:
+        domain: the domain.
+        problem: the problem.
+        engine: the name that unified-planning has for an engine, for example `fast-downward-opt`.
+        timeout: how many seconds to wait; without one, for as long as it takes.
+
+    Returns:
+        The plan, in the names of the documents.
+
+    Raises:
+        PlannerMissingError: unified-planning or the engine is not installed.
+        UnsupportedConstructError: something has no exact counterpart in unified-planning.
+        NoPlanError: there is no plan, or none was found in time; `status` tells which.
+    """
+    require_unified_planning()
+    with tempfile.TemporaryDirectory(prefix="kant-sql-plan-") as directory:
+        task, result = Path(directory, "task"), Path(directory, "result")
+        task.write_bytes(pickle.dumps((domain, problem, engine)))
+        log = _run(directory, timeout)
+        if not result.exists():
+            reason = log.strip().splitlines()[-1:] or ["no reason was given"]
+            raise NoPlanError(f"the planner's process ended early: {reason[0]}", "internal_error")
+        outcome = pickle.loads(result.read_bytes())
+    if isinstance(outcome, Plan):
+        return outcome
+    kind, message, status = outcome
+    if kind in _ERRORS:
+        raise _ERRORS[kind](message)
+    raise NoPlanError(message, status)
+
+
+def _run(directory: str, timeout: float | None) -> str:
+    # The process ends when its standard input does: not even a killed parent leaves it behind.
+    with Path(directory, "log").open("w+", errors="replace") as log:
+        process = subprocess.Popen(
+            [sys.executable, "-m", f"{__package__}.worker", directory],
+            cwd=directory,
+            env={**os.environ, "PYTHONPATH": _import_path(), "TMPDIR": directory},
+            stdin=subprocess.PIPE,
+            stdout=subprocess.DEVNULL,
+            stderr=log,
+            start_new_session=True,
+        )
+        try:
+            process.wait(timeout)
+        except subprocess.TimeoutExpired:
+            raise NoPlanError(f"no plan was found within {timeout:g} seconds", "timeout") from None
+        finally:
+            _end(process)
+        log.seek(0)
+        return log.read()
+
+
+def _import_path() -> str:
+    return os.pathsep.join(str(Path(entry).absolute()) for entry in sys.path)
+
+
+def _end(process: subprocess.Popen[bytes]) -> None:
+    if hasattr(os, "killpg"):
+        with contextlib.suppress(ProcessLookupError, PermissionError):
+            os.killpg(process.pid, signal.SIGKILL)
+    else:
+        process.kill()
+    process.communicate()

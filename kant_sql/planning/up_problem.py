@@ -1,0 +1,258 @@
+"""A domain and a problem as a problem of unified-planning, made directly from the documents."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from ..dto.formula import (
+    AT_END,
+    And,
+    Assign,
+    Constant,
+    Equal,
+    Forall,
+    Formula,
+    IsViolated,
+    Metric,
+    Modal,
+    Not,
+    Timed,
+    TypedName,
+)
+from ..dto.name import fold
+from ..pddl.document import DURATIVE_ACTION, PROCESS, Domain, Problem
+from .context import Context, Scope
+from .cost import TOTAL_COST, TOTAL_TIME, is_function, is_sum_of_costs, static_functions
+from .names import FUNCTION, OBJECT, PREDICATE, Names
+from .up_actions import Actions
+from .up_effects import Change, Effect
+from .up_formulas import Formulas
+from .up_preferences import Preferences, mentions
+from .up_types import Types
+
+if TYPE_CHECKING:
+    from unified_planning.environment import Environment
+    from unified_planning.model import FNode, Parameter
+    from unified_planning.model import Variable as UpVariable
+
+
+class Conversion:
+    """One conversion of documents, part by part.
+
+    Attributes:
+        context: what the parts share; its `problem` is the result.
+    """
+
+    def __init__(
+        self, domain: Domain, problem: Problem, environment: Environment, integers: bool = False
+    ) -> None:
+        """Convert documents.
+
+        Args:
+            domain: the domain.
+            problem: the problem.
+            environment: unified-planning's environment.
+            integers: whether numeric fluents are integers there.
+
+        Raises:
+            UnsupportedConstructError: something has no exact counterpart.
+        """
+        from unified_planning.model import Problem as UpProblem
+
+        self._domain, self._document = domain, problem
+        names = Names(domain, problem)
+        manager = environment.expression_manager
+        self.context = Context(
+            environment,
+            UpProblem(
+                problem.name,
+                environment,
+                initial_defaults={environment.type_manager.BoolType(): manager.FALSE()},
+            ),
+            names,
+            Types(domain, problem, names, environment),
+            static=static_functions(domain, problem),
+            integers=integers,
+            costed=is_sum_of_costs(domain, problem),
+        )
+        self._formulas = Formulas(self.context)
+        self._declare()
+        self._preferences = Preferences(problem.metric, self.context, self._formulas)
+        self._actions = Actions(self.context, self._formulas, self._preferences)
+        for action in domain.actions:
+            with self.context.at(f"{action.kind} {action.name}"):
+                self._actions.add(action)
+        with self.context.at("the initial state"):
+            self._initial_state()
+        with self.context.at("the goal"):
+            for goal in self._preferences.goals(problem.goal, Scope()):
+                self.context.problem.add_goal(goal)
+        with self.context.at("the constraints"):
+            for constraint in self._preferences.without(
+                (*domain.constraints, *problem.constraints)
+            ):
+                self._constraint(constraint, (), Scope())
+        with self.context.at("the metric"):
+            self._metric(problem.metric)
+
+    def _declare(self) -> None:
+        context = self.context
+        manager = context.environment.type_manager
+        for rule in self._domain.derived:
+            context.rules.setdefault(fold(rule.predicate), []).append(rule)
+        with context.at("the types"):
+            for type_ in context.types.all():
+                context.problem._add_user_type(type_)
+        for predicate in self._domain.predicates:
+            if fold(predicate.name) not in context.rules:
+                with context.at(f"predicate {predicate.name}"):
+                    self._fluent(
+                        PREDICATE, predicate.name, manager.BoolType(), predicate.parameters
+                    )
+        number = manager.IntType() if context.integers else manager.RealType()
+        for function in self._domain.functions:
+            if not (context.costed and fold(function.name) == TOTAL_COST):
+                with context.at(f"function {function.name}"):
+                    value = context.types.widest(function.types) if function.types else number
+                    self._fluent(FUNCTION, function.name, value, function.parameters)
+        for item in (*self._domain.constants, *self._document.objects):
+            with context.at(f"object {item.name}"):
+                self._object(item)
+
+    def _fluent(
+        self, category: str, name: str, value: object, parameters: tuple[TypedName, ...]
+    ) -> None:
+        from unified_planning.model import Fluent, Parameter
+
+        context, scope = self.context, Scope()
+        signature: list[Parameter] = []
+        for parameter in parameters:
+            type_ = context.types.widest(parameter.types)
+            made = Parameter(scope.fresh(parameter.name), type_, context.environment)
+            scope = Scope({}, scope.names | {made.name})
+            signature.append(made)
+        fluent = Fluent(context.names.of(category, name), value, signature, context.environment)
+        context.fluents[category, fold(name)] = context.problem.add_fluent(fluent)
+
+    def _object(self, item: TypedName) -> None:
+        from unified_planning.model import Object
+
+        context = self.context
+        branches = context.types.branches(item.types)
+        if len(branches) > 1:
+            raise context.unsupported(
+                f"{item.name} - {item.type_text}", "an object has one type there; give it one"
+            )
+        made = Object(context.names.of(OBJECT, item.name), branches[0], context.environment)
+        known = context.objects.setdefault(fold(item.name), made)
+        if known is not made and known.type != made.type:
+            raise context.unsupported(item.name, f"it is of {known.type.name} as well")
+        if known is made:
+            # `add_object` looks at each object before: too slow for many. Names are unique here.
+            context.problem.all_objects.append(made)
+            context.problem._add_user_type(made.type)
+
+    def _initial_state(self) -> None:
+        problem, formulas, scope = self.context.problem, self._formulas, Scope()
+        manager = self.context.environment.expression_manager
+        for literal in self._document.literals:
+            match literal:
+                case Not(Equal()):
+                    continue
+                case Not(inner):
+                    problem.set_initial_value(formulas.formula(inner, scope), manager.FALSE())
+                case Equal(Constant(left), Constant(right)) if fold(left) == fold(right):
+                    continue
+                case _:
+                    raise self.context.unsupported(literal, "two objects are never one there")
+        for fact in self._document.facts:
+            if fold(fact.predicate) in self.context.rules:
+                raise self.context.unsupported(fact, "a derived predicate is no fluent there")
+            problem.set_initial_value(formulas.formula(fact, scope), manager.TRUE())
+        for fluent, value in self._document.values:
+            if self.context.costed and is_function(fluent, TOTAL_COST):
+                continue
+            node = formulas.fluent(fluent, scope)
+            if isinstance(value, Constant):
+                problem.set_initial_value(node, formulas.term(value, scope))
+            else:
+                problem.set_initial_value(node, formulas.expression(value, scope))
+        self._timed_effects()
+
+    def _timed_effects(self) -> None:
+        from unified_planning.model import GlobalStartTiming
+
+        change = Change(self.context, self._formulas)
+        for timed in self._document.timed:
+            single = Effect(Scope(), change=timed.effect)
+            target = change.target(single)
+            operator, value = change.value(single, target)
+            if isinstance(timed.effect, Assign) and operator != "assign":
+                raise self.context.unsupported(timed, "a timed value is assigned")
+            time = self._formulas.expression(timed.time, Scope()).constant_value()
+            self.context.problem.add_timed_effect(GlobalStartTiming(time), target, value)
+
+    def _constraint(self, node: Formula, variables: tuple[UpVariable, ...], scope: Scope) -> None:
+        manager = self.context.environment.expression_manager
+        match node:
+            case And(parts):
+                for part in parts:
+                    self._constraint(part, variables, scope)
+            case Forall(names, inner):
+                for bound, within in self._formulas.variables(names, scope):
+                    self._constraint(inner, variables + bound, within)
+            case Timed(time, inner) if time == AT_END:
+                goal = self._formulas.formula(inner, scope)
+                self.context.problem.add_goal(
+                    manager.Forall(goal, *variables) if variables else goal
+                )
+            case Modal():
+                constraint = self._modal(node, scope)
+                self.context.problem.add_trajectory_constraint(
+                    manager.Forall(constraint, *variables) if variables else constraint
+                )
+            case _:
+                raise self.context.unsupported(node, "it is no constraint on the trajectory there")
+
+    def _modal(self, node: Modal, scope: Scope) -> FNode:
+        manager = self.context.environment.expression_manager
+        build = {
+            "always": manager.Always,
+            "sometime": manager.Sometime,
+            "at-most-once": manager.AtMostOnce,
+            "sometime-after": manager.SometimeAfter,
+            "sometime-before": manager.SometimeBefore,
+        }.get(node.operator)
+        if build is None:
+            raise self.context.unsupported(node, f"{node.operator} has no counterpart")
+        return build(*(self._formulas.formula(part, scope) for part in node.formulas))
+
+    def _metric(self, metric: Metric | None) -> None:
+        if metric is None:
+            return
+        from unified_planning import model
+
+        problem, environment = self.context.problem, self.context.environment
+        minimize = metric.optimization == "minimize"
+        if self.context.costed:
+            zero = environment.expression_manager.Int(0)
+            problem.add_quality_metric(
+                model.MinimizeActionCosts(self._actions.costs(), zero, environment)
+            )
+        elif is_function(metric.expression, TOTAL_TIME) and minimize:
+            timed = self._document.timed or any(
+                action.kind in {DURATIVE_ACTION, PROCESS} for action in self._domain.actions
+            )
+            kind = model.MinimizeMakespan if timed else model.MinimizeSequentialPlanLength
+            problem.add_quality_metric(kind(environment))
+        elif self._preferences.counted:
+            gains = self._preferences.gains
+            problem.add_quality_metric(model.Oversubscription(gains, environment))
+        elif not mentions(IsViolated, metric.expression):
+            expression = self._formulas.expression(metric.expression, Scope())
+            kind = (
+                model.MinimizeExpressionOnFinalState
+                if minimize
+                else model.MaximizeExpressionOnFinalState
+            )
+            problem.add_quality_metric(kind(expression, environment))

@@ -1,0 +1,182 @@
+"""The factories of the SQL families."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from datetime import datetime
+
+from .abstract_factory import DaoFactory
+from .backends import create_backend
+from .dao.action import SqlActionDao, SqlEventDao, SqlProcessDao
+from .dao.base import refuse_past
+from .dao.fluent_interfaces import PddlFunctionDao, PddlFunctionValueDao
+from .dao.formula import (
+    SqlConstraintDao,
+    SqlDerivedPredicateDao,
+    SqlDomainConstraintDao,
+    SqlInitialLiteralDao,
+    SqlTimedInitialLiteralDao,
+)
+from .dao.formula_interfaces import (
+    ConstraintDao,
+    DerivedPredicateDao,
+    GoalDao,
+    InitialLiteralDao,
+    MetricDao,
+    TimedInitialLiteralDao,
+)
+from .dao.function import SqlFunctionDao
+from .dao.function_value import SqlFunctionValueDao
+from .dao.goal import SqlGoalDao
+from .dao.interfaces import (
+    PddlActionDao,
+    PddlEventDao,
+    PddlObjectDao,
+    PddlPredicateDao,
+    PddlProcessDao,
+    PddlPropositionDao,
+    PddlTypeDao,
+)
+from .dao.metric import SqlMetricDao
+from .dao.object import SqlObjectDao
+from .dao.predicate import SqlPredicateDao
+from .dao.proposition import SqlPropositionDao
+from .dao.type import SqlTypeDao
+from .documents import Exchange, SqlExchange
+from .history import LogEntry, Revision, head_revision, read_log, read_revisions, revision_at
+from .store import Store
+
+
+class SqlDaoFactory(DaoFactory):
+    """Creates DAOs on an SQL store, of the present or of the past."""
+
+    def __init__(self, url: str, knowledge_base: str = "default", actor: str | None = None) -> None:
+        """Open a knowledge base.
+
+        Args:
+            url: the database URL.
+            knowledge_base: the knowledge base's name; it comes to be with its first write.
+            actor: who writes, when a transaction does not say.
+        """
+        self._at: int | None = None
+        backend = create_backend(url)
+        try:
+            self._store = Store(backend, knowledge_base, actor)
+        except BaseException:
+            backend.close()
+            raise
+
+    def create_pddl_type_dao(self) -> PddlTypeDao:
+        """Create the DAO of types."""
+        return SqlTypeDao(self._store, self._at)
+
+    def create_pddl_object_dao(self) -> PddlObjectDao:
+        """Create the DAO of objects."""
+        return SqlObjectDao(self._store, self._at)
+
+    def create_pddl_predicate_dao(self) -> PddlPredicateDao:
+        """Create the DAO of predicates."""
+        return SqlPredicateDao(self._store, self._at)
+
+    def create_pddl_function_dao(self) -> PddlFunctionDao:
+        """Create the DAO of functions."""
+        return SqlFunctionDao(self._store, self._at)
+
+    def create_pddl_function_value_dao(self) -> PddlFunctionValueDao:
+        """Create the DAO of the values of functions."""
+        return SqlFunctionValueDao(self._store, self._at)
+
+    def create_pddl_proposition_dao(self) -> PddlPropositionDao:
+        """Create the DAO of propositions."""
+        return SqlPropositionDao(self._store, self._at)
+
+    def create_pddl_action_dao(self) -> PddlActionDao:
+        """Create the DAO of actions."""
+        return SqlActionDao(self._store, self._at)
+
+    def create_pddl_process_dao(self) -> PddlProcessDao:
+        """Create the DAO of processes."""
+        return SqlProcessDao(self._store, self._at)
+
+    def create_pddl_event_dao(self) -> PddlEventDao:
+        """Create the DAO of events."""
+        return SqlEventDao(self._store, self._at)
+
+    def create_derived_predicate_dao(self) -> DerivedPredicateDao:
+        """Create the DAO of rules for derived predicates."""
+        return SqlDerivedPredicateDao(self._store, self._at)
+
+    def create_timed_initial_literal_dao(self) -> TimedInitialLiteralDao:
+        """Create the DAO of timed initial literals."""
+        return SqlTimedInitialLiteralDao(self._store, self._at)
+
+    def create_initial_literal_dao(self) -> InitialLiteralDao:
+        """Create the DAO of negative literals and equalities of the initial state."""
+        return SqlInitialLiteralDao(self._store, self._at)
+
+    def create_goal_dao(self) -> GoalDao:
+        """Create the DAO of goals of any form."""
+        return SqlGoalDao(self._store, self._at)
+
+    def create_constraint_dao(self) -> ConstraintDao:
+        """Create the DAO of the problem's constraints."""
+        return SqlConstraintDao(self._store, self._at)
+
+    def create_domain_constraint_dao(self) -> ConstraintDao:
+        """Create the DAO of the domain's constraints."""
+        return SqlDomainConstraintDao(self._store, self._at)
+
+    def create_metric_dao(self) -> MetricDao:
+        """Create the DAO of the metric."""
+        return SqlMetricDao(self._store, self._at)
+
+    def create_exchange(self) -> Exchange:
+        """Create what loads whole documents, and gives them back."""
+        return SqlExchange(self._store, self._at)
+
+    @contextmanager
+    def transaction(
+        self,
+        actor: str | None = None,
+        reason: str | None = None,
+        source: object | None = None,
+        expected_revision: int | None = None,
+    ) -> Iterator[None]:
+        """Make many calls one revision."""
+        refuse_past(self._store, self._at)
+        with self._store.transaction(actor, reason, source, expected_revision):
+            yield
+
+    def at(self, when: int | datetime) -> SqlDaoFactory:
+        """Look at the past."""
+        past = object.__new__(type(self))
+        past._store = self._store
+        past._at = revision_at(self._store, when)
+        return past
+
+    @property
+    def revision(self) -> int:
+        """The number of the last revision, or of the one that this looks at."""
+        return head_revision(self._store) if self._at is None else self._at
+
+    def revisions(self, after: int = 0, limit: int | None = None) -> list[Revision]:
+        """Read revisions, oldest first."""
+        return read_revisions(self._store, after, limit, self._at)
+
+    def log(self, limit: int | None = None) -> Iterator[LogEntry]:
+        """Read revisions with what they changed, newest first."""
+        return read_log(self._store, limit, self._at)
+
+    def close(self) -> None:
+        """Close the connections; a view of the past leaves them to the factory that it is of."""
+        if self._at is None:
+            self._store.backend.close()
+
+
+class SqliteDaoFactory(SqlDaoFactory):
+    """The SQLite family: one robot, embedded, in a file or in memory."""
+
+
+class PostgresqlDaoFactory(SqlDaoFactory):
+    """The PostgreSQL family: a fleet, on a server."""

@@ -1,0 +1,5 @@
+(define (problem coffee)
+  (:domain delivery)
+  (:objects rb1 - robot cup - item kitchen table1 - wp)
+  (:init (at rb1 table1) (lies cup kitchen))
+  (:goal (lies cup table1)))

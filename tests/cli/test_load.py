@@ -1,0 +1,343 @@
+"""`kant-sql load`: files become knowledge, in one revision or not at all."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+import kant_sql
+from kant_sql.pddl import read_domain, read_problem
+from tests.cli.running import CHILD_TIMEOUT, COMMAND, child, environment, one_line, run
+
+FILES = Path(__file__).parent / "files"
+DOMAIN, PROBLEM = str(FILES / "delivery.pddl"), str(FILES / "coffee.pddl")
+WATERING, BALCONY = str(FILES / "watering.pddl"), str(FILES / "balcony.pddl")
+
+
+@pytest.fixture
+def url(tmp_path: Path) -> str:
+    return f"sqlite:///{tmp_path / 'robot.db'}"
+
+
+@pytest.fixture
+def write(tmp_path: Path) -> Callable[[str, str], str]:
+    """Writes a file, and tells its path."""
+
+    def write(name: str, text: str) -> str:
+        path = tmp_path / name
+        path.write_text(text)
+        return str(path)
+
+    return write
+
+
+def revision(url: str, name: str = "default") -> int:
+    with kant_sql.connect(url, name) as kb:
+        return kb.revision
+
+
+def test_a_domain_and_a_problem_become_one_revision(new_url: str) -> None:
+    kant_sql.upgrade(new_url)
+    words = ["--kb", "tiago", "--actor", "operator", "--reason", "a new shift"]
+    result = run("load", new_url, WATERING, BALCONY, *words)
+    assert result.exit_code == 0, result.stderr
+    assert result.stdout == (
+        "knowledge base tiago, revision 1\n"
+        "+ 3 actions, 2 constraints, 1 derived predicate, 2 documents, 1 domain constraint, "
+        "2 facts, 3 functions, 4 function values, 3 goals, 1 initial literal, 1 metric, 3 objects, "
+        "4 predicates, 2 timed initial literals, 2 types\n"
+    )
+    with kant_sql.connect(new_url, "tiago") as kb:
+        domain = read_domain(Path(WATERING))
+        assert kb.domain() == domain
+        assert kb.problem() == read_problem(Path(BALCONY), domain)
+        (made,) = kb.revisions()
+    assert (made.actor, made.reason) == ("operator", "a new shift")
+    assert made.source == {
+        "files": [
+            {"path": path, "sha256": hashlib.sha256(Path(path).read_bytes()).hexdigest()}
+            for path in (WATERING, BALCONY)
+        ]
+    }
+
+
+def test_a_process_of_its_own_creates_the_store(url: str) -> None:
+    done = child("load", url, DOMAIN, PROBLEM)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.startswith("knowledge base default, revision 1\n+ 3 actions, ")
+
+
+def test_to_load_the_same_again_changes_nothing(url: str) -> None:
+    run("load", url, DOMAIN, PROBLEM)
+    result = run("load", url, DOMAIN, PROBLEM, "--actor", "somebody else")
+    assert result.stdout == "knowledge base default, revision 1: nothing has changed\n"
+    assert (result.exit_code, revision(url)) == (0, 1)
+
+
+def test_the_order_of_the_files_does_not_matter_for_what_is_in_them_does(url: str) -> None:
+    assert run("load", url, PROBLEM, DOMAIN).exit_code == 0
+    with kant_sql.connect(url) as kb:
+        assert kb.problem().name == "coffee"
+
+
+def test_several_files_are_one_domain(url: str, write: Callable[[str, str], str]) -> None:
+    more = write(
+        "more.pddl",
+        "(define (domain delivery) (:requirements :strips :typing) (:predicates (shut ?w - wp)))",
+    )
+    assert run("load", url, DOMAIN, more, PROBLEM).exit_code == 0
+    with kant_sql.connect(url) as kb:
+        assert kb.revision == 1
+        assert [each.name for each in kb.domain().predicates] == ["at", "lies", "holds", "shut"]
+
+
+def test_one_file_with_both_is_read_for_both_without_a_warning(
+    url: str, write: Callable[[str, str], str]
+) -> None:
+    both = write("both.pddl", Path(PROBLEM).read_text() + Path(DOMAIN).read_text())
+    result = run("load", url, both, "--strict")
+    assert (result.exit_code, result.stderr) == (0, "")
+    with kant_sql.connect(url) as kb:
+        domain = read_domain(Path(DOMAIN))
+        assert (kb.domain(), kb.problem()) == (domain, read_problem(Path(PROBLEM), domain))
+
+
+def test_errors_in_a_file_with_both_have_their_place(
+    url: str, write: Callable[[str, str], str]
+) -> None:
+    domain = Path(DOMAIN).read_text()
+    both = write(
+        "both.pddl", f"{domain}; a comment (\n{Path(PROBLEM).read_text()}".replace("cup", "mug", 1)
+    )
+    line = domain.count("\n") + 1 + 4
+    assert f"both.pddl:{line}:32: " in one_line(run("load", url, both).stderr)
+
+
+def test_a_hyphen_is_standard_input(url: str) -> None:
+    text = Path(DOMAIN).read_bytes() + Path(PROBLEM).read_bytes()
+    done = subprocess.run(
+        [*COMMAND, "load", url, "-"],
+        input=text,
+        capture_output=True,
+        timeout=CHILD_TIMEOUT,
+        check=True,
+    )
+    assert done.stderr == b""
+    with kant_sql.connect(url) as kb:
+        assert kb.revisions()[0].source == {
+            "files": [{"path": "<stdin>", "sha256": hashlib.sha256(text).hexdigest()}]
+        }
+
+
+def test_a_problem_alone_is_of_the_domain_that_is_stored(url: str) -> None:
+    assert run("load", url, DOMAIN).exit_code == 0
+    assert run("load", url, PROBLEM).exit_code == 0
+    assert revision(url) == 2
+    assert "found the domain watering, expected the domain delivery" in one_line(
+        run("load", url, BALCONY).stderr
+    )
+    assert revision(url) == 2
+
+
+def test_a_problem_alone_creates_neither_a_store_nor_a_knowledge_base(
+    url: str, tmp_path: Path
+) -> None:
+    result = run("load", url, PROBLEM)
+    assert "there is no such file" in one_line(result.stderr)
+    assert (result.exit_code, list(tmp_path.iterdir())) == (1, [])
+    run("load", url, DOMAIN, "--kb", "tiago")
+    assert one_line(run("load", url, PROBLEM).stderr).endswith("choose one with --kb: 'tiago'")
+    assert kant_sql.catalog.knowledge_bases(url) == ["tiago"]
+
+
+def test_what_the_files_do_not_say_is_retracted_or_kept(
+    url: str, write: Callable[[str, str], str]
+) -> None:
+    other = write(
+        "other.pddl",
+        "(define (problem coffee) (:domain delivery) (:objects rb2 - robot kitchen - wp)"
+        "(:init (at rb2 kitchen)) (:goal (and)))",
+    )
+    run("load", url, DOMAIN, PROBLEM)
+    assert run("load", url, other, "--merge").exit_code == 0
+    with kant_sql.connect(url) as kb:
+        assert len(kb.problem().objects) == 5
+    result = run("load", url, other)
+    assert result.stdout == (
+        "knowledge base default, revision 3\n"
+        "+ 1 document\n"
+        "- 1 document, 2 facts, 1 goal, 3 objects\n"
+    )
+    with kant_sql.connect(url) as kb:
+        assert kb.problem() == read_problem(Path(other), read_domain(Path(DOMAIN)))
+
+
+def test_what_violates_the_standard_is_warned_of_with_its_place_or_refused(
+    url: str, write: Callable[[str, str], str]
+) -> None:
+    path = write("bent.pddl", "(define (domain bent)\n  (:predicates (near ?a - place)))")
+    result = run("load", url, path, "--strict")
+    line = one_line(result.stderr)
+    assert f"{path}:" in line
+    assert (result.exit_code, revision(url)) == (1, 0)
+    result = run("load", url, path)
+    assert result.exit_code == 0
+    warnings = result.stderr.splitlines()
+    assert len(warnings) == 2
+    assert all(warning.startswith(f"{path}:") and " warning: " in warning for warning in warnings)
+    assert warnings[1].startswith(f"{path}:2:")
+
+
+def test_two_problems_are_refused(url: str) -> None:
+    result = run("load", url, DOMAIN, PROBLEM, BALCONY)
+    assert one_line(result.stderr).endswith("each have a problem: load one of them")
+    assert (result.exit_code, result.stdout) == (1, "")
+
+
+def make_unreadable(folder: Path) -> dict[str, Path]:
+    """Files that cannot be read as PDDL."""
+    contents = {
+        "nesting": b"(define (domain deep) (:predicates (p)) (:action a :precondition "
+        + b"(not " * 100_000
+        + b"(p)"
+        + b")" * 100_000
+        + b" :effect (p)))",
+        "parentheses": b"(" * 100_000,
+        "encoding": b"(define (domain \xff\xfe))",
+        "nul": b"(define (domain d)\0)",
+        "nothing": b"",
+        "a word": b"domain",
+        "unclosed": b"(define (domain d) (:predicates (p)",
+        "unknown": b"(define (domain d) (:action a :precondition (flies) :effect (and)))",
+    }
+    paths = {name: folder / f"{name} (1).pddl" for name in contents}
+    for name, content in contents.items():
+        paths[name].write_bytes(content)
+    return {**paths, "missing": folder / "missing.pddl", "folder": folder}
+
+
+UNREADABLE = {
+    "nesting": "nested more deeply",
+    "parentheses": "found '('",
+    "encoding": "1:17: found the byte 0xFF",
+    "nul": "a NUL character",
+    "nothing": "found the end of the text",
+    "a word": "found 'domain', expected (define",
+    "unclosed": "expected ')'",
+    "unknown": "in action a, :precondition: found",
+    "missing": "No such file or directory",
+    "folder": "Is a directory",
+}
+
+
+@pytest.mark.parametrize(("kind", "message"), UNREADABLE.items())
+def test_a_file_that_cannot_be_read_is_one_line_and_nothing_is_stored(
+    url: str, tmp_path: Path, kind: str, message: str
+) -> None:
+    path = make_unreadable(tmp_path)[kind]
+    for words in ([str(path)], [DOMAIN, str(path)], [str(path), PROBLEM]):
+        result = run("load", url, *words)
+        line = one_line(result.stderr)
+        assert (result.exit_code, result.stdout) == (1, "")
+        assert revision(url) == 0
+    result = run("load", url, str(path))
+    line = one_line(result.stderr)
+    assert line.startswith(f"kant-sql: {path}:")
+    assert message in line
+
+
+def test_a_process_ends_with_one_line_too(url: str, tmp_path: Path) -> None:
+    done = child("load", url, str(make_unreadable(tmp_path)["nesting"]))
+    one_line(done.stderr)
+    assert (done.returncode, done.stdout) == (1, "")
+
+
+def test_a_domain_is_not_stored_when_its_problem_is_refused(
+    url: str, write: Callable[[str, str], str]
+) -> None:
+    path = write("wrong.pddl", Path(PROBLEM).read_text().replace("(lies cup table1)", "(lies cup)"))
+    result = run("load", url, DOMAIN, path)
+    assert f"{path}:5:" in one_line(result.stderr)
+    assert (result.exit_code, revision(url)) == (1, 0)
+
+
+def test_a_store_that_cannot_be_written_is_one_line(url: str) -> None:
+    run("load", url, DOMAIN)
+    result = run("load", f"{url}?mode=ro", DOMAIN, PROBLEM)
+    assert "cannot be written" in one_line(result.stderr)
+    assert (result.exit_code, revision(url)) == (1, 1)
+
+
+def test_the_environment_gives_the_default_url(url: str) -> None:
+    assert run("load", DOMAIN, PROBLEM, url=url).exit_code == 0
+    assert revision(url) == 1
+    assert run("load", url, DOMAIN, url="sqlite:///missing/folder.db").exit_code == 0
+
+
+@pytest.mark.parametrize("words", [[DOMAIN], [DOMAIN, PROBLEM], ["sqlite:///robot.db"]])
+def test_without_a_url_or_a_file_the_usage_is_wrong(words: list[str]) -> None:
+    result = run("load", *words)
+    assert "give a URL (or set KANT_SQL_URL) and files" in one_line(result.stderr)
+    assert result.exit_code == 2
+
+
+def test_what_a_revision_cannot_keep_is_one_line(url: str) -> None:
+    result = run("load", url, DOMAIN, "--actor", "\udcff")
+    one_line(result.stderr)
+    assert (result.exit_code, revision(url)) == (1, 0)
+
+
+def test_a_path_that_is_no_unicode_text_is_kept_readable(url: str, tmp_path: Path) -> None:
+    path = os.fsencode(tmp_path) + b"/\xff.pddl"
+    try:
+        Path(os.fsdecode(path)).write_bytes(Path(DOMAIN).read_bytes())
+    except OSError:
+        pytest.skip("this file system has only names that are Unicode text")
+    done = subprocess.run(
+        [*(os.fsencode(word) for word in [*COMMAND, "load", url]), path],
+        capture_output=True,
+        env=environment(),
+        timeout=CHILD_TIMEOUT,
+        check=False,
+    )
+    assert (done.returncode, done.stderr) == (0, b"")
+    with kant_sql.connect(url) as kb:
+        assert str(kb.revisions()[0].source).count(r"\\xff.pddl") == 1
+
+
+def test_a_terminal_shows_what_is_going_on_and_a_pipe_does_not(url: str) -> None:
+    import pty
+
+    assert child("load", url, DOMAIN).stderr == ""
+    controller, terminal = pty.openpty()
+    process = subprocess.Popen(
+        [*COMMAND, "load", url, PROBLEM],
+        stdout=subprocess.PIPE,
+        stderr=terminal,
+        env=environment(TERM="xterm"),
+    )
+    os.close(terminal)
+    shown = io.BytesIO()
+    try:
+        while part := os.read(controller, 65536):
+            shown.write(part)
+    except OSError:
+        pass  # On Linux, the end of a terminal is an error.
+    os.close(controller)
+    output, _ = process.communicate(timeout=CHILD_TIMEOUT)
+    assert b"loading" in shown.getvalue()
+    assert output.startswith(b"knowledge base default, revision 2\n")
+
+
+def test_nothing_is_shown_without_standard_error(url: str) -> None:
+    done = child(
+        "-c", f"'{sys.executable}' -m kant_sql.cli.main load {url} {DOMAIN} 2>&-", command=["sh"]
+    )
+    assert done.returncode == 0

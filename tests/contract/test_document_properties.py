@@ -1,0 +1,143 @@
+"""Any documents survive the store, on every backend, and so do those that others replace.
+
+KANT_SQL_TEST_EXAMPLES=1000 hunts for longer, each time from another seed.
+"""
+
+from __future__ import annotations
+
+import itertools
+import os
+from collections.abc import Callable, Iterator
+from dataclasses import fields, is_dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import HealthCheck, Phase, given, settings
+
+import kant_sql
+from kant_sql import KnowledgeBase
+from kant_sql.dto.name import fold
+from kant_sql.pddl import read_domain, read_problem, write
+from kant_sql.pddl.document import Domain, Problem
+from tests.chain import check_chain
+from tests.conftest import Server
+from tests.documents import domains_and_problems
+from tests.reading import beside
+
+HUNT = int(os.environ.get("KANT_SQL_TEST_EXAMPLES", "0"))
+# Shrinking a document takes minutes: that is for those who hunt.
+PHASES = tuple(Phase) if HUNT else (Phase.explicit, Phase.generate)
+Documents = tuple[Domain, Problem]
+_numbers = itertools.count(1)
+
+
+def hunting(examples: int) -> settings:
+    return settings(
+        max_examples=HUNT or examples,
+        derandomize=not HUNT,
+        database=None,
+        deadline=None,
+        phases=PHASES,
+        suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large],
+    )
+
+
+@pytest.fixture(scope="module")
+def stores(server: Server, tmp_path_factory: pytest.TempPathFactory) -> Iterator[list[str]]:
+    """One knowledge base in a database of each kind, beside which each example has its own."""
+    on_server = server.new_database()
+    kant_sql.upgrade(on_server)
+    file: Path = tmp_path_factory.mktemp("documents") / "store.db"
+    opened = [kant_sql.connect(url) for url in ("sqlite://", f"sqlite:///{file}", on_server)]
+    _FIRST[:] = opened
+    yield [f"sqlite:///{file}", on_server]
+    for kb in opened:
+        kb.close()
+
+
+_FIRST: list[KnowledgeBase] = []
+
+
+def everywhere(check: Callable[[KnowledgeBase], None]) -> None:
+    name = f"example {next(_numbers)}"
+    for first in _FIRST:
+        check(beside(first, name))
+
+
+def load(kb: KnowledgeBase, documents: Documents) -> None:
+    with kb.transaction():
+        kb.load_domain(write(documents[0]))
+        kb.load_problem(write(documents[1]))
+
+
+def folded(value: Any) -> Any:
+    """A document, or a part of one, with its names as they are compared."""
+    if isinstance(value, str):
+        return fold(value)
+    if isinstance(value, tuple):
+        parts = [folded(part) for part in value]
+        return type(value)(*parts) if hasattr(value, "_fields") else tuple(parts)
+    if is_dataclass(value) and not isinstance(value, type):
+        return type(value)(*(folded(getattr(value, field.name)) for field in fields(value)))
+    return value
+
+
+def check_holds(kb: KnowledgeBase, documents: Documents) -> None:
+    """Check that a knowledge base gives just these documents, in whatever way it is asked."""
+    domain, problem = documents
+    assert kb.domain() == domain
+    assert kb.problem() == problem
+    assert kb.domain_pddl() == write(domain)
+    text = kb.problem_pddl()
+    assert text == write(kb.problem()) == kb.problem_pddl()
+    assert read_problem(text, domain) == problem
+
+
+@pytest.mark.timeout(0 if HUNT else 300)
+@pytest.mark.usefixtures("stores")
+def test_documents_survive_the_store() -> None:
+    @hunting(25)
+    @given(domains_and_problems(repeats=True))
+    def survive(documents: Documents) -> None:
+        def check(kb: KnowledgeBase) -> None:
+            load(kb, documents)
+            made = kb.revision
+            check_holds(kb, documents)
+            # Definitions of a process that has not written them come from the tables.
+            newcomer = beside(kb, kb.factory._store.name)  # type: ignore[attr-defined]
+            check_holds(newcomer, documents)
+            for mode in ("replace", "merge"):
+                assert newcomer.load_domain(kb.domain_pddl(), mode=mode).revision is None
+                assert newcomer.load_problem(kb.problem_pddl(), mode=mode).revision is None
+            assert kb.revision == made
+
+        everywhere(check)
+
+    survive()
+
+
+@pytest.mark.timeout(0 if HUNT else 300)
+def test_documents_replace_others(stores: list[str]) -> None:
+    @hunting(25)
+    @given(domains_and_problems(), domains_and_problems())
+    def replace(before: Documents, after: Documents) -> None:
+        def check(kb: KnowledgeBase) -> None:
+            load(kb, before)
+            load(kb, after)
+            # What is known already keeps its first spelling.
+            assert folded((kb.domain(), kb.problem())) == folded(after)
+            assert read_domain(kb.domain_pddl()) == kb.domain()
+            text = kb.problem_pddl()
+            assert read_problem(text, kb.domain()) == kb.problem()
+            check_holds(kb.at(1), before)
+            load(kb, before)
+            check_holds(kb, before)
+            newcomer = beside(kb, kb.factory._store.name)  # type: ignore[attr-defined]
+            check_holds(newcomer, before)
+
+        everywhere(check)
+
+    replace()
+    for url in stores:
+        assert check_chain(url)

@@ -1,0 +1,277 @@
+"""What the values of functions cost, how writers share them, and that nothing of them is lost."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from decimal import Decimal
+from functools import partial
+from itertools import pairwise
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from kant_sql import KnowledgeBase, PddlFunctionDto
+from kant_sql.fluents import FluentKey, FluentValue
+from tests.chain import check_chain
+from tests.conftest import Connect
+from tests.fluents import BATTERY, DISTANCE, LOCATION, STEP, charge, charge_often, distance
+from tests.reading import beside, last_changes, rows, undone
+from tests.statements import count
+from tests.workers import change, in_processes
+from tests.worlds import RB1, WP1, WP2, robot_at, waypoint
+
+WRITE, FIRST_WRITE, READ = 5, 7, 2
+SIZES = (1, 100, 3_000)
+
+
+def fill(kb: KnowledgeBase, size: int) -> None:
+    kb.function_values.save_all(distance(number) for number in range(size))
+
+
+READS: dict[str, Callable[[KnowledgeBase], Any]] = {
+    "get_all": lambda kb: kb.function_values.get_all(),
+    "get_by_function": lambda kb: kb.function_values.get_by_function("distance"),
+    "get": lambda kb: kb.function_values.get("distance", ["wp1", "wp0"]),
+    "get of nothing": lambda kb: kb.function_values.get("speed", ["wp1"]),
+    "functions.get_all": lambda kb: kb.functions.get_all(),
+}
+
+
+# Statements.
+
+
+def test_a_warm_write_takes_five_statements_at_most(kb: KnowledgeBase) -> None:
+    values = kb.function_values
+    values.set(BATTERY, [RB1], 10)
+    assert count(lambda: values.set("battery", ["rb1"], 9)) <= WRITE
+    assert count(lambda: values.increase(BATTERY, [RB1], 1)) <= WRITE
+    assert count(lambda: values.unset("battery", ["rb1"])) <= WRITE
+    assert count(lambda: values.set("battery", ["rb1"], 9)) <= WRITE
+    assert count(lambda: values.set("battery", ["rb1"], 9.0)) == 1
+    assert count(lambda: values.increase("battery", ["rb1"], 0)) == 1
+    kb.objects.save_all([WP1, WP2])
+    kb.functions.save(DISTANCE)
+    assert count(lambda: values.set(DISTANCE, [WP1, WP2], 1)) <= FIRST_WRITE + 1
+
+
+def test_save_all_takes_as_many_statements_for_a_thousand_values_as_for_ten(
+    kb: KnowledgeBase,
+) -> None:
+    fill(kb, 1)
+    kb.objects.save_all(map(waypoint, range(2_000)))
+    few = [distance(number) for number in range(10, 20)]
+    many = [distance(number) for number in range(20, 1_020)]
+    taken = {count(partial(kb.function_values.save_all, dtos)) for dtos in (few, many)}
+    assert len(taken) == 1
+    assert max(taken) <= FIRST_WRITE + 1
+    others = [distance(number, 2) for number in range(10, 1_020)]
+    assert count(lambda: kb.function_values.save_all(others)) <= WRITE
+    assert count(lambda: kb.function_values.save_all(others)) == 1
+    assert kb.function_values.get("distance", ["wp1", "wp1019"]) == 2
+
+
+def test_the_seam_for_files_takes_rows_without_dtos(kb: KnowledgeBase) -> None:
+    fill(kb, 2)
+    kb.functions.save(LOCATION)
+    store: Any = kb.factory._store  # type: ignore[attr-defined]
+    with store.transaction() as transaction:
+        functions, objects = transaction.definitions.functions, transaction.definitions.objects
+        one, zero = objects.named("wp1"), objects.named("wp0")
+        key = FluentKey(functions.named("distance").id, f"{zero.id} {one.id}")
+        entries = [
+            (key, "(distance wp0 wp1)", FluentValue("3.50")),
+            (key, "(distance wp0 wp1)", FluentValue("3.5")),
+            (key._replace(arguments=f"{one.id} {zero.id}"), "(distance wp1 wp0)", FluentValue("1")),
+        ]
+        assert transaction.values.set_many(entries) == 1
+    assert last_changes(kb) == ["+ value (= (distance wp0 wp1) 3.50)"]
+    assert kb.function_values.get("distance", ["wp0", "wp1"]) == Decimal("3.5")
+
+
+def test_a_read_takes_two_statements_at_most_however_many_rows_it_gives(
+    shared_url: str, connect: Connect
+) -> None:
+    kb = connect(shared_url)
+    taken: dict[str, set[int]] = {name: set() for name in READS}
+    for size in SIZES:
+        fill(kb, size)
+        for name, read in READS.items():
+            taken[name].add(count(partial(read, kb)))
+    assert len(kb.function_values.get_all()) == SIZES[-1]
+    kb.function_values.delete_all()
+    for name, read in READS.items():
+        taken[name].add(count(partial(read, connect(shared_url))))
+        taken[name].add(count(partial(read, connect(shared_url).at(3))))
+    assert all(max(counts) <= READ for counts in taken.values()), taken
+    assert all(counts <= {1, 2} for counts in taken.values()), taken
+    assert len(connect(shared_url).at(3).function_values.get_all()) == SIZES[-1]
+
+
+def test_deleting_an_object_takes_as_many_statements_however_many_values_mention_it(
+    kb: KnowledgeBase,
+) -> None:
+    counts = set()
+    for size in (10, 500):
+        fill(kb, size)
+        kb.function_values.set(LOCATION, [RB1], WP1)
+        counts.add(count(lambda: kb.objects.delete(WP1)))
+        assert kb.function_values.get_all() == []
+    assert len(counts) == 1
+
+
+# Sharing.
+
+
+def test_a_process_sees_what_another_has_set_and_defined(shared_url: str, connect: Connect) -> None:
+    one, other = connect(shared_url), connect(shared_url)
+    one.propositions.save(robot_at())
+    assert other.function_values.get_all() == []
+    one.function_values.set(LOCATION, [RB1], WP2)
+    assert other.function_values.get("loc", ["rb1"]) == WP2
+    one.function_values.set(BATTERY, [RB1], 1)
+    assert other.function_values.increase("battery", ["rb1"], 1) == 2
+    assert one.function_values.increase("battery", ["rb1"], 1) == 3
+    assert other.function_values.set("battery", ["rb1"], 3) is False
+    one.functions.delete(BATTERY)
+    assert other.function_values.get("battery", ["rb1"]) is None
+    assert [str(dto) for dto in other.function_values.get_all()] == ["(= (loc rb1) wp2)"]
+
+
+def test_threads_that_increase_lose_no_update(kb: KnowledgeBase) -> None:
+    kb.function_values.set(BATTERY, [RB1], 0)
+    with ThreadPoolExecutor(4) as pool:
+        list(pool.map(charge, [kb] * 4, [5] * 4))
+    assert kb.function_values.get("battery", ["rb1"]) == 20 * STEP
+    assert kb.revision == 41
+
+
+def test_processes_that_increase_lose_no_update(shared_url: str, connect: Connect) -> None:
+    kb = connect(shared_url, knowledge_base="tiago")
+    kb.function_values.set(BATTERY, [RB1], 0)
+    in_processes(*[(change, shared_url, charge_often)] * 3)
+    assert kb.function_values.get("battery", ["rb1"]) == 30 * STEP
+    assert check_chain(shared_url) == {"tiago": 61}
+
+
+def test_a_transaction_that_comes_to_nothing_leaves_nothing_behind(kb: KnowledgeBase) -> None:
+    cost = PddlFunctionDto("total-cost")
+    kb.function_values.set(BATTERY, [RB1], 1)
+    kb.objects.save(WP1)
+    kb.functions.save_all([LOCATION, cost])
+    with kb.transaction():
+        kb.function_values.set(LOCATION, [RB1], WP1)
+        assert len(kb.function_values.get_all()) == 2  # Now it has an id in the tables.
+        kb.function_values.unset(LOCATION, [RB1])
+    kb.function_values.set(cost, [], 5)  # Now another one has this id.
+    assert kb.function_values.set(LOCATION, [RB1], WP1) is True
+    assert [str(dto) for dto in kb.function_values.get_all()] == [
+        "(= (battery rb1) 1)",
+        "(= (total-cost) 5)",
+        "(= (loc rb1) wp1)",
+    ]
+    assert kb.revision == 5
+
+
+def test_values_are_part_of_a_revision_that_was_too_much_to_keep(
+    shared_url: str, connect: Connect, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("kant_sql.propositions.SPILL_AT", 2)
+    kb = connect(shared_url)
+    kb.function_values.set(BATTERY, [RB1], 1)
+    with kb.transaction():
+        kb.function_values.set(BATTERY, [RB1], 2)
+        kb.function_values.set(LOCATION, [RB1], WP1)
+        kb.propositions.save_all(robot_at(RB1, waypoint(number)) for number in range(9))
+        kb.function_values.set(BATTERY, [RB1], 3)
+        kb.function_values.unset(LOCATION, [RB1])
+    values = [line for line in last_changes(kb) if " value " in line]
+    assert values == ["+ value (= (battery rb1) 3)", "- value (= (battery rb1) 1)"]
+    assert kb.function_values.increase("battery", ["rb1"], 1) == 4
+    assert check_chain(shared_url) == {"default": 3}
+
+
+# Any sequence of calls.
+
+FLUENTS = [("battery", ("rb1",)), ("battery", ("rb2",)), ("distance", ("wp1", "wp2"))]
+_calls = st.tuples(
+    st.sampled_from(["set", "unset", "increase", "get", "get_all"]),
+    st.sampled_from(FLUENTS),
+    st.integers(0, 2),
+)
+_blocks = st.tuples(st.booleans(), st.lists(_calls, min_size=1, max_size=6))
+_programs = st.lists(
+    st.one_of(_calls, st.tuples(st.booleans(), st.lists(st.one_of(_calls, _blocks), max_size=5))),
+    max_size=8,
+)
+State = dict[Any, Any]
+
+
+def run(kb: KnowledgeBase, state: State, step: Any) -> None:
+    """Do a step, or a transaction of steps that fails or not, to a knowledge base and a dict."""
+    if isinstance(step[0], bool):
+        fails, steps = step
+        before = dict(state)
+        with undone(kb) if fails else kb.transaction():
+            for each in steps:
+                run(kb, state, each)
+        if fails:
+            state.clear()
+            state.update(before)
+        return
+    call, fluent, number = step
+    values: Any = kb.function_values
+    if call == "set":
+        assert values.set(*fluent, number) is (state.get(fluent) != number)
+        state[fluent] = number
+    elif call == "unset":
+        assert values.unset(*fluent) is (state.pop(fluent, None) is not None)
+    elif call == "increase" and fluent in state:
+        state[fluent] += number
+        assert values.increase(*fluent, number) == state[fluent]
+    elif call == "get":
+        assert values.get(*fluent) == state.get(fluent)
+    else:
+        assert read(kb) == state
+
+
+def read(kb: KnowledgeBase) -> State:
+    return {
+        (dto.function.name, tuple(object_.name for object_ in dto.objects)): dto.value
+        for dto in kb.function_values.get_all()
+    }
+
+
+@pytest.mark.parametrize("backend", ["sqlite-memory", "postgresql"])
+def test_any_program_has_the_results_of_a_dict(
+    backend: str, request: pytest.FixtureRequest, connect: Connect
+) -> None:
+    url = "sqlite://" if backend == "sqlite-memory" else request.getfixturevalue("one_database")
+    root, numbers = connect(url), iter(range(1_000_000))
+
+    @settings(max_examples=120, deadline=None, derandomize=True, database=None)
+    @given(_programs)
+    def holds_for(program: list[Any]) -> None:
+        kb = beside(root, f"values {next(numbers)}")
+        kb.functions.save_all([BATTERY, DISTANCE])
+        kb.propositions.save_all([robot_at(), robot_at(place=WP2)])
+        kb.objects.save(type(RB1)(RB1.type, "rb2"))
+        state: State = {}
+        states = [dict(state)]
+        for step in program:
+            revision = kb.revision
+            run(kb, state, step)
+            assert kb.revision - revision == (state != states[-1])
+            if kb.revision > revision:
+                states.append(dict(state))
+        newcomer = beside(root, kb.factory._store.name)  # type: ignore[attr-defined]
+        assert read(newcomer) == state
+        for number, then in enumerate(states[1:], start=4):
+            assert read(newcomer.at(number)) == then
+        versions = "SELECT count(*) FROM function_value_version WHERE kb_id = :kb"
+        opened = sum(len(then.items() - before.items()) for before, then in pairwise(states))
+        assert rows(kb, versions) == [(opened,)]
+
+    holds_for()

@@ -1,0 +1,55 @@
+"""Every pair of the corpus is stored, and comes back as the same documents and the same text."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from kant_sql import KnowledgeBase
+from kant_sql.pddl import read_domain, read_problem
+from kant_sql.pddl.writer import write
+from tests.conftest import Connect, make_store_url
+from tests.reading import beside
+
+CORPUS = Path(__file__).parents[2] / ".." / "shared" / "pddl"
+PAIRS = (
+    [(pair["domain"], pair["problem"]) for pair in json.loads((CORPUS / "index.json").read_text())]
+    if (CORPUS / "index.json").exists()
+    else []
+)
+
+
+@pytest.mark.skipif(not PAIRS, reason=f"there is no corpus beside the checkout: {CORPUS}")
+@pytest.mark.parametrize("backend", ["sqlite-file", "postgresql"])
+def test_all_pairs_are_stored_and_regenerated(
+    request: pytest.FixtureRequest, tmp_path: Path, connect: Connect, backend: str
+) -> None:
+    first = connect(make_store_url(request, backend, tmp_path), knowledge_base="first")
+    faults = {}
+    for domain, problem in PAIRS:
+        try:
+            _check(beside(first, problem), CORPUS / domain, CORPUS / problem)
+        except Exception as error:
+            faults[problem] = f"{type(error).__name__}: {error}"
+    print(f"{len(PAIRS) - len(faults)} of {len(PAIRS)} pairs are stored on {backend}")
+    assert faults == {}
+
+
+def _check(kb: KnowledgeBase, domain_path: Path, problem_path: Path) -> None:
+    domain = read_domain(domain_path)
+    problem = read_problem(problem_path, domain)
+    assert kb.load_domain(domain_path) == (1, domain.warnings)
+    # A problem that says nothing, of which there is none here, would make no revision.
+    assert kb.load_problem(problem_path) == (2, problem.warnings)
+    assert (kb.domain(), kb.problem()) == (domain, problem)
+    domain_text, problem_text = kb.domain_pddl(), kb.problem_pddl()
+    assert domain_text == write(domain)
+    assert problem_text == write(kb.problem())
+    assert read_domain(domain_text) == domain
+    assert read_problem(problem_text, domain) == problem
+    # What was written says all of what is stored, and nothing else.
+    assert kb.load_domain(domain_text).revision is None
+    assert kb.load_problem(problem_text).revision is None
+    assert (kb.domain_pddl(), kb.problem_pddl()) == (domain_text, problem_text)

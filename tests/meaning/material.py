@@ -1,0 +1,119 @@
+"""The pairs of domain and problem that are judged, and what kant_sql makes of them.
+
+A pair is a domain's and a problem's file. Those in `pairs/` are small and belong to these tests;
+those of the planning competitions lie in `shared/pddl`, beside the checkout, if at all.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+HERE = Path(__file__).parent
+CORPUS = HERE.parents[2] / "shared" / "pddl"
+PLANS = HERE / "plans"
+WITHOUT_CORPUS = f"no competition files in {CORPUS.name} of ../shared beside the checkout"
+# Everything, instead of what takes little time.
+ALL = os.environ.get("KANT_SQL_TEST_MEANING") == "all"
+
+Regenerate = Callable[[Path, Path], tuple[str, str]]
+
+
+@dataclass(frozen=True)
+class Pair:
+    """A domain and a problem in it."""
+
+    name: str
+    domain: Path
+    problem: Path
+
+    @property
+    def size(self) -> int:
+        """How many bytes the two files have."""
+        return self.domain.stat().st_size + self.problem.stat().st_size
+
+    @property
+    def plan(self) -> Path:
+        """Where a plan for it is kept, if one is."""
+        return PLANS / f"{self.name}.plan"
+
+
+def own_pairs() -> list[Pair]:
+    """The pairs that belong to these tests."""
+    domains = sorted((HERE / "pairs").glob("*-domain.pddl"))
+    names = [domain.name.removesuffix("-domain.pddl") for domain in domains]
+    return [
+        Pair(name, domain, domain.with_name(f"{name}-problem.pddl"))
+        for name, domain in zip(names, domains, strict=True)
+    ]
+
+
+def corpus_pairs() -> list[Pair]:
+    """The pairs of the competitions; none where the files are absent."""
+    index = CORPUS / "index.json"
+    if not index.exists():
+        return []
+    listed = json.loads(index.read_text())
+    files = [(CORPUS / entry["domain"], CORPUS / entry["problem"]) for entry in listed]
+    return [
+        Pair(f"{problem.parent.name}.{problem.stem}", domain, problem) for domain, problem in files
+    ]
+
+
+def by_documents(domain: Path, problem: Path) -> tuple[str, str]:
+    """Read the two files and write them, with no store in between."""
+    from kant_sql.pddl import read_domain, read_problem
+    from kant_sql.pddl.writer import write
+
+    document = read_domain(domain)
+    return write(document), write(read_problem(problem, document))
+
+
+def by_store(domain: Path, problem: Path) -> tuple[str, str]:
+    """Load the two files into a store, and have it say what it holds."""
+    import kant_sql
+
+    kb = kant_sql.connect("sqlite://")
+    try:
+        kb.load_domain(domain)
+        kb.load_problem(problem)
+        return kb.domain_pddl(), kb.problem_pddl()
+    finally:
+        kb.close()
+
+
+def regenerate(domain: Path, problem: Path) -> tuple[str, str]:
+    """Go the way from files to our text that is judged: the whole way, where it is there."""
+    from kant_sql import KnowledgeBase
+
+    way = by_documents or by_store if hasattr(KnowledgeBase, "load_domain") else by_documents
+    return way(domain, problem)
+
+
+class Workshop:
+    """Makes our text of pairs, once each, in a folder."""
+
+    def __init__(self, folder: Path, way: Regenerate = regenerate) -> None:
+        self._folder = folder
+        self._way = way
+        self._made: dict[str, Pair] = {}
+
+    def ours(self, pair: Pair) -> Pair:
+        """Write what kant_sql makes of a pair into files of the same names."""
+        if pair.name not in self._made:
+            folder = self._folder / pair.name
+            folder.mkdir(parents=True)
+            made = Pair(pair.name, folder / "domain.pddl", folder / "problem.pddl")
+            domain, problem = self._way(pair.domain, pair.problem)
+            made.domain.write_text(domain, encoding="utf-8")
+            made.problem.write_text(problem, encoding="utf-8")
+            self._made[pair.name] = made
+        return self._made[pair.name]
+
+
+def small(pairs: Sequence[Pair], most: int) -> list[Pair]:
+    """Choose what has at most so many bytes, or everything if that is asked for."""
+    return [pair for pair in pairs if ALL or pair.size <= most]

@@ -1,0 +1,30 @@
+; `either` in predicates, parameters and quantifiers; a parameter without a type.
+(define (domain bistro)
+  (:requirements :adl :action-costs)
+  (:types staff place - object waiter cook - staff table kitchen - place
+          cup plate - object)
+  (:constants bar - kitchen)
+  (:predicates
+    (at ?x - (either staff cup plate) ?p - place)
+    (carries ?w - waiter ?x - (either cup plate))
+    (dirty ?x - (either cup plate))
+    (free ?w - waiter)
+    (known ?x))
+  (:functions (total-cost) - number (fare ?from ?to - place) - number)
+  (:action walk
+    :parameters (?w - waiter ?from ?to - place)
+    :precondition (at ?w ?from)
+    :effect (and (not (at ?w ?from)) (at ?w ?to)
+                 (forall (?x - (either cup plate))
+                   (when (carries ?w ?x) (and (at ?x ?to) (not (at ?x ?from)))))
+                 (increase (total-cost) (fare ?from ?to))))
+  (:action take
+    :parameters (?w - waiter ?x - (either cup plate) ?p - place)
+    :precondition (and (at ?w ?p) (at ?x ?p) (or (free ?w) (known ?x)))
+    :effect (and (carries ?w ?x) (not (free ?w)) (increase (total-cost) 1)))
+  (:action wash
+    :parameters (?w - waiter)
+    :precondition (and (at ?w bar) (exists (?x - (either cup plate)) (carries ?w ?x)))
+    :effect (and (forall (?x - cup ?p - place) (when (and (carries ?w ?x) (dirty ?x)) (not (dirty ?x))))
+                 (forall (?x - plate) (when (carries ?w ?x) (not (dirty ?x))))
+                 (increase (total-cost) 2))))

@@ -1,0 +1,7 @@
+(define (problem garden)
+  (:domain watering)
+  (:objects rose fern - plant north south - well)
+  (:init (at-well north) (dry north) (= (carried) 0) (= (capacity) 2) (= (effort) 0)
+         (= (poured rose) 0) (= (poured fern) 0) (= (wanted rose) 3) (= (wanted fern) 1))
+  (:goal (and (= (poured rose) (wanted rose)) (>= (poured fern) (wanted fern))))
+  (:metric minimize (+ (effort) (* 2 (carried)))))

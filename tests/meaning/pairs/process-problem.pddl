@@ -1,0 +1,6 @@
+(define (problem fill)
+  (:domain tank)
+  (:objects small big - pump)
+  (:init (leaking) (= (level) 4) (= (limit) 40) (= (rate small) 0.75) (= (rate big) 3))
+  (:goal (and (>= (level) 20) (not (spilt)) (not (leaking))))
+  (:metric maximize (level)))

@@ -1,0 +1,5 @@
+(define (problem swap)
+  (:domain crane)
+  (:objects left middle right - spot red blue - box)
+  (:init (on red left) (on blue right) (empty middle) (idle))
+  (:goal (and (on red right) (on blue left))))

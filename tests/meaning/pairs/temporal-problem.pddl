@@ -1,0 +1,6 @@
+(define (problem party)
+  (:domain baking)
+  (:objects plum lemon - cake small - oven)
+  (:init (raw plum) (raw lemon) (free small) (= (time-for plum) 30) (= (time-for lemon) 12))
+  (:goal (and (iced plum) (iced lemon)))
+  (:metric minimize (total-time)))

@@ -1,0 +1,12 @@
+(define (problem two-cars)
+  (:domain ferry)
+  (:objects north south - place mini van - car)
+  (:init
+    (at charon north) (at mini north) (at van north)
+    (= (crossing north south) 4) (= (crossing south north) 4.50)
+    (= (weight mini) 0.75) (= (weight van) 2.5) (= (load) 0)
+    (harbour-open north)
+    (at 5 (tide-high)) (at 12 (not (tide-high)))
+    (at 8.5 (harbour-open south)))
+  (:goal (and (at mini south) (at van south)))
+  (:metric minimize (total-time)))

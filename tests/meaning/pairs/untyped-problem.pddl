@@ -1,0 +1,6 @@
+(define (problem RINGS)
+  (:domain ring-world)
+  (:objects gold silver hall south-door)
+  (:init (ring GOLD) (ring silver) (next hall North-Door) (next north-door south-door)
+         (door north-door) (door south-door) (locked north-door) (on gold hall) (on silver hall))
+  (:goal (and (on gold south-door) (on silver north-door))))

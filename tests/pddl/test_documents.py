@@ -1,0 +1,77 @@
+"""The strategies that other tests rely on draw every construct of the language."""
+
+from __future__ import annotations
+
+from hypothesis import HealthCheck, given, settings
+
+from kant_sql.dto import formula
+from kant_sql.dto.formula import (
+    ARITHMETIC,
+    ASSIGNMENTS,
+    COMPARISONS,
+    MODALS,
+    TIMES,
+    Arithmetic,
+    Assign,
+    Comparison,
+    Modal,
+    Node,
+    Preference,
+    Timed,
+)
+from kant_sql.pddl.document import ACTION, DURATIVE_ACTION, EVENT, PROCESS, Domain, Problem
+from kant_sql.pddl.requirements import REQUIREMENTS, used_requirements
+from kant_sql.pddl.walk import walk
+from tests.documents import domains_and_problems
+
+NODES = {kind.__name__ for kind in Node.__subclasses__() if kind.__module__ == formula.__name__}
+
+
+def roots(domain: Domain, problem: Problem) -> list[Node]:
+    found: list[Node] = [*domain.constraints, *domain.derived, *problem.goal, *problem.constraints]
+    found += [*problem.literals, *problem.facts, *problem.timed]
+    found += [problem.metric] if problem.metric is not None else []
+    for action in domain.actions:
+        found += [*action.duration, *action.condition, *action.effect]
+    return found
+
+
+def labels(node: Node) -> set[str]:
+    found = {type(node).__name__}
+    match node:
+        case Comparison() | Arithmetic() | Assign() | Modal():
+            found.add(f"{type(node).__name__} {node.operator}")
+        case Timed():
+            found.add(node.time)
+        case Preference():
+            found.add("named" if node.name else "unnamed")
+    return found
+
+
+def test_every_construct_is_drawn() -> None:
+    drawn: set[str] = set()
+
+    @settings(
+        max_examples=300,
+        derandomize=True,
+        database=None,
+        deadline=None,
+        suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large],
+    )
+    @given(domains_and_problems())
+    def draw(documents: tuple[Domain, Problem]) -> None:
+        domain, problem = documents
+        drawn.update(used_requirements(domain, problem))
+        drawn.update(action.kind for action in domain.actions)
+        for node in walk(*roots(domain, problem)):
+            drawn.update(labels(node))
+
+    draw()
+    wanted = NODES | set(TIMES) | {"named", "unnamed", ACTION, DURATIVE_ACTION, PROCESS, EVENT}
+    wanted |= {f"Comparison {operator}" for operator in COMPARISONS}
+    wanted |= {f"Arithmetic {operator}" for operator in ARITHMETIC}
+    wanted |= {f"Assign {operator}" for operator in ASSIGNMENTS}
+    wanted |= {f"Modal {operator}" for operator in MODALS}
+    # Costs are a matter of chance: numbers that happen to be used for nothing else.
+    wanted |= set(REQUIREMENTS) - {":action-costs"}
+    assert wanted - drawn == set()

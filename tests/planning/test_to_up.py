@@ -1,0 +1,499 @@
+"""Documents become problems of unified-planning that mean the same, or are refused by name."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from fractions import Fraction
+from importlib.util import find_spec
+
+import pytest
+
+from kant_sql import PlannerMissingError, UnsupportedConstructError
+from kant_sql.pddl import read_domain, read_problem
+from kant_sql.planning import to_unified_planning
+from tests.planning.corpus import EVERYTHING, pairs, small_pairs
+from tests.planning.normal_form import normal_form, spelled
+
+unified_planning = pytest.importorskip("unified_planning")
+from unified_planning.environment import Environment  # noqa: E402
+from unified_planning.model import (  # noqa: E402
+    MinimizeActionCosts,
+    MinimizeExpressionOnFinalState,
+    MinimizeMakespan,
+    MinimizeSequentialPlanLength,
+    Oversubscription,
+)
+from unified_planning.model import Problem as UpProblem  # noqa: E402
+
+DOMAIN = """
+(define (domain yard)
+  (:types vehicle place - object truck van - vehicle)
+  (:predicates (at ?v - vehicle ?p - place) (road ?a ?b - place) (clean ?v - vehicle) (move))
+  (:functions (fuel ?v - vehicle) (length ?a ?b - place) (total-cost) (rate))
+  {more}
+  (:action move
+    :parameters (?v - vehicle ?a ?b - place)
+    :precondition {precondition}
+    :effect {effect}))
+"""
+PROBLEM = """
+(define (problem morning) (:domain yard)
+  (:objects t1 t2 - truck v1 - van p q - place)
+  (:init (at t1 p) (road p q) (= (fuel t1) 4.5) (= (total-cost) 0) {init})
+  (:goal {goal}) {more})
+"""
+DURATIVE = """
+(:durative-action wash
+  :parameters (?v - vehicle ?p - place)
+  :duration {duration}
+  :condition {condition}
+  :effect {effect})
+"""
+FREE = "(and (at ?v ?a) (road ?a ?b))"
+DRIVEN = "(and (not (at ?v ?a)) (at ?v ?b))"
+
+
+@pytest.fixture
+def environment() -> Environment:
+    return Environment()
+
+
+def convert(
+    *,
+    precondition: str = FREE,
+    effect: str = DRIVEN,
+    domain: str = "",
+    init: str = "",
+    goal: str = "(at t1 q)",
+    problem: str = "",
+    environment: Environment | None = None,
+) -> UpProblem:
+    read = read_domain(DOMAIN.format(more=domain, precondition=precondition, effect=effect))
+    asked = read_problem(PROBLEM.format(init=init, goal=goal, more=problem), read)
+    return to_unified_planning(read, asked, environment)
+
+
+def durative(
+    duration: str = "(= ?duration 5)",
+    condition: str = "(at start (at ?v ?p))",
+    effect: str = "(at end (clean ?v))",
+    problem: str = "",
+    init: str = "",
+) -> UpProblem:
+    action = DURATIVE.format(duration=duration, condition=condition, effect=effect)
+    return convert(domain=action, problem=problem, init=init)
+
+
+def test_classical() -> None:
+    made = convert()
+    assert made.name == "morning"
+    assert [str(type_) for type_ in made.user_types] == [
+        "vehicle",
+        "place",
+        "truck - vehicle",
+        "van - vehicle",
+    ]
+    assert [item.name for item in made.all_objects] == ["t1", "t2", "v1", "p", "q"]
+    action = made.action("move")
+    assert [str(parameter) for parameter in action.parameters] == [
+        "vehicle v",
+        "place a",
+        "place b",
+    ]
+    assert list(map(str, action.preconditions)) == ["at(v, a)", "road(a, b)"]
+    assert list(map(str, action.effects)) == ["at(v, a) := false", "at(v, b) := true"]
+    assert list(map(str, made.goals)) == ["at(t1, q)"]
+    at, fuel = made.fluent("at"), made.fluent("fuel")
+    objects = {item.name: item for item in made.all_objects}
+    assert made.initial_value(at(objects["t1"], objects["p"])).is_true()
+    assert made.initial_value(at(objects["t2"], objects["p"])).is_false()
+    assert made.initial_value(fuel(objects["t1"])).constant_value() == Fraction(9, 2)
+    assert made.initial_value(fuel(objects["t2"])) is None
+
+
+def test_a_name_of_two_elements() -> None:
+    made = convert(precondition=f"(and {FREE} (not (move)))", init="(move)")
+    assert made.has_action("move")
+    assert made.has_fluent("move_predicate")
+    assert "(not move_predicate)" in str(made.action("move"))
+
+
+def test_object_is_a_type_only_where_it_is_needed() -> None:
+    assert not convert().has_type("object")
+    made = convert(goal="(exists (?x) (= ?x t1))")
+    assert made.user_type("place").father == made.user_type("object")
+
+
+def test_either_in_a_parameter_makes_an_action_for_each_type() -> None:
+    wash = "(:action wash :parameters (?x - (either truck place)) :effect (move))"
+    made = convert(domain=wash)
+    assert {action.name for action in made.actions} == {"move", "wash_truck", "wash_place"}
+
+
+def test_either_in_a_quantifier_and_a_predicate() -> None:
+    domain = """
+    (define (domain d) (:types a b - top c)
+      (:predicates (p ?x - (either a b)) (done))
+      (:action act :parameters (?z - c)
+        :precondition (and (exists (?x - (either a b)) (p ?x))
+                           (forall (?x - (either a b c)) (done)))
+        :effect (forall (?x - (either a b)) (not (p ?x)))))
+    """
+    read = read_domain(domain)
+    problem = "(define (problem q) (:domain d) (:objects x - a) (:init) (:goal (done)))"
+    made = to_unified_planning(read, read_problem(problem, read))
+    action = made.action("act")
+    assert str(made.fluent("p").signature[0].type) in {"top", "top - object"}
+    conditions = " ".join(map(str, action.preconditions))
+    assert conditions.count("Exists") == 2
+    assert conditions.count("Forall") == 3
+    assert len(action.effects) == 2
+
+
+def test_an_inner_variable_does_not_hide_an_outer_one() -> None:
+    goal = "(forall (?p - place) (or (at t1 ?p) (exists (?p - place) (at t2 ?p))))"
+    assert "Exists (place p_2) at(t2, p_2)" in str(convert(goal=goal).goals)
+    made = convert(precondition="(exists (?v - place) (road ?v ?a))")
+    assert "Exists (place v_2) road(v_2, a)" in str(made.action("move").preconditions)
+
+
+def test_derived_predicates_are_replaced() -> None:
+    domain = DOMAIN.format(
+        more="(:derived (near ?x ?y - place) (or (road ?x ?y) (road ?y ?x)))",
+        precondition="(and (at ?v ?a) (not (near ?b ?a)))",
+        effect=DRIVEN,
+    ).replace("(move))", "(move) (near ?x ?y - place))", 1)
+    read = read_domain(domain)
+    made = to_unified_planning(
+        read, read_problem(PROBLEM.format(init="", goal="(near q p)", more=""), read)
+    )
+    assert not made.has_fluent("near")
+    assert str(made.goals) == "[(road(q, p) or road(p, q))]"
+    assert "(not (road(b, a) or road(a, b)))" in str(made.action("move").preconditions)
+
+
+def test_effects() -> None:
+    made = convert(
+        effect="""(and (at ?v ?b)
+            (forall (?x - vehicle ?y - place)
+              (when (and (at ?x ?y) (clean ?x)) (and (not (at ?x ?y)) (decrease (fuel ?x) 0.5))))
+            (forall (?x - truck) (increase (rate) 2))
+            (scale-up (fuel ?v) 3) (assign (length ?a ?b) (- (fuel ?v))))""",
+        init="(= (rate) 1)",
+    )
+    assert list(map(str, made.action("move").effects)) == [
+        "at(v, b) := true",
+        "forall vehicle x, place y if (at(x, y) and clean(x)) then at(x, y) := false",
+        "forall vehicle x, place y if (at(x, y) and clean(x)) then fuel(x) -= 1/2",
+        "rate += (2 * 2)",  # once for each of two trucks
+        "fuel(v) := (fuel(v) * 3)",
+        "length(a, b) := (-1 * fuel(v))",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("duration", "interval"),
+    [
+        ("(= ?duration 5)", "[5, 5]"),
+        ("(and (>= ?duration 1) (< ?duration (rate)))", "[1, rate)"),
+        ("(and (> ?duration 1) (<= ?duration 2.5))", "(1, 5/2]"),
+        ("(<= ?duration 4)", "[0, 4]"),
+        ("(at start (= 3 ?duration))", "[3, 3]"),
+        ("(and (>= ?duration 1) (>= ?duration 2) (<= ?duration 8) (< ?duration 8))", "[2, 8)"),
+        ("(at end (<= ?duration (rate)))", "[0, rate]"),  # nothing changes the rate
+    ],
+)
+def test_durations(duration: str, interval: str) -> None:
+    assert str(durative(duration).action("wash").duration) == interval
+
+
+def test_conditions_and_effects_in_time() -> None:
+    made = durative(
+        condition="""(and (at start (at ?v ?p)) (over all (and (at ?v ?p) (not (clean ?v))))
+                          (forall (?x - vehicle) (at end (imply (clean ?x) (at ?x ?p)))))""",
+        effect="""(and (at start (not (clean ?v))) (at end (clean ?v))
+                       (forall (?x - van) (when (at end (at ?x ?p)) (at end (clean ?x))))
+                       (at end (decrease (fuel ?v) (* ?duration 2)))
+                       (increase (rate) (* #t 0.25)))""",
+    )
+    action = made.action("wash")
+    assert {str(span): str(nodes) for span, nodes in action.conditions.items()} == {
+        "[start]": "[at(v, p)]",
+        "(start, end)": "[(at(v, p) and (not clean(v)))]",
+        "[end]": "[Forall (vehicle x) (clean(x) implies at(x, p))]",
+    }
+    assert {str(time): list(map(str, made)) for time, made in action.effects.items()} == {
+        "start": ["clean(v) := false"],
+        "end": [
+            "clean(v) := true",
+            "forall van - vehicle x if at(x, p) then clean(x) := true",
+            "fuel(v) -= (5 * 2)",
+        ],
+    }
+    assert str(action.continuous_effects) == "{[start, end]: [drate/dt = 1/4]}"
+
+
+def test_timed_initial_literals() -> None:
+    made = durative(init="(at 5 (clean t1)) (at 7.5 (not (clean t1))) (at 9 (= (rate) 2))")
+    assert {str(time): str(effects) for time, effects in made.timed_effects.items()} == {
+        "start + 5": "[clean(t1) := true]",
+        "start + 15/2": "[clean(t1) := false]",
+        "start + 9": "[rate := 2]",
+    }
+    assert all(time.is_global() for time in made.timed_effects)
+
+
+def test_constraints() -> None:
+    made = convert(
+        domain="(:constraints (always (not (move))))",
+        problem="""(:constraints (and (sometime (clean t1))
+            (forall (?v - truck) (and (at-most-once (clean ?v)) (at end (clean ?v))))
+            (sometime-after (clean t1) (at t1 q)) (sometime-before (clean t1) (at t1 p))))""",
+    )
+    assert list(map(str, made.trajectory_constraints)) == [
+        "Always((not move_predicate))",
+        "Sometime(clean(t1))",
+        "Forall (truck - vehicle v) At-Most-Once(clean(v))",
+        "Sometime-After(clean(t1), at(t1, q))",
+        "Sometime-Before(clean(t1), at(t1, p))",
+    ]
+    assert list(map(str, made.goals)) == ["at(t1, q)", "Forall (truck - vehicle v) clean(v)"]
+
+
+COSTLY = f"(and {DRIVEN} (increase (total-cost) (length ?a ?b)) (increase (total-cost) 1))"
+
+
+def test_action_costs() -> None:
+    made = convert(effect=COSTLY, problem="(:metric minimize (total-cost))")
+    (metric,) = made.quality_metrics
+    assert isinstance(metric, MinimizeActionCosts)
+    assert str(metric.get_action_cost(made.action("move"))) == "(length(a, b) + 1)"
+    assert not made.has_fluent("total-cost")
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"precondition": "(< (total-cost) 10)"},
+        {"effect": "(when (clean ?v) (increase (total-cost) 1))"},
+        {"effect": "(decrease (total-cost) 1)"},
+        {"goal": "(< (total-cost) 10)"},
+        {"init": "(at 5 (= (total-cost) 3))"},
+    ],
+)
+def test_a_total_cost_that_is_more_than_costs_stays_a_number(change: dict[str, str]) -> None:
+    made = convert(**{"effect": COSTLY, **change}, problem="(:metric minimize (total-cost))")
+    (metric,) = made.quality_metrics
+    assert isinstance(metric, MinimizeExpressionOnFinalState)
+    assert made.has_fluent("total-cost")
+
+
+def test_metrics() -> None:
+    time = "(:metric minimize (total-time))"
+    assert isinstance(durative(problem=time).quality_metrics[0], MinimizeMakespan)
+    steps = convert(problem=time).quality_metrics
+    assert isinstance(steps[0], MinimizeSequentialPlanLength)
+    fuel = convert(problem="(:metric maximize (+ (fuel t1) (fuel t2) 1))").quality_metrics
+    assert str(fuel) == "[maximize (fuel(t1) + fuel(t2) + 1)]"
+
+
+def test_preferences_that_the_metric_alone_counts() -> None:
+    made = convert(
+        goal="""(and (at t1 q) (preference neat (clean t1)) (preference unused (clean v1))
+                     (forall (?v - truck) (preference all (clean ?v))))""",
+        problem="""(:metric maximize (- 10 (+ (* 3 (is-violated neat)) (is-violated all)
+                                              (/ (is-violated all) 2))))""",
+    )
+    (metric,) = made.quality_metrics
+    assert isinstance(metric, Oversubscription)
+    assert {str(goal): gain for goal, gain in metric.goals.items()} == {
+        "clean(t1)": Fraction(9, 2),
+        "clean(t2)": Fraction(3, 2),
+    }
+    assert list(map(str, made.goals)) == ["at(t1, q)"]
+
+
+def test_preferences_that_nothing_counts() -> None:
+    made = convert(
+        precondition=f"(and {FREE} (preference p (clean ?v)))",
+        goal="(and (at t1 q) (preference (clean t1)))",
+        problem="(:constraints (preference c (always (clean t1))))",
+    )
+    assert not made.quality_metrics
+    assert not made.trajectory_constraints
+    assert "clean" not in str(made.action("move"))
+
+
+def test_object_fluents() -> None:
+    domain = read_domain(
+        """
+        (define (domain couriers) (:types place courier)
+          (:functions (place-of ?c - courier) - place)
+          (:action drive :parameters (?c - courier ?to - place)
+            :precondition (not (= (place-of ?c) ?to)) :effect (assign (place-of ?c) ?to)))
+        """
+    )
+    problem = """
+    (define (problem one) (:domain couriers) (:objects a b - place kim - courier)
+      (:init (= (place-of kim) a)) (:goal (= (place-of kim) b)))
+    """
+    made = to_unified_planning(domain, read_problem(problem, domain))
+    assert str(made.fluent("place-of").type) == "place"
+    assert str(made.action("drive").preconditions) == "[(not (place-of(c) == to))]"
+    assert str(made.action("drive").effects) == "[place-of(c) := to]"
+    assert str(made.explicit_initial_values) == "{place-of(kim): a}"
+
+
+def test_processes_and_events() -> None:
+    made = convert(
+        domain="""
+        (:process leak :parameters (?v - vehicle) :precondition (> (fuel ?v) 0)
+          :effect (decrease (fuel ?v) (* #t 0.5)))
+        (:event stop :parameters (?v - vehicle) :precondition (<= (fuel ?v) 0) :effect (move))
+        """
+    )
+    assert str(made.process("leak").effects) == "[dfuel(v)/dt = - 1/2]"
+    assert str(made.event("stop").effects) == "[move_predicate := true]"
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (
+            {"domain": "(:derived (move) (not (move)))", "goal": "(move)"},
+            r"cannot express \(move\) in the goal: .*rests on itself",
+        ),
+        (
+            {"problem": "(:constraints (within 5 (clean t1)))"},
+            r"\(within 5 \(clean t1\)\) in the constraints: within has no counterpart",
+        ),
+        (
+            {"problem": "(:metric minimize (+ (fuel t1) (total-time)))"},
+            r"\(total-time\) in the metric",
+        ),
+        (
+            {
+                "goal": "(and (move) (preference p (clean t1)))",
+                "problem": "(:metric minimize (+ (fuel t1) (is-violated p)))",
+            },
+            r"\(fuel t1\) in the metric: a sum of violations and other quantities",
+        ),
+        (
+            {
+                "precondition": f"(and {FREE} (preference p (clean ?v)))",
+                "problem": "(:metric minimize (is-violated p))",
+            },
+            r"\(preference p \(clean \?v\)\) in action move",
+        ),
+        (
+            {"effect": "(assign (fuel ?v) (/ (rate) 0))"},
+            r"\(/ \(rate\) 0\) in action move: it divides by zero",
+        ),
+    ],
+)
+def test_what_has_no_counterpart_is_named_with_its_place(
+    change: dict[str, str], message: str
+) -> None:
+    with pytest.raises(UnsupportedConstructError, match=message):
+        convert(**change)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"duration": "(>= ?duration 2)"}, "durative-action wash: the duration needs an upper"),
+        (
+            {"effect": "(when (at start (clean ?v)) (at end (not (clean ?v))))"},
+            "an effect whose condition has another time",
+        ),
+        (
+            {
+                "duration": "(= ?duration (fuel ?v))",
+                "effect": "(at end (decrease (fuel ?v) ?duration))",
+            },
+            r"\?duration in durative-action wash",
+        ),
+        (
+            {"duration": "(and (= ?duration (rate)) (<= ?duration (fuel ?v)))"},
+            "one lower and one upper bound",
+        ),
+        (
+            {"effect": "(forall (?x - van) (increase (fuel ?x) (* #t 2)))"},
+            "a continuous effect with a condition or a quantifier",
+        ),
+    ],
+)
+def test_what_takes_time_and_has_no_counterpart(change: dict[str, str], message: str) -> None:
+    with pytest.raises(UnsupportedConstructError, match=message):
+        durative(**change)
+
+
+def test_several_supertypes_and_objects_of_several_types_are_refused() -> None:
+    two = "(define (domain d) (:types a b - object c - (either a b)) (:predicates (p)))"
+    read = read_domain(two)
+    problem = "(define (problem q) (:domain d) (:init) (:goal (p)))"
+    with pytest.raises(UnsupportedConstructError, match="type c: it has the supertypes a and b"):
+        to_unified_planning(read, read_problem(problem, read))
+    read = read_domain("(define (domain d) (:types a b) (:predicates (p)))")
+    either = "(define (problem q) (:domain d) (:objects x - (either a b)) (:init) (:goal (p)))"
+    with pytest.raises(UnsupportedConstructError, match=r"object x: an object has one type"):
+        to_unified_planning(read, read_problem(either, read))
+
+
+def test_an_environment_of_its_own(environment: Environment) -> None:
+    assert convert(environment=environment).environment is environment
+
+
+def test_without_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    with pytest.raises(PlannerMissingError, match=re.escape('pip install "kant-sql[planning]"')):
+        convert()
+
+
+def test_the_package_is_imported_without_unified_planning() -> None:
+    code = "import sys; import kant_sql.planning; sys.exit('unified_planning' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+    assert find_spec("unified_planning") is not None
+
+
+def test_the_competitions_files_are_converted_or_refused_by_name() -> None:
+    """All of them with KANT_SQL_TEST_CORPUS=all, else the small ones."""
+    converted = 0
+    given = pairs() if EVERYTHING else small_pairs(20_000)
+    for pair in given:
+        read = read_domain(pair.domain)
+        try:
+            to_unified_planning(read, read_problem(pair.problem, read))
+        except UnsupportedConstructError:
+            continue
+        converted += 1
+    assert converted > len(given) * 0.6
+
+
+def test_what_unified_planning_reads_itself_is_the_same() -> None:
+    """All of the competitions' files with KANT_SQL_TEST_CORPUS=all, else a handful."""
+    from unified_planning.io import PDDLReader
+
+    environment = unified_planning.environment.get_environment()
+    environment.error_used_name = False
+    compared = 0
+    try:
+        for pair in pairs() if EVERYTHING else small_pairs(6_000)[:12]:
+            try:
+                theirs = PDDLReader(environment).parse_problem(str(pair.domain), str(pair.problem))
+            except Exception:
+                continue
+            domain, problem = (
+                path.read_text(encoding="utf-8", errors="replace").lower()
+                for path in (pair.domain, pair.problem)
+            )
+            read = read_domain(domain)
+            ours = to_unified_planning(read, read_problem(problem, read), environment)
+            compared += 1
+            if normal_form(ours) != normal_form(theirs):
+                assert spelled(normal_form(ours)) == spelled(normal_form(theirs)), pair.name
+    finally:
+        environment.error_used_name = True
+    assert compared >= (60 if EVERYTHING else 4)
