@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from .documents import Loaded
 from .dto import (
     Dto,
     PddlActionDto,
     PddlConditionEffectDto,
     PddlEitherTypeDto,
+    PddlEventDto,
     PddlFunctionDto,
     PddlFunctionValueDto,
     PddlObjectDto,
     PddlPredicateDto,
+    PddlProcessDto,
     PddlPropositionDto,
     PddlTypeDto,
 )
@@ -29,6 +32,7 @@ from .errors import (
     NoPlanError,
     NotADatabaseError,
     OutcomeUnknownError,
+    PddlError,
     PlannerMissingError,
     ReadOnlyError,
     ReadOnlyStoreError,
@@ -50,6 +54,7 @@ from .factory import DaoFactory, create_dao_factory
 from .history import LogEntry, Revision
 from .knowledge.changes import Change
 from .knowledge_base import KnowledgeBase, connect
+from .planning import Plan, PlanStep
 from .schema import downgrade, upgrade
 
 __version__ = "0.1.0"
@@ -70,6 +75,7 @@ __all__ = [
     "InvalidUrlError",
     "KantSqlError",
     "KnowledgeBase",
+    "Loaded",
     "LogEntry",
     "NoPlanError",
     "NotADatabaseError",
@@ -77,12 +83,17 @@ __all__ = [
     "PddlActionDto",
     "PddlConditionEffectDto",
     "PddlEitherTypeDto",
+    "PddlError",
+    "PddlEventDto",
     "PddlFunctionDto",
     "PddlFunctionValueDto",
     "PddlObjectDto",
     "PddlPredicateDto",
+    "PddlProcessDto",
     "PddlPropositionDto",
     "PddlTypeDto",
+    "Plan",
+    "PlanStep",
     "PlannerMissingError",
     "ReadOnlyError",
     "ReadOnlyStoreError",

@@ -44,6 +44,9 @@ _WRONG_COPIES = """
     JOIN proposition ON proposition.kb_id = version.kb_id AND id = proposition_id
     WHERE version.is_goal <> proposition.is_goal OR version.predicate_id <> proposition.predicate_id
 """
+_DEFINED = " UNION ALL ".join(
+    f"SELECT kb_id, since, until FROM {table}_version" for table in _DEFINITIONS
+)
 _IDS = " UNION ALL ".join(f"SELECT kb_id, id FROM {table}" for table in _IDENTITIES)
 
 
@@ -101,6 +104,9 @@ def check_tables(execute: Execute, dialect: Dialect) -> dict[str, int]:
     largest: defaultdict[int, int] = defaultdict(int)
     for kb_id, id_ in execute(_IDS):
         largest[kb_id] = max(largest[kb_id], id_)
+    redefined: defaultdict[int, int] = defaultdict(int)
+    for kb_id, since, until in execute(_DEFINED):
+        redefined[kb_id] = max(redefined[kb_id], since, until or 0)
     heads = list(
         execute(_KNOWLEDGE_BASES.format(head_time=dialect.time.format("head.committed_at")))
     )
@@ -108,8 +114,7 @@ def check_tables(execute: Execute, dialect: Dialect) -> dict[str, int]:
         found = _check_revisions(name, revisions[kb_id], changes[kb_id])
         expected = found or (0, None, None)
         assert (number, digest, committed_at) == expected, f"{name}: the head is not {expected}"
-        redefining = [at for at, lines in changes[kb_id].items() if _defines(lines)]
-        assert definition_revision == max(redefining, default=0), f"{name}: {redefining[-1:]}"
+        assert definition_revision == redefined[kb_id], f"{name}: {redefined[kb_id]}"
         assert next_id > largest[kb_id], f"{name}: the next id {next_id} is given out already"
     assert revisions.keys() | changes.keys() <= {kb_id for kb_id, *_ in heads}
     return {name: number for _, name, number, *_ in heads}
@@ -120,17 +125,19 @@ def _changes(execute: Execute) -> defaultdict[int, defaultdict[int, list[_Change
     changes: defaultdict[int, defaultdict[int, list[_Change]]] = defaultdict(
         lambda: defaultdict(list)
     )
-    queries = [_DEFINITION_CHANGES.format(kind=kind) for kind in _KINDS]
+    queries = [
+        # A formula is of the kind that its section says.
+        _DEFINITION_CHANGES.format(
+            kind="section" if table == "formula" else f"'{table}'", table=table
+        )
+        for table in _DEFINITIONS
+    ]
     for query in [*queries, _VALUE_CHANGES, _PROPOSITION_CHANGES]:
         for kb_id, since, until, kind, text in execute(query):
             changes[kb_id][since].append(("+", kind, text))
             if until is not None:
                 changes[kb_id][until].append(("-", kind, text))
     return changes
-
-
-def _defines(lines: list[_Change]) -> bool:
-    return any(kind in _KINDS for _, kind, _ in lines)
 
 
 def _check_revisions(

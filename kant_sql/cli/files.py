@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import os
 import sys
@@ -15,6 +16,7 @@ from ..pddl.forms import DOMAIN, PROBLEM, Form, Scanner
 from ..pddl.tokens import Text, decode
 
 STANDARD_INPUT = "-"
+_STDIN = "<stdin>"
 
 
 class Inputs(NamedTuple):
@@ -43,9 +45,12 @@ def read_bytes(path: str) -> tuple[str, bytes]:
     Raises:
         OSError: it cannot be read.
     """
-    if path == STANDARD_INPUT:
-        return "<stdin>", sys.stdin.buffer.read()
-    return str(Path(path)), Path(path).read_bytes()
+    name = _STDIN if path == STANDARD_INPUT else str(Path(path))
+    try:
+        return name, _read_stdin() if path == STANDARD_INPUT else Path(path).read_bytes()
+    except OSError as error:
+        # Not every error says by itself which file it is about.
+        raise OSError(error.errno, error.strerror, name) from error
 
 
 def read_inputs(paths: Sequence[str]) -> Inputs:
@@ -92,3 +97,10 @@ def _without(text: Text, forms: Sequence[Form], kind: str) -> Text:
 def _as_text(name: str) -> str:
     """Write a path that may be no Unicode text."""
     return os.fsencode(name).decode("utf-8", "backslashreplace")
+
+
+def _read_stdin() -> bytes:
+    if not sys.stdin:
+        # The process was started with it closed.
+        raise OSError(errno.EBADF, os.strerror(errno.EBADF))
+    return sys.stdin.buffer.read()

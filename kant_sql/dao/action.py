@@ -23,16 +23,15 @@ from ..dto.pddl_action_dto import action_text, duration_text
 from ..errors import ArityError, ConflictError, InvalidKnowledgeError, TypeMismatchError
 from ..knowledge.action import ActionDefinition
 from ..knowledge.predicate import ParameterDefinition
-from ..knowledge.tree import Tree
 from ..knowledge.tree_reader import TreeReader, typed_name
 from ..transaction import Transaction
+from .action_trees import Trees, action_trees
 from .base import expect, expect_list
 from .builder import DtoBuilder
 from .interfaces import PddlActionDao, PddlEventDao, PddlProcessDao
 from .named import SqlNamedDao
 from .object import check_object
 from .predicate import ensure_predicate
-from .tree_writer import Place, TreeWriter
 from .type import ensure_type, ensure_types
 
 A = TypeVar("A", bound=PddlActionDto)
@@ -43,7 +42,7 @@ def put_action(
     keyword: str,
     name: str,
     parameters: tuple[ParameterDefinition, ...],
-    parts: tuple[Tree, Tree, Tree],
+    parts: Trees,
 ) -> bool:
     """Define an action, a process or an event.
 
@@ -118,20 +117,14 @@ class ActionReader:
             self._add_parameter(parameter)
         condition = self._formulas("condition", dto.conditions)
         effect = self._formulas("effect", dto.effects)
-        parts = (
-            self._constraint(duration),
-            self._writer("condition").conjunction(condition, Place.CONDITION),
-            self._writer("effect").conjunction(effect, Place.EFFECT),
-        )
         parameters = tuple(self._parameters)
+        parts = action_trees(
+            self._transaction, dto.keyword, dto.name, parameters, duration, condition, effect
+        )
         return put_action(self._transaction, dto.keyword, dto.name, parameters, parts)
 
     def _part(self, part: str) -> str:
         return f"the list of {part} of {self._role}"
-
-    def _writer(self, section: str) -> TreeWriter:
-        role = f"the {section} of {self._role}"
-        return TreeWriter(self._definitions, role, self._parameters, self._dto.durative)
 
     def _duration(self) -> tuple[Node, ...]:
         duration = self._dto.duration
@@ -149,14 +142,6 @@ class ActionReader:
             )
         number = Number(Decimal(number_text(duration)))
         return (Comparison("=", Variable("duration"), number),)
-
-    def _constraint(self, duration: tuple[Node, ...]) -> Tree:
-        if not duration:
-            return ()
-        writer = self._writer("duration")
-        if len(duration) == 1:
-            return writer.tree(duration[0], Place.CONDITION)
-        return writer.conjunction(duration, Place.CONDITION)
 
     def _add_parameter(self, dto: PddlObjectDto) -> None:
         check_name("parameter", dto.name)

@@ -144,6 +144,7 @@ def retract(transaction: Transaction, atoms: list[Atom]) -> None:
         transaction: the transaction.
         atoms: the propositions.
     """
+    transaction.propositions.look_at(atoms)
     for atom in atoms:
         transaction.propositions.set(transaction.propositions.know(atom), False)
 

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from typing import ClassVar, Generic, TypeVar
 
 from ..dto.formula import (
-    And,
     Atom,
     Constant,
     Derived,
@@ -30,6 +29,7 @@ from ..knowledge.formula import (
     formula_name,
 )
 from ..knowledge.tree_reader import TreeReader
+from ..pddl.formulas import flatten
 from ..transaction import Transaction
 from .base import SqlDao, batches
 from .formula_interfaces import (
@@ -39,19 +39,19 @@ from .formula_interfaces import (
     InitialLiteralDao,
     TimedInitialLiteralDao,
 )
-from .term_writer import shown
-from .tree_writer import Place, TreeWriter
+from .term_writer import Place, shown
+from .tree_writer import TreeWriter
 
 N = TypeVar("N", bound=Node)
 
 _PLACES = {
-    DERIVED_PREDICATE: Place.CONDITION,
+    DERIVED_PREDICATE: Place.DERIVED,
     DOMAIN_CONSTRAINT: Place.CONSTRAINT,
-    INITIAL: Place.CONDITION,
-    TIMED: Place.EFFECT,
+    INITIAL: Place.INITIAL,
+    TIMED: Place.TIMED,
     GOAL: Place.CONDITION,
     CONSTRAINT: Place.CONSTRAINT,
-    METRIC: Place.CONDITION,
+    METRIC: Place.METRIC,
 }
 
 
@@ -97,7 +97,7 @@ def make_formula(transaction: Transaction, section: str, node: Node) -> FormulaD
         InvalidKnowledgeError: it is not well formed, or names what is not known.
     """
     definitions = transaction.definitions
-    writer = TreeWriter(definitions, f"the {section} {shown(node)}")
+    writer = TreeWriter(transaction, f"the {section} {shown(node)}")
     tree = writer.tree(node, _PLACES[section])
     text = str(TreeReader(definitions, tree).formula())
     name = formula_name(section, text)
@@ -121,22 +121,6 @@ def put_formula(transaction: Transaction, section: str, node: Node) -> bool:
         InvalidKnowledgeError: as `make_formula`.
     """
     return transaction.define("formula", make_formula(transaction, section, node))
-
-
-def conjuncts(formula: Formula) -> Iterator[Formula]:
-    """Give the formulas whose conjunction a formula is.
-
-    Args:
-        formula: the formula.
-
-    Yields:
-        The conjuncts, those of conjunctions within conjunctions too.
-    """
-    if isinstance(formula, And):
-        for part in formula.formulas:
-            yield from conjuncts(part)
-    else:
-        yield formula
 
 
 def is_ground(formula: Node) -> bool:
@@ -216,7 +200,7 @@ class SqlFormulaDao(SqlDao, FormulaDao[N], Generic[N]):
             names = " or ".join(each.__name__ for each in self.node_classes)
             raise InvalidKnowledgeError(
                 f"what stands as a {self.section} is a node {names} of kant_sql.pddl, not "
-                f"{type(formula).__name__}: {formula!s:.80}"
+                f"{type(formula).__name__}: {shown(formula)}"
             )
         return formula
 
@@ -251,7 +235,7 @@ class SqlConstraintDao(SqlFormulaDao[Formula], ConstraintDao):
     section = CONSTRAINT
 
     def _put(self, transaction: Transaction, formula: Formula) -> bool:
-        made = [put_formula(transaction, self.section, part) for part in conjuncts(formula)]
+        made = [put_formula(transaction, self.section, part) for part in flatten(formula)]
         return any(made)
 
 

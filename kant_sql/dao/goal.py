@@ -10,14 +10,16 @@ from ..dto.atom_dto import atom_text
 from ..dto.formula import Atom, Constant, Formula, Node
 from ..errors import InvalidKnowledgeError
 from ..knowledge.formula import GOAL
+from ..pddl.formulas import flatten
 from ..transaction import Transaction
 from ..view import View
 from .base import SqlDao, batches, expect
 from .dependants import propositions_on, retract
-from .formula import conjuncts, is_ground, put_formula, read_formula, read_formulas
+from .formula import is_ground, put_formula, read_formula, read_formulas
 from .formula_interfaces import GoalDao
 from .proposition import GOALS
-from .tree_writer import Place, TreeWriter
+from .term_writer import Place
+from .tree_writer import TreeWriter
 
 
 class SqlGoalDao(SqlDao, GoalDao):
@@ -54,7 +56,7 @@ class SqlGoalDao(SqlDao, GoalDao):
             for batch in batches(formulas):
                 for formula in batch:
                     expect(formula, Node, "a goal")
-                    made = [self._put(transaction, part) for part in conjuncts(formula)]
+                    made = [self._put(transaction, part) for part in flatten(formula)]
                     changed += any(made)
         return changed
 
@@ -64,7 +66,7 @@ class SqlGoalDao(SqlDao, GoalDao):
         expect(formula, Node, "a goal")
 
         def work(transaction: Transaction) -> bool:
-            gone = [self._remove(transaction, part) for part in conjuncts(formula)]
+            gone = [self._remove(transaction, part) for part in flatten(formula)]
             return any(gone)
 
         return self._store.write(work)
@@ -86,7 +88,7 @@ class SqlGoalDao(SqlDao, GoalDao):
     def _put(self, transaction: Transaction, goal: Formula) -> bool:
         if not (isinstance(goal, Atom) and is_ground(goal)):
             return put_formula(transaction, GOAL, goal)
-        TreeWriter(transaction.definitions, "a goal").tree(goal, Place.CONDITION)
+        TreeWriter(transaction, "a goal").tree(goal, Place.CONDITION)
         key, text = self._key(transaction, goal)
         propositions = transaction.propositions
         found = propositions.find([key]).get(key)

@@ -1,78 +1,135 @@
-"""The leaves of trees: terms, variables and numbers, checked on the way."""
+"""From terms and expressions, which name what they mention, to the nodes of a tree."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NoReturn
+from enum import Enum
+from typing import Any, NamedTuple, NoReturn
 
+from ..dto import PddlTypeDto
 from ..dto.formula import (
     ARITHMETIC,
     Arithmetic,
     Atom,
+    Comparison,
     Constant,
     ContinuousTime,
+    Equal,
     Fluent,
     IsViolated,
     Number,
     TypedName,
     Variable,
+    variables_text,
 )
-from ..dto.formula import Term as FormulaTerm
-from ..dto.name import check_name, fold
+from ..dto.name import ROOT_TYPE, check_name, fold
 from ..dto.number import decimal_text
 from ..errors import ArityError, InvalidKnowledgeError, TypeMismatchError
 from ..knowledge import tree as kinds
-from ..knowledge.definitions import Definitions
 from ..knowledge.function import FunctionDefinition
 from ..knowledge.predicate import ParameterDefinition, PredicateDefinition
 from ..knowledge.tree import Node, Term
+from ..pddl.tokens import MAX_DEPTH
+from ..transaction import Transaction
+from .type import ensure_type
 
-MAX_DEPTH = 250
 TOTAL_TIME = "total-time"
 _DURATION = "duration"
-_Types = tuple[int, ...]
+# The reader does not count these as levels, at the bottom of a formula.
+_FLAT = (Atom, Comparison, Equal, Fluent)
+
+Types = tuple[int, ...]
+Bound = tuple[ParameterDefinition, ...]
+
+
+class Place(Enum):
+    """Where a formula stands, which decides what it may be built of."""
+
+    CONDITION = "a condition or a goal"
+    EFFECT = "an effect"
+    TIMED_CONDITION = "a condition of a durative action, where what holds is within a Timed"
+    TIMED_EFFECT = "an effect of a durative action, where what happens is within a Timed"
+    DURATION = "a duration"
+    CONSTRAINT = "a constraint, where what holds is within a Modal"
+    TRAJECTORY = "what a constraint is about"
+    INITIAL = "an initial state"
+    TIMED = "the timed initial literals"
+    DERIVED = "the rules for derived predicates"
+    METRIC = "a metric"
+
+
+class Context(NamedTuple):
+    """What is around a node.
+
+    Attributes:
+        place: where it stands.
+        scopes: the nodes that bind variables, outermost first, each with what it binds.
+        soft: whether preferences may stand here.
+        depth: how many nodes it is within.
+    """
+
+    place: Place
+    scopes: tuple[tuple[int, Bound], ...] = ()
+    soft: bool = False
+    depth: int = 0
+
+    def below(self) -> Context:
+        """Give what is around the nodes below one here.
+
+        Returns:
+            The same, one deeper.
+        """
+        return self._replace(depth=self.depth + 1)
+
+    def hard(self) -> Context:
+        """Give what is around the nodes below one here that no preference may stand in.
+
+        Returns:
+            The same, one deeper, without preferences.
+        """
+        return self._replace(depth=self.depth + 1, soft=False)
 
 
 def shown(node: object) -> str:
-    """Give the beginning of a node's text, for a message.
+    """Give the text of a node for a message, not too long.
 
     Args:
-        node: the node, however deep.
+        node: the node, however deeply nested.
 
     Returns:
-        The text.
+        The beginning of its text.
     """
     try:
         return f"{node!s:.80}"
     except RecursionError:
-        return f"{type(node).__name__} of many levels"
+        return f"a {type(node).__name__}"
 
 
 class TermWriter:
-    """Makes the leaves of one element's trees."""
+    """Makes nodes of terms and expressions."""
 
     def __init__(
         self,
-        definitions: Definitions,
+        transaction: Transaction,
         role: str,
         parameters: Sequence[ParameterDefinition] = (),
-        durative: bool = False,
+        kind: str = "",
     ) -> None:
         """Make it.
 
         Args:
-            definitions: what is defined.
+            transaction: the transaction, with what is defined.
             role: the element, for messages.
             parameters: the element's parameters.
-            durative: whether it is a durative action, whose formulas may have times.
+            kind: of an action its kind, which decides whether there are `?duration` and `#t`.
         """
-        self._definitions = definitions
+        self._transaction = transaction
+        self._definitions = transaction.definitions
         self._role = role
         self._parameters = parameters
-        self._durative = durative
+        self._has_duration = kind == "durative-action"
+        self._has_time = kind in ("durative-action", "process")
         self._nodes: list[Node] = []
-        self._scopes: list[tuple[int, tuple[ParameterDefinition, ...]]] = []
-        self._depth = 0
 
     def _open(self, parent: int | None, operator: str, **fields: Any) -> int:
         position = len(self._nodes)
@@ -82,60 +139,88 @@ class TermWriter:
     def _fail(self, fault: str) -> NoReturn:
         raise InvalidKnowledgeError(f"{self._role}: {fault}")
 
+    def _check_depth(self, node: object, context: Context) -> None:
+        if context.depth > (MAX_DEPTH if isinstance(node, _FLAT) else MAX_DEPTH - 2):
+            self._fail(f"a formula is nested more than {MAX_DEPTH} deep; split it up")
+
     # Expressions.
 
-    def _expression(self, expression: object, parent: int) -> None:
-        if self._depth >= MAX_DEPTH:
-            self._fail(f"an expression is nested more than {MAX_DEPTH} deep; split it")
-        self._depth += 1
+    def _expression(self, expression: object, parent: int, context: Context) -> None:
         match expression:
             case Number():
-                self._open(parent, kinds.NUMBER, value=decimal_text(expression.value))
+                self._open(parent, kinds.NUMBER, value=self._decimal(expression))
             case Fluent():
-                self._numeric_fluent(expression, parent)
-            case Arithmetic() if expression.operator in ARITHMETIC and expression.operands:
-                position = self._open(parent, expression.operator)
-                for operand in expression.operands:
-                    self._expression(operand, position)
-            case Variable() if fold(expression.name) == _DURATION:
+                self._numeric_fluent(expression, parent, context)
+            case Arithmetic():
+                self._arithmetic(expression, parent, context)
+            case Variable() if fold(expression.name) == _DURATION and self._has_duration:
                 self._open(parent, kinds.VARIABLE, value=f"?{expression.name}")
-            case ContinuousTime():
+            case ContinuousTime() if self._has_time:
                 self._open(parent, kinds.TIME)
-            case IsViolated():
+            case IsViolated() if context.place is Place.METRIC:
+                check_name("preference", expression.preference)
                 self._open(parent, kinds.IS_VIOLATED, value=expression.preference)
             case _:
-                self._fail(f"{shown(expression)} is no number")
-        self._depth -= 1
+                self._fail(f"{shown(expression)} is no number here")
 
-    def _numeric_fluent(self, fluent: Fluent, parent: int) -> None:
+    def _decimal(self, number: object) -> str:
+        if not isinstance(number, Number):
+            self._fail(f"{shown(number)} is no Number")
+        return decimal_text(number.value)
+
+    def _arithmetic(self, expression: Arithmetic, parent: int, context: Context) -> None:
+        self._check_depth(expression, context)
+        operator, operands = expression.operator, expression.operands
+        if operator not in ARITHMETIC:
+            self._fail(f"{operator!r} is no operation; use one of {' '.join(ARITHMETIC)}")
+        least, most = 1 if operator == "-" else 2, 2 if operator in "-/" else len(operands)
+        if not least <= len(operands) <= most:
+            self._fail(f"{shown(expression)} has {len(operands)} operands")
+        position = self._open(parent, operator)
+        inner = context.below()
+        for operand in operands:
+            self._expression(operand, position, inner)
+
+    def _numeric_fluent(self, fluent: Fluent, parent: int, context: Context) -> None:
         named = self._definitions.functions.named(fluent.function)
-        if named is None and fold(fluent.function) == TOTAL_TIME and not fluent.terms:
+        is_time = context.place is Place.METRIC and fold(fluent.function) == TOTAL_TIME
+        if named is None and is_time and not fluent.terms:
             self._open(parent, TOTAL_TIME)
-        elif self._fluent(fluent, parent).type_ids:
+        elif self._fluent(fluent, parent, context).type_ids:
             self._fail(f"{shown(fluent)} is an object, not a number")
 
-    def _fluent(self, fluent: Fluent, parent: int) -> FunctionDefinition:
+    def _fluent(self, fluent: Fluent, parent: int, context: Context) -> FunctionDefinition:
         function = self._definitions.functions.named(fluent.function)
         if function is None:
             self._fail(
-                f"{shown(fluent)} is of function {fluent.function!r}, which is not known; save the "
-                "function first"
+                f"{shown(fluent)} is of function {fluent.function!r}, which is not known; save "
+                "the function first"
             )
         position = self._open(parent, kinds.FUNCTION, function_id=function.id)
-        self._give_terms(position, fluent, fluent.terms, function)
+        self._give_terms(position, fluent, function, context)
         return function
 
     # Terms and variables.
 
+    def _bind(self, variables: Sequence[TypedName]) -> Bound:
+        bound = tuple(self._variable(variable) for variable in variables)
+        if len({fold(variable.name) for variable in bound}) < len(bound):
+            self._fail(f"one quantifier binds a variable twice: {variables_text(variables)}")
+        return bound
+
     def _variable(self, variable: TypedName) -> ParameterDefinition:
+        if not isinstance(variable, TypedName):
+            self._fail(f"{variable!r:.80} is no TypedName, as what a quantifier binds")
         check_name("variable", variable.name)
         ids = []
         for name in variable.types:
             type_ = self._definitions.types.named(name)
-            if type_ is None:
+            if type_ is None and fold(name) != ROOT_TYPE:
                 self._fail(
                     f"?{variable.name} is of type {name!r}, which is not known; save it first"
                 )
+            # That one needs no declaration.
+            type_ = type_ or ensure_type(self._transaction, PddlTypeDto(ROOT_TYPE), self._role)
             ids.append(type_.id)
         return ParameterDefinition(variable.name, tuple(ids))
 
@@ -143,52 +228,60 @@ class TermWriter:
         self,
         position: int,
         formula: Atom | Fluent,
-        terms: Sequence[FormulaTerm],
         owner: PredicateDefinition | FunctionDefinition,
+        context: Context,
     ) -> None:
+        self._check_depth(formula, context)
+        terms = formula.terms
         if len(terms) != len(owner.parameters):
             raise ArityError(
                 f"{self._role}: {shown(formula)} has {len(terms)} terms, expected "
                 f"{len(owner.parameters)} as in {owner.text}"
             )
+        inner = context.below()
         made = []
         for number, (term, wanted) in enumerate(zip(terms, owner.parameters, strict=True), start=1):
-            term_, types = self._term(term, position)
-            if not self._may_fit(types, wanted.type_ids):
+            term_, types = self._term(term, position, inner)
+            if not self._may_fit(term, types, wanted.type_ids):
                 raise TypeMismatchError(
                     f"{self._role}: term {number} of {shown(formula)} does not fit {owner.text}"
                 )
             made.append(term_)
-        self._nodes[position] = self._nodes[position]._replace(terms=tuple(made))
+        self._set_terms(position, made)
 
-    def _may_fit(self, given: _Types, wanted: _Types) -> bool:
-        """Tell whether what is of a type can be of another: real domains pass supertypes, too."""
+    def _set_terms(self, position: int, terms: Sequence[Term]) -> None:
+        self._nodes[position] = self._nodes[position]._replace(terms=tuple(terms))
+
+    def _may_fit(self, term: object, given: Types, wanted: Types) -> bool:
+        """Tell whether a term fits; of a supertype, a variable's object may, as in real domains."""
         fits = self._definitions.any_fits
-        return fits(given, wanted) or fits(wanted, given)
+        return fits(given, wanted) or (not isinstance(term, Constant) and fits(wanted, given))
 
-    def _term(self, term: object, position: int) -> tuple[Term, _Types]:
+    def _term(self, term: object, position: int, context: Context) -> tuple[Term, Types]:
         if isinstance(term, Variable):
-            return self._bound(term)
+            return self._bound(term, context)
         if isinstance(term, Constant):
             object_ = self._definitions.objects.named(term.name)
             if object_ is None:
                 self._fail(f"object {term.name!r} is not known; save it first")
             return Term(object_id=object_.id), object_.type_ids
         if isinstance(term, Fluent):
+            if context.place is Place.INITIAL:
+                self._fail(f"{shown(term)} is no object, as the initial state asks for")
             child = len(self._nodes)
-            types = self._fluent(term, position).type_ids
+            types = self._fluent(term, position, context).type_ids
             if not types:
                 self._fail(f"{shown(term)} is a number, not an object")
             return Term(child=child), types
-        self._fail(f"{shown(term)} is no term; give a Variable, a Constant or a Fluent")
+        return self._fail(f"{shown(term)} is no term; give a Variable, a Constant or a Fluent")
 
-    def _bound(self, variable: Variable) -> tuple[Term, _Types]:
+    def _bound(self, variable: Variable, context: Context) -> tuple[Term, Types]:
         key = fold(variable.name)
-        for quantifier, bound in reversed(self._scopes):
-            for index in range(len(bound) - 1, -1, -1):
-                if fold(bound[index].name) == key:
-                    return Term(quantifier=quantifier, variable=index), bound[index].type_ids
+        for quantifier, bound in reversed(context.scopes):
+            for index, one in enumerate(bound):
+                if fold(one.name) == key:
+                    return Term(quantifier=quantifier, variable=index), one.type_ids
         for index, parameter in enumerate(self._parameters):
             if fold(parameter.name) == key:
                 return Term(parameter=index), parameter.type_ids
-        self._fail(f"?{variable.name} is neither a parameter nor bound by a quantifier")
+        return self._fail(f"?{variable.name} is neither a parameter nor bound by a quantifier")

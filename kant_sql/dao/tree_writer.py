@@ -1,9 +1,11 @@
-"""From formulas, which name what they mention, to trees, which refer to it: checked on the way."""
+"""From formulas, which name what they mention, to trees, which refer to it: checked on the way.
+
+What passes the checks is what the reader of PDDL accepts, so that text made of it is read back.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
-from enum import Enum
+from collections.abc import Callable, Iterable
 from typing import Any
 
 from ..dto.formula import (
@@ -11,11 +13,14 @@ from ..dto.formula import (
     AT_END,
     COMPARISONS,
     MODALS,
+    OVER_ALL,
     TIMES,
     And,
     Assign,
     Atom,
     Comparison,
+    Constant,
+    ContinuousTime,
     Derived,
     Equal,
     Exists,
@@ -23,36 +28,40 @@ from ..dto.formula import (
     Imply,
     Metric,
     Modal,
+    Node,
     Not,
+    Number,
     Or,
     Preference,
     Timed,
     TimedLiteral,
-    TypedName,
     Variable,
     When,
 )
-from ..dto.formula import Node as Formula
 from ..dto.name import check_name
-from ..dto.number import decimal_text
 from ..errors import TypeMismatchError
 from ..knowledge import tree as kinds
 from ..knowledge.tree import Tree
-from .term_writer import MAX_DEPTH, TermWriter, shown
+from ..pddl.walk import walk
+from .term_writer import Context, Place, TermWriter, shown
 
-
-class Place(Enum):
-    """Where a formula stands, which decides what it may be built of."""
-
-    CONDITION = "a condition"
-    EFFECT = "an effect"
-    CONSTRAINT = "a constraint"
+_HARD = (Place.CONDITION, Place.TIMED_CONDITION, Place.CONSTRAINT, Place.TRAJECTORY)
+_HOLDS = (Place.CONDITION, Place.TRAJECTORY)
+_WITHIN_TIMED = {
+    Place.TIMED_CONDITION: Place.CONDITION,
+    Place.TIMED_EFFECT: Place.EFFECT,
+    Place.DURATION: Place.DURATION,
+    Place.CONSTRAINT: Place.CONDITION,
+    Place.TRAJECTORY: Place.CONDITION,
+}
+# What is to be added below a node: formulas, and what is around each.
+_Parts = Iterable[tuple[object, Context]]
 
 
 class TreeWriter(TermWriter):
     """Makes the trees of one element."""
 
-    def conjunction(self, formulas: Iterable[Formula], place: Place) -> Tree:
+    def conjunction(self, formulas: Iterable[Node], place: Place) -> Tree:
         """Make the tree whose root is the conjunction of formulas.
 
         Args:
@@ -68,12 +77,12 @@ class TreeWriter(TermWriter):
             TypeMismatchError: a term does not fit its parameter.
         """
         self._nodes = []
-        position = self._open(None, kinds.AND)
+        root = self._open(None, kinds.AND)
         for formula in formulas:
-            self._add(formula, position, place)
+            self._add(formula, root, Context(place, soft=place in _HARD))
         return tuple(self._nodes)
 
-    def tree(self, formula: Formula, place: Place) -> Tree:
+    def tree(self, formula: Node, place: Place) -> Tree:
         """Make the tree of a formula.
 
         Args:
@@ -89,41 +98,30 @@ class TreeWriter(TermWriter):
             TypeMismatchError: as `conjunction`.
         """
         self._nodes = []
-        self._add(formula, None, place)
+        self._add(formula, None, Context(place, soft=place in _HARD))
         return tuple(self._nodes)
 
-    def _add(self, formula: object, parent: int | None, place: Place) -> None:
-        handler = _HANDLERS.get(type(formula))
-        if handler is None:
-            self._fail(
-                f"{shown(formula)} has no place in {place.value}, for it is no formula but "
-                f"{type(formula).__name__}"
-            )
-        if self._depth >= MAX_DEPTH:
-            self._fail(f"a formula is nested more than {MAX_DEPTH} deep; split it")
-        self._depth += 1
-        handler(self, formula, parent, place)
-        self._depth -= 1
+    def _add(self, formula: object, parent: int | None, context: Context) -> None:
+        """Add a formula, with a stack of its own: none is nested too deeply for the interpreter."""
+        pending: list[tuple[object, int | None, Context]] = [(formula, parent, context)]
+        while pending:
+            part, above, around = pending.pop()
+            handler = _HANDLERS.get(type(part))
+            if handler is None:
+                self._fail(f"{shown(part)} is no formula but {type(part).__name__}")
+            self._check_depth(part, around)
+            position = len(self._nodes)
+            below = [*handler(self, part, above, around)]
+            pending += [(child, position, inner) for child, inner in reversed(below)]
 
-    def _branch(
-        self,
-        operator: str,
-        parts: Iterable[object],
-        parent: int | None,
-        place: Place,
-        **fields: Any,
-    ) -> None:
-        position = self._open(parent, operator, **fields)
-        for part in parts:
-            self._add(part, position, place)
+    def _expect(self, formula: object, context: Context, *places: Place) -> None:
+        if context.place not in places:
+            self._fail(f"{shown(formula)} has no place in {context.place.value}")
 
-    def _expect(self, formula: object, place: Place, *places: Place) -> None:
-        if place not in places:
-            self._fail(f"{shown(formula)} has no place in {place.value}")
+    # Formulas. Each handler adds its own node, and gives what is to be added below.
 
-    # Formulas.
-
-    def _atom(self, formula: Atom, parent: int | None, place: Place) -> None:
+    def _atom(self, formula: Atom, parent: int | None, context: Context) -> _Parts:
+        self._expect(formula, context, *_HOLDS, Place.EFFECT, Place.INITIAL)
         predicate = self._definitions.predicates.named(formula.predicate)
         if predicate is None:
             self._fail(
@@ -131,132 +129,176 @@ class TreeWriter(TermWriter):
                 "save the predicate first"
             )
         position = self._open(parent, kinds.PREDICATE, predicate_id=predicate.id)
-        self._give_terms(position, formula, formula.terms, predicate)
+        self._give_terms(position, formula, predicate, context)
+        return ()
 
-    def _equal(self, formula: Equal, parent: int | None, place: Place) -> None:
-        self._expect(formula, place, Place.CONDITION, Place.CONSTRAINT)
+    def _equal(self, formula: Equal, parent: int | None, context: Context) -> _Parts:
+        self._expect(formula, context, *_HOLDS, Place.INITIAL)
         position = self._open(parent, kinds.EQUAL)
-        terms = [self._term(term, position)[0] for term in (formula.left, formula.right)]
-        self._nodes[position] = self._nodes[position]._replace(terms=tuple(terms))
+        inner = context.below()
+        terms = [self._term(term, position, inner)[0] for term in (formula.left, formula.right)]
+        self._set_terms(position, terms)
+        return ()
 
-    def _comparison(self, formula: Comparison, parent: int | None, place: Place) -> None:
-        self._expect(formula, place, Place.CONDITION, Place.CONSTRAINT)
+    def _comparison(self, formula: Comparison, parent: int | None, context: Context) -> _Parts:
+        self._expect(formula, context, *_HOLDS, Place.DURATION)
+        sides = (formula.left, formula.right)
         if formula.operator not in COMPARISONS:
-            self._fail(f"{formula.operator!r} is no comparison; use one of {COMPARISONS}")
+            self._fail(f"{formula.operator!r} is no comparison; use one of {' '.join(COMPARISONS)}")
+        if context.place is Place.DURATION and Variable("duration") not in sides:
+            self._fail(f"{shown(formula)} is no constraint on ?duration")
         position = self._open(parent, formula.operator)
-        self._expression(formula.left, position)
-        self._expression(formula.right, position)
+        for side in sides:
+            self._expression(side, position, context.below())
+        return ()
 
-    def _not(self, formula: Not, parent: int | None, place: Place) -> None:
-        if place is Place.EFFECT and not isinstance(formula.formula, Atom):
+    def _not(self, formula: Not, parent: int | None, context: Context) -> _Parts:
+        self._expect(formula, context, *_HARD, Place.EFFECT, Place.INITIAL)
+        part, place = formula.formula, context.place
+        if place is Place.EFFECT and not isinstance(part, Atom):
             self._fail(f"{shown(formula)} deletes what is not an atom")
-        self._branch(kinds.NOT, [formula.formula], parent, place)
+        if place is Place.INITIAL and not isinstance(part, Atom | Equal):
+            self._fail(f"{shown(formula)} is no literal, as the initial state asks for")
+        self._open(parent, kinds.NOT)
+        return [(part, context.hard())]
 
-    def _and(self, formula: And, parent: int | None, place: Place) -> None:
-        self._branch(kinds.AND, formula.formulas, parent, place)
+    def _and(self, formula: And, parent: int | None, context: Context) -> _Parts:
+        self._expect(formula, context, *_HARD, *_WITHIN_TIMED, Place.EFFECT)
+        self._open(parent, kinds.AND)
+        return [(part, context.below()) for part in formula.formulas]
 
-    def _or(self, formula: Or, parent: int | None, place: Place) -> None:
-        self._expect(formula, place, Place.CONDITION)
-        self._branch(kinds.OR, formula.formulas, parent, place)
+    def _connective(self, formula: Or | Imply, parent: int | None, context: Context) -> _Parts:
+        self._expect(formula, context, *_HARD)
+        if isinstance(formula, Or):
+            self._open(parent, kinds.OR)
+            return [(part, context.hard()) for part in formula.formulas]
+        self._open(parent, kinds.IMPLY)
+        return [(part, context.hard()) for part in (formula.condition, formula.formula)]
 
-    def _imply(self, formula: Imply, parent: int | None, place: Place) -> None:
-        self._expect(formula, place, Place.CONDITION)
-        self._branch(kinds.IMPLY, [formula.condition, formula.formula], parent, place)
+    def _quantified(self, formula: Forall | Exists, parent: int | None, context: Context) -> _Parts:
+        is_all = isinstance(formula, Forall)
+        effects = (Place.EFFECT, Place.TIMED_EFFECT) if is_all else ()
+        self._expect(formula, context, *_HARD, *effects)
+        bound = self._bind(formula.variables)
+        operator = kinds.FORALL if is_all else kinds.EXISTS
+        position = self._open(parent, operator, variables=bound)
+        inner = context.below() if is_all else context.hard()
+        return [(formula.formula, inner._replace(scopes=(*context.scopes, (position, bound))))]
 
-    def _quantified(self, formula: Forall | Exists, parent: int | None, place: Place) -> None:
-        operator = kinds.FORALL if isinstance(formula, Forall) else kinds.EXISTS
-        if operator == kinds.EXISTS:
-            self._expect(formula, place, Place.CONDITION)
-        self._bind(operator, formula.variables, [formula.formula], parent, place)
+    def _timed(self, formula: Timed, parent: int | None, context: Context) -> _Parts:
+        time, place = formula.time, context.place
+        if time not in TIMES:
+            self._fail(f"{shown(formula)} has the time {time!r}, expected one of {TIMES}")
+        inner = _WITHIN_TIMED.get(place)
+        is_trajectory = place in (Place.CONSTRAINT, Place.TRAJECTORY)
+        wrong = (is_trajectory and time != AT_END) or (
+            time == OVER_ALL and place in (Place.TIMED_EFFECT, Place.DURATION)
+        )
+        if inner is None or wrong:
+            self._fail(f"{shown(formula)} has a time that has no place in {place.value}")
+        self._open(parent, time)
+        return [(formula.formula, context.hard()._replace(place=inner))]
 
-    def _timed(self, formula: Timed, parent: int | None, place: Place) -> None:
-        if formula.time not in TIMES:
-            self._fail(f"{shown(formula)} has the time {formula.time!r}, expected one of {TIMES}")
-        if not self._durative and not (place is Place.CONSTRAINT and formula.time == AT_END):
-            self._fail(f"{shown(formula)} has a time, but the action is not durative; leave it out")
-        below = Place.CONDITION if place is Place.CONSTRAINT else place
-        self._branch(formula.time, [formula.formula], parent, below)
-
-    def _preference(self, formula: Preference, parent: int | None, place: Place) -> None:
-        self._expect(formula, place, Place.CONDITION, Place.CONSTRAINT)
+    def _preference(self, formula: Preference, parent: int | None, context: Context) -> _Parts:
+        if not context.soft:
+            self._fail(
+                f"{shown(formula)} has no place here: a preference stands at the top of a goal, a "
+                "precondition or a constraint, or within forall there"
+            )
         if formula.name is not None:
             check_name("preference", formula.name)
-        self._branch(kinds.PREFERENCE, [formula.formula], parent, place, value=formula.name)
+        self._open(parent, kinds.PREFERENCE, value=formula.name)
+        return [(formula.formula, context.hard())]
 
-    def _modal(self, formula: Modal, parent: int | None, place: Place) -> None:
-        self._expect(formula, place, Place.CONSTRAINT)
+    def _modal(self, formula: Modal, parent: int | None, context: Context) -> _Parts:
+        self._expect(formula, context, Place.CONSTRAINT, Place.TRAJECTORY)
         wanted = MODALS.get(formula.operator)
         if wanted != (len(formula.numbers), len(formula.formulas)):
             self._fail(f"{shown(formula)} is no constraint of PDDL 3.0")
         position = self._open(parent, formula.operator)
         for number in formula.numbers:
-            self._expression(number, position)
-        for part in formula.formulas:
-            self._add(part, position, Place.CONDITION)
+            self._open(position, kinds.NUMBER, value=self._decimal(number))
+        inner = context.hard()._replace(place=Place.TRAJECTORY)
+        return [(part, inner) for part in formula.formulas]
 
-    def _when(self, formula: When, parent: int | None, place: Place) -> None:
-        self._expect(formula, place, Place.EFFECT)
-        position = self._open(parent, kinds.WHEN)
-        self._add(formula.condition, position, Place.CONDITION)
-        self._add(formula.effect, position, Place.EFFECT)
+    def _when(self, formula: When, parent: int | None, context: Context) -> _Parts:
+        self._expect(formula, context, Place.EFFECT, Place.TIMED_EFFECT)
+        self._open(parent, kinds.WHEN)
+        is_timed = context.place is Place.TIMED_EFFECT
+        place = Place.TIMED_CONDITION if is_timed else Place.CONDITION
+        inner = context.below()
+        return [(formula.condition, inner._replace(place=place)), (formula.effect, inner)]
 
-    def _assign(self, formula: Assign, parent: int | None, place: Place) -> None:
-        self._expect(formula, place, Place.EFFECT)
+    def _assign(self, formula: Assign, parent: int | None, context: Context) -> _Parts:
+        self._expect(formula, context, Place.EFFECT, Place.TIMED_EFFECT)
         if formula.operator not in ASSIGNMENTS:
-            self._fail(f"{formula.operator!r} is no assignment; use one of {ASSIGNMENTS}")
-        position = self._open(parent, formula.operator)
-        types = self._fluent(formula.fluent, position).type_ids
-        if not types:
-            self._expression(formula.value, position)
-            return
+            known = " ".join(ASSIGNMENTS)
+            self._fail(f"{formula.operator!r} is no assignment; use one of {known}")
+        position, inner = self._open(parent, formula.operator), context.below()
+        types = self._fluent(formula.fluent, position, inner).type_ids
+        if types:
+            self._assign_object(formula, position, types, inner)
+        else:
+            self._expression(formula.value, position, inner)
+        # Checked last: then it is no deeper than what can be walked.
+        if context.place is Place.TIMED_EFFECT and not any(
+            isinstance(part, ContinuousTime) for part in walk(formula.value)
+        ):
+            self._expect(formula, context, Place.EFFECT)
+        return ()
+
+    def _assign_object(
+        self, formula: Assign, position: int, types: tuple[int, ...], context: Context
+    ) -> None:
         if formula.operator != ASSIGNMENTS[0]:
             self._fail(f"{shown(formula)} counts with a function whose values are objects")
-        term, given = self._term(formula.value, position)
-        if not self._may_fit(given, types):
+        term, given = self._term(formula.value, position, context)
+        if not self._may_fit(formula.value, given, types):
             raise TypeMismatchError(f"{self._role}: the value in {shown(formula)} does not fit")
-        self._nodes[position] = self._nodes[position]._replace(terms=(term,))
+        self._set_terms(position, [term])
 
     # Formulas that stand on their own.
 
-    def _derived(self, formula: Derived, parent: int | None, place: Place) -> None:
+    def _derived(self, formula: Derived, parent: int | None, context: Context) -> _Parts:
+        self._expect(formula, context, Place.DERIVED)
+        bound = self._bind(formula.variables)
+        position = self._open(parent, kinds.DERIVED, variables=bound)
         head = Atom(formula.predicate, tuple(Variable(part.name) for part in formula.variables))
-        self._bind(kinds.DERIVED, formula.variables, [head, formula.formula], parent, place)
+        inner = Context(Place.CONDITION, ((position, bound),), depth=context.depth + 1)
+        return [(head, inner), (formula.formula, inner)]
 
-    def _timed_literal(self, formula: TimedLiteral, parent: int | None, place: Place) -> None:
-        position = self._open(parent, kinds.AT, value=decimal_text(formula.time.value))
-        self._add(formula.effect, position, Place.EFFECT)
+    def _timed_literal(self, formula: TimedLiteral, parent: int | None, context: Context) -> _Parts:
+        self._expect(formula, context, Place.TIMED)
+        effect, inner = formula.effect, context.below()
+        self._open(parent, kinds.AT, value=self._decimal(formula.time))
+        if isinstance(effect, Assign):
+            terms = (*effect.fluent.terms, effect.value)
+            is_ground = all(isinstance(term, Constant | Number) for term in terms)
+            if effect.operator != ASSIGNMENTS[0] or not is_ground:
+                self._fail(f"{shown(formula)} assigns no number and no object to a ground fluent")
+            return [(effect, inner._replace(place=Place.EFFECT))]
+        atom = effect.formula if isinstance(effect, Not) else effect
+        if not isinstance(atom, Atom):
+            self._fail(f"{shown(formula)} is no timed literal; give an Atom, a Not or an Assign")
+        return [(effect, inner._replace(place=Place.INITIAL))]
 
-    def _metric(self, formula: Metric, parent: int | None, place: Place) -> None:
+    def _metric(self, formula: Metric, parent: int | None, context: Context) -> _Parts:
+        self._expect(formula, context, Place.METRIC)
         if formula.optimization not in kinds.OPTIMIZATIONS:
             self._fail(f"{formula.optimization!r} is neither minimize nor maximize")
-        self._expression(formula.expression, self._open(parent, formula.optimization))
-
-    # What quantifiers bind.
-
-    def _bind(
-        self,
-        operator: str,
-        variables: Sequence[TypedName],
-        parts: Sequence[Formula],
-        parent: int | None,
-        place: Place,
-    ) -> None:
-        bound = tuple(self._variable(variable) for variable in variables)
-        position = self._open(parent, operator, variables=bound)
-        self._scopes.append((position, bound))
-        for part in parts:
-            self._add(part, position, place)
-        self._scopes.pop()
+        position = self._open(parent, formula.optimization)
+        self._expression(formula.expression, position, context.below())
+        return ()
 
 
-_HANDLERS: dict[type, Callable[[TreeWriter, Any, int | None, Place], None]] = {
+_HANDLERS: dict[type, Callable[[TreeWriter, Any, int | None, Context], _Parts]] = {
     Atom: TreeWriter._atom,
     Equal: TreeWriter._equal,
     Comparison: TreeWriter._comparison,
     Not: TreeWriter._not,
     And: TreeWriter._and,
-    Or: TreeWriter._or,
-    Imply: TreeWriter._imply,
+    Or: TreeWriter._connective,
+    Imply: TreeWriter._connective,
     Forall: TreeWriter._quantified,
     Exists: TreeWriter._quantified,
     Timed: TreeWriter._timed,

@@ -5,17 +5,20 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from ..dao.action import put_action
+from ..dao.action_trees import action_trees
 from ..dao.dependants import Scope, delete_scope
 from ..dao.formula import make_formula
-from ..dao.tree_writer import Place, TreeWriter
-from ..dto.formula import Formula, Node
+from ..dto.formula import Node
 from ..dto.name import ROOT_TYPE, fold
 from ..errors import ConflictError
 from ..knowledge.document import DOMAIN, Item
-from ..knowledge.formula import DERIVED_PREDICATE, DOMAIN_CONSTRAINT, DOMAIN_SECTIONS
-from ..knowledge.predicate import ParameterDefinition
-from ..knowledge.tree import Tree
-from ..pddl.document import DURATIVE_ACTION, Action, Domain
+from ..knowledge.formula import (
+    DERIVED_PREDICATE,
+    DOMAIN_CONSTRAINT,
+    DOMAIN_SECTIONS,
+    FormulaDefinition,
+)
+from ..pddl.document import Action, Domain
 from ..transaction import Transaction
 from .declaring import Declaring
 from .misfits import retract_misfits
@@ -48,13 +51,13 @@ def load_domain(transaction: Transaction, domain: Domain, replace: bool) -> None
     formulas = _put_formulas(transaction, domain)
     actions = _put_actions(transaction, domain.actions, declaring, replace)
     if replace:
-        _retract_unsaid(transaction, declaring, {*formulas.values()}, actions)
+        _retract_unsaid(transaction, declaring, {each.id for each in formulas}, actions)
         retract_misfits(transaction)
-    items = merged(stored, _items(domain, list(formulas)), replace)
+    items = merged(stored, _items(domain, formulas), replace)
     put_document(transaction, DOMAIN, domain.name, None, items)
 
 
-def _items(domain: Domain, formulas: Sequence[tuple[str, str]]) -> Iterator[Item]:
+def _items(domain: Domain, formulas: Sequence[FormulaDefinition]) -> Iterator[Item]:
     yield from (Item("requirement", name) for name in domain.requirements)
     for section, named in (
         ("type", domain.types),
@@ -64,21 +67,21 @@ def _items(domain: Domain, formulas: Sequence[tuple[str, str]]) -> Iterator[Item
         ("action", domain.actions),
     ):
         yield from (Item(section, fold(each.name)) for each in named)
-    yield from (Item(section, name) for section, name in formulas)
+    yield from (Item(each.section, each.name) for each in formulas)
 
 
-def _put_formulas(transaction: Transaction, domain: Domain) -> dict[tuple[str, str], int]:
+def _put_formulas(transaction: Transaction, domain: Domain) -> list[FormulaDefinition]:
     sections: tuple[tuple[str, Sequence[Node]], ...] = (
         (DERIVED_PREDICATE, domain.derived),
         (DOMAIN_CONSTRAINT, domain.constraints),
     )
-    ids = {}
+    formulas = []
     for section, nodes in sections:
         for node in nodes:
             formula = make_formula(transaction, section, node)
             transaction.define("formula", formula)
-            ids[section, formula.name] = formula.id
-    return ids
+            formulas.append(formula)
+    return formulas
 
 
 def _put_actions(
@@ -92,13 +95,9 @@ def _put_actions(
         parameters = declaring.parameters(action.parameters)
         if replace and stored is not None and stored.kind != action.kind:
             transaction.undefine("action", stored.id)
-        put_action(
-            transaction,
-            action.kind,
-            action.name,
-            parameters,
-            _parts(transaction, action, parameters),
-        )
+        said = (action.duration, action.condition, action.effect)
+        trees = action_trees(transaction, action.kind, action.name, parameters, *said)
+        put_action(transaction, action.kind, action.name, parameters, trees)
         now = definitions.actions.named(action.name)
         if stored is not None and not replace and now != stored:
             raise ConflictError(
@@ -107,24 +106,6 @@ def _put_actions(
             )
     found = (definitions.actions.named(name) for name in names)
     return {action.id for action in found if action is not None}
-
-
-def _parts(
-    transaction: Transaction, action: Action, parameters: tuple[ParameterDefinition, ...]
-) -> tuple[Tree, Tree, Tree]:
-    def tree(section: str, formulas: Sequence[Formula], place: Place) -> Tree:
-        role = f"the {section} of {action.kind} {action.name!r}"
-        durative = action.kind == DURATIVE_ACTION
-        writer = TreeWriter(transaction.definitions, role, parameters, durative)
-        if section == "duration" and len(formulas) <= 1:
-            return writer.tree(formulas[0], place) if formulas else ()
-        return writer.conjunction(formulas, place)
-
-    return (
-        tree("duration", action.duration, Place.CONDITION),
-        tree("condition", action.condition, Place.CONDITION),
-        tree("effect", action.effect, Place.EFFECT),
-    )
 
 
 def _retract_unsaid(

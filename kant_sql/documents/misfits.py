@@ -1,4 +1,4 @@
-"""What a redefinition leaves behind: facts, values and formulas that fit their predicates no more."""
+"""What a redefinition leaves behind: facts, values and formulas that fit it no more."""
 
 from __future__ import annotations
 

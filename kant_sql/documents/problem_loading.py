@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
+from operator import attrgetter
 
+from ..atoms import Atom as LiveAtom
 from ..atoms import AtomKey
 from ..dao.base import batches
 from ..dao.dependants import Scope, delete_scope, propositions_on, retract
@@ -41,21 +43,26 @@ def load_problem(transaction: Transaction, problem: Problem, replace: bool) -> N
             f"problem {stored.title!r} is stored, but the document is problem {problem.name!r}; "
             "load it with mode='replace'"
         )
+    before = _Before(transaction) if replace and transaction.head.revision else None
     declaring = Declaring(transaction, replace)
     declaring.objects(problem.objects, is_constant=False)
     names = _Names(transaction)
     goals = [goal for goal in problem.goal if isinstance(goal, Atom) and is_ground(goal)]
-    facts = {*_hold(transaction, names, problem.facts, False)}
-    facts.update(_hold(transaction, names, goals, True))
+    for atoms, is_goal in ((problem.facts, False), (goals, True)):
+        _hold(transaction, names, atoms, is_goal, {} if before is None else before.atoms)
     values = names.values(problem.values)
     transaction.values.set_many(values)
     formulas = _Formulas(transaction, names, problem)
+    if before is not None:
+        before.retract(transaction, {key for key, _, _ in values})
     if replace:
-        said = {key for key, _, _ in values}
-        _retract_unsaid(transaction, declaring, facts, said, formulas.ids)
+        _retract_unsaid(transaction, declaring, formulas.ids)
     _refuse_second_metric(transaction, formulas.ids)
     items = merged(stored, _items(problem, formulas), replace)
     put_document(transaction, PROBLEM, problem.name, problem.domain, items)
+
+
+_NAME = attrgetter("name")
 
 
 class _Names:
@@ -95,7 +102,7 @@ class _Names:
         return made
 
     def _arguments(self, atom: Atom | Fluent) -> tuple[list[str], list[str]]:
-        names = [term.name for term in atom.terms if isinstance(term, Constant)]
+        names = [*map(_NAME, atom.terms)]
         try:
             return [self._ids[name] for name in names], names
         except KeyError:
@@ -109,12 +116,39 @@ class _Names:
         return str(object_.id), object_.name
 
 
+class _Before:
+    """What held before a problem was loaded, as far as the problem has not said it again.
+
+    Attributes:
+        atoms: the facts and the goals.
+        values: the values of functions.
+    """
+
+    def __init__(self, transaction: Transaction) -> None:
+        # Read before anything is added, for that need not be read back.
+        self.atoms = {atom.key: atom for atom in propositions_on(transaction, None)}
+        self.values = function_values_on(transaction, None)
+
+    def retract(self, transaction: Transaction, said: set[FluentKey]) -> None:
+        """Retract what was not said again; the atoms that were said are gone from here."""
+        retract(transaction, list(self.atoms.values()))
+        unsaid = [value for value in self.values if value.fluent.key not in said]
+        retract_function_values(transaction, unsaid)
+
+
 def _hold(
-    transaction: Transaction, names: _Names, atoms: Sequence[Atom], is_goal: bool
-) -> Iterator[AtomKey]:
+    transaction: Transaction,
+    names: _Names,
+    atoms: Sequence[Atom],
+    is_goal: bool,
+    before: dict[AtomKey, LiveAtom],
+) -> None:
+    """Let atoms hold; those that held before are taken out of there."""
     propositions = transaction.propositions
     for batch in batches(atoms):
         texts = dict([names.atom(atom, is_goal) for atom in batch])
+        for key in [key for key in texts if before.pop(key, None) is not None]:
+            del texts[key]
         found = propositions.find(texts)
         propositions.look_at(found.values())
         for key, text in texts.items():
@@ -123,7 +157,6 @@ def _hold(
                 propositions.add(key, text)
             else:
                 propositions.set(atom, True)
-        yield from texts
         propositions.spill()
 
 
@@ -178,21 +211,8 @@ def _items(problem: Problem, formulas: _Formulas) -> Iterator[Item]:
     yield from formulas.items
 
 
-def _retract_unsaid(
-    transaction: Transaction,
-    declaring: Declaring,
-    facts: set[AtomKey],
-    values: set[FluentKey],
-    formulas: set[int],
-) -> None:
+def _retract_unsaid(transaction: Transaction, declaring: Declaring, formulas: set[int]) -> None:
     definitions = transaction.definitions
-    if transaction.head.revision:
-        unsaid = [atom for atom in propositions_on(transaction, None) if atom.key not in facts]
-        retract(transaction, unsaid)
-        held = function_values_on(transaction, None)
-        retract_function_values(
-            transaction, [value for value in held if value.fluent.key not in values]
-        )
     for formula in list(definitions.formulas):
         if formula.section in PROBLEM_SECTIONS and formula.id not in formulas:
             transaction.undefine("formula", formula.id)

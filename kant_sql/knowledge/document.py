@@ -61,7 +61,7 @@ def document_text(name: str, title: str, domain: str | None, items: tuple[Item, 
         items: its places.
 
     Returns:
-        The text, for example `(define (domain depot) (:type truck hoist) (:action load))`.
+        The text, for example `(define (domain depot) (:action load) (:type truck hoist))`.
     """
     sections: dict[str, list[str]] = {}
     for item in items:

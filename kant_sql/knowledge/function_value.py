@@ -30,7 +30,9 @@ VALUE_COLUMNS = (
     _open_version(FunctionValueVersionRow.object_id),
 )
 FIND = Query(
-    select(FunctionValueRow.id, FunctionValueRow.arguments, FunctionValueRow.text, *VALUE_COLUMNS).where(
+    select(
+        FunctionValueRow.id, FunctionValueRow.arguments, FunctionValueRow.text, *VALUE_COLUMNS
+    ).where(
         FunctionValueRow.kb_id == KB,
         FunctionValueRow.function_id == bindparam("function"),
         in_list(FunctionValueRow.arguments, "arguments"),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from decimal import Decimal
 from typing import Any
 
@@ -49,6 +49,13 @@ from .definitions import Definitions
 from .predicate import ParameterDefinition
 from .tree import Node, Term, Tree, children
 
+_OF_MANY: dict[str, Callable[..., Any]] = {kinds.AND: And, kinds.OR: Or}
+_OF_PARTS: dict[str, Callable[..., Any]] = {
+    kinds.NOT: Not,
+    kinds.IMPLY: Imply,
+    kinds.WHEN: When,
+}
+
 
 def typed_name(definitions: Definitions, parameter: ParameterDefinition) -> TypedName:
     """Name a parameter and its types.
@@ -80,7 +87,7 @@ class TreeReader:
         self._definitions = definitions
         self._tree = tree
         self._parameters = parameters
-        self._below = children(tree)
+        self._read: list[Any] = [None] * len(tree)
 
     def formula(self) -> Any:
         """Read the tree as a formula.
@@ -88,7 +95,18 @@ class TreeReader:
         Returns:
             The formula: a rule, a timed literal or a metric too.
         """
-        return self._node(self._tree[0])
+        below = children(self._tree)
+        # In preorder, what is below a node comes after it; so no depth is too much.
+        for node in reversed(self._tree):
+            # Function nodes that are the values of terms are read where the terms are.
+            values = {term.child for term in node.terms}
+            parts = tuple(
+                self._read[child.position]
+                for child in below.get(node.position, ())
+                if child.position not in values
+            )
+            self._read[node.position] = self._node(node, parts)
+        return self._read[0]
 
     def conjuncts(self) -> tuple[Any, ...]:
         """Read the tree as the conjuncts of its root.
@@ -101,18 +119,8 @@ class TreeReader:
         formula = self.formula()
         return formula.formulas if isinstance(formula, And) else (formula,)
 
-    def _parts(self, node: Node) -> tuple[Any, ...]:
-        # Function nodes that are the values of terms are read where the terms are.
-        values = {term.child for term in node.terms}
-        return tuple(
-            self._node(child)
-            for child in self._below.get(node.position, ())
-            if child.position not in values
-        )
-
-    def _node(self, node: Node) -> Any:
+    def _node(self, node: Node, parts: tuple[Any, ...]) -> Any:
         operator = node.operator
-        parts = self._parts(node)
         if operator == kinds.PREDICATE:
             predicate = self._definitions.predicates.live(node.predicate_id or 0)
             return Atom(predicate.name, self._terms(node))
@@ -137,22 +145,16 @@ class TreeReader:
         return self._special(node, parts)
 
     def _special(self, node: Node, parts: tuple[Any, ...]) -> Any:
+        if node.operator in _OF_MANY:
+            return _OF_MANY[node.operator](parts)
+        if node.operator in _OF_PARTS:
+            return _OF_PARTS[node.operator](*parts)
         variables = tuple(typed_name(self._definitions, bound) for bound in node.variables)
         match node.operator:
-            case kinds.AND:
-                return And(parts)
-            case kinds.OR:
-                return Or(parts)
-            case kinds.NOT:
-                return Not(*parts)
-            case kinds.IMPLY:
-                return Imply(*parts)
             case kinds.FORALL:
                 return Forall(variables, *parts)
             case kinds.EXISTS:
                 return Exists(variables, *parts)
-            case kinds.WHEN:
-                return When(*parts)
             case kinds.PREFERENCE:
                 return Preference(node.value, *parts)
             case kinds.DERIVED:
@@ -175,7 +177,7 @@ class TreeReader:
             return Constant(self._definitions.objects.live(term.object_id).name)
         if term.quantifier is not None:
             return Variable(self._tree[term.quantifier].variables[term.variable or 0].name)
-        fluent: Fluent = self._node(self._tree[term.child or 0])
+        fluent: Fluent = self._read[term.child or 0]
         return fluent
 
 

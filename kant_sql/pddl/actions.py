@@ -13,11 +13,12 @@ from ..dto.formula import (
     Variable,
 )
 from ..dto.name import RESERVED_PREDICATES
-from .cursor import Section, hint
+from .cursor import hint
 from .document import DURATIVE_ACTION, PROCESS, Action, Predicate
 from .effects import EffectReader
 from .formulas import PREFERENCES, TIMED, flatten
-from .symbols import Fit, Types
+from .hierarchy import Fit, Types
+from .section import Section
 from .typed_lists import VARIABLES, Group
 
 _CONDITION = {DURATIVE_ACTION: ":condition"}
@@ -43,7 +44,7 @@ class ActionReader(EffectReader):
         self._parts: dict[str, tuple[Formula, ...]] = {}
         self._keys: set[str] = set()
         durative = kind == DURATIVE_ACTION
-        self._timed = TIMED if durative else 0
+        self._context = TIMED if durative else 0
         self.duration_allowed = durative
         self.time_allowed = durative or kind == PROCESS
         return self._action()
@@ -115,10 +116,10 @@ class ActionReader(EffectReader):
 
     def _read_part(self, key: str) -> tuple[Formula, ...]:
         if key == ":effect":
-            return self.effects(self._timed)
+            return self.effects(self._context)
         if key == ":duration":
             return () if self._skip_empty() else flatten(self._duration(1))
-        return self.conjuncts(PREFERENCES | self._timed)
+        return self.conjuncts(PREFERENCES | self._context)
 
     def _skip_empty(self) -> bool:
         """Pass `()`, if it is next."""

@@ -2,52 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from difflib import get_close_matches
 from typing import NoReturn
 
 from ..dto.name import fold
 from ..errors import PddlError
 from .document import PddlWarning
-from .tokens import MAX_DEPTH, Text, tokenize
+from .section import Section
+from .tokens import MAX_DEPTH, Text
 
 END = "the end of the text"
 _SHOWN = 60
-# No reader looks further ahead than this without checking.
-_ENDS = ["", "", ""]
-
-
-@dataclass(eq=False)
-class Section:
-    """A section of a domain or a problem: the text from its parenthesis to the next section.
-
-    Attributes:
-        text: the text that it is in.
-        keyword: its keyword in lower case, such as `:action`; of a head `define`, of what is
-            outside of definitions nothing.
-        start: the offset in the code where it begins.
-        end: the offset where the next section begins, or the code ends.
-        last: whether no section of its definition follows.
-    """
-
-    text: Text
-    keyword: str
-    start: int
-    end: int
-    last: bool = True
-    _tokens: list[str] | None = None
-
-    @property
-    def tokens(self) -> list[str]:
-        """The tokens, and empty ones that stand for the end."""
-        if self._tokens is None:
-            self._tokens = tokenize(self.text.code[self.start : self.end])
-            self._tokens += _ENDS
-        return self._tokens
-
-    def forget(self) -> None:
-        """Let go of the tokens: they take ten times the room of the text."""
-        self._tokens = None
 
 
 class Reading:
@@ -129,6 +94,8 @@ class Reading:
             The warnings, in the order of the sources and of the places in them.
         """
         found = list(self._whole)
+        if not self._noted:
+            return tuple(found)
         for section in sorted(self._noted, key=lambda section: section.start):
             noted, text = self._noted[section], section.text
             indexes = sorted(noted)
@@ -208,7 +175,9 @@ class Cursor:
         """
         index = self.at if at is None else at
         found = self.shown(index) if found is None else found
-        self.reading.deviate(self.section, self.base + index, found, expected, read_as, self.nesting)
+        self.reading.deviate(
+            self.section, self.base + index, found, expected, read_as, self.nesting
+        )
 
     def shown(self, index: int) -> str:
         """Show a token in a message.

@@ -6,8 +6,9 @@ from collections.abc import Callable
 
 from ..dto.formula import TypedName
 from ..dto.name import RESERVED_PREDICATES, fold
-from .cursor import Reading, Section
+from .cursor import Reading
 from .document import Function, Predicate
+from .section import Section
 from .symbols import Symbols
 from .typed_lists import OBJECTS, VARIABLES, Group, ListReader
 

@@ -7,13 +7,15 @@ from collections.abc import Callable
 from ..dto.formula import Derived, Formula, TypedName
 from ..dto.name import RESERVED_TYPES, ROOT_TYPE, fold
 from .actions import ActionReader, DerivedReader
-from .cursor import Cursor, Reading, Section
+from .cursor import Cursor, Reading
 from .declarations import DeclarationReader
 from .document import Action, Domain, Function, Predicate
 from .forms import DOMAIN_ORDER, STRUCTURES, Form, check_sections, finish
 from .formulas import CONSTRAINTS, PREFERENCES, FormulaReader
+from .hierarchy import find_cycle
 from .requirements import used_requirements
-from .symbols import ANY, Symbols, find_cycle
+from .section import Section
+from .symbols import ANY, Symbols
 from .tables import NameTable, Table
 from .tokens import Text
 from .typed_lists import ListReader
@@ -33,7 +35,8 @@ class DomainReader:
         self._functions: Table[Function] = Table("function", _function_meaning)
         self._actions: Table[Action] = Table("action", lambda action: action)
         self._action_reader: ActionReader | None = None
-        self._derived: Table[Derived] = Table("rule", lambda rule: rule)
+        self._derived_reader: DerivedReader | None = None
+        self._derived: Table[Derived] = Table("rule", lambda rule: None)
         self._constraints: list[Formula] = []
         self._constrained: dict[Formula, Text] = {}
 
@@ -71,7 +74,9 @@ class DomainReader:
 
     def _check_forms(self, forms: list[Form]) -> None:
         for form in forms:
-            check_sections(self._reading, form, DOMAIN_ORDER, STRUCTURES, {":objects": ":constants"})
+            check_sections(
+                self._reading, form, DOMAIN_ORDER, STRUCTURES, {":objects": ":constants"}
+            )
             if fold(form.name) != fold(forms[0].name):
                 cursor = Cursor(self._reading, form.head, "")
                 cursor.fail(f"{forms[0].name}, as in {forms[0].head.text.name}", at=4)
@@ -166,10 +171,15 @@ class DomainReader:
             _clash(reader, "action", "predicate", action.name, at)
 
     def _read_derived(self, section: Section) -> None:
-        reader = DerivedReader(self._reading, section, self._symbols, "")
+        reader = self._derived_reader
+        if reader is None:
+            reader = DerivedReader(self._reading, section, self._symbols, "")
+            self._derived_reader = reader
         rule = reader.rule(section)
+        # Rules say the same when their words are the same; comparing nodes would take longer.
+        words = " ".join(reader.tokens[: reader.at])
         finish(reader)
-        self._derived.add(reader, str(rule), rule, 3)
+        self._derived.add(reader, words, rule, 3)
 
     def _read_constraints(self, section: Section) -> None:
         reader = FormulaReader(self._reading, section, self._symbols, section.keyword)
@@ -221,5 +231,7 @@ _DECLARATIONS: tuple[tuple[str, Callable[[DomainReader, DeclarationReader], None
 _STRUCTURES: dict[str, Callable[[DomainReader, Section], None]] = {
     ":constraints": DomainReader._read_constraints,
     ":derived": DomainReader._read_derived,
-    **dict.fromkeys((":action", ":durative-action", ":process", ":event"), DomainReader._read_action),
+    **dict.fromkeys(
+        (":action", ":durative-action", ":process", ":event"), DomainReader._read_action
+    ),
 }

@@ -21,7 +21,8 @@ from ..dto.formula import (
 from ..dto.name import fold
 from ..dto.number import MAX_DIGITS
 from .cursor import hint
-from .symbols import Fit, Signature
+from .hierarchy import Fit
+from .symbols import Signature
 from .terms import TermReader
 
 TOTAL_TIME, TOTAL_COST = "total-time", "total-cost"
@@ -103,8 +104,10 @@ class ExpressionReader(TermReader):
         self.expect("(", "a function, such as (distance ?a ?b)")
         self.at -= 1
         signature = self._cost_or_time() or self.function_here()
-        if numeric is not None and signature.parameters is not None and numeric != (
-            not signature.types
+        if (
+            numeric is not None
+            and signature.parameters is not None
+            and numeric != (not signature.types)
         ):
             kinds = ("an object", "a number")
             found = f"({signature.name} ...), which is {kinds[not numeric]}"

@@ -13,7 +13,8 @@ from functools import cached_property
 from typing import NoReturn
 
 from ..errors import PddlError
-from .cursor import END, Cursor, Reading, Section, hint
+from .cursor import END, Cursor, Reading, hint
+from .section import Section
 from .tokens import MAX_DEPTH, Text, end_of_tokens, tokenize, too_deep
 from .typed_lists import ListReader
 
@@ -155,7 +156,7 @@ class Scanner:
             start, keyword = found.start(), (found[1] or HEAD).lower()
             depth += self._code.count("(", seen, start) - self._code.count(")", seen, start)
             seen = start
-            if self._begins(before, start, keyword, depth):
+            if depth == (keyword != HEAD) or self._begins(before, start, keyword, depth):
                 before.end = start
                 if not before.keyword:
                     skip_foreign(Cursor(self._reading, before, ""))
@@ -167,10 +168,8 @@ class Scanner:
             self._refuse(len(self._code.rstrip()), END, expected)
 
     def _begins(self, before: Section, start: int, keyword: str, depth: int) -> bool:
-        """Whether a section or a form begins here."""
+        """Whether a section or a form begins at a depth where none should."""
         level = 0 if keyword == HEAD else 1
-        if depth == level:
-            return True
         if depth < level:
             outside = f"'({keyword}' outside of a definition: a ')' before it is too many"
             self._refuse(start, outside, "(define")
@@ -258,34 +257,38 @@ def check_sections(
         structures: the sections that come behind them, as often as one likes.
         aliases: sections that belong elsewhere, and what they are read as.
     """
-    ranks = {keyword: rank for rank, keyword in enumerate(order)}
-    behind: Section | None = None
+    known = {keyword: rank for rank, keyword in enumerate(order)}
+    known |= dict.fromkeys(structures, len(order))
+    highest, behind = 0, ""
     seen: set[str] = set()
     for section in form.sections:
-        cursor: Cursor | None = None
-        if section.keyword not in structures:
-            cursor = Cursor(reading, section, form.nesting)
-            _check_section(cursor, form, [*order, *structures], aliases)
-            if section.keyword in seen:
-                cursor.deviate(f"({section.keyword} ...) once", "read as one", at=0)
-            seen.add(section.keyword)
-        rank = ranks.get(section.keyword, len(order))
-        if behind is not None and rank < ranks.get(behind.keyword, len(order)):
-            cursor = cursor or Cursor(reading, section, form.nesting)
-            cursor.deviate(f"it before ({behind.keyword} ...)", "read all the same", at=0)
-        else:
-            behind = section
+        if section.keyword not in known:
+            _rename(reading, form, section, list(known), aliases)
+        keyword = section.keyword
+        expected, read_as = "", ""
+        if keyword in seen:
+            expected, read_as = f"({keyword} ...) once", "read as one"
+        elif known[keyword] < highest:
+            expected, read_as = f"it before ({behind} ...)", "read all the same"
+        elif keyword not in structures:
+            seen.add(keyword)
+        if known[keyword] > highest:
+            highest, behind = known[keyword], keyword
+        if expected:
+            reading.deviate(section, 0, f"'({keyword}'", expected, read_as, form.nesting)
 
 
-def _check_section(
-    cursor: Cursor, form: Form, known: list[str], aliases: dict[str, str]
+def _rename(
+    reading: Reading, form: Form, section: Section, known: list[str], aliases: dict[str, str]
 ) -> None:
-    keyword = cursor.section.keyword
+    """Note a section that has another name here, or refuse one that there is not."""
+    keyword = section.keyword
     alias = aliases.get(keyword)
     if alias is not None:
-        cursor.deviate(f"'({alias}'", "read so", at=0)
-        cursor.section.keyword = alias
-    elif keyword not in known:
-        expected = f"a section of a {form.kind}{hint(keyword, known)}"
-        origin = _FOREIGN.get(keyword)
-        cursor.fail(expected, f"'({keyword}'{f', which is of {origin}' if origin else ''}", 0)
+        reading.deviate(section, 0, f"'({keyword}'", f"'({alias}'", "read so", form.nesting)
+        section.keyword = alias
+        return
+    origin = _FOREIGN.get(keyword)
+    found = f"'({keyword}'{f', which is of {origin}' if origin else ''}"
+    expected = f"a section of a {form.kind}{hint(keyword, known)}"
+    reading.refuse(section, 0, found, expected, form.nesting)

@@ -114,10 +114,10 @@ class FormulaReader(ExpressionReader):
         self.fail(expected, f"the predicate '{head}'", self.at + 1)
 
     def _no_head(self) -> Head:
-        if self.tokens[self.at + 1] == ")":
-            self.deviate("a formula", "read as (and)", "'()'")
-            return FormulaReader._none
-        self.fail("a predicate or an operator", at=self.at + 1)
+        if self.tokens[self.at + 1] != ")":
+            self.fail("a predicate or an operator", at=self.at + 1)
+        self.deviate("a formula", "read as (and)", "'()'")
+        return FormulaReader._none
 
     def _misplaced(self, context: int) -> None:
         self.fail(_TIMED_FORM if context & TIMED else _CONSTRAINT_FORM)
@@ -197,7 +197,7 @@ class FormulaReader(ExpressionReader):
         words = self.tokens[self.at + 1].lower(), self.tokens[self.at + 2].lower()
         return _TIMES.get(words) if self.tokens[self.at + 3] == "(" else None
 
-    def _timed(self, depth: int, context: int) -> Formula:
+    def _at_time(self, depth: int, context: int) -> Formula:
         time = self.time_here()
         if time is None:
             return self._named_like_operator(depth, context)
@@ -266,7 +266,7 @@ def flatten(formula: Formula) -> tuple[Formula, ...]:
     """
     if not isinstance(formula, And):
         return (formula,)
-    if not any([type(part) is And for part in formula.formulas]):
+    if And not in map(type, formula.formulas):
         return formula.formulas
     found: list[Formula] = []
     stack: list[Formula] = [formula]
@@ -287,8 +287,8 @@ _READERS: dict[str, _Reader] = {
     "imply": FormulaReader._imply,
     "forall": FormulaReader._forall,
     "exists": FormulaReader._exists,
-    "at": FormulaReader._timed,
-    "over": FormulaReader._timed,
+    "at": FormulaReader._at_time,
+    "over": FormulaReader._at_time,
     "preference": FormulaReader._preference,
     **dict.fromkeys(COMPARISONS, FormulaReader._comparison),
     **dict.fromkeys(MODALS, FormulaReader._modal),

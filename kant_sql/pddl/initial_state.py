@@ -7,13 +7,15 @@ which know everything and say what is wrong.
 from __future__ import annotations
 
 from operator import getitem
-from typing import Final
+from typing import Final, NamedTuple
 
 from ..dto.formula import Assign, Atom, Constant, Equal, Fluent, Not, Number, Term, TimedLiteral
-from .cursor import Reading, Section
+from .cursor import Reading
 from .document import FunctionValue
 from .formulas import FormulaReader
-from .symbols import Fit, Signature, Symbols, Types
+from .plain_facts import MAX_ARITY, Entries, NotPlainError
+from .section import Section
+from .symbols import Symbols
 from .tokens import Blocks
 
 _FOREIGN: Final = {
@@ -24,51 +26,8 @@ _FOREIGN: Final = {
 }
 
 
-class _NotPlainError(Exception):
-    """A token is not what the tight loop knows."""
-
-
-class _Fitting(dict[str, Constant]):
-    """The objects that fit a parameter, by their declared spelling; looked up when first met."""
-
-    def __init__(self, symbols: Symbols, wanted: Types) -> None:
-        super().__init__()
-        self._symbols = symbols
-        self._wanted = wanted
-
-    def __missing__(self, token: str) -> Constant:
-        entity = self._symbols.object(token)
-        if entity is None or self._symbols.fit(entity[1], self._wanted) is not Fit.YES:
-            raise _NotPlainError
-        constant = entity[0]
-        if not isinstance(constant, Constant) or constant.name != token:
-            raise _NotPlainError
-        self[token] = constant
-        return constant
-
-
-class _Numbers(dict[str, Number]):
-    """Numbers in standard spelling, by their text."""
-
-    def __missing__(self, token: str) -> Number:
-        raise _NotPlainError
-
-
-class _Plain:
-    """A predicate or a function, as the tight loop needs it."""
-
-    __slots__ = ("arity", "facts", "fitting", "name", "values")
-
-    def __init__(self, symbols: Symbols, signature: Signature) -> None:
-        self.name = signature.name
-        self.arity = len(signature.accepted)
-        self.fitting = [_Fitting(symbols, wanted) for wanted in signature.parameters or ()]
-        self.facts: set[tuple[str, ...]] = set()
-        self.values: dict[tuple[str, ...], Number | Constant] = {}
-
-
-class InitialStateReader(FormulaReader):
-    """A reader of initial states.
+class InitialState(NamedTuple):
+    """What an initial state says.
 
     Attributes:
         facts: what holds.
@@ -77,18 +36,23 @@ class InitialStateReader(FormulaReader):
         timed: timed initial literals and values.
     """
 
+    facts: tuple[Atom, ...]
+    literals: tuple[Not | Equal, ...]
+    values: tuple[FunctionValue, ...]
+    timed: tuple[TimedLiteral, ...]
+
+
+class InitialStateReader(FormulaReader):
+    """A reader of an initial state, which may be spread over several sections."""
+
     def __init__(self, reading: Reading, section: Section, symbols: Symbols) -> None:
         super().__init__(reading, section, symbols, section.keyword)
-        self.facts: list[Atom] = []
-        self.literals: dict[Not | Equal, None] = {}
-        self.values: list[FunctionValue] = []
-        self.timed: dict[TimedLiteral, None] = {}
-        self._plain: dict[str, _Plain] = {}
-        self._plain_functions: dict[str, _Plain] = {}
-        self._numbers = _Numbers()
-        self._blocks = Blocks(section.text.code, section.start, section.end)
-        self._count = 0
-        self._ends = [""]
+        self._facts: list[Atom] = []
+        self._literals: dict[Not | Equal, None] = {}
+        self._values: list[FunctionValue] = []
+        self._timed: dict[TimedLiteral, None] = {}
+        self._predicates = Entries(symbols, symbols.predicates)
+        self._functions = Entries(symbols, symbols.functions)
 
     def first_tokens(self) -> list[str]:
         """Give the tokens to begin with.
@@ -98,15 +62,35 @@ class InitialStateReader(FormulaReader):
         """
         return [""]
 
-    def state(self) -> None:
-        """Read the whole section."""
+    def read(self, section: Section) -> None:
+        """Read a section, up to behind the parenthesis that closes it.
+
+        Args:
+            section: the section.
+        """
+        self.open(section, section.keyword)
+        self._blocks = Blocks(section.text.code, section.start, section.end)
         # The loop looks as far ahead as the longest fact goes.
-        self._ends = [""] * (6 + max(self.symbols.predicates.longest(), self.symbols.functions.longest()))
+        longest = max(
+            MAX_ARITY, self.symbols.predicates.longest(), self.symbols.functions.longest()
+        )
+        self._ends = [""] * (longest + 6)
+        self._count = 0
         self._next_block()
         self.at = 2
         self._elements(1)
         self.at += 1
         self.tokens[self._count :] = self._blocks.rest() + self._ends
+
+    def state(self) -> InitialState:
+        """Give what was read.
+
+        Returns:
+            The initial state.
+        """
+        return InitialState(
+            tuple(self._facts), tuple(self._literals), tuple(self._values), tuple(self._timed)
+        )
 
     def _next_block(self) -> bool:
         """Go on to the next block, if there is one."""
@@ -120,15 +104,15 @@ class InitialStateReader(FormulaReader):
     def _elements(self, depth: int) -> None:
         """Read facts and the like up to the parenthesis that closes their list."""
         tokens, at = self.tokens, self.at
-        plain, append = self._plain.get, self.facts.append
+        predicates, append = self._predicates, self._facts.append
         while tokens[at] != ")":
-            entry = plain(tokens[at + 1])
+            entry = predicates[tokens[at + 1]]
             if entry is not None and tokens[at] == "(":
                 end = at + 2 + entry.arity
                 arguments = tuple(tokens[at + 2 : end])
                 try:
                     terms = tuple(map(getitem, entry.fitting, arguments))
-                except _NotPlainError:
+                except NotPlainError:
                     terms = None
                 if terms is not None and tokens[end] == ")" and arguments not in entry.facts:
                     entry.facts.add(arguments)
@@ -149,7 +133,7 @@ class InitialStateReader(FormulaReader):
     def _plain_value(self, at: int) -> int:
         """Read `(= (function object ...) number)`, and tell where it ends; 0 if it is not that."""
         tokens = self.tokens
-        entry = self._plain_functions.get(tokens[at + 3])
+        entry = self._functions[tokens[at + 3]]
         if entry is None or tokens[at + 2] != "(" or tokens[at] != "(":
             return 0
         end = at + 4 + entry.arity
@@ -158,11 +142,11 @@ class InitialStateReader(FormulaReader):
             return 0
         try:
             terms = tuple(map(getitem, entry.fitting, arguments))
-            number = self._numbers[tokens[end + 1]]
-        except _NotPlainError:
+            value = entry.value[tokens[end + 1]]
+        except NotPlainError:
             return 0
-        entry.values[arguments] = number
-        self.values.append(FunctionValue(Fluent(entry.name, terms), number))
+        entry.values[arguments] = value
+        self._values.append(FunctionValue(Fluent(entry.name, terms), value))
         return end + 3
 
     def _element(self, depth: int) -> None:
@@ -190,28 +174,13 @@ class InitialStateReader(FormulaReader):
     def _fact(self) -> None:
         start = self.at
         atom = self._ground_atom()
-        entry = self._entry(self._plain, self.tokens[start + 1], atom.predicate)
+        entry = self._predicates.slow(atom.predicate, len(atom.terms))
         key = tuple([str(term) for term in atom.terms])
         if key in entry.facts:
             self.deviate("each fact once", "left out", f"{atom} again", start)
             return
         entry.facts.add(key)
-        self.facts.append(atom)
-
-    def _entry(self, plain: dict[str, _Plain], spelling: str, name: str) -> _Plain:
-        """The entry of a predicate or function, which the tight loop knows from now on."""
-        entry = plain.get(spelling)
-        if entry is None:
-            entry = plain.get(name)
-            if entry is None:
-                named = self.symbols.predicates
-                if plain is self._plain_functions:
-                    named = self.symbols.functions
-                signature = named.find(name) or Signature(name, ())
-                entry = _Plain(self.symbols, signature)
-                plain[name] = entry
-            plain[spelling] = entry
-        return entry
+        self._facts.append(atom)
 
     def _ground_atom(self) -> Atom:
         self.expect("(", "an atom")
@@ -254,13 +223,11 @@ class InitialStateReader(FormulaReader):
             return
         start = self.at
         value = self._value()
-        entry = self._entry(
-            self._plain_functions, self.tokens[start + 3], value.fluent.function
-        )
+        entry = self._functions.slow(value.fluent.function, len(value.fluent.terms))
         key = tuple([str(term) for term in value.fluent.terms])
         known = entry.values.setdefault(key, value.value)
         if known is value.value:
-            self.values.append(value)
+            self._values.append(value)
         elif known == value.value:
             self.deviate("each value once", "left out", f"the value of {value.fluent} again", start)
         else:
@@ -281,15 +248,13 @@ class InitialStateReader(FormulaReader):
         value = self.assigned(signature, 1)
         if not isinstance(value, Number | Constant):
             self.fail("a number" if not signature.types else "an object", f"{value}", at)
-        if isinstance(value, Number) and value.value.is_finite():
-            self._numbers.setdefault(self.tokens[at], value)
         self.expect(")", "')' after the value")
         return FunctionValue(fluent, value)
 
     def _add_literal(self, literal: Not | Equal) -> None:
-        if literal in self.literals:
+        if literal in self._literals:
             self.deviate("each literal once", "left out", f"{literal} again", self.at - 1)
-        self.literals[literal] = None
+        self._literals[literal] = None
 
     def _is_timed(self) -> bool:
         self.at += 2
@@ -305,9 +270,9 @@ class InitialStateReader(FormulaReader):
         self.at += 1
         timed = TimedLiteral(time, self._timed_effect())
         self.expect(")", "')' after the timed literal")
-        if timed in self.timed:
+        if timed in self._timed:
             self.deviate("each timed literal once", "left out", f"{timed} again", start)
-        self.timed[timed] = None
+        self._timed[timed] = None
 
     def _timed_effect(self) -> Atom | Not | Assign:
         head = self.tokens[self.at + 1].lower()

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from ..dto.formula import Formula, Metric, TypedName
 from ..dto.name import fold
-from .cursor import Cursor, Reading, Section, hint
+from .cursor import Cursor, Reading, hint
 from .declarations import DeclarationReader
 from .document import Domain, Problem
 from .forms import PROBLEM_ORDER, Form, check_sections, finish
 from .formulas import CONSTRAINTS, PREFERENCES, FormulaReader
-from .initial_state import InitialStateReader
+from .initial_state import InitialState, InitialStateReader
+from .section import Section
 from .symbols import Symbols
 from .tables import NameTable
 from .typed_lists import Group
@@ -30,9 +31,7 @@ class ProblemReader:
         self._reading = reading
         self._form = form
         self._domain = domain
-        self._symbols = Symbols(unknown_domain=True)
-        if domain is not None:
-            self._symbols = Symbols.of_domain(domain)
+        self._symbols = Symbols.of_domain(domain) if domain else Symbols(unknown_domain=True)
 
     def read(self) -> Problem:
         """Read the problem.
@@ -40,9 +39,7 @@ class ProblemReader:
         Returns:
             The problem, without the warnings.
         """
-        check_sections(
-            self._reading, self._form, PROBLEM_ORDER, (), {":constants": ":objects"}
-        )
+        check_sections(self._reading, self._form, PROBLEM_ORDER, (), {":constants": ":objects"})
         domain = self._read_domain_name()
         requirements: list[str] = []
         for section in self._sections(":requirements"):
@@ -50,16 +47,16 @@ class ProblemReader:
             requirements += reader.requirements()
             finish(reader)
         objects = self._read_objects()
-        facts, literals, values, timed = self._read_initial_state()
+        state = self._read_initial_state()
         problem = Problem(
             name=self._form.name,
             domain=domain,
             requirements=tuple(dict.fromkeys(requirements)),
             objects=tuple(objects),
-            facts=facts,
-            literals=literals,
-            values=values,
-            timed=timed,
+            facts=state.facts,
+            literals=state.literals,
+            values=state.values,
+            timed=state.timed,
             goal=self._read_goal(),
             constraints=self._read_constraints(),
             metric=self._read_metric(),
@@ -120,21 +117,15 @@ class ProblemReader:
     def _names_type(self, name: str) -> bool:
         return fold(name) in self._symbols.types
 
-    def _read_initial_state(self):  # type: ignore[no-untyped-def]
+    def _read_initial_state(self) -> InitialState:
         sections = self._sections(":init")
         if not sections:
             self._head().deviate("(:init ...)", "read as (:init)", "no initial state", 0)
-        facts, literals, values, timed = [], {}, [], {}
+        reader = InitialStateReader(self._reading, self._form.head, self._symbols)
         for section in sections:
-            reader = InitialStateReader(self._reading, section, self._symbols)
-            reader.state()
+            reader.read(section)
             finish(reader)
-            facts += reader.facts
-            literals |= reader.literals
-            values += reader.values
-            timed |= reader.timed
-            section.forget()
-        return tuple(facts), tuple(literals), tuple(values), tuple(timed)
+        return reader.state()
 
     def _read_goal(self) -> tuple[Formula, ...]:
         sections = self._sections(":goal")

@@ -6,6 +6,7 @@ import gc
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from typing import TypeVar
 
 from ..dto.name import fold
 from .cursor import Cursor, Reading
@@ -14,6 +15,8 @@ from .domain import DomainReader
 from .forms import DOMAIN, PROBLEM, Form, Scanner
 from .problem import ProblemReader
 from .tokens import Source, load
+
+Document = TypeVar("Document", Domain, Problem)
 
 
 @contextmanager
@@ -55,7 +58,7 @@ def read_domain(*sources: Source, strict: bool = False) -> Domain:
         forms += _of_kind(reading, Scanner(reading, load(source)).scan(), DOMAIN)
     if not forms:
         raise TypeError("read_domain() needs at least one source")
-    return replace(DomainReader(reading).read(forms), warnings=reading.warnings())
+    return _with_warnings(DomainReader(reading).read(forms), reading)
 
 
 @_without_collector()
@@ -78,8 +81,7 @@ def read_problem(source: Source, domain: Domain | None = None, strict: bool = Fa
     forms = _of_kind(reading, Scanner(reading, load(source)).scan(), PROBLEM)
     if len(forms) > 1:
         Cursor(reading, forms[1].head, "").fail("one problem", at=3)
-    problem = ProblemReader(reading, forms[0], domain).read()
-    return replace(problem, warnings=reading.warnings())
+    return _with_warnings(ProblemReader(reading, forms[0], domain).read(), reading)
 
 
 @_without_collector()
@@ -110,15 +112,20 @@ def read(source: Source, strict: bool = False) -> list[Domain | Problem]:
                 Cursor(reading, form.head, "").fail("each domain once", at=4)
             domain = DomainReader(reading).read([form])
             domains[fold(form.name)] = domain
-            documents[number] = replace(domain, warnings=reading.warnings())
+            documents[number] = _with_warnings(domain, reading)
     for number, form in enumerate(forms):
         if form.kind == PROBLEM:
             reading = Reading(strict)
             reader = ProblemReader(reading, form, domains.get(fold(form.domain)))
-            documents[number] = replace(reader.read(), warnings=reading.warnings())
+            documents[number] = _with_warnings(reader.read(), reading)
     found = [documents[number] for number in range(len(forms))]
     found[0] = replace(found[0], warnings=scanning.warnings() + found[0].warnings)
     return found
+
+
+def _with_warnings(document: Document, reading: Reading) -> Document:
+    warnings = reading.warnings()
+    return replace(document, warnings=warnings) if warnings else document
 
 
 def _of_kind(reading: Reading, forms: list[Form], kind: str) -> list[Form]:

@@ -8,7 +8,8 @@ from typing import Generic, NamedTuple, TypeVar
 from ..dto.formula import TypedName
 from ..dto.name import ROOT_TYPE, fold
 from .cursor import Cursor
-from .symbols import Symbols, Types
+from .hierarchy import Types
+from .symbols import Symbols
 from .typed_lists import Group, ListReader
 
 Element = TypeVar("Element")
@@ -118,9 +119,7 @@ class NameTable:
             self._entries[key] = _Entry(known.name, types, reader, group.types_at)
         return False
 
-    def _united(
-        self, known: _Entry, name: str, types: Types, reader: ListReader, at: int
-    ) -> Types:
+    def _united(self, known: _Entry, name: str, types: Types, reader: ListReader, at: int) -> Types:
         """The types of a name that is declared twice."""
         first = {fold(one): one for one in known.types}
         second = {fold(one): one for one in types}

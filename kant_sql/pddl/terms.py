@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
-from ..dto.formula import Atom, Constant, Fluent, Term, TypedName, Variable
+from typing import NoReturn
+
+from ..dto.formula import Atom, Constant, Fluent, Term, TypedName
 from ..dto.name import fold
-from .cursor import Reading, Section, hint
-from .symbols import Bound, Entity, Fit, Named, Signature, Symbols, Types
+from .cursor import Reading, hint
+from .hierarchy import Fit, Types
+from .section import Section
+from .symbols import Bound, Entity, Named, Signature, Symbols
 from .typed_lists import VARIABLES, Group, ListReader
 
 
@@ -63,9 +67,7 @@ class TermReader(ListReader):
         self.scope = scope
         return tuple([bound.declared for bound in found])
 
-    def _shadow(
-        self, scope: dict[str, Entity], bound: Bound, before: list[Bound], at: int
-    ) -> None:
+    def _shadow(self, scope: dict[str, Entity], bound: Bound, before: list[Bound], at: int) -> None:
         """Forget the variable of that name that is bound outside, in all spellings."""
         if any(one.key == bound.key for one in before):
             self.fail("each variable once", f"the variable '?{bound.declared.name}' again", at)
@@ -199,7 +201,7 @@ class TermReader(ListReader):
         self.at += 1
         return found
 
-    def _unknown_term(self, token: str) -> None:
+    def _unknown_term(self, token: str) -> NoReturn:
         if token[0] != "?":
             names = self.symbols.object_names()
             expected = f"an object that is declared{hint(token, names)}"
@@ -246,4 +248,3 @@ class TermReader(ListReader):
             expected = f"a {named.kind} that is declared{hint(name, named.names())}"
             self.fail(expected, f"the {named.kind} '{name}'", self.at + 1)
         return found
-

@@ -253,7 +253,8 @@ def load(source: Source) -> Text:
         "(" in source or "\n" in source or "\0" in source or not source.strip()
     ):
         return Text(STRING, source)
-    return decode(str(source), Path(source).read_bytes())
+    with open(source, "rb") as file:
+        return decode(os.fsdecode(source), file.read())
 
 
 def decode(name: str, data: bytes) -> Text:

@@ -7,7 +7,8 @@ from typing import NamedTuple
 
 from ..dto.name import fold, is_name
 from .cursor import Cursor, hint
-from .symbols import ANY, Symbols, Types
+from .hierarchy import Types
+from .symbols import ANY, Symbols
 
 _STANDARD_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]{0,254}")
 OBJECTS, VARIABLES = "name", "variable"

@@ -44,6 +44,6 @@ def to_unified_planning(
     require_unified_planning()
     from unified_planning.environment import get_environment
 
-    from .up_problem import Conversion
+    from .up_problem import convert
 
-    return Conversion(domain, problem, get_environment(environment)).context.problem
+    return convert(domain, problem, get_environment(environment)).problem

@@ -22,8 +22,9 @@ from ..dto.name import fold
 from ..pddl.document import DURATIVE_ACTION, EVENT, PROCESS, Action
 from .context import Context, Scope
 from .cost import TOTAL_COST
+from .up_continuous import Rates, is_continuous
 from .up_duration import DURATION, duration, fixed
-from .up_effects import Change, Effect, is_continuous, single_effects
+from .up_effects import Change, Effect, single_effects
 from .up_formulas import Formulas
 from .up_preferences import Preferences
 
@@ -44,7 +45,7 @@ class Actions:
             preferences: which preferences count.
         """
         self._context, self._formulas, self._preferences = context, formulas, preferences
-        self._change = Change(context, formulas)
+        self._change, self._rates = Change(context, formulas), Rates(context, formulas)
         self._names: set[str] = set()
         self._costs: dict[str, FNode] = {}
 
@@ -217,7 +218,7 @@ class Actions:
         if effect.conditions or effect.variables:
             reason = "a continuous effect with a condition or a quantifier has no counterpart"
             raise self._context.unsupported(change, reason)
-        target, rate = self._change.target(effect), self._change.rate(effect)
+        target, rate = self._change.target(effect), self._rates.rate(effect)
         interval = []
         if action.kind == DURATIVE_ACTION:
             if effect.time is not None:

@@ -8,11 +8,9 @@ from typing import TYPE_CHECKING
 
 from ..dto.formula import (
     And,
-    Arithmetic,
     Assign,
     Atom,
     Constant,
-    ContinuousTime,
     Expression,
     Fluent,
     Forall,
@@ -190,7 +188,7 @@ class Change:
         Raises:
             UnsupportedConstructError: it has no exact counterpart.
         """
-        return self._formulas.expression(_number(effect.change), effect.scope)
+        return self._formulas.expression(number_of(effect.change), effect.scope)
 
     def _object(self, change: Assign, scope: Scope, target: FNode) -> FNode:
         if not isinstance(change.value, Constant | Variable | Fluent):
@@ -200,43 +198,6 @@ class Change:
             reason = f"{value} is of type {value.type}, not of {target.type}"
             raise self._context.unsupported(change, reason)
         return value
-
-    def rate(self, effect: Effect) -> FNode:
-        """Convert the rate of a continuous effect.
-
-        Args:
-            effect: the effect, of which `is_continuous` is true.
-
-        Returns:
-            The change in a unit of time.
-
-        Raises:
-            UnsupportedConstructError: it is no multiple of `#t`.
-        """
-        if getattr(effect.change, "operator", None) not in {"increase", "decrease"}:
-            raise self._context.unsupported(effect.change, "it gives no rate of change")
-        return self._rate(_number(effect.change), effect)
-
-    def _rate(self, node: Expression, effect: Effect) -> FNode:
-        match node:
-            case ContinuousTime():
-                return self._manager.Int(1)
-            case Arithmetic("*", operands):
-                timed = [part for part in operands if has_time(part)]
-                if len(timed) == 1:
-                    factors = [
-                        self._formulas.expression(part, effect.scope)
-                        for part in operands
-                        if part is not timed[0]
-                    ]
-                    if isinstance(timed[0], ContinuousTime):
-                        return self._manager.Times(factors)
-                    return self._manager.Times(self._rate(timed[0], effect), *factors)
-            case Arithmetic("/", (dividend, divisor)) if not has_time(divisor):
-                return self._manager.Div(
-                    self._rate(dividend, effect), self._formulas.expression(divisor, effect.scope)
-                )
-        raise self._context.unsupported(effect.change, "it is no multiple of #t")
 
     def repeats(self, effect: Effect, nodes: Iterable[FNode]) -> int:
         """Tell how often an effect happens beyond what its own variables make of it.
@@ -262,36 +223,15 @@ class Change:
         return count
 
 
-def has_time(node: Expression) -> bool:
-    """Tell whether an expression mentions `#t`.
+def number_of(change: Atom | Not | Assign | None) -> Expression:
+    """Give the number of an assignment to a number's fluent.
 
     Args:
-        node: the expression.
+        change: the assignment.
 
     Returns:
-        Whether it does.
+        The expression that it has.
     """
-    return any(isinstance(part, ContinuousTime) for part in walk(node))
-
-
-def is_continuous(effect: Effect) -> bool:
-    """Tell whether an effect is continuous.
-
-    Args:
-        effect: the effect.
-
-    Returns:
-        Whether its value mentions `#t`.
-    """
-    change = effect.change
-    return (
-        isinstance(change, Assign)
-        and not isinstance(change.value, Constant)
-        and has_time(change.value)
-    )
-
-
-def _number(change: Atom | Not | Assign | None) -> Expression:
     assert isinstance(change, Assign), "only an assignment has a number"
     assert not isinstance(change.value, Constant), "a number's fluent is assigned a number"
     return change.value

@@ -20,6 +20,7 @@ from ..dto.formula import (
     TypedName,
 )
 from ..dto.name import fold
+from ..errors import UnsupportedConstructError
 from ..pddl.document import DURATIVE_ACTION, PROCESS, Domain, Problem
 from .context import Context, Scope
 from .cost import TOTAL_COST, TOTAL_TIME, is_function, is_sum_of_costs, static_functions
@@ -256,3 +257,29 @@ class Conversion:
                 else model.MaximizeExpressionOnFinalState
             )
             problem.add_quality_metric(kind(expression, environment))
+
+
+def convert(
+    domain: Domain, problem: Problem, environment: Environment, integers: bool = False
+) -> Context:
+    """Convert documents.
+
+    Args:
+        domain: the domain.
+        problem: the problem.
+        environment: unified-planning's environment.
+        integers: whether numeric fluents are integers there.
+
+    Returns:
+        The conversion, with the problem that was made.
+
+    Raises:
+        UnsupportedConstructError: something has no exact counterpart, or is nested too deeply.
+    """
+    try:
+        return Conversion(domain, problem, environment, integers).context
+    except RecursionError as error:
+        raise UnsupportedConstructError(
+            f"problem {problem.name} or its domain has formulas that are nested too deeply for a "
+            "conversion to unified-planning; give their parts predicates of their own"
+        ) from error

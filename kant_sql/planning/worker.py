@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 _PLACES = 6
 
 
-class _GroupedProcess(subprocess.Popen[bytes]):
+class GroupedProcess(subprocess.Popen[bytes]):
     """A process that stays in the group: engines start theirs in sessions of their own."""
 
     def __init__(self, *arguments: object, **options: object) -> None:
@@ -102,11 +102,11 @@ class Search:
         return "NoPlanError", message, "unsupported_problem"
 
     def _convert(self, problem: Problem, integers: bool) -> UpProblem:
-        from .up_problem import Conversion
+        from .up_problem import convert
 
-        conversion = Conversion(self._domain, problem, self._environment, integers)
-        self._names = conversion.context.names
-        return conversion.context.problem
+        context = convert(self._domain, problem, self._environment, integers)
+        self._names = context.names
+        return context.problem
 
     def _ask(self, name: str, form: Form) -> Plan | None:
         made = form_for(form, name, self._environment)
@@ -184,7 +184,7 @@ def main(directory: str) -> None:
         directory: where the task is.
     """
     threading.Thread(target=_end_with_parent, daemon=True).start()
-    subprocess.Popen = _GroupedProcess  # type: ignore[misc,assignment]
+    subprocess.Popen = GroupedProcess  # type: ignore[misc,assignment]
     domain, problem, engine = pickle.loads(Path(directory, "task").read_bytes())
     outcome: Plan | tuple[str, str, str]
     try:

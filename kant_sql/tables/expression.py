@@ -59,7 +59,7 @@ class ExpressionNode:
 
 
 class ExpressionTerm:
-    """A term of a node: an owner's parameter, a bound variable, an object, or a function's value."""
+    """A term of a node: a parameter of the owner, a bound variable, an object, or a fluent."""
 
     kb_id: Mapped[int] = kb_column()
     since: Mapped[int] = since_column()

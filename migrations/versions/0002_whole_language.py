@@ -30,8 +30,8 @@ ACTION_OF_PARAMETER = "fk_action_parameter_kb_id_action_id_since"
 NODE = "kb_id, action_id, since, section, position, parent, operator, predicate_id, value"
 TERM = "kb_id, action_id, since, section, position, term, parameter, object_id"
 
-# What version 0001 knows of trees: conjunctions of literals, and one fixed duration. A node below
-# a node, in a tree of a kind; times are one operator here.
+# What version 0001 knows of trees: conjunctions of literals, and one fixed duration. In a tree of a
+# kind, below a node (none: the root), a node; times are one operator here.
 KNOWN_NODES = """
     ('action', '', 'and'), ('action', 'and', 'not'), ('action', 'and', 'predicate'),
     ('action', 'not', 'predicate'),
@@ -42,6 +42,7 @@ KNOWN_NODES = """
 """
 TIMES = "('at start', 'over all', 'at end')"
 OF_VERSION = "{0}.kb_id = v.kb_id AND {0}.action_id = v.action_id AND {0}.since = v.since"
+# Three nodes of a duration that all differ are `=`, `variable` and `number`.
 STRANGE_ACTIONS = f"""
     SELECT count(*) FROM action_version AS v
     WHERE kind IN ('action', 'durative-action') AND (

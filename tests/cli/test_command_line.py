@@ -19,9 +19,13 @@ from tests.cli.running import CHILD_TIMEOUT, COMMAND, child, one_line, run, star
 from tests.worlds import robot_at
 
 SECRET = "hunter2"
+FILES = Path(__file__).parent / "files"
 WITH_URL = [
     ["show"],
     ["log"],
+    ["dump"],
+    ["plan"],
+    ["load"],
     ["db", "upgrade"],
     ["db", "downgrade"],
     ["db", "current"],
@@ -30,7 +34,8 @@ WITH_URL = [
 
 
 def with_url(words: list[str], url: str) -> list[str]:
-    return [*words, url, *(["base"] if words[-1] == "downgrade" else [])]
+    more = {"downgrade": ["base"], "load": [str(FILES / "delivery.pddl")]}
+    return [*words, url, *more.get(words[-1], [])]
 
 
 @pytest.mark.parametrize("words", [["show"], ["log"], ["db", "current"], ["db", "check"]])
@@ -88,7 +93,9 @@ def test_what_is_no_url_of_a_store_is_one_line(words: list[str], url: str) -> No
     result = run(*with_url(words, url))
     line = one_line(result.stderr)
     assert "ter2" not in line
-    assert (result.exit_code, result.stdout) == (1, "")
+    # What has no scheme could be a file that was to be loaded.
+    code = 2 if (words, url) == (["load"], "nonsense") else 1
+    assert (result.exit_code, result.stdout) == (code, "")
 
 
 @pytest.mark.parametrize("words", WITH_URL)
@@ -131,7 +138,7 @@ def test_the_version_is_that_of_the_package() -> None:
     assert child("--version").stdout == f"kant-sql {importlib.metadata.version('kant-sql')}\n"
 
 
-@pytest.mark.parametrize("words", [[], ["db"], ["show"], ["log"], ["db", "downgrade"]])
+@pytest.mark.parametrize("words", [[], ["db"], ["check"], *WITH_URL])
 def test_every_command_has_help(words: list[str]) -> None:
     result = run(*words, "--help")
     assert result.exit_code == 0

@@ -252,3 +252,65 @@ def test_a_store_that_was_never_written_to_has_nothing_to_show(new_url: str) -> 
     result = run("show", new_url)
     assert "no knowledge base yet" in one_line(result.stderr)
     assert result.exit_code == 1
+
+
+@pytest.fixture
+def watering(tmp_path: Path) -> str:
+    """The URL of a store that has something of nearly all that PDDL has."""
+    files = Path(__file__).parent / "files"
+    url = f"sqlite:///{tmp_path / 'watering.db'}"
+    with kant_sql.connect(url) as kb:
+        kb.load_domain(files / "watering.pddl")
+        kb.load_problem(files / "balcony.pddl")
+    return url
+
+
+def test_what_not_every_domain_has_is_shown_where_it_is(watering: str) -> None:
+    _, *tables = run("show", watering).stdout.rstrip().split("\n\n")
+    titles = [table.splitlines()[0] for table in tables]
+    assert titles == [
+        *("requirements (15)", "types (2)", "objects (3)", "predicates (4)", "functions (3)"),
+        *("derived predicates (1)", "facts (2)", "function values (4)", "initial literals (1)"),
+        *("timed initial literals (2)", "goals (3)", "constraints (2)", "domain constraints (1)"),
+        *("metric (1)", "actions (1)", "processes (1)", "events (1)"),
+    ]
+    shown = {table.split(" (")[0]: table.splitlines()[1:] for table in tables}
+    assert shown["functions"][1] == "(next ?p - plant) - plant"
+    assert shown["derived predicates"] == ["(:derived (thirsty) (exists (?p - plant) (dry ?p)))"]
+    assert shown["function values"][0] == "(= (water basil) 0.50)"
+    assert shown["initial literals"] == ["(not (raining))"]
+    assert shown["timed initial literals"] == ["(at 5 (raining))", "(at 6.5 (not (raining)))"]
+    assert "(preference wet (>= (water rose) 3))" in shown["goals"]
+    assert shown["constraints"] == ["(sometime (thirsty))", "(within 10 (not (thirsty)))"]
+    assert shown["domain constraints"] == ["(forall (?p - plant) (always (>= (water ?p) 0)))"]
+    assert shown["metric"] == ["(:metric minimize (+ (* 2 (is-violated wet)) (total-cost)))"]
+    assert shown["processes"][0] == "(:process rain"
+    assert shown["events"][0] == "(:event drown"
+
+
+def test_json_says_what_not_every_domain_has(watering: str) -> None:
+    state = shown(watering)
+    assert state["requirements"][:2] == [":typing", ":fluents"]
+    assert state["objects"][0] == {"name": "can", "type": "thing", "is_constant": True}
+    assert state["functions"][1] == {
+        "name": "next",
+        "types": ["plant"],
+        "value_types": ["plant"],
+        "pddl": "(next ?p - plant) - plant",
+    }
+    values = {value["pddl"]: value["value"] for value in state["function_values"]}
+    assert values["(= (water basil) 0.50)"] == "0.50"
+    assert values["(= (next basil) rose)"] == "rose"
+    assert {"predicate": "full", "objects": ["can"], "pddl": "(full can)"} in state["goals"]
+    assert {"pddl": "(not (dry basil))"} in state["goals"]
+    assert state["metric"] == {
+        "optimization": "minimize",
+        "expression": "(+ (* 2 (is-violated wet)) (total-cost))",
+        "pddl": "(:metric minimize (+ (* 2 (is-violated wet)) (total-cost)))",
+    }
+    assert [action["name"] for action in state["processes"] + state["events"]] == ["rain", "drown"]
+    assert state["actions"][0]["duration"] == ["(>= ?duration 1)", "(<= ?duration 2.50)"]
+    for name in ("derived_predicates", "timed_initial_literals", "constraints"):
+        assert all(list(each) == ["pddl"] for each in state[name])
+    earlier = shown(watering, "--at", "1")
+    assert (earlier["metric"], earlier["goals"]) == (None, [])

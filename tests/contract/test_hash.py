@@ -99,7 +99,7 @@ SOURCES: list[object] = [
 def test_every_hash_recomputes_from_the_tables(shared_url: str, connect: Connect) -> None:
     kb = connect(shared_url, knowledge_base="tiago", actor="test")
     write_history(kb)
-    assert kb.revision == 17
+    assert kb.revision == 21
     assert last_hash(shared_url) == kb.revisions()[-1].hash
 
 
@@ -147,6 +147,7 @@ def test_each_knowledge_base_of_a_store_has_a_chain_of_its_own(
         "UPDATE function_version SET text = '(charge ?r0 - robot)'",
         "UPDATE function_value_version SET text = '(= (battery rb1) 81)'",
         "UPDATE formula_version SET text = '(and)'",
+        "UPDATE formula_version SET section = 'constraint'",
         "UPDATE proposition_version SET until = NULL",
         "DELETE FROM proposition_version WHERE until = 2",
     ],
@@ -206,7 +207,7 @@ sources = st.recursive(
     st.none() | st.booleans() | st.floats(allow_nan=False, allow_infinity=False) | texts,
     lambda inner: st.lists(inner, max_size=3) | st.dictionaries(texts, inner, max_size=3),
 )
-kinds = st.sampled_from(["type", "function", "action", "formula", "document", "fact", "value"])
+kinds = st.sampled_from(["type", "action", "domain constraint", "document", "fact", "value"])
 lines = st.lists(st.tuples(st.sampled_from("+-"), kinds, names), max_size=5)
 
 

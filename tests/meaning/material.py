@@ -6,11 +6,16 @@ those of the planning competitions lie in `shared/pddl`, beside the checkout, if
 
 from __future__ import annotations
 
+import itertools
 import json
 import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+
+import kant_sql
+from kant_sql.pddl import read_domain, read_problem
+from kant_sql.pddl.writer import write
 
 HERE = Path(__file__).parent
 CORPUS = HERE.parents[2] / "shared" / "pddl"
@@ -65,40 +70,37 @@ def corpus_pairs() -> list[Pair]:
 
 def by_documents(domain: Path, problem: Path) -> tuple[str, str]:
     """Read the two files and write them, with no store in between."""
-    from kant_sql.pddl import read_domain, read_problem
-    from kant_sql.pddl.writer import write
-
     document = read_domain(domain)
     return write(document), write(read_problem(problem, document))
 
 
-def by_store(domain: Path, problem: Path) -> tuple[str, str]:
-    """Load the two files into a store, and have it say what it holds."""
-    import kant_sql
+class ByStore:
+    """Loads two files into a knowledge base, and has it say what it holds."""
 
-    kb = kant_sql.connect("sqlite://")
-    try:
-        kb.load_domain(domain)
-        kb.load_problem(problem)
-        return kb.domain_pddl(), kb.problem_pddl()
-    finally:
-        kb.close()
+    def __init__(self, folder: Path) -> None:
+        self._url = f"sqlite:///{folder / 'store.db'}"
+        self._numbers = itertools.count(1)
 
-
-def regenerate(domain: Path, problem: Path) -> tuple[str, str]:
-    """Go the way from files to our text that is judged: the whole way, where it is there."""
-    from kant_sql import KnowledgeBase
-
-    way = by_documents or by_store if hasattr(KnowledgeBase, "load_domain") else by_documents
-    return way(domain, problem)
+    def __call__(self, domain: Path, problem: Path) -> tuple[str, str]:
+        kb = kant_sql.connect(self._url, knowledge_base=f"pair-{next(self._numbers)}")
+        try:
+            kb.load_domain(domain)
+            kb.load_problem(problem)
+            return kb.domain_pddl(), kb.problem_pddl()
+        finally:
+            kb.close()
 
 
 class Workshop:
-    """Makes our text of pairs, once each, in a folder."""
+    """Makes our text of pairs, once each, in a folder.
 
-    def __init__(self, folder: Path, way: Regenerate = regenerate) -> None:
+    `way` is how kant_sql gets from two files to our text: the whole way through a store, or
+    another that is to be judged.
+    """
+
+    def __init__(self, folder: Path, way: Regenerate | None = None) -> None:
         self._folder = folder
-        self._way = way
+        self._way = ByStore(folder) if way is None else way
         self._made: dict[str, Pair] = {}
 
     def ours(self, pair: Pair) -> Pair:

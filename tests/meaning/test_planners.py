@@ -47,7 +47,6 @@ SOLVED = [
     ("enhsp", "ipc2002-driverlog-numeric-automatic.instance-1", "a metric of total-time"),
     ("enhsp", "ipc2002-satellite-numeric-hard-automatic.instance-1", "no goal but a metric"),
     ("fast_downward", "ipc2002-zenotravel-strips-automatic.instance-1", "either"),
-    ("aries", "ipc2002-depots-time-simple-automatic.instance-1", "durative actions"),
     ("aries", "ipc2002-driverlog-time-automatic.instance-1", "durations from functions"),
     ("fast_downward", "ipc2004-promela-dining-philosophers-derived-predicates-strips.instance-1",
      "derived predicates in STRIPS"),
@@ -66,8 +65,6 @@ SOLVED = [
      "costs with quantifiers"),
     ("fast_downward", "ipc2008-openstacks-sequential-satisficing-strips.instance-3",
      "costs with constants"),
-    ("aries", "ipc2008-openstacks-temporal-satisficing-strips.instance-1",
-     "durative actions with constants"),
     ("fast_downward", "ipc2008-scanalyzer-3d-sequential-optimal-strips.instance-22", "costs"),
     ("fast_downward", "ipc2008-woodworking-sequential-satisficing-strips.instance-11",
      "costs from functions"),
@@ -83,6 +80,9 @@ SOLVED = [
     ("fast_downward", "ipc2014-hiking-sequential-optimal.instance-1", "inequality"),
 ]  # fmt: skip
 MORE = [
+    ("aries", "ipc2008-openstacks-temporal-satisficing-strips.instance-1",
+     "durative actions with constants"),
+    ("aries", "ipc2002-depots-time-simple-automatic.instance-1", "durative actions"),
     ("fast_downward", "ipc2000-logistics-strips-untyped.instance-46", "a long plan"),
     ("fast_downward", "ipc2004-psr-middle-compiled-adl.instance-2", "large disjunctions"),
     ("fast_downward", "ipc2008-cyber-security-sequential-satisficing-strips.instance-10", "size"),

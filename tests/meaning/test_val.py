@@ -23,7 +23,7 @@ CHANGES = [
     ("preferences", "problem", "2.5", "2.6"),
     ("constraints", "problem", "sometime-before", "sometime-after"),
     ("numeric", "domain", "scale-down", "scale-up"),
-    ("conditional", "domain", "waiter cook - staff", "waiter - staff cook - ware"),
+    ("conditional", "domain", "cup plate - ware", "cup - ware plate - staff"),
     ("process", "domain", ":event", ":process"),
 ]
 
@@ -110,10 +110,10 @@ def test_what_the_empty_plan_lacks_is_the_same(workshop: Workshop, tmp_path: Pat
     empty = tmp_path / "empty.plan"
     empty.write_text("")
     wrong = []
-    for pair in pairs:
-        if not val.parse(pair).accepted:
-            continue
+    for pair in filter(val.accepts, pairs):
         original = val.validate(pair, empty)
+        if original.refused:
+            continue
         ours = val.validate(workshop.ours(pair), empty)
         if not ours.same(original):
             wrong.append(f"{pair.name}: {_first_difference(original.lines, ours.lines)}")

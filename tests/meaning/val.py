@@ -31,13 +31,14 @@ class Parsed:
 
 @dataclass(frozen=True)
 class Verdict:
-    """What VAL says of a plan.
+    """What VAL says of a plan; it may refuse the domain or the problem, then it says nothing.
 
     `lines` are all that it says: the plan's effects step by step, which constraints and preferences
     are violated when, and, if the goal is not reached, what it lacks. A paragraph's lines are
     sorted, for their order depends on addresses.
     """
 
+    refused: bool
     valid: bool
     value: str
     violations: tuple[str, ...]
@@ -54,14 +55,21 @@ class Verdict:
         )
 
 
+def accepts(pair: Pair) -> bool:
+    """Whether VAL's parser reads a pair without an error."""
+    return _has_no_error(_run("Parser", str(pair.domain), str(pair.problem)))
+
+
 def parse(pair: Pair) -> Parsed:
     """Have VAL's parser read a pair."""
     done = _run("Parser", str(pair.domain), str(pair.problem))
-    counted = _ERRORS.findall(done.stdout)
-    accepted = done.returncode == 0 and bool(counted) and counted[-1][0] == "0"
     message = f"exit {done.returncode}: {done.stdout[-500:]}"
-    body = _ERRORS.split(done.stdout)[0]
-    return Parsed(accepted, normal_tree(body), message)
+    return Parsed(_has_no_error(done), normal_tree(_ERRORS.split(done.stdout)[0]), message)
+
+
+def _has_no_error(done: subprocess.CompletedProcess[str]) -> bool:
+    counted = _ERRORS.findall(done.stdout)
+    return done.returncode == 0 and bool(counted) and counted[-1][0] == "0"
 
 
 def validate(pair: Pair, plan: Path) -> Verdict:
@@ -77,6 +85,7 @@ def validate(pair: Pair, plan: Path) -> Verdict:
         for line in sorted(paragraph.splitlines())
     ]
     return Verdict(
+        refused="Checking plan: " not in output or "Bad operator" in output,
         valid=done.returncode == 0 and "\nPlan valid\n" in output,
         value=value[1] if value else "",
         violations=tuple(line.strip() for line in violated[1].splitlines()) if violated else (),

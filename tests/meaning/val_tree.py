@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass, field
+from functools import lru_cache
 
 _ADDRESS = re.compile(r"\[0x[0-9a-f]+\]")
 _LIST = "(typed_symbol_list<>)"
@@ -36,7 +37,13 @@ class _Branch:
 
 def normal_tree(text: str) -> tuple[str, ...]:
     """Write VAL's tree in its normal form, line by line."""
-    text = _ADDRESS.sub("", re.sub(r"File: .*", "", text))
+    domain, problem, rest = re.sub(r"File: .*", "", _ADDRESS.sub("", text)).partition("(problem)\n")
+    return _normal_part(domain) + _normal_part(problem + rest)
+
+
+@lru_cache(maxsize=2)
+def _normal_part(text: str) -> tuple[str, ...]:
+    """A part may be large, and is often the same of an original and of ours."""
     branches = _read([line for line in text.splitlines() if line.strip()])
     for branch in branches:
         _normalise(branch)

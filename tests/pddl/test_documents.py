@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from hypothesis import HealthCheck, given, settings
 
-from kant_sql.dto import formula
 from kant_sql.dto.formula import (
     ARITHMETIC,
     ASSIGNMENTS,
@@ -24,7 +23,9 @@ from kant_sql.pddl.requirements import REQUIREMENTS, used_requirements
 from kant_sql.pddl.walk import walk
 from tests.documents import domains_and_problems
 
-NODES = {kind.__name__ for kind in Node.__subclasses__() if kind.__module__ == formula.__name__}
+NODES = {
+    kind.__name__ for kind in Node.__subclasses__() if kind.__module__.startswith("kant_sql.dto.")
+}
 
 
 def roots(domain: Domain, problem: Problem) -> list[Node]:

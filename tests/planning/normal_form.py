@@ -69,7 +69,7 @@ def normal_form(problem: Problem) -> dict[str, object]:
         for metric in problem.quality_metrics
     ]
     return {
-        "types": {(type_.name, type_.father) for type_ in problem.user_types},
+        "types": set(map(str, problem.user_types)),
         "objects": set(problem.all_objects),
         "fluents": set(problem.fluents),
         "actions": {made.name: action(made) for made in problem.actions},

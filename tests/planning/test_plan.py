@@ -19,6 +19,7 @@ from kant_sql.pddl import read_domain, read_problem
 from kant_sql.pddl.document import Domain, Problem
 from kant_sql.pddl.writer import write
 from kant_sql.planning import Plan, PlanStep, solve
+from kant_sql.planning.worker import GroupedProcess
 
 pytest.importorskip("unified_planning")
 
@@ -271,6 +272,14 @@ def test_time_is_up_and_nothing_stays_behind(
     assert time.monotonic() - started < 10
     assert _until(lambda: not _mentioning(tmp_path), 5)
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.skipif(not hasattr(os, "killpg"), reason="there are no process groups here")
+def test_what_an_engine_starts_stays_in_the_group() -> None:
+    command = [sys.executable, "-c", "import os; print(os.getpgrp())"]
+    with GroupedProcess(command, start_new_session=True, stdout=subprocess.PIPE) as process:
+        assert process.stdout is not None
+        assert int(process.stdout.read()) == os.getpgrp()
 
 
 @pytest.mark.skipif(not hasattr(os, "killpg"), reason="there are no process groups here")

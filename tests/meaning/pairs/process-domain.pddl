@@ -7,7 +7,7 @@
   (:functions (level) (rate ?p - pump) (limit))
   (:durative-action run
     :parameters (?p - pump)
-    :duration (<= ?duration 30)
+    :duration (and (>= ?duration 1) (<= ?duration 30))
     :condition (at start (not (on ?p)))
     :effect (and (at start (on ?p)) (at end (not (on ?p)))
                  (increase (level) (* #t (rate ?p)))))

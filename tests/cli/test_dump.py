@@ -1,0 +1,130 @@
+"""`kant-sql dump`: domain and problem as PDDL, now and then."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+import kant_sql
+from kant_sql.pddl import read, read_domain, read_problem
+from tests.cli.running import CHILD_TIMEOUT, child, one_line, run, start
+from tests.worlds import WP2, robot_at
+
+FILES = Path(__file__).parent / "files"
+DOMAIN, PROBLEM = FILES / "watering.pddl", FILES / "balcony.pddl"
+
+
+@pytest.fixture
+def url(tmp_path: Path) -> str:
+    """The URL of a store with a domain and a problem."""
+    url = f"sqlite:///{tmp_path / 'robot.db'}"
+    with kant_sql.connect(url) as kb:
+        kb.load_domain(DOMAIN)
+        kb.load_problem(PROBLEM)
+    return url
+
+
+def dumped(*words: str) -> str:
+    result = run("dump", *words)
+    assert (result.exit_code, result.stderr) == (0, "")
+    return result.stdout
+
+
+def test_domain_and_problem_are_one_text_that_the_reader_reads(url: str) -> None:
+    domain = read_domain(DOMAIN)
+    assert read(dumped(url)) == [domain, read_problem(PROBLEM, domain)]
+
+
+def test_one_of_them_can_be_had_alone(url: str) -> None:
+    domain, problem = dumped(url, "--domain"), dumped(url, "--problem")
+    assert [type(each).__name__ for each in read(domain)] == ["Domain"]
+    assert [type(each).__name__ for each in read(problem)] == ["Problem"]
+    assert dumped(url) == dumped(url, "--domain", "--problem") == f"{domain}\n{problem}"
+
+
+def test_what_is_dumped_and_loaded_elsewhere_is_the_same(
+    url: str, new_url: str, tmp_path: Path
+) -> None:
+    path = tmp_path / "all.pddl"
+    path.write_bytes(child("dump", url).stdout.encode())
+    kant_sql.upgrade(new_url)
+    result = run("load", new_url, str(path), "--kb", "copy")
+    assert (result.exit_code, result.stderr) == (0, "")
+    assert dumped(new_url, "--kb", "copy").encode() == path.read_bytes()
+    with kant_sql.connect(url) as kb, kant_sql.connect(new_url, "copy") as copy:
+        assert (kb.domain(), kb.problem()) == (copy.domain(), copy.problem())
+
+
+def test_a_revision_of_the_past_is_dumped(store: str) -> None:
+    for at, fact in (("1", "(robot_at rb1 wp1)"), ("2", "(robot_at rb1 wp2)")):
+        (problem,) = read(dumped(store, "--at", at, "--problem"))
+        assert isinstance(problem, kant_sql.pddl.Problem)
+        assert [str(each) for each in problem.facts] == [fact]
+    with kant_sql.connect(store, "tiago") as kb:
+        moment = kb.revisions()[0].committed_at
+    assert dumped(store, "--at", moment.isoformat()) == dumped(store, "--at", "1")
+    assert "robot" not in dumped(store, "--at", "0")
+
+
+def test_both_are_of_one_state_whatever_is_written_meanwhile(
+    own_store: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    expected = dumped(own_store)
+    kind = kant_sql.KnowledgeBase
+    domain_pddl = kind.domain_pddl
+
+    def write_after(kb: kant_sql.KnowledgeBase) -> str:
+        text = domain_pddl(kb)
+        with kant_sql.connect(own_store, "tiago") as other:
+            other.propositions.save(robot_at(place=WP2, is_goal=True))
+        return text
+
+    monkeypatch.setattr(kind, "domain_pddl", write_after)
+    assert dumped(own_store) == expected
+    monkeypatch.undo()
+    assert dumped(own_store) != expected
+
+
+def test_pddl_is_utf_8_whatever_the_locale(tmp_path: Path) -> None:
+    url = f"sqlite:///{tmp_path / 'names.db'}"
+    with kant_sql.connect(url) as kb:
+        kb.types.save(kant_sql.PddlTypeDto("机器人"))
+    done = child("dump", url, "--domain", PYTHONIOENCODING="ascii", PYTHONUTF8="0", LC_ALL="C")
+    assert "    机器人 - object\n" in done.stdout
+
+
+def test_a_reader_that_stops_reading_ends_the_command_quietly(sqlite_store: str) -> None:
+    process = start("dump", sqlite_store)
+    assert process.stdout is not None
+    assert process.stderr is not None
+    assert process.stdout.read(10) == b"(define (d"
+    process.stdout.close()
+    assert process.wait(CHILD_TIMEOUT) == 0
+    assert process.stderr.read() == b""
+    process.stderr.close()
+
+
+def test_the_environment_gives_the_default_url(url: str) -> None:
+    assert run("dump", url=url).stdout == dumped(url)
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "message"),
+    [
+        (["--at", "2999-01-01"], 1, "future"),
+        (["--at", "7"], 1, "has no revision 7"),
+        (["--at", "soon"], 2, "neither a revision's number nor a time"),
+        (["--kb", "nobody"], 1, "choose one with --kb: 'default'"),
+    ],
+)
+def test_what_is_not_there_is_one_line(url: str, words: list[str], code: int, message: str) -> None:
+    result = run("dump", url, *words)
+    assert message in one_line(result.stderr)
+    assert (result.exit_code, result.stdout) == (code, "")
+
+
+def test_nothing_is_created(tmp_path: Path) -> None:
+    result = run("dump", f"sqlite:///{tmp_path / 'missing.db'}")
+    assert "there is no such file" in one_line(result.stderr)
+    assert (result.exit_code, list(tmp_path.iterdir())) == (1, [])

@@ -1,0 +1,136 @@
+"""`kant-sql plan`: a plan from what is known, now and then."""
+
+from __future__ import annotations
+
+import json
+from decimal import Decimal
+from pathlib import Path
+
+import pytest
+
+import kant_sql
+from kant_sql import KnowledgeBase, NoPlanError, PlannerMissingError
+from kant_sql.planning import Plan, PlanStep
+from tests.cli.running import child, one_line, run
+
+FILES = Path(__file__).parent / "files"
+STEPS = [
+    "(move rb1 table1 kitchen)",
+    "(take rb1 cup kitchen)",
+    "(move rb1 kitchen table1)",
+    "(put rb1 cup table1)",
+]
+
+
+@pytest.fixture
+def url(tmp_path: Path) -> str:
+    """The URL of a store of two revisions: from the second no plan leads to the goal."""
+    url = f"sqlite:///{tmp_path / 'robot.db'}"
+    with kant_sql.connect(url) as kb:
+        with kb.transaction():
+            kb.load_domain(FILES / "delivery.pddl")
+            kb.load_problem(FILES / "coffee.pddl")
+        lies = next(fact for fact in kb.propositions.get_all() if fact.predicate.name == "lies")
+        kb.propositions.delete(lies)
+    return url
+
+
+@pytest.fixture
+def asked(monkeypatch: pytest.MonkeyPatch) -> list[dict[str, object]]:
+    """What the knowledge base is asked for; it answers with a plan that takes time."""
+    calls: list[dict[str, object]] = []
+
+    def plan(kb: KnowledgeBase, **words: object) -> Plan:
+        calls.append({"revision": kb.revision, **words})
+        steps = (
+            PlanStep(Decimal("0.000"), "move", ("rb1", "kitchen"), Decimal("2.50")),
+            PlanStep(Decimal("1E+1"), "wait"),
+        )
+        return Plan(steps, "aries", "solved_optimally", kb.revision)
+
+    monkeypatch.setattr(KnowledgeBase, "plan", plan)
+    return calls
+
+
+def answer_with(monkeypatch: pytest.MonkeyPatch, error: Exception) -> None:
+    def plan(kb: KnowledgeBase, **words: object) -> Plan:
+        raise error
+
+    monkeypatch.setattr(KnowledgeBase, "plan", plan)
+
+
+def test_a_plan_is_found_in_a_process_of_its_own(url: str) -> None:
+    pytest.importorskip("up_pyperplan", reason="needs the extra planning")
+    done = child("plan", url, "--at", "1", "--engine", "pyperplan", "--timeout", "50")
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.splitlines() == [
+        "; revision 1",
+        "; solved_satisficing by pyperplan",
+        *STEPS,
+    ]
+
+
+def test_no_plan_is_one_line(url: str) -> None:
+    pytest.importorskip("up_pyperplan", reason="needs the extra planning")
+    result = run("plan", url, "--engine", "pyperplan", "--timeout", "50")
+    one_line(result.stderr)
+    assert (result.exit_code, result.stdout) == (1, "")
+
+
+def test_the_plan_is_in_the_format_of_the_validator(
+    url: str, asked: list[dict[str, object]]
+) -> None:
+    result = run("plan", url)
+    assert result.stdout == (
+        "; revision 2\n; solved_optimally by aries\n0.000: (move rb1 kitchen) [2.50]\n10: (wait)\n"
+    )
+    assert asked == [{"revision": 2, "engine": None, "timeout": None}]
+
+
+def test_engine_time_and_moment_can_be_chosen(url: str, asked: list[dict[str, object]]) -> None:
+    words = ["--at", "1", "--engine", "enhsp", "--timeout", "1.5", "--kb", "default"]
+    assert run("plan", *words, url=url).exit_code == 0
+    assert asked == [{"revision": 1, "engine": "enhsp", "timeout": 1.5}]
+
+
+@pytest.mark.usefixtures("asked")
+def test_json_says_all_of_the_plan(url: str) -> None:
+    assert json.loads(run("plan", url, "--json").stdout) == {
+        "knowledge_base": "default",
+        "revision": 2,
+        "engine": "aries",
+        "status": "solved_optimally",
+        "steps": [
+            {
+                "start": "0.000",
+                "action": "move",
+                "arguments": ["rb1", "kitchen"],
+                "duration": "2.50",
+            },
+            {"start": "10", "action": "wait", "arguments": [], "duration": None},
+        ],
+    }
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        PlannerMissingError('run pip install "kant-sql[planning]"'),
+        NoPlanError("no plan was found within 5 seconds", "timeout"),
+    ],
+)
+@pytest.mark.parametrize("words", [[], ["--json"]])
+def test_what_keeps_from_planning_is_one_line(
+    url: str, monkeypatch: pytest.MonkeyPatch, error: Exception, words: list[str]
+) -> None:
+    answer_with(monkeypatch, error)
+    result = run("plan", url, *words)
+    assert one_line(result.stderr) == f"kant-sql: {error}"
+    assert (result.exit_code, result.stdout) == (1, "")
+
+
+@pytest.mark.parametrize("words", [["--timeout", "-1"], ["--timeout", "soon"], ["--at", "soon"]])
+def test_wrong_usage_is_one_line(url: str, words: list[str]) -> None:
+    result = run("plan", url, *words)
+    one_line(result.stderr)
+    assert result.exit_code == 2

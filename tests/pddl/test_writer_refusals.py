@@ -1,0 +1,154 @@
+"""What text could not carry is refused, and nothing else is."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+from decimal import Decimal
+
+import pytest
+
+from kant_sql.dto.formula import (
+    Arithmetic,
+    Assign,
+    Atom,
+    Comparison,
+    Constant,
+    Derived,
+    Fluent,
+    Forall,
+    Formula,
+    Metric,
+    Modal,
+    Not,
+    Number,
+    Timed,
+    TimedLiteral,
+    TypedName,
+    Variable,
+    When,
+)
+from kant_sql.errors import InvalidKnowledgeError
+from kant_sql.pddl import read_domain, read_problem, write
+from kant_sql.pddl.document import Action, Domain, Function, Predicate, Problem
+from kant_sql.pddl.tokens import MAX_DEPTH
+from kant_sql.pddl.walk import depth, walk
+
+FREE = Atom("free")
+BATTERY = Fluent("battery", (Variable("r"),))
+GROWS = Assign("increase", BATTERY, Number(Decimal(1)))
+
+
+def number(text: str) -> Number:
+    return Number(Decimal(text))
+
+
+def nested(levels: int) -> Formula:
+    formula: Formula = FREE
+    for _ in range(levels):
+        formula = Not(formula)
+    return formula
+
+
+def test_nesting_is_bounded_by_the_reader_and_not_by_the_interpreter() -> None:
+    assert depth(nested(5000)) == 5001
+    assert sum(1 for _ in walk(nested(5000))) == 5001
+    deepest = Problem("p", "d", goal=(nested(MAX_DEPTH - 1),))
+    limit = sys.getrecursionlimit()
+    frames = 0
+    frame = sys._getframe()
+    while frame.f_back is not None:
+        frame, frames = frame.f_back, frames + 1
+    try:
+        sys.setrecursionlimit(frames + 60)
+        text = write(deepest)
+    finally:
+        sys.setrecursionlimit(limit)
+    assert text.count("(not ") == MAX_DEPTH - 1
+    with pytest.raises(InvalidKnowledgeError, match=r"in :goal: nested more than 250 deep"):
+        write(Problem("p", "d", goal=(nested(MAX_DEPTH),)))
+    with pytest.raises(InvalidKnowledgeError, match=r"nested more than 250 deep"):
+        write(Problem("p", "d", goal=(nested(100_000),)))
+
+
+KNOWN = Domain("d", (":adl",), predicates=(Predicate("free"),), functions=(Function("f"),))
+
+
+def deep_sum(levels: int) -> Formula:
+    value: Arithmetic = Arithmetic("-", (Fluent("f"),))
+    for _ in range(levels - 1):
+        value = Arithmetic("-", (value,))
+    return Comparison("<", value, number("1"))
+
+
+def test_the_deepest_that_is_written_is_read() -> None:
+    deepest = nested(MAX_DEPTH - 1)
+    for goal_ in (deepest, deep_sum(MAX_DEPTH - 2)):
+        text = write(Problem("p", "d", goal=(goal_,)))
+        assert write(read_problem(text, KNOWN)) == text
+    for action in (
+        Action("action", "a", condition=(deepest,)),
+        Action("action", "a", effect=(When(nested(MAX_DEPTH - 2), FREE),)),
+        Action("durative-action", "a", condition=(Timed("at end", nested(MAX_DEPTH - 2)),)),
+    ):
+        text = write(replace(KNOWN, actions=(action,)))
+        assert write(read_domain(text)) == text
+
+
+def test_the_deepest_that_is_read_is_written() -> None:
+    levels = MAX_DEPTH - 1
+    deep = f"{'(not ' * levels}(free){')' * levels}"
+    for formula in (deep, f"(and {deep})", f"(and (free) {deep})"):
+        text = f"(define (problem p) (:domain d) (:init) (:goal {formula}))"
+        assert deep in write(read_problem(text, KNOWN))
+
+
+def goal(formula: Formula) -> Problem:
+    return Problem("p", "d", goal=(formula,))
+
+
+def effect(formula: Formula) -> Domain:
+    return Domain("d", actions=(Action("action", "a", effect=(formula,)),))
+
+
+BAD = [
+    (goal(Timed("at noon", FREE)), r"in :goal: 'at noon' is no time .* at start, over all, at end"),
+    (goal(Comparison("!=", number("1"), number("2"))), r"'!=' is no comparison"),
+    (goal(Comparison("<", Arithmetic("^", ()), number("2"))), r"'\^' is no arithmetic operator"),
+    (goal(Comparison("<", Arithmetic("+", (number("1"),)), number("2"))), r"'\+' of 1 operands"),
+    (goal(Comparison("<", number("NaN"), number("2"))), r"NaN is no number that PDDL"),
+    (goal(Comparison("<", number("-Infinity"), number("2"))), r"-Infinity is no number"),
+    (goal(Comparison("<", number("1E+999999999"), number("2"))), r"at most 400 digits"),
+    (goal(Comparison("<", number("1E-999999999"), number("2"))), r"at most 400 digits"),
+    (goal(Modal("never", (), (FREE,))), r"'never' is no modal operator"),
+    (goal(Modal("within", (), (FREE,))), r"'within' takes 1 numbers and 1 formulas, not 0 and 1"),
+    (goal(Atom("AND")), r"'AND' cannot name a predicate: the word is reserved"),
+    (goal(Atom("at", (Constant("END"), Fluent("f")))), r"is read as a time"),
+    (goal(Atom("Increase", (Fluent("f"),))), r"'Increase' of a function's value is read as the"),
+    (goal(Atom("<=", (Constant("a"),))), r"'<=' cannot name a predicate"),
+    (goal(Forall((TypedName("x", ()),), FREE)), r"'x' has no type"),
+    (goal(Derived("p", (), FREE)), r"a Derived is no part of a formula"),  # type: ignore[arg-type]
+    (effect(Assign("set", BATTERY, number("1"))), r"in action a: 'set' is no effect on a fluent"),
+    (Domain("d", types=(TypedName("t", ("Either",)),)), r"'t' is of a type called 'either'"),
+    (Domain("d", predicates=(Predicate("exists"),)), r"'exists' cannot name a predicate"),
+    (Domain("d", derived=(Derived("or", (), FREE),)), r"in :derived or: 'or' cannot name"),
+    (Domain("d", functions=(Function("f", (), ("Number",)),)), r"a type called 'number'"),
+    (Domain("d", actions=(Action("method", "a"),)), r"'method' is no kind of action"),
+    (Domain("d", actions=(Action("action", "a", duration=(FREE,)),)), r"only a durative action"),
+    (Domain("d", requirements=("typing",)), r"'typing' is no requirement; write it ':typing'"),
+    (Problem("p", "d", facts=(Atom("=", ()),)), r"'=' cannot name a predicate"),
+    (Problem("p", "d", facts=(Atom("q", (Variable("x"),)),)), r"\(q \?x\) is not ground"),
+    (Problem("p", "d", timed=(TimedLiteral(number("1"), GROWS),)), r"'increase' is no timed"),
+    (Problem("p", "d", metric=Metric("optimize", number("1"))), r"'optimize' is no optimization"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("document", "message"), BAD)
+def test_what_could_not_be_read_back_is_refused(document: Domain | Problem, message: str) -> None:
+    with pytest.raises(InvalidKnowledgeError, match=message):
+        write(document)
+
+
+def test_only_documents_are_written() -> None:
+    with pytest.raises(InvalidKnowledgeError, match="a Domain or a Problem, not Atom"):
+        write(FREE)  # type: ignore[arg-type]

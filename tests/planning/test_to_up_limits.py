@@ -1,0 +1,177 @@
+"""What unified-planning cannot express is refused by name; all of the competitions' files."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from importlib.util import find_spec
+
+import pytest
+
+from kant_sql import PlannerMissingError, UnsupportedConstructError
+from kant_sql.pddl import read_domain, read_problem
+from kant_sql.planning import to_unified_planning
+from tests.planning.corpus import EVERYTHING, pairs, small_pairs
+from tests.planning.normal_form import normal_form, spelled
+from tests.planning.yard import FREE, convert, durative
+
+unified_planning = pytest.importorskip("unified_planning")
+from unified_planning.environment import Environment  # noqa: E402
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (
+            {"domain": "(:derived (move) (not (move)))", "goal": "(move)"},
+            r"cannot express \(move\) in the goal: .*rests on itself",
+        ),
+        (
+            {"problem": "(:constraints (within 5 (clean t1)))"},
+            r"\(within 5 \(clean t1\)\) in the constraints: within has no counterpart",
+        ),
+        (
+            {"problem": "(:metric minimize (+ (fuel t1) (total-time)))"},
+            r"\(total-time\) in the metric",
+        ),
+        (
+            {
+                "goal": "(and (move) (preference p (clean t1)))",
+                "problem": "(:metric minimize (+ (fuel t1) (is-violated p)))",
+            },
+            r"\(fuel t1\) in the metric: a sum of violations and other quantities",
+        ),
+        (
+            {
+                "precondition": f"(and {FREE} (preference p (clean ?v)))",
+                "problem": "(:metric minimize (is-violated p))",
+            },
+            r"\(preference p \(clean \?v\)\) in action move",
+        ),
+        (
+            {"effect": "(assign (fuel ?v) (/ (rate) 0))"},
+            r"\(/ \(rate\) 0\) in action move: it divides by zero",
+        ),
+    ],
+)
+def test_what_has_no_counterpart_is_named_with_its_place(
+    change: dict[str, str], message: str
+) -> None:
+    with pytest.raises(UnsupportedConstructError, match=message):
+        convert(**change)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"duration": "(>= ?duration 2)"}, "durative-action wash: the duration needs an upper"),
+        (
+            {"effect": "(when (at start (clean ?v)) (at end (not (clean ?v))))"},
+            "an effect whose condition has another time",
+        ),
+        (
+            {
+                "duration": "(= ?duration (fuel ?v))",
+                "effect": "(at end (decrease (fuel ?v) ?duration))",
+            },
+            r"\?duration in durative-action wash",
+        ),
+        (
+            {"duration": "(and (= ?duration (rate)) (<= ?duration (fuel ?v)))"},
+            "one lower and one upper bound",
+        ),
+        (
+            {"effect": "(forall (?x - van) (increase (fuel ?x) (* #t 2)))"},
+            "a continuous effect with a condition or a quantifier",
+        ),
+    ],
+)
+def test_what_takes_time_and_has_no_counterpart(change: dict[str, str], message: str) -> None:
+    with pytest.raises(UnsupportedConstructError, match=message):
+        durative(**change)
+
+
+def test_several_supertypes_and_objects_of_several_types_are_refused() -> None:
+    two = "(define (domain d) (:types a b - object c - (either a b)) (:predicates (p)))"
+    read = read_domain(two)
+    problem = "(define (problem q) (:domain d) (:init) (:goal (p)))"
+    with pytest.raises(UnsupportedConstructError, match="type c: it has the supertypes a and b"):
+        to_unified_planning(read, read_problem(problem, read))
+    read = read_domain("(define (domain d) (:types a b) (:predicates (p)))")
+    either = "(define (problem q) (:domain d) (:objects x - (either a b)) (:init) (:goal (p)))"
+    with pytest.raises(UnsupportedConstructError, match=r"object x: an object has one type"):
+        to_unified_planning(read, read_problem(either, read))
+
+
+def test_formulas_nested_as_deeply_as_can_be_read() -> None:
+    depth = 240
+    goal = "(not (and (move) " * (depth // 2) + "(clean t1)" + "))" * (depth // 2)
+    assert len(convert(goal=goal).goals) == 1
+
+
+def test_derived_predicates_that_are_nested_too_deeply() -> None:
+    rules = "".join(f"(:derived (d{n}) (not (d{n + 1})))" for n in range(2000))
+    predicates = "".join(f"(d{n})" for n in range(2001))
+    domain = read_domain(f"(define (domain d) (:predicates {predicates}) {rules})")
+    problem = read_problem("(define (problem q) (:domain d) (:init) (:goal (d0)))", domain)
+    with pytest.raises(UnsupportedConstructError, match="nested too deeply"):
+        to_unified_planning(domain, problem)
+
+
+def test_an_environment_of_its_own() -> None:
+    environment = Environment()
+    assert convert(environment=environment).environment is environment
+
+
+def test_without_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    with pytest.raises(PlannerMissingError, match=re.escape('pip install "kant-sql[planning]"')):
+        convert()
+
+
+def test_the_package_is_imported_without_unified_planning() -> None:
+    code = "import sys; import kant_sql.planning; sys.exit('unified_planning' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+    assert find_spec("unified_planning") is not None
+
+
+def test_the_competitions_files_are_converted_or_refused_by_name() -> None:
+    """All of them with KANT_SQL_TEST_CORPUS=all, else the small ones."""
+    converted = 0
+    given = pairs() if EVERYTHING else small_pairs(20_000)
+    for pair in given:
+        read = read_domain(pair.domain)
+        try:
+            to_unified_planning(read, read_problem(pair.problem, read))
+        except UnsupportedConstructError:
+            continue
+        converted += 1
+    assert converted > len(given) * 0.6
+
+
+def test_what_unified_planning_reads_itself_is_the_same() -> None:
+    """All of the competitions' files with KANT_SQL_TEST_CORPUS=all, else a handful."""
+    from unified_planning.io import PDDLReader
+
+    environment = unified_planning.environment.get_environment()
+    environment.error_used_name = False
+    compared = 0
+    try:
+        for pair in pairs() if EVERYTHING else small_pairs(6_000)[:12]:
+            try:
+                theirs = PDDLReader(environment).parse_problem(str(pair.domain), str(pair.problem))
+            except Exception:
+                continue
+            domain, problem = (
+                path.read_text(encoding="utf-8", errors="replace").lower()
+                for path in (pair.domain, pair.problem)
+            )
+            read = read_domain(domain)
+            ours = to_unified_planning(read, read_problem(problem, read), environment)
+            compared += 1
+            if normal_form(ours) != normal_form(theirs):
+                assert spelled(normal_form(ours)) == spelled(normal_form(theirs)), pair.name
+    finally:
+        environment.error_used_name = True
+    assert compared >= (60 if EVERYTHING else 4)
