@@ -191,9 +191,8 @@ class TreeWriter(TermWriter):
             self._fail(f"{shown(formula)} has the time {time!r}, expected one of {TIMES}")
         inner = _WITHIN_TIMED.get(place)
         is_trajectory = place in (Place.CONSTRAINT, Place.TRAJECTORY)
-        wrong = (is_trajectory and time != AT_END) or (
-            time == OVER_ALL and place in (Place.TIMED_EFFECT, Place.DURATION)
-        )
+        # The paper's DTOs may have effects `over all`.
+        wrong = (is_trajectory and time != AT_END) or (place is Place.DURATION and time == OVER_ALL)
         if inner is None or wrong:
             self._fail(f"{shown(formula)} has a time that has no place in {place.value}")
         self._open(parent, time)

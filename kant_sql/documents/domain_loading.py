@@ -22,7 +22,7 @@ from ..pddl.document import Action, Domain
 from ..transaction import Transaction
 from .declaring import Declaring
 from .misfits import retract_misfits
-from .ordering import find_document, merged, put_document
+from .ordering import check_title, find_document, merged, put_document
 
 
 def load_domain(transaction: Transaction, domain: Domain, replace: bool) -> None:
@@ -38,11 +38,8 @@ def load_domain(transaction: Transaction, domain: Domain, replace: bool) -> None
         ConflictError: it contradicts what is stored.
     """
     stored = find_document(transaction.definitions, DOMAIN)
-    if stored is not None and not replace and fold(stored.title) != fold(domain.name):
-        raise ConflictError(
-            f"domain {stored.title!r} is stored, but the document is domain {domain.name!r}; load "
-            "it with mode='replace'"
-        )
+    if stored is not None and not replace:
+        check_title(stored, domain.name)
     declaring = Declaring(transaction, replace)
     declaring.types(domain.types)
     declaring.objects(domain.constants, is_constant=True)

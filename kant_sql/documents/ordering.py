@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from typing import TypeVar
 
+from ..dto.name import fold
+from ..errors import ConflictError
 from ..knowledge.definitions import Definitions
 from ..knowledge.document import DocumentDefinition, Item, document_text
 from ..transaction import Transaction
@@ -23,6 +25,23 @@ def find_document(definitions: Definitions, name: str) -> DocumentDefinition | N
         The document; None when none was loaded.
     """
     return definitions.documents.named(name)
+
+
+def check_title(stored: DocumentDefinition, title: str) -> None:
+    """Refuse to merge a document into one that is called something else.
+
+    Args:
+        stored: the document that is stored.
+        title: what the other one is called.
+
+    Raises:
+        ConflictError: it is another name.
+    """
+    if fold(stored.title) != fold(title):
+        raise ConflictError(
+            f"{stored.name} {stored.title!r} is stored, but the document is {stored.name} "
+            f"{title!r}; load it with mode='replace'"
+        )
 
 
 def ordered(

@@ -22,7 +22,7 @@ from ..knowledge.predicate import PredicateDefinition
 from ..pddl.document import FunctionValue, Problem
 from ..transaction import Transaction
 from .declaring import Declaring
-from .ordering import find_document, merged, put_document
+from .ordering import check_title, find_document, merged, put_document
 
 
 def load_problem(transaction: Transaction, problem: Problem, replace: bool) -> None:
@@ -38,11 +38,8 @@ def load_problem(transaction: Transaction, problem: Problem, replace: bool) -> N
         ConflictError: it contradicts what is stored.
     """
     stored = find_document(transaction.definitions, PROBLEM)
-    if stored is not None and not replace and fold(stored.title) != fold(problem.name):
-        raise ConflictError(
-            f"problem {stored.title!r} is stored, but the document is problem {problem.name!r}; "
-            "load it with mode='replace'"
-        )
+    if stored is not None and not replace:
+        check_title(stored, problem.name)
     before = _Before(transaction) if replace and transaction.head.revision else None
     declaring = Declaring(transaction, replace)
     declaring.objects(problem.objects, is_constant=False)

@@ -158,11 +158,8 @@ class PddlActionDto(NamedDto):
         )
 
 
-class PddlProcessDto(PddlActionDto):
-    """A process: what changes continuously while its condition holds (PDDL+, section 3).
-
-    As an action that is not durative; its text is a `:process`.
-    """
+class _InstantDto(PddlActionDto):
+    """What is written as an action, and is never durative."""
 
     def __init__(
         self,
@@ -172,6 +169,13 @@ class PddlProcessDto(PddlActionDto):
         effects: Iterable[PddlConditionEffectDto | Node] | None = None,
     ) -> None:
         super().__init__(name, parameters, conditions, effects, durative=False)
+
+
+class PddlProcessDto(_InstantDto):
+    """A process: what changes continuously while its condition holds (PDDL+, section 3).
+
+    As an action that is not durative; its text is a `:process`.
+    """
 
     @property
     def keyword(self) -> str:
@@ -179,20 +183,11 @@ class PddlProcessDto(PddlActionDto):
         return "process"
 
 
-class PddlEventDto(PddlActionDto):
+class PddlEventDto(_InstantDto):
     """An event: what happens as soon as its condition holds (PDDL+, section 3).
 
     As an action that is not durative; its text is an `:event`.
     """
-
-    def __init__(
-        self,
-        name: str,
-        parameters: Iterable[PddlObjectDto] | None = None,
-        conditions: Iterable[PddlConditionEffectDto | Node] | None = None,
-        effects: Iterable[PddlConditionEffectDto | Node] | None = None,
-    ) -> None:
-        super().__init__(name, parameters, conditions, effects, durative=False)
 
     @property
     def keyword(self) -> str:

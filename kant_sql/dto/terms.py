@@ -78,15 +78,20 @@ class Fluent(Node):
         return list_text(self.function, *self.terms)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, init=False)
 class Number(Node):
     """A number, exactly.
 
     Attributes:
-        value: the number.
+        value: the number; an `int`, or a `float` by the shortest digits that denote it, is taken
+            too.
     """
 
     value: Decimal
+
+    def __init__(self, value: Decimal | int | float) -> None:
+        exact = value if isinstance(value, Decimal) else Decimal(str(value))
+        object.__setattr__(self, "value", exact)
 
     def __str__(self) -> str:
         return format(self.value, "f")

@@ -33,7 +33,7 @@ class DomainReader:
         self._constants = NameTable("constant")
         self._predicates: Table[Predicate] = Table("predicate", _predicate_meaning)
         self._functions: Table[Function] = Table("function", _function_meaning)
-        self._actions: Table[Action] = Table("action", lambda action: action)
+        self._actions: Table[Action] = Table("action", _action_meaning)
         self._action_reader: ActionReader | None = None
         self._derived_reader: DerivedReader | None = None
         self._derived: Table[Derived] = Table("rule", lambda rule: None)
@@ -213,6 +213,11 @@ def _predicate_meaning(predicate: Predicate) -> tuple[tuple[str, ...], ...]:
 
 def _function_meaning(function: Function) -> tuple[object, ...]:
     return tuple([parameter.types for parameter in function.parameters]), function.types
+
+
+def _action_meaning(action: Action) -> tuple[object, ...]:
+    parts = action.duration, action.condition, action.effect
+    return action.kind, action.parameters, *parts
 
 
 def _clash(cursor: Cursor, kind: str, other: str, name: str, at: int) -> None:

@@ -85,11 +85,20 @@ class ExpressionReader(TermReader):
 
     def _number_fluent(self, head: str, depth: int) -> Expression:
         if self.metric and head.lower() == "is-violated":
-            self.at += 2
-            preference = self.word("the name of a preference")
-            self.expect(")")
-            return IsViolated(preference)
+            return self._is_violated()
         return self.fluent(depth, numeric=True)
+
+    def _is_violated(self) -> IsViolated:
+        self.at += 2
+        name = self.word("the name of a preference")
+        known = self.symbols.preference(name)
+        if known is None and not self.symbols.unknown_domain:
+            names = list(self.symbols.preferences.values())
+            expected = f"a preference{hint(name, names)}"
+            found = f"the preference '{name}'"
+            self.deviate(expected, "never violated", found, self.at - 1)
+        self.expect(")")
+        return IsViolated(known or name)
 
     def fluent(self, depth: int, numeric: bool | None = None) -> Fluent:
         """Read a function applied to terms.
@@ -181,7 +190,7 @@ class ExpressionReader(TermReader):
             if _NUMBER.fullmatch(token) is None:
                 return None
             value = self._sized(token)
-            self.deviate(f"'{value:f}'", "read so")
+            self.deviate(_plain_form(value), "read so")
             return Number(value)
         return Number(Decimal(token) if len(token) < 20 else self._sized(token))
 
@@ -259,3 +268,9 @@ class ExpressionReader(TermReader):
         if self.symbols.fit(entity[1], signature.types) is not Fit.YES:
             self.misfit(entity, signature.types, f"as the value of {signature.name}", at)
         return entity[0]
+
+
+def _plain_form(value: Decimal) -> str:
+    """A number as the standard has it, unless that is long."""
+    text = f"{value:f}"
+    return f"'{text}'" if len(text) <= 40 else "a number without an exponent"

@@ -15,7 +15,7 @@ from typing import NoReturn
 from ..errors import PddlError
 from .cursor import END, Cursor, Reading, hint
 from .section import Section
-from .tokens import MAX_DEPTH, Text, end_of_tokens, tokenize, too_deep
+from .tokens import MAX_DEPTH, Text, end_of_tokens, tokenize, unmatched
 from .typed_lists import ListReader
 
 DOMAIN, PROBLEM = "domain", "problem"
@@ -123,9 +123,11 @@ class Scanner:
         """
         self._reading.check_comments(self._text)
         self._check_start()
-        deep = too_deep(self._code)
-        if deep is not None:
-            self._refuse(deep, f"more than {MAX_DEPTH} parentheses that are not closed", "')'")
+        wrong = unmatched(self._code)
+        if wrong is not None and self._code[wrong : wrong + 1] == ")":
+            self._refuse(wrong, "')' that closes nothing", END)
+        if wrong is not None:
+            self._refuse(wrong, f"more than {MAX_DEPTH} parentheses that are not closed", "')'")
         if _DEFINE.search(self._code) is None:
             self._refuse_start(0)
         self._split()
@@ -217,7 +219,9 @@ def finish(cursor: Cursor) -> None:
     """
     if cursor.section.last:
         cursor.expect(")", "')' that closes the definition")
+        nesting, cursor.nesting = cursor.nesting, ""
         skip_foreign(cursor)
+        cursor.nesting = nesting
     elif cursor.tokens[cursor.at]:
         cursor.fail("a section such as (:init ...)" if cursor.tokens[cursor.at] == "(" else "'(:'")
 

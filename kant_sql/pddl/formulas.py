@@ -25,6 +25,7 @@ from ..dto.formula import (
     Preference,
     Timed,
 )
+from ..dto.name import fold
 from .cursor import hint
 from .expressions import ExpressionReader
 from .symbols import Head, Signature
@@ -229,6 +230,8 @@ class FormulaReader(ExpressionReader):
         self.check_depth(depth)
         self.at += 2
         name = None if self.tokens[self.at] == "(" else self.declared_name("preference")
+        if name is not None:
+            self.symbols.preferences.setdefault(fold(name), name)
         formula = self.formula(depth, context & ~PREFERENCES)
         self.expect(")", "')' after the formula that is preferred")
         return Preference(name, formula)

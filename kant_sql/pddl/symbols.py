@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from itertools import chain
 from typing import NamedTuple
 
-from ..dto.formula import Atom, Constant, Formula, Term, TypedName, Variable
+from ..dto.formula import Atom, Constant, Formula, Preference, Term, TypedName, Variable
 from ..dto.name import ROOT_TYPE, fold
 from .document import Domain, Function, Predicate
 from .hierarchy import Fit, Types, is_below
+from .walk import walk
 
 # What a term is, and the types of what it denotes.
 Entity = tuple[Term, Types]
@@ -139,6 +141,7 @@ class Symbols:
         predicates: the predicates.
         functions: the functions.
         objects: constants and objects, by the spellings that were met.
+        preferences: the names of the preferences that were read, by folded names.
         heads: what begins a formula, by the spellings that were met: a predicate, or an operator.
         effect_heads: the same of effects.
     """
@@ -152,6 +155,8 @@ class Symbols:
         self.predicates = Named("predicate")
         self.functions = Named("function")
         self.objects: dict[str, Entity] = {}
+        self.preferences: dict[str, str] = {}
+        self._domain: Domain | None = None
         self.heads: dict[str, Head] = {}
         self.effect_heads: dict[str, Head] = {}
         self._bound: dict[tuple[str, Types], Bound] = {}
@@ -169,6 +174,7 @@ class Symbols:
             Its names; what is added to them does not change the domain.
         """
         symbols = cls()
+        symbols._domain = domain
         symbols.add_types(domain.types)
         for constant in domain.constants:
             symbols.add_object(constant)
@@ -214,6 +220,27 @@ class Symbols:
             entity = (Variable(name), types)
             found = Bound(TypedName(name, types), fold(word), entity)
             self._bound[word, types] = found
+        return found
+
+    def preference(self, name: str) -> str | None:
+        """Look up a preference.
+
+        Args:
+            name: its name, in any spelling.
+
+        Returns:
+            Its name, as in the first preference of that name; None when there is none.
+        """
+        found = self.preferences.get(fold(name))
+        if found is None and self._domain is not None:
+            conditions = [action.condition for action in self._domain.actions]
+            nodes = walk(*chain(self._domain.constraints, *conditions))
+            # Only metrics ask for it, so the preferences of a domain are not looked for before.
+            self._domain = None
+            for node in nodes:
+                if isinstance(node, Preference) and node.name is not None:
+                    self.preferences.setdefault(fold(node.name), node.name)
+            return self.preferences.get(fold(name))
         return found
 
     def object(self, name: str) -> Entity | None:

@@ -176,7 +176,7 @@ class Blocks:
         start = counted = self._next
         cut = start + _BLOCK
         while cut < self._end:
-            cut = self._code.find("\n", cut, self._end) + 1 or self._end
+            cut = self._code.find(")", cut, self._end) + 1 or self._end
             self._depth += self._code.count("(", counted, cut) - self._code.count(")", counted, cut)
             counted = cut
             # Between two elements, only the list itself is open.
@@ -208,29 +208,29 @@ def end_of_tokens(text: str, count: int) -> int:
     return max((found.end() for found in islice(_TOKEN.finditer(text), count)), default=0)
 
 
-def too_deep(code: str) -> int | None:
-    """Find where parentheses are opened more than `MAX_DEPTH` deep and never closed.
+def unmatched(code: str) -> int | None:
+    """Find where more than `MAX_DEPTH` parentheses have no counterpart.
 
     Args:
         code: PDDL text without comments.
 
     Returns:
-        The offset of the first parenthesis that is too deep; None when there is no such.
+        The offset of the first parenthesis that is too deep, or closes nothing; None when there
+        are not that many.
     """
-    if code.count("(") - code.count(")") <= MAX_DEPTH:
+    if abs(code.count("(") - code.count(")")) <= MAX_DEPTH:
         return None
-    depth = 0
+    depth = start = 0
     for start in range(0, len(code), _BLOCK):
-        block = code[start : start + _BLOCK]
-        gain = block.count("(") - block.count(")")
-        if depth + gain > MAX_DEPTH:
+        gain = code.count("(", start, start + _BLOCK) - code.count(")", start, start + _BLOCK)
+        if not 0 <= depth + gain <= MAX_DEPTH:
             break
         depth += gain
-    for found in re.finditer("[()]", block):
+    for found in re.finditer("[()]", code[start : start + _BLOCK]):
         depth += 1 if found[0] == "(" else -1
-        if depth > MAX_DEPTH:
+        if not 0 <= depth <= MAX_DEPTH:
             return start + found.start()
-    return None
+    return len(code)
 
 
 def load(source: Source) -> Text:

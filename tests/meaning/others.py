@@ -15,7 +15,7 @@ import pytest
 
 from tests.meaning.material import HERE, Pair
 
-SECONDS = 600
+SECONDS = 1800
 WITHOUT_PLANNING = "install kant-sql[planning] for this"
 
 

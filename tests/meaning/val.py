@@ -64,7 +64,9 @@ def parse(pair: Pair) -> Parsed:
     """Have VAL's parser read a pair."""
     done = _run("Parser", str(pair.domain), str(pair.problem))
     message = f"exit {done.returncode}: {done.stdout[-500:]}"
-    return Parsed(_has_no_error(done), normal_tree(_ERRORS.split(done.stdout)[0]), message)
+    if not _has_no_error(done):
+        return Parsed(False, (), message)
+    return Parsed(True, normal_tree(_ERRORS.split(done.stdout)[0]), message)
 
 
 def _has_no_error(done: subprocess.CompletedProcess[str]) -> bool:
