@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from decimal import Decimal
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from .atoms import InternCache
 from .dto.pddl_function_value_dto import value_text
@@ -91,6 +91,33 @@ def read_value(fluent: str, held: str, object_id: int | None) -> FluentValue:
         The value.
     """
     return FluentValue(held[len(value_text(fluent, "")) - 1 : -1], object_id)
+
+
+def version_row(kb_id: int, number: int, fluent: Fluent, value: FluentValue) -> tuple[Any, ...]:
+    """Give the row of a value that is asserted.
+
+    Args:
+        kb_id: the knowledge base.
+        number: the revision that asserts it.
+        fluent: the fluent.
+        value: its value.
+
+    Returns:
+        The values of the row, in the order of the table's columns.
+    """
+    text, object_id = value
+    is_number = object_id is None
+    return (
+        kb_id,
+        fluent.id,
+        number,
+        None,
+        fluent.key.function_id,
+        text if is_number else None,
+        float(text) if is_number else None,
+        object_id,
+        value_text(fluent.text, text),
+    )
 
 
 # Of a fluent, its value is known; None: it has none.

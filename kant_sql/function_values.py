@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 from .backends import Query, Row
 from .dto.pddl_function_value_dto import value_text
-from .fluents import Fluent, FluentCache, FluentKey, FluentValue, HeldValue, read_value
+from .fluents import Fluent, FluentCache, FluentKey, FluentValue, HeldValue, read_value, version_row
 from .knowledge.changes import ASSERTED, RETRACTED, VALUE, Change
 from .knowledge.function_value import CLOSE, FIND, OPEN, REOPEN, UNMAKE, VERSIONS
 from .knowledge.rows import table_of
@@ -37,6 +37,11 @@ class PendingFunctionValues:
         self._origin: _Values = {}
         self._written: _Values = {}
         self.pending: _Values = {}
+
+    @property
+    def is_untouched(self) -> bool:
+        """Whether no fluent came to be in the transaction so far."""
+        return not self._known
 
     def find(self, keys: Collection[FluentKey]) -> dict[FluentKey, Fluent]:
         """Find the identities of fluents, with one statement for each function at most.
@@ -132,46 +137,47 @@ class PendingFunctionValues:
         self._transaction.assign(self.pending, fluent.id, kept)
         return True
 
-    def add(self, key: FluentKey, text: str, value: FluentValue) -> Fluent:
-        """Give a fluent its first value ever, and make its identity.
+    def _add_all(self, values: Mapping[FluentKey, tuple[str, FluentValue]]) -> None:
+        """Give fluents their first values ever, and make their identities."""
+        ids = self._transaction.allocate_many(len(values))
+        texts = (text for text, _ in values.values())
+        fluents = dict(zip(ids, map(Fluent, ids, values, texts), strict=True))
+        for part, entries in (
+            (self._known, dict(zip(values, fluents.values(), strict=True))),
+            (self._fluents, fluents),
+            (self._new, fluents),
+            (self._origin, dict.fromkeys(ids)),
+            (self.pending, dict(zip(ids, (each for _, each in values.values()), strict=True))),
+        ):
+            self._transaction.assign_all(part, entries)
 
-        Args:
-            key: what makes it the one that it is.
-            text: its canonical PDDL text, without the value.
-            value: its value.
-
-        Returns:
-            The fluent.
-        """
-        assign = self._transaction.assign
-        fluent = Fluent(self._transaction.allocate(), key, text)
-        assign(self._known, key, fluent)
-        assign(self._fluents, fluent.id, fluent)
-        assign(self._new, fluent.id, fluent)
-        assign(self._origin, fluent.id, None)
-        assign(self.pending, fluent.id, value)
-        return fluent
-
-    def set_many(self, values: Collection[tuple[FluentKey, str, FluentValue]]) -> int:
+    def set_many(
+        self,
+        values: Collection[tuple[FluentKey, str, FluentValue]],
+        old: Collection[FluentKey] | None = None,
+    ) -> int:
         """Give fluents their values, with statements only for each function.
 
         Args:
             values: what makes each fluent the one that it is, its canonical PDDL text without the
                 value, and the value; of one fluent, the last one counts.
+            old: the fluents that the tables may know; None for all.
 
         Returns:
             How many of them were changes.
         """
-        found = self.find({key for key, _, _ in values})
+        found = self.find({key for key, _, _ in values} if old is None else old)
         self.look_at(found.values())
         changed = 0
+        new: dict[FluentKey, tuple[str, FluentValue]] = {}
         for key, text, value in values:
             fluent = found.get(key)
-            if fluent is None:
-                found[key] = self.add(key, text, value)
-                changed += 1
-            else:
+            if fluent is not None:
                 changed += self.set(fluent, value)
+            elif key not in new or not value.is_same(new[key][1]):
+                new[key] = text, value
+                changed += 1
+        self._add_all(new)
         return changed
 
     def unset(self, held: Iterable[HeldValue]) -> None:
@@ -219,7 +225,7 @@ class PendingFunctionValues:
             if now is not None and now == origin:
                 reopened.append(id_)
             elif now is not None:
-                inserts.append(self._row(self._fluents[id_], now))
+                inserts.append(version_row(kb, number, self._fluents[id_], now))
             self._written[id_] = now
         for query, rows in updates.items():
             session.run_many(query, rows)
@@ -227,21 +233,6 @@ class PendingFunctionValues:
             session.run(REOPEN, kb=kb, at=number, ids=session.list_value(reopened))
         session.insert(VERSIONS, inserts)
         self.pending.clear()
-
-    def _row(self, fluent: Fluent, value: FluentValue) -> Row:
-        transaction = self._transaction
-        is_number = value.object_id is None
-        return (
-            transaction.kb_id,
-            fluent.id,
-            transaction.number,
-            None,
-            fluent.key.function_id,
-            value.text if is_number else None,
-            float(value.text) if is_number else None,
-            value.object_id,
-            value_text(fluent.text, value.text),
-        )
 
     def _write_identities(self) -> None:
         session, kb = self._transaction.session, self._transaction.kb_id

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 from .atoms import ABSENT, Atom, AtomCache, AtomKey, Status, open_status
@@ -37,6 +37,11 @@ class PendingPropositions:
         self._status: dict[int, Status] = {}
         self.pending: dict[int, bool] = {}
         self.spilled = False
+
+    @property
+    def is_untouched(self) -> bool:
+        """Whether no proposition came to be in the transaction so far."""
+        return not (self.spilled or self._known)
 
     def find(self, keys: Collection[AtomKey]) -> dict[AtomKey, Atom]:
         """Find the identities of propositions, with one statement for each predicate at most.
@@ -90,14 +95,40 @@ class PendingPropositions:
             key: what makes it the one that it is.
             text: its canonical PDDL text.
         """
-        assign = self._transaction.assign
-        id_ = self._transaction.allocate()
-        atom = Atom(id_, key, text)
-        assign(self._known, key, atom)
-        assign(self._new, id_, atom)
-        assign(self._status, id_, ABSENT)
-        assign(self._atoms, id_, atom)
-        assign(self.pending, id_, True)
+        self.add_all({key: text})
+
+    def add_all(self, texts: Mapping[AtomKey, str]) -> None:
+        """Let propositions hold that were never known, and make their identities.
+
+        Args:
+            texts: what makes each the one that it is, with its canonical PDDL text.
+        """
+        ids = self._transaction.allocate_many(len(texts))
+        atoms = dict(zip(ids, map(Atom, ids, texts, texts.values()), strict=True))
+        for part, entries in (
+            (self._known, dict(zip(texts, atoms.values(), strict=True))),
+            (self._new, atoms),
+            (self._status, dict.fromkeys(ids, ABSENT)),
+            (self._atoms, atoms),
+            (self.pending, dict.fromkeys(ids, True)),
+        ):
+            self._transaction.assign_all(part, entries)
+
+    def hold_all(self, texts: Mapping[AtomKey, str], old: Collection[AtomKey] | None = None) -> int:
+        """Let propositions hold, with statements only for each predicate.
+
+        Args:
+            texts: what makes each the one that it is, with its canonical PDDL text.
+            old: those that may have been known before; None for all.
+
+        Returns:
+            How many of them were changes.
+        """
+        found = self.find(texts if old is None else old)
+        self.look_at(found.values())
+        new = {key: text for key, text in texts.items() if key not in found}
+        self.add_all(new)
+        return len(new) + sum([self.set(atom, True) for atom in found.values()])
 
     def look_at(self, atoms: Iterable[Atom]) -> None:
         """Read whether propositions hold, in one or two statements for all of them.
@@ -221,23 +252,16 @@ class PendingPropositions:
         transaction.session.insert(
             table_of(PropositionRow),
             [
-                (
-                    kb,
-                    atom.id,
-                    atom.key.predicate_id,
-                    atom.key.is_goal,
-                    atom.key.arguments,
-                    atom.text,
-                )
-                for atom in atoms
+                (kb, id_, predicate_id, is_goal, arguments, text)
+                for id_, (is_goal, predicate_id, arguments), text in atoms
             ],
         )
         transaction.session.insert(
             table_of(PropositionArgumentRow),
             [
-                (kb, atom.id, position, int(object_id))
-                for atom in atoms
-                for position, object_id in enumerate(atom.key.arguments.split())
+                (kb, id_, position, int(object_id))
+                for id_, (_, _, arguments), _ in atoms
+                for position, object_id in enumerate(arguments.split())
             ],
         )
         self._new.clear()

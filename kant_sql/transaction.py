@@ -77,8 +77,9 @@ class Transaction:
         self._started = time.monotonic()
         self._writer = DefinitionWriter(session, kb_id, self.number, self.definitions)
         self._undo = Undo(session, self._state)
-        # What sets an entry of the state, for `scope` to undo.
+        # What sets an entry of the state, or many, for `scope` to undo.
         self.assign = self._undo.assign
+        self.assign_all = self._undo.assign_all
 
     def allocate(self) -> int:
         """Give out the next id.
@@ -88,6 +89,19 @@ class Transaction:
         """
         self._next_id += 1
         return self._next_id - 1
+
+    def allocate_many(self, number: int) -> range:
+        """Give out the next ids.
+
+        Args:
+            number: how many.
+
+        Returns:
+            Ids that no element of the knowledge base has.
+        """
+        first = self._next_id
+        self._next_id += number
+        return range(first, self._next_id)
 
     def look_up(self, kind: str, names: Iterable[str]) -> None:
         """Find the identities of names that are not live, in one statement.

@@ -6,7 +6,7 @@ scope, the database undoes its part by a savepoint, and memory goes back to how 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
 
@@ -54,6 +54,17 @@ class Undo:
         if self._scopes and self._scopes[-1].savepoint is None:
             self._journal.append((part, key, part.get(key, _MISSING)))
         part[key] = value
+
+    def assign_all(self, part: _Part, entries: Mapping[Any, Any]) -> None:
+        """Set many entries of the state, so that a failing scope can undo it.
+
+        Args:
+            part: the part of the state.
+            entries: the entries, each with its new value.
+        """
+        if self._scopes and self._scopes[-1].savepoint is None:
+            self._journal += [(part, key, part.get(key, _MISSING)) for key in entries]
+        part.update(entries)
 
     @contextmanager
     def scope(self) -> Iterator[None]:

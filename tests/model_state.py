@@ -21,6 +21,7 @@ from kant_sql import (
     TypeCycleError,
     TypeMismatchError,
 )
+from tests.worlds import literals
 
 ROOT = "object"
 TIMES = {"at start", "over all", "at end"}
@@ -172,6 +173,7 @@ class ModelState:
 
     def _action(self, dto: PddlActionDto) -> Action:
         duration = dto.duration if dto.durative else 0
+        assert isinstance(duration, int | float), "the programs give numbers only"
         if isinstance(duration, bool) or not 0 <= duration < float("inf"):
             raise InvalidKnowledgeError
         parameters: dict[str, tuple[str, str]] = {}
@@ -182,7 +184,7 @@ class ModelState:
             type_ = self.refer("type", parameter.type)
             parameters[fold(parameter.name)] = (parameter.name, type_)
         conditions, effects = (
-            tuple([self._literal(literal, dto.durative, parameters) for literal in part])
+            tuple([self._literal(each, dto.durative, parameters) for each in literals(part)])
             for part in (dto.conditions, dto.effects)
         )
         text = str(duration) if dto.durative else None

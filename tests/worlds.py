@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 from kant_sql import (
     PddlActionDto,
     PddlConditionEffectDto,
@@ -10,6 +12,7 @@ from kant_sql import (
     PddlPropositionDto,
     PddlTypeDto,
 )
+from kant_sql.dto.formula import Node
 
 ROBOT = PddlTypeDto("robot")
 WAYPOINT = PddlTypeDto("wp")
@@ -48,3 +51,10 @@ def navigation() -> PddlActionDto:
             literal(ROBOT_AT, [r, d], literal.AT_END),
         ],
     )
+
+
+def literals(parts: Iterable[PddlConditionEffectDto | Node]) -> list[PddlConditionEffectDto]:
+    """What an action needs or does, when literals are all of it."""
+    found = [part for part in parts if isinstance(part, PddlConditionEffectDto)]
+    assert found == list(parts)
+    return found

@@ -24,6 +24,7 @@ from ..errors import ArityError, ConflictError, InvalidKnowledgeError, TypeMisma
 from ..knowledge.action import ActionDefinition
 from ..knowledge.predicate import ParameterDefinition
 from ..knowledge.tree_reader import TreeReader, typed_name
+from ..pddl.node_text import node_text
 from ..transaction import Transaction
 from .action_trees import Trees, action_trees
 from .base import expect, expect_list
@@ -78,8 +79,8 @@ def put_action(
         name,
         [(part.name, part.type_text) for part in named],
         duration_text(duration),
-        map(str, condition),
-        map(str, effect),
+        map(node_text, condition),
+        map(node_text, effect),
     )
     definition = ActionDefinition(id_, name, keyword, parameters, *parts, text)
     return transaction.define("action", definition)

@@ -19,6 +19,7 @@ from ..dto import (
 from ..dto.formula import Atom, Comparison, Constant, Fluent, Node, Not, Number, Timed, Variable
 from ..dto.name import fold
 from ..dto.number import decimal_text, number_text
+from ..dto.parameters import variable_name
 from ..dto.pddl_action_dto import Duration
 from ..knowledge.action import ActionDefinition
 from ..knowledge.definitions import Definitions
@@ -98,7 +99,7 @@ class DtoBuilder:
         if dto is None:
             definition = self._definitions.predicates.live(id_)
             types = [self._parameter_type(parameter) for parameter in definition.parameters]
-            names = [parameter.name for parameter in definition.parameters]
+            names = _given_names(types, definition.parameters)
             dto = PddlPredicateDto(definition.name, types, parameter_names=names)
             self._predicates[id_] = dto
         return dto
@@ -120,7 +121,7 @@ class DtoBuilder:
                 definition.name,
                 types,
                 value_types=[self.type(type_id) for type_id in definition.type_ids],
-                parameter_names=[parameter.name for parameter in definition.parameters],
+                parameter_names=_given_names(types, definition.parameters),
             )
             self._functions[id_] = dto
         return dto
@@ -198,6 +199,15 @@ class DtoBuilder:
 
     def _parameter_type(self, parameter: ParameterDefinition) -> PddlTypeDto:
         return self.types(parameter.type_ids)
+
+
+def _given_names(
+    types: Iterable[PddlTypeDto], parameters: Iterable[ParameterDefinition]
+) -> list[str] | None:
+    """Give the names of parameters, unless they are those that parameters without names get."""
+    names = [parameter.name for parameter in parameters]
+    derived = [variable_name(type_.name, position) for position, type_ in enumerate(types)]
+    return None if names == derived else names
 
 
 def _duration(constraints: Sequence[Node]) -> Duration:

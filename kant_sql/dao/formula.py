@@ -11,9 +11,11 @@ from ..dto.formula import (
     Derived,
     Equal,
     Formula,
+    Metric,
     Node,
     Not,
     TimedLiteral,
+    variables_text,
 )
 from ..errors import InvalidKnowledgeError
 from ..knowledge.definitions import Definitions
@@ -30,6 +32,7 @@ from ..knowledge.formula import (
 )
 from ..knowledge.tree_reader import TreeReader
 from ..pddl.formulas import flatten
+from ..pddl.node_text import node_text
 from ..transaction import Transaction
 from .base import SqlDao, batches
 from .formula_interfaces import (
@@ -99,11 +102,23 @@ def make_formula(transaction: Transaction, section: str, node: Node) -> FormulaD
     definitions = transaction.definitions
     writer = TreeWriter(transaction, f"the {section} {shown(node)}")
     tree = writer.tree(node, _PLACES[section])
-    text = str(TreeReader(definitions, tree).formula())
+    text = _text(TreeReader(definitions, tree).formula())
     name = formula_name(section, text)
     stored = definitions.formulas.named(name)
     id_ = stored.id if stored else transaction.intern("formula", name)[0]
     return FormulaDefinition(id_, name, section, tree, text)
+
+
+def _text(node: Node) -> str:
+    """Write a formula as `str()` does, but without recursion."""
+    if isinstance(node, TimedLiteral):
+        return str(node)
+    if isinstance(node, Metric):
+        return f"(:metric {node.optimization} {node_text(node.expression)})"
+    if isinstance(node, Derived):
+        head = " ".join(part for part in (node.predicate, variables_text(node.variables)) if part)
+        return f"(:derived ({head}) {node_text(node.formula)})"
+    return node_text(node)
 
 
 def put_formula(transaction: Transaction, section: str, node: Node) -> bool:
@@ -121,6 +136,32 @@ def put_formula(transaction: Transaction, section: str, node: Node) -> bool:
         InvalidKnowledgeError: as `make_formula`.
     """
     return transaction.define("formula", make_formula(transaction, section, node))
+
+
+class _NotStandingError(Exception):
+    """Undoes what was made to look for a formula that does not stand."""
+
+
+def remove_formula(transaction: Transaction, section: str, node: Node) -> bool:
+    """Let a formula stand no more.
+
+    Args:
+        transaction: the transaction.
+        section: the part of the domain or the problem that it stands in.
+        node: the formula, in any spelling of what it mentions.
+
+    Returns:
+        False when it does not stand.
+    """
+    try:
+        with transaction.scope():
+            made = make_formula(transaction, section, node)
+            if transaction.definitions.formulas.get(made.id) is None:
+                raise _NotStandingError
+    except (InvalidKnowledgeError, _NotStandingError):
+        return False
+    transaction.undefine("formula", made.id)
+    return True
 
 
 def is_ground(formula: Node) -> bool:
@@ -172,16 +213,7 @@ class SqlFormulaDao(SqlDao, FormulaDao[N], Generic[N]):
         """Let a formula stand no more."""
         self._check_writable()
         self._checked(formula)
-
-        def work(transaction: Transaction) -> bool:
-            definitions = transaction.definitions
-            for stored in read_formulas(definitions, self.section):
-                if read_formula(definitions, stored) == formula:
-                    transaction.undefine("formula", stored.id)
-                    return True
-            return False
-
-        return self._store.write(work)
+        return self._store.write(lambda transaction: self._remove(transaction, formula))
 
     def delete_all(self) -> int:
         """Let no formula of the section stand."""
@@ -206,6 +238,9 @@ class SqlFormulaDao(SqlDao, FormulaDao[N], Generic[N]):
 
     def _put(self, transaction: Transaction, formula: N) -> bool:
         return put_formula(transaction, self.section, formula)
+
+    def _remove(self, transaction: Transaction, formula: N) -> bool:
+        return remove_formula(transaction, self.section, formula)
 
 
 class SqlDerivedPredicateDao(SqlFormulaDao[Derived], DerivedPredicateDao):
@@ -237,6 +272,10 @@ class SqlConstraintDao(SqlFormulaDao[Formula], ConstraintDao):
     def _put(self, transaction: Transaction, formula: Formula) -> bool:
         made = [put_formula(transaction, self.section, part) for part in flatten(formula)]
         return any(made)
+
+    def _remove(self, transaction: Transaction, formula: Formula) -> bool:
+        gone = [remove_formula(transaction, self.section, part) for part in flatten(formula)]
+        return any(gone)
 
 
 class SqlDomainConstraintDao(SqlConstraintDao):

@@ -15,7 +15,7 @@ from ..transaction import Transaction
 from ..view import View
 from .base import SqlDao, batches, expect
 from .dependants import propositions_on, retract
-from .formula import is_ground, put_formula, read_formula, read_formulas
+from .formula import is_ground, put_formula, read_formula, read_formulas, remove_formula
 from .formula_interfaces import GoalDao
 from .proposition import GOALS
 from .term_writer import Place
@@ -98,7 +98,6 @@ class SqlGoalDao(SqlDao, GoalDao):
         return True
 
     def _remove(self, transaction: Transaction, goal: Formula) -> bool:
-        definitions = transaction.definitions
         if isinstance(goal, Atom) and is_ground(goal):
             try:
                 key, _ = self._key(transaction, goal)
@@ -106,11 +105,7 @@ class SqlGoalDao(SqlDao, GoalDao):
                 return False
             found = transaction.propositions.find([key]).get(key)
             return found is not None and transaction.propositions.set(found, False)
-        for stored in read_formulas(definitions, GOAL):
-            if read_formula(definitions, stored) == goal:
-                transaction.undefine("formula", stored.id)
-                return True
-        return False
+        return remove_formula(transaction, GOAL, goal)
 
     @staticmethod
     def _key(transaction: Transaction, goal: Atom) -> tuple[AtomKey, str]:

@@ -191,20 +191,8 @@ class SqlPropositionDao(SqlDao, PddlPropositionDao):
 
     @staticmethod
     def _save_batch(transaction: Transaction, dtos: Iterable[PddlPropositionDto]) -> int:
-        propositions = transaction.propositions
         resolve = References(transaction).resolve
-        texts = dict([resolve(dto) for dto in dtos])
-        found = propositions.find(texts)
-        propositions.look_at(found.values())
-        changed = 0
-        for key, text in texts.items():
-            atom = found.get(key)
-            if atom is None:
-                propositions.add(key, text)
-                changed += 1
-            else:
-                changed += propositions.set(atom, True)
-        return changed
+        return transaction.propositions.hold_all(dict([resolve(dto) for dto in dtos]))
 
     @classmethod
     def _holds(cls, transaction: Transaction, dto: PddlPropositionDto) -> bool:

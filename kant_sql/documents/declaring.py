@@ -157,6 +157,9 @@ class Declaring:
     def _define(self, kind: str, definition: Any) -> None:
         elements = self._definitions.elements(kind)
         stored, before = elements.get(definition.id), elements.origin.get(definition.id)
+        if stored is not None and _becomes_constant(stored, definition):
+            # An action may mention an object, which the domain then declares.
+            before = None
         if stored is None or self._replace or before is None:
             self._transaction.define(kind, definition)
         elif stored != definition and not _says_the_same(stored, definition):
@@ -164,6 +167,15 @@ class Declaring:
                 f"{kind} {stored.text} is stored, but the document declares {definition.text}; "
                 "load it with mode='replace', or make the two agree"
             )
+
+
+def _becomes_constant(stored: Any, definition: Any) -> bool:
+    """Tell whether an object becomes a constant, and nothing else."""
+    return (
+        isinstance(stored, ObjectDefinition)
+        and stored.type_ids == definition.type_ids
+        and definition.is_constant
+    )
 
 
 def _says_the_same(stored: Any, definition: Any) -> bool:

@@ -17,7 +17,8 @@ from ..knowledge.predicate import ParameterDefinition
 from ..knowledge.tree_reader import TreeReader, typed_name
 from ..knowledge.type import TypeDefinition
 from ..pddl.document import Action, Domain, Function, Predicate
-from .ordering import find_document, ordered
+from .constants import constant_ids
+from .ordering import domain_title, find_document, ordered
 
 N = TypeVar("N", bound=Definition)
 
@@ -44,9 +45,10 @@ class DomainBuilder:
             The domain.
         """
         definitions, document = self._definitions, self._document
-        constants = [object_ for object_ in definitions.objects if object_.is_constant]
+        ids = constant_ids(definitions)
+        constants = [object_ for object_ in definitions.objects if object_.id in ids]
         return Domain(
-            default_name if document is None else document.title,
+            domain_title(definitions, default_name),
             () if document is None else tuple(document.names("requirement")),
             tuple(self._type(each) for each in self._types()),
             tuple(

@@ -12,6 +12,7 @@ from ..errors import InvalidKnowledgeError
 from ..knowledge.definitions import Definitions
 from ..knowledge.document import DOMAIN
 from ..pddl import read_domain, read_problem, used_requirements
+from ..pddl.collector import without_collector
 from ..pddl.document import Domain, Problem
 from ..pddl.tokens import Source
 from ..pddl.writer import write, write_domain
@@ -20,7 +21,7 @@ from ..view import View, read_revision
 from .domain_building import build_domain
 from .domain_loading import load_domain
 from .interfaces import Exchange, Loaded, Mode, State
-from .ordering import find_document
+from .ordering import domain_title, find_document
 from .problem_building import build_problem, problem_text
 from .problem_loading import load_problem
 
@@ -37,6 +38,7 @@ class SqlExchange(SqlDao, Exchange):
         revision = self._write(lambda transaction: load_domain(transaction, domain, replace))
         return Loaded(revision, domain.warnings)
 
+    @without_collector()
     def load_problem(self, source: Source, mode: Mode = "replace", strict: bool = False) -> Loaded:
         """Load a problem."""
         replace = self._is_replacing(mode)
@@ -54,6 +56,7 @@ class SqlExchange(SqlDao, Exchange):
         revision = self._write(work)
         return Loaded(revision, problem.warnings)
 
+    @without_collector()
     def put(self, domain: Domain, problem: Problem, mode: Mode = "replace") -> Loaded:
         """Store a domain and a problem that go together."""
         replace = self._is_replacing(mode)
@@ -128,8 +131,7 @@ class SqlExchange(SqlDao, Exchange):
         return build_domain(definitions, self._default_name)
 
     def _names(self, definitions: Definitions) -> tuple[str, str]:
-        document = find_document(definitions, DOMAIN)
-        return self._default_name, self._default_name if document is None else document.title
+        return self._default_name, domain_title(definitions, self._default_name)
 
     @property
     def _default_name(self) -> str:

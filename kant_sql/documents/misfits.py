@@ -6,6 +6,7 @@ from ..dao.dependants import propositions_on, retract
 from ..dao.fluents_on import function_values_on, retract_function_values
 from ..dao.formula import make_formula, read_formula
 from ..errors import InvalidKnowledgeError
+from ..fluents import HeldValue
 from ..knowledge.definitions import Definitions
 from ..knowledge.formula import PROBLEM_SECTIONS
 from ..knowledge.predicate import ParameterDefinition
@@ -40,17 +41,14 @@ def retract_misfits(transaction: Transaction) -> None:
         [
             held
             for held in function_values_on(transaction, None)
-            if not _fits(
-                definitions,
-                definitions.functions.live(held.fluent.key.function_id).parameters,
-                held.fluent.key.arguments,
-            )
+            if not _value_fits(definitions, held)
         ],
     )
     for formula in list(definitions.formulas):
         if formula.section in PROBLEM_SECTIONS:
             try:
-                make_formula(transaction, formula.section, read_formula(definitions, formula))
+                node = read_formula(definitions, formula)
+                transaction.define("formula", make_formula(transaction, formula.section, node))
             except InvalidKnowledgeError:
                 transaction.undefine("formula", formula.id)
 
@@ -62,6 +60,17 @@ def _is_redefined(transaction: Transaction, kind: str) -> bool:
         (before := elements.origin.get(id_)) is not None and before != now
         for id_, now in elements.changes.items()
     )
+
+
+def _value_fits(definitions: Definitions, held: HeldValue) -> bool:
+    function = definitions.functions.live(held.fluent.key.function_id)
+    value = held.value.object_id
+    if value is None or not function.type_ids:
+        same_kind = value is None and not function.type_ids
+    else:
+        object_ = definitions.objects.live(value)
+        same_kind = definitions.any_fits(object_.type_ids, function.type_ids)
+    return same_kind and _fits(definitions, function.parameters, held.fluent.key.arguments)
 
 
 def _fits(

@@ -8,7 +8,7 @@ from typing import TypeVar
 from ..dto.name import fold
 from ..errors import ConflictError
 from ..knowledge.definitions import Definitions
-from ..knowledge.document import DocumentDefinition, Item, document_text
+from ..knowledge.document import DOMAIN, PROBLEM, DocumentDefinition, Item, document_text
 from ..transaction import Transaction
 
 T = TypeVar("T")
@@ -42,6 +42,22 @@ def check_title(stored: DocumentDefinition, title: str) -> None:
             f"{stored.name} {stored.title!r} is stored, but the document is {stored.name} "
             f"{title!r}; load it with mode='replace'"
         )
+
+
+def domain_title(definitions: Definitions, default_name: str) -> str:
+    """Find what the domain is called.
+
+    Args:
+        definitions: what is defined.
+        default_name: what it is called when no document says so.
+
+    Returns:
+        Its name: the one that it was loaded with, or else the one that the problem gives it.
+    """
+    domain, problem = (find_document(definitions, name) for name in (DOMAIN, PROBLEM))
+    if domain is not None:
+        return domain.title
+    return default_name if problem is None or problem.domain is None else problem.domain
 
 
 def ordered(

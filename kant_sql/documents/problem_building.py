@@ -11,7 +11,7 @@ from sqlalchemy import Select, select
 
 from ..backends import Query, in_rows
 from ..dao.formula import read_formula, read_formulas
-from ..dto.formula import Atom, Constant, Fluent, Formula, Number, TypedName
+from ..dto.formula import Atom, Constant, Equal, Fluent, Formula, Not, Number, TypedName
 from ..dto.name import fold
 from ..knowledge.definitions import Definitions
 from ..knowledge.document import PROBLEM
@@ -28,6 +28,7 @@ from ..tables import (
     PropositionVersionRow,
 )
 from ..view import View
+from .constants import constant_ids
 from .domain_building import read_section
 from .ordering import find_document, ordered
 
@@ -148,11 +149,11 @@ class ProblemBuilder:
         metrics = read_formulas(definitions, METRIC)
         return Problem(
             default_name if document is None else document.title,
-            domain if document is None or document.domain is None else document.domain,
+            self._domain_name(domain),
             () if document is None else tuple(document.names("requirement")),
             tuple(self._objects()),
             self._facts() if with_initial else (),
-            self._section(INITIAL),
+            self._literals(),
             self._values() if with_initial else (),
             self._section(TIMED),
             tuple(self._goals()),
@@ -160,11 +161,29 @@ class ProblemBuilder:
             read_formula(definitions, metrics[0]) if metrics else None,  # type: ignore[arg-type]
         )
 
+    def _domain_name(self, domain: str) -> str:
+        """Spell the domain's name as the problem did, if the domain has it still."""
+        said = None if self._document is None else self._document.domain
+        return domain if said is None or fold(said) != fold(domain) else said
+
+    def _literals(self) -> tuple[Not | Equal, ...]:
+        """Give the initial literals, apart from those that facts of later revisions contradict."""
+        literals = self._section(INITIAL)
+        if not literals:
+            return ()
+        facts = {row[3] for row in self._initial.facts}
+        return tuple(
+            literal
+            for literal in literals
+            if isinstance(literal, Equal) or str(literal.formula) not in facts
+        )
+
     def _section(self, section: str) -> tuple[Any, ...]:
         return read_section(self._definitions, self._document, section)
 
     def _objects(self) -> list[TypedName]:
-        objects = [object_ for object_ in self._definitions.objects if not object_.is_constant]
+        constants = constant_ids(self._definitions)
+        objects = [each for each in self._definitions.objects if each.id not in constants]
         found = ordered(objects, lambda each: fold(each.name), self._document, "object")
         return [
             typed_name(self._definitions, ParameterDefinition(each.name, each.type_ids))

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
-from operator import attrgetter
+from collections.abc import Iterator, Sequence
 
 from ..atoms import Atom as LiveAtom
 from ..atoms import AtomKey
@@ -11,17 +10,18 @@ from ..dao.base import batches
 from ..dao.dependants import Scope, delete_scope, propositions_on, retract
 from ..dao.fluents_on import function_values_on, retract_function_values
 from ..dao.formula import is_ground, make_formula, read_formulas
-from ..dto.formula import Atom, Constant, Fluent, Node
+from ..dto.formula import Atom, Node
 from ..dto.name import fold
-from ..dto.number import decimal_text
 from ..errors import ConflictError
-from ..fluents import FluentKey, FluentValue
+from ..fluents import FluentKey
 from ..knowledge.document import PROBLEM, Item
 from ..knowledge.formula import CONSTRAINT, GOAL, INITIAL, METRIC, PROBLEM_SECTIONS, TIMED
-from ..knowledge.predicate import PredicateDefinition
-from ..pddl.document import FunctionValue, Problem
+from ..pddl.document import Problem
 from ..transaction import Transaction
+from .constants import constant_ids
+from .contradictions import refuse_contradictions
 from .declaring import Declaring
+from .naming import Names
 from .ordering import check_title, find_document, merged, put_document
 
 
@@ -43,12 +43,14 @@ def load_problem(transaction: Transaction, problem: Problem, replace: bool) -> N
     before = _Before(transaction) if replace and transaction.head.revision else None
     declaring = Declaring(transaction, replace)
     declaring.objects(problem.objects, is_constant=False)
-    names = _Names(transaction)
+    names = Names(transaction)
+    values, old = names.values(problem.values)
+    if not replace:
+        refuse_contradictions(transaction, names, problem, values)
     goals = [goal for goal in problem.goal if isinstance(goal, Atom) and is_ground(goal)]
     for atoms, is_goal in ((problem.facts, False), (goals, True)):
         _hold(transaction, names, atoms, is_goal, {} if before is None else before.atoms)
-    values = names.values(problem.values)
-    transaction.values.set_many(values)
+    transaction.values.set_many(values, old)
     formulas = _Formulas(transaction, names, problem)
     if before is not None:
         before.retract(transaction, {key for key, _, _ in values})
@@ -57,60 +59,6 @@ def load_problem(transaction: Transaction, problem: Problem, replace: bool) -> N
     _refuse_second_metric(transaction, formulas.ids)
     items = merged(stored, _items(problem, formulas), replace)
     put_document(transaction, PROBLEM, problem.name, problem.domain, items)
-
-
-_NAME = attrgetter("name")
-
-
-class _Names:
-    """From names in a consistent document to ids; a document has each name in one spelling."""
-
-    def __init__(self, transaction: Transaction) -> None:
-        definitions = transaction.definitions
-        self._definitions = definitions
-        self._predicates: dict[str, PredicateDefinition] = {}
-        self._ids = {object_.name: str(object_.id) for object_ in definitions.objects}
-
-    def atom(self, atom: Atom, is_goal: bool) -> tuple[AtomKey, str]:
-        """Find what makes a ground atom the one that it is, and its text."""
-        predicate = self._predicates.get(atom.predicate)
-        if predicate is None:
-            predicate = self._definitions.predicates.named(atom.predicate)
-            assert predicate is not None
-            self._predicates[atom.predicate] = predicate
-        ids, names = self._arguments(atom)
-        text = f"({' '.join([predicate.name, *names])})"
-        return AtomKey(is_goal, predicate.id, " ".join(ids)), text
-
-    def values(self, values: Iterable[FunctionValue]) -> list[tuple[FluentKey, str, FluentValue]]:
-        """Find what makes fluents the ones that they are, their texts and their values."""
-        made = []
-        for fluent, value in values:
-            function = self._definitions.functions.named(fluent.function)
-            assert function is not None
-            ids, names = self._arguments(fluent)
-            text = f"({' '.join([function.name, *names])})"
-            if isinstance(value, Constant):
-                object_ = self._object(value.name)
-                held = FluentValue(object_[1], int(object_[0]))
-            else:
-                held = FluentValue(decimal_text(value.value))
-            made.append((FluentKey(function.id, " ".join(ids)), text, held))
-        return made
-
-    def _arguments(self, atom: Atom | Fluent) -> tuple[list[str], list[str]]:
-        names = [*map(_NAME, atom.terms)]
-        try:
-            return [self._ids[name] for name in names], names
-        except KeyError:
-            # The store had the object before, in another spelling.
-            found = [self._object(name) for name in names]
-            return [id_ for id_, _ in found], [name for _, name in found]
-
-    def _object(self, name: str) -> tuple[str, str]:
-        object_ = self._definitions.objects.named(name)
-        assert object_ is not None
-        return str(object_.id), object_.name
 
 
 class _Before:
@@ -135,7 +83,7 @@ class _Before:
 
 def _hold(
     transaction: Transaction,
-    names: _Names,
+    names: Names,
     atoms: Sequence[Atom],
     is_goal: bool,
     before: dict[AtomKey, LiveAtom],
@@ -143,17 +91,12 @@ def _hold(
     """Let atoms hold; those that held before are taken out of there."""
     propositions = transaction.propositions
     for batch in batches(atoms):
-        texts = dict([names.atom(atom, is_goal) for atom in batch])
-        for key in [key for key in texts if before.pop(key, None) is not None]:
-            del texts[key]
-        found = propositions.find(texts)
-        propositions.look_at(found.values())
-        for key, text in texts.items():
-            atom = found.get(key)
-            if atom is None:
-                propositions.add(key, text)
-            else:
-                propositions.set(atom, True)
+        texts, old = names.atoms(batch, is_goal)
+        if before:
+            for key in [key for key in old if before.pop(key, None) is not None]:
+                del texts[key]
+            old = [key for key in old if key in texts]
+        propositions.hold_all(texts, old)
         propositions.spill()
 
 
@@ -165,13 +108,14 @@ class _Formulas:
         items: their places in the document.
     """
 
-    def __init__(self, transaction: Transaction, names: _Names, problem: Problem) -> None:
+    def __init__(self, transaction: Transaction, names: Names, problem: Problem) -> None:
         self._transaction = transaction
         self.ids: set[int] = set()
         self.items: list[Item] = []
         for goal in problem.goal:
             if isinstance(goal, Atom) and is_ground(goal):
-                self.items.append(Item(GOAL, names.atom(goal, True)[1]))
+                (text,) = names.atoms((goal,), True).texts.values()
+                self.items.append(Item(GOAL, text))
             else:
                 self._put(GOAL, goal)
         sections: tuple[tuple[str, Sequence[Node]], ...] = (
@@ -213,11 +157,7 @@ def _retract_unsaid(transaction: Transaction, declaring: Declaring, formulas: se
     for formula in list(definitions.formulas):
         if formula.section in PROBLEM_SECTIONS and formula.id not in formulas:
             transaction.undefine("formula", formula.id)
-    said = declaring.said.get("object", set())
-    objects = {
-        object_.id
-        for object_ in definitions.objects
-        if not object_.is_constant and object_.id not in said
-    }
+    kept = declaring.said.get("object", set()) | constant_ids(definitions)
+    objects = {object_.id for object_ in definitions.objects} - kept
     if objects:
         delete_scope(transaction, Scope(objects=objects))

@@ -92,8 +92,9 @@ def stream_changes(
         low: the first revision.
         high: the last revision.
 
-    Yields:
+    Returns:
         The revision's number and the change, by revision and then in the order of the hash.
     """
-    for number, retracted, kind, text in session.stream(_CHANGES, kb=kb_id, low=low, high=high):
-        yield number, Change(RETRACTED if retracted else ASSERTED, kind, text)
+    rows = session.stream(_CHANGES, kb=kb_id, low=low, high=high)
+    signs = ASSERTED, RETRACTED
+    return ((number, Change(signs[sign], kind, text)) for number, sign, kind, text in rows)

@@ -21,7 +21,8 @@ from ..dto.formula import (
 )
 from .cursor import hint
 from .formulas import TIMED, FormulaReader, flatten
-from .symbols import Head, Signature
+from .signatures import Signature
+from .symbols import Head
 from .walk import walk
 
 _TIMED_EFFECT = "(at start ...), (at end ...) or a continuous effect with #t"
@@ -69,7 +70,9 @@ class EffectReader(FormulaReader):
             return kind(self, depth + 1, context)
         if context & TIMED:
             self.fail(_TIMED_EFFECT)
-        return self.atom(kind, depth)
+        if not kind.accepted:
+            return self.atom(kind, depth)
+        return Atom(kind.name, self.arguments(kind, depth))
 
     def _effect_head(self, head: str) -> Head:
         """Find what a word behind a parenthesis begins, and remember it."""
@@ -94,7 +97,8 @@ class EffectReader(FormulaReader):
         self.check_depth(depth)
         self.at += 2 if self.tokens[self.at + 1] != ")" else 1
         effects = []
-        while self.tokens[self.at] != ")":
+        tokens = self.tokens
+        while tokens[self.at] != ")":
             effects.append(self.effect(depth, context))
         self.at += 1
         return And(tuple(effects))

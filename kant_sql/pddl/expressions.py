@@ -22,7 +22,7 @@ from ..dto.name import fold
 from ..dto.number import MAX_DIGITS
 from .cursor import hint
 from .hierarchy import Fit
-from .symbols import Signature
+from .signatures import Signature
 from .terms import TermReader
 
 TOTAL_TIME, TOTAL_COST = "total-time", "total-cost"
@@ -78,8 +78,10 @@ class ExpressionReader(TermReader):
             self.fail(f"two operands of {operator}", f"{len(operands)}")
         if len(operands) > 2 and operator in "-/":
             self.deviate(f"two operands of {operator}", "read from the left", at=start)
-            while len(operands) > 2:
-                operands[:2] = [Arithmetic(operator, tuple(operands[:2]))]
+            self.check_depth(depth + len(operands))
+            for operand in operands[2:]:
+                operands[:2] = [Arithmetic(operator, tuple(operands[:2])), operand]
+            del operands[2:]
         self.at += 1
         return Arithmetic(operator, tuple(operands))
 

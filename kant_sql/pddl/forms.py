@@ -217,13 +217,14 @@ def finish(cursor: Cursor) -> None:
     Raises:
         PddlError: something follows that is no section.
     """
+    expected = "a section such as (:action ...), or ')' that closes the definition"
     if cursor.section.last:
-        cursor.expect(")", "')' that closes the definition")
+        cursor.expect(")", expected)
         nesting, cursor.nesting = cursor.nesting, ""
         skip_foreign(cursor)
         cursor.nesting = nesting
     elif cursor.tokens[cursor.at]:
-        cursor.fail("a section such as (:init ...)" if cursor.tokens[cursor.at] == "(" else "'(:'")
+        cursor.fail(expected)
 
 
 def skip_foreign(cursor: Cursor) -> None:

@@ -12,6 +12,7 @@ from ..dto.formula import (
     MODALS,
     OVER_ALL,
     And,
+    Atom,
     Comparison,
     Equal,
     Exists,
@@ -28,7 +29,8 @@ from ..dto.formula import (
 from ..dto.name import fold
 from .cursor import hint
 from .expressions import ExpressionReader
-from .symbols import Head, Signature
+from .signatures import Signature
+from .symbols import Head
 
 # What a formula may or must be, where it is: bits of a context.
 PREFERENCES: Final = 1  # preferences may be
@@ -90,7 +92,9 @@ class FormulaReader(ExpressionReader):
             return kind(self, depth + 1, context)
         if context & _MUST:
             self._misplaced(context)
-        return self.atom(kind, depth)
+        if not kind.accepted:
+            return self.atom(kind, depth)
+        return Atom(kind.name, self.arguments(kind, depth))
 
     def _head(self, head: str) -> Head:
         """Find what a word behind a parenthesis begins, and remember it."""
@@ -129,12 +133,13 @@ class FormulaReader(ExpressionReader):
 
     def _junction(self, depth: int, context: int) -> Formula:
         self.check_depth(depth)
-        kind = And if self.tokens[self.at + 1].lower() == "and" else Or
+        tokens = self.tokens
+        kind = And if tokens[self.at + 1].lower() == "and" else Or
         if kind is Or:
             context = self._plain("or", context)
         self.at += 2
         formulas = []
-        while self.tokens[self.at] != ")":
+        while tokens[self.at] != ")":
             formulas.append(self.formula(depth, context))
         self.at += 1
         return kind(tuple(formulas))

@@ -8,7 +8,8 @@ from typing import Final
 
 from ..dto.formula import Constant, Number
 from .hierarchy import Fit, Types
-from .symbols import ANY, Named, Symbols
+from .signatures import Named
+from .symbols import ANY, Symbols
 
 # Of predicates that no domain declares.
 MAX_ARITY: Final = 32

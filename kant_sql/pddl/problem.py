@@ -82,7 +82,7 @@ class ProblemReader:
             finish(cursor)
         if not name:
             self._head().fail("(:domain ...)", "a problem without a domain", 0)
-        return name
+        return self._domain.name if self._domain else name
 
     def _read_objects(self) -> list[TypedName]:
         table = NameTable("object")
@@ -142,7 +142,7 @@ class ProblemReader:
             reader = FormulaReader(self._reading, section, self._symbols, section.keyword)
             reader.at = 2
             if reader.is_empty() or reader.tokens[2] == ")":
-                reader.deviate("'(and)'", "read so", f"'({section.keyword})'")
+                reader.deviate("'(and)'", "read so", f"'({section.keyword})'", 0)
             count = 0
             while reader.tokens[reader.at] != ")":
                 count += 1

@@ -5,11 +5,12 @@ from __future__ import annotations
 from typing import NoReturn
 
 from ..dto.formula import Atom, Constant, Fluent, Term, TypedName
-from ..dto.name import fold
+from ..dto.name import RESERVED_PREDICATES, fold, is_name
 from .cursor import Reading, hint
 from .hierarchy import Fit, Types
 from .section import Section
-from .symbols import Bound, Entity, Named, Signature, Symbols
+from .signatures import Named, Signature
+from .symbols import Bound, Entity, Symbols
 from .typed_lists import VARIABLES, Group, ListReader
 
 
@@ -241,10 +242,13 @@ class TermReader(ListReader):
             It.
         """
         found = named.find(name)
-        if found is None and self.symbols.unknown_domain:
+        if found is not None:
+            return found
+        guessed = self.symbols.unknown_domain and fold(name) not in RESERVED_PREDICATES
+        if guessed and is_name(name):
             found = Signature(name, None, ())
             named.add(found)
-        if found is None:
+        else:
             expected = f"a {named.kind} that is declared{hint(name, named.names())}"
             self.fail(expected, f"the {named.kind} '{name}'", self.at + 1)
         return found

@@ -255,11 +255,10 @@ class Bare:
             predicate = self.id("predicate", literal.predicate.name)
             nodes.append((*key, position, parent, "predicate", predicate, None, None))
             for place, term in enumerate(literal.objects):
-                if term.name in names:
-                    which = (names.index(term.name), None)
-                else:
-                    which = (None, self.id("object", term.name))
-                terms.append((*key, position, place, *which, None, None, None))
+                is_parameter = term.name in names
+                parameter = names.index(term.name) if is_parameter else None
+                constant = None if is_parameter else self.id("object", term.name)
+                terms.append((*key, position, place, parameter, constant, None, None, None))
 
     def delete_all_propositions(self) -> None:
         """Let nothing hold."""

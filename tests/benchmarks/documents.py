@@ -16,7 +16,6 @@ Each round has new stores, the two take turns, and the tables have medians.
 from __future__ import annotations
 
 import argparse
-import os
 from bisect import bisect_left
 from collections.abc import Callable, Sequence
 from statistics import median
@@ -43,7 +42,9 @@ BATCH = 10_000
 FAMILIES = tuple(
     (name, f"{name}_argument", f"{name}_version") for name in ("proposition", "function_value")
 )
-HEAD = "UPDATE head SET revision = ?, definition_revision = ?, next_id = ?, hash = ?, committed_at = ?"
+HEAD = (
+    "UPDATE head SET revision = ?, definition_revision = ?, next_id = ?, hash = ?, committed_at = ?"
+)
 FACTS = (
     "SELECT p.id, p.text FROM proposition_version v"
     " JOIN proposition p ON p.kb_id = v.kb_id AND p.id = v.proposition_id"
@@ -229,7 +230,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     options = parser.parse_args(argv)
     problems = cases(options.facts)
     with stores(options.backend or ["sqlite", "postgresql"]) as places:
-        lines = [(f"{name}, {case.title}", new, case) for case in problems for name, new in places.items()]
+        lines = [
+            (f"{name}, {case.title}", new, case)
+            for case in problems
+            for name, new in places.items()
+        ]
         print_table(
             "Loading a problem: load_problem() of its text, beside the bare driver with its rows",
             ["", "rows", "load_problem", "of it reading", "bare driver", "ratio"],

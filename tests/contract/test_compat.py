@@ -21,7 +21,7 @@ from kant_sql.compat import (
     PddlPropositionDto,
     PddlTypeDto,
 )
-from tests.worlds import RB1, ROBOT, ROBOT_AT, WAYPOINT, WP1, WP2, navigation, robot_at
+from tests.worlds import RB1, ROBOT, ROBOT_AT, WAYPOINT, WP1, WP2, literals, navigation, robot_at
 
 NAVIGATION = str(navigation())
 
@@ -175,9 +175,15 @@ ILL_TYPED: dict[str, list[tuple[Any, str]]] = {
         (PddlPropositionDto(None, [RB1, WP1]), "PddlPredicateDto"),  # type: ignore[arg-type]
     ],
     "action": [
-        (changed(lambda action: action.conditions[0].objects.reverse()), "term 1"),
-        (changed(lambda action: action.conditions[0].set_objects([])), "0 terms, expected 2"),
-        (changed(lambda action: action.conditions[0].set_time("")), "expected one of 'at start'"),
+        (changed(lambda action: literals(action.conditions)[0].objects.reverse()), "term 1"),
+        (
+            changed(lambda action: literals(action.conditions)[0].set_objects([])),
+            "0 terms, expected 2",
+        ),
+        (
+            changed(lambda action: literals(action.conditions)[0].set_time("")),
+            "expected one of 'at start'",
+        ),
         (changed(lambda action: action.set_durative(False)), "leave the time out"),
         (changed(lambda action: action.parameters.pop()), "neither a parameter"),
         (changed(lambda action: action.set_duration(-1)), "the duration is negative"),
@@ -209,7 +215,7 @@ def test_a_plain_action_may_have_empty_times_as_in_the_original(factory: DaoFact
     actions = factory.create_pddl_action_dao()
     plain = navigation()
     plain.set_durative(False)
-    for literal in (*plain.get_conditions(), *plain.get_effects()):
+    for literal in literals([*plain.get_conditions(), *plain.get_effects()]):
         literal.set_time("")
     assert actions._save(plain) is True
     assert actions._update(plain) is True

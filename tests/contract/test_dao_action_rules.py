@@ -18,7 +18,7 @@ from kant_sql import (
     TypeMismatchError,
 )
 from tests.reading import refuses
-from tests.worlds import ROBOT, ROBOT_AT, WAYPOINT, WP1, navigation, robot_at
+from tests.worlds import ROBOT, ROBOT_AT, WAYPOINT, WP1, literals, navigation, robot_at
 
 Action = PddlActionDto
 Literal = PddlConditionEffectDto
@@ -56,7 +56,7 @@ def test_an_empty_time_is_none(fresh_kb: KnowledgeBase) -> None:
     assert fresh_kb.actions.save(action) is True
     found = fresh_kb.actions.get("go")
     assert found is not None
-    assert found.conditions[0].time is None
+    assert literals(found.conditions)[0].time is None
     assert str(found) == str(action)
 
 

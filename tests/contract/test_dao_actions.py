@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Callable
-from decimal import Decimal
 from functools import partial
 from typing import Any
 
@@ -21,7 +20,7 @@ from kant_sql import (
     PddlTypeDto,
 )
 from tests.reading import last_changes, nothing_changes, refuses, state, versions
-from tests.worlds import RB1, ROBOT, ROBOT_AT, WAYPOINT, WP1, navigation, robot_at
+from tests.worlds import RB1, ROBOT, ROBOT_AT, WAYPOINT, WP1, literals, navigation, robot_at
 
 Action = PddlActionDto
 Literal = PddlConditionEffectDto
@@ -65,7 +64,10 @@ def test_an_action_that_is_not_durative_is_read_as_it_was_saved(fresh_kb: Knowle
     assert found is not None
     assert str(found) == str(wait())
     assert found.durative is False
-    assert [literal.time for literal in (*found.conditions, *found.effects)] == [None, None]
+    assert [literal.time for literal in literals([*found.conditions, *found.effects])] == [
+        None,
+        None,
+    ]
 
 
 def test_predicates_and_types_that_are_missing_are_saved_along(fresh_kb: KnowledgeBase) -> None:
@@ -179,8 +181,8 @@ def changed(change: Callable[[PddlActionDto], object]) -> PddlActionDto:
         changed(lambda action: action.parameters.append(PddlObjectDto(ROBOT, "x"))),
         changed(lambda action: action.conditions.clear()),
         changed(lambda action: action.effects.reverse()),
-        changed(lambda action: action.effects[0].set_is_negative(False)),
-        changed(lambda action: action.effects[0].set_time(Literal.OVER_ALL)),
+        changed(lambda action: literals(action.effects)[0].set_is_negative(False)),
+        changed(lambda action: literals(action.effects)[0].set_time(Literal.OVER_ALL)),
         changed(lambda action: action.set_duration(10.0)),
         wait(),
     ],

@@ -107,9 +107,7 @@ def junk_for(path: Path) -> list[Any]:
     fits = {"name": str, "duration": int | float}.get(str(path[-1]), ())
     names = path[-1] == "parameter_names"
     return [
-        value
-        for value in junk
-        if not isinstance(value, fits) and not (names and value == ["x"])
+        value for value in junk if not isinstance(value, fits) and not (names and value == ["x"])
     ]
 
 

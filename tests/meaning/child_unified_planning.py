@@ -40,17 +40,26 @@ def judge(domain: str, problem: str, our_domain: str, our_problem: str) -> tuple
         return "equal", ""
     left, right = normal_form(original), normal_form(ours)
     if left == right:
-        return "equal", "but for what is above a type"
+        return "equal", "in the normal form"
     lost, won = sorted(left - right)[:MOST], sorted(right - left)[:MOST]
     return "differs", f"original: {lost}, ours: {won}"
 
 
 def normal_form(problem: Problem) -> Counter[str]:
-    """Write a problem's lines, each object with its type, and no type as one below `object`.
+    """Write a problem's lines, in spite of two things that mean nothing.
 
     Where a domain declares `object` itself, like any type, unified-planning has it above those
-    types only that it meets after having met `object` as the type of something.
+    types only that it meets after having met `object` as the type of something: no type is written
+    as one below it. A conjunction within a conjunction, which our text does not keep, is flattened
+    by its simplifier.
     """
+    problem = problem.clone()
+    simplify = problem.environment.simplifier.simplify
+    for action in problem.instantaneous_actions:
+        preconditions = [simplify(condition) for condition in action.preconditions]
+        action.clear_preconditions()
+        for condition in preconditions:
+            action.add_precondition(condition)
     lines = str(problem).replace(" - object", "").splitlines()
     objects = [f"{item.name} of {item.type.name}" for item in problem.all_objects]
     return Counter(objects + [line for line in lines if not line.startswith("  object: [")])

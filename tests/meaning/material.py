@@ -20,7 +20,7 @@ from kant_sql.pddl.writer import write
 HERE = Path(__file__).parent
 CORPUS = HERE.parents[2] / "shared" / "pddl"
 PLANS = HERE / "plans"
-WITHOUT_CORPUS = f"no competition files in {CORPUS.name} of ../shared beside the checkout"
+WITHOUT_CORPUS = "no competition files: ../shared/pddl, beside the checkout, is absent"
 # Everything, instead of what takes little time.
 ALL = os.environ.get("KANT_SQL_TEST_MEANING") == "all"
 

@@ -271,6 +271,7 @@ DIFFERENT_KIND = {
 }
 
 
+@pytest.mark.filterwarnings("ignore")  # its reader warns of what it reads
 def test_what_unified_planning_reads_goes_there_and_back() -> None:
     """All of the competitions' files with KANT_SQL_TEST_CORPUS=all, else a handful."""
     from unified_planning.io import PDDLReader

@@ -150,6 +150,7 @@ def test_the_competitions_files_are_converted_or_refused_by_name() -> None:
     assert converted > len(given) * 0.6
 
 
+@pytest.mark.filterwarnings("ignore")  # its reader warns of what it reads
 def test_what_unified_planning_reads_itself_is_the_same() -> None:
     """All of the competitions' files with KANT_SQL_TEST_CORPUS=all, else a handful."""
     from unified_planning.io import PDDLReader

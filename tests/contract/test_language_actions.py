@@ -1,0 +1,212 @@
+"""Each effect and duration; actions, processes and events, on every backend."""
+
+from __future__ import annotations
+
+from decimal import Decimal
+
+import pytest
+
+from kant_sql import KnowledgeBase, PddlActionDto, PddlEventDto, PddlObjectDto, PddlProcessDto
+from kant_sql import PddlTypeDto as Type
+from kant_sql.dto.formula import And, Assign, Comparison, ContinuousTime, Formula, Not, Timed
+from kant_sql.errors import ConflictError, InvalidKnowledgeError
+from kant_sql.pddl.document import Action, Domain
+from tests.language import (
+    DURATION,
+    DURATIONS,
+    EFFECTS,
+    IDLE,
+    P2,
+    PLACE,
+    T2,
+    TIMED_EFFECTS,
+    TRUCK,
+    P,
+    T,
+    again,
+    at,
+    calculated,
+    check_text,
+    distance,
+    fuel,
+    home,
+    load,
+    number,
+)
+from tests.reading import last_changes, nothing_changes, rows
+
+PARAMETERS = [PddlObjectDto(Type("truck"), "t"), PddlObjectDto(Type("place"), "p")]
+END = Timed("at end", IDLE)
+CHARGE = PddlProcessDto(
+    "charge",
+    PARAMETERS,
+    [at(T, P)],
+    [Assign("increase", fuel(T), calculated("*", ContinuousTime(), number("0.5")))],
+)
+FULL = PddlEventDto(
+    "full",
+    PARAMETERS,
+    [Comparison(">=", fuel(T), number("100"))],
+    [Not(at(T, P)), Assign("assign", fuel(T), number("0"))],
+)
+
+
+def only_action(domain: Domain) -> Action:
+    (action,) = domain.actions
+    return action
+
+
+def check(kb: KnowledgeBase, dto: PddlActionDto, wanted: Action) -> None:
+    """Save an action in every way of asking, and delete it."""
+    world = load(kb)
+    assert kb.actions.save(dto) is True
+    made = [line for line in last_changes(kb) if line.startswith("+ action")]
+    assert made == [f"+ action {dto}"]
+    for reader in (kb, again(kb)):
+        assert only_action(reader.domain()) == wanted
+        check_text(reader)
+        found = reader.actions.get(dto.name)
+        assert found is not None
+        assert str(found) == str(dto)
+        assert reader.actions.save(found) is True
+    assert kb.revision == world + 1
+    kb.actions.delete(dto)
+    assert kb.domain().actions == ()
+    assert only_action(kb.at(world + 1).domain()) == wanted
+    live = "SELECT count(*) FROM action_version WHERE kb_id = :kb AND until IS NULL"
+    assert rows(kb, live) == [(0,)]
+
+
+@pytest.mark.parametrize("effect", EFFECTS.values(), ids=EFFECTS)
+def test_an_effect_is_kept(fresh_kb: KnowledgeBase, effect: Formula) -> None:
+    dto = PddlActionDto("act", PARAMETERS, [], [effect, IDLE], durative=False)
+    wanted = Action("action", "act", (TRUCK, PLACE), effect=(effect, IDLE))
+    check(fresh_kb, dto, wanted)
+
+
+@pytest.mark.parametrize("effect", TIMED_EFFECTS.values(), ids=TIMED_EFFECTS)
+def test_an_effect_with_a_time_is_kept(fresh_kb: KnowledgeBase, effect: Formula) -> None:
+    dto = PddlActionDto("act", PARAMETERS, [], [effect, END])
+    fixed = (Comparison("=", DURATION, number("10")),)
+    wanted = Action("durative-action", "act", (TRUCK, PLACE), fixed, (), (effect, END))
+    check(fresh_kb, dto, wanted)
+
+
+@pytest.mark.parametrize("duration", DURATIONS.values(), ids=DURATIONS)
+def test_a_duration_is_kept(fresh_kb: KnowledgeBase, duration: tuple[Formula, ...]) -> None:
+    dto = PddlActionDto("act", PARAMETERS, [], [END], duration=duration)
+    wanted = Action("durative-action", "act", (TRUCK, PLACE), duration, (), (END,))
+    check(fresh_kb, dto, wanted)
+
+
+@pytest.mark.parametrize("given", [5, 2.5, Decimal("0.10"), Decimal("1E+2")], ids=str)
+def test_a_fixed_duration_is_read_as_the_number_that_it_is(
+    fresh_kb: KnowledgeBase, given: int | float | Decimal
+) -> None:
+    load(fresh_kb)
+    fresh_kb.actions.save(PddlActionDto("act", PARAMETERS, [], [END], duration=given))
+    found = again(fresh_kb).actions.get("act")
+    assert found is not None
+    assert found.duration == given
+    (constraint,) = only_action(fresh_kb.domain()).duration
+    assert constraint == Comparison("=", DURATION, number(str(given)))
+
+
+def test_processes_and_events_have_daos_of_their_own(fresh_kb: KnowledgeBase) -> None:
+    load(fresh_kb)
+    with fresh_kb.transaction():
+        fresh_kb.processes.save(CHARGE)
+        fresh_kb.events.save(FULL)
+    assert last_changes(fresh_kb) == [f"+ action {FULL}", f"+ action {CHARGE}"]
+    made = fresh_kb.revision
+    assert fresh_kb.actions.get_all() == []
+    assert fresh_kb.actions.get("charge") is None
+    for reader in (fresh_kb, again(fresh_kb), fresh_kb.at(made)):
+        assert [str(dto) for dto in reader.processes.get_all()] == [str(CHARGE)]
+        assert [str(dto) for dto in reader.events.get_all()] == [str(FULL)]
+        kinds = [(action.kind, action.name) for action in reader.domain().actions]
+        assert kinds == [("process", "charge"), ("event", "full")]
+        check_text(reader)
+    assert ":time" in fresh_kb.requirements()
+    assert rows(fresh_kb, "SELECT kind FROM action_version WHERE kb_id = :kb ORDER BY kind") == [
+        ("event",),
+        ("process",),
+    ]
+    with nothing_changes(fresh_kb):
+        with pytest.raises(ConflictError, match="is a stored process"):
+            fresh_kb.actions.save(PddlActionDto("Charge", durative=False))
+        with pytest.raises(InvalidKnowledgeError, match="has a DAO of its own"):
+            fresh_kb.actions.save(FULL)
+        assert fresh_kb.events.delete(PddlEventDto("charge")) is False
+    assert fresh_kb.processes.delete(CHARGE) is True
+    assert fresh_kb.events.delete_all() == 1
+    assert fresh_kb.domain().actions == ()
+    assert len(fresh_kb.at(made).domain().actions) == 2
+
+
+def test_conjunctions_within_a_list_are_its_items(fresh_kb: KnowledgeBase) -> None:
+    load(fresh_kb)
+    nested = And((at(T, P), And((IDLE, And(())))))
+    dto = PddlActionDto("act", PARAMETERS, [nested], [nested], durative=False)
+    fresh_kb.actions.save(dto)
+    action = only_action(fresh_kb.domain())
+    assert action.condition == action.effect == (at(T, P), IDLE)
+    check_text(fresh_kb)
+
+
+def test_which_actions_can_make_an_atom_false_is_one_join(fresh_kb: KnowledgeBase) -> None:
+    load(fresh_kb)
+    fresh_kb.actions.save_all(
+        PddlActionDto(name, PARAMETERS, [at(T, P)], [effect], durative=False)
+        for name, effect in EFFECTS.items()
+        if " " not in name
+    )
+    fresh_kb.events.save(FULL)
+    sql = (
+        "SELECT DISTINCT action.name FROM action_version AS version "
+        "JOIN action ON (action.kb_id, action.id) = (version.kb_id, version.action_id) "
+        "JOIN action_node AS atom ON (atom.kb_id, atom.action_id, atom.since) "
+        "= (version.kb_id, version.action_id, version.since) "
+        "JOIN predicate ON (predicate.kb_id, predicate.id) = (atom.kb_id, atom.predicate_id) "
+        "JOIN action_node AS above ON (above.kb_id, above.action_id, above.since, above.section, "
+        "above.position) = (atom.kb_id, atom.action_id, atom.since, atom.section, atom.parent) "
+        "WHERE version.kb_id = :kb AND version.until IS NULL AND atom.section = 'effect' "
+        "AND predicate.key = 'at' AND above.operator = 'not' ORDER BY action.name"
+    )
+    assert [name for (name,) in rows(fresh_kb, sql)] == ["delete", "forall", "full"]
+
+
+def test_an_object_that_an_action_mentions_is_a_constant_of_the_domain(
+    fresh_kb: KnowledgeBase,
+) -> None:
+    load(fresh_kb)
+    fresh_kb.actions.save(PddlActionDto("act", [], [at(T2, P2)], [], durative=False))
+    assert [part.name for part in fresh_kb.domain().constants] == ["hub", "t2", "p2"]
+    assert [part.name for part in fresh_kb.problem().objects] == ["t1", "c1", "p1"]
+    check_text(fresh_kb)
+    text, problem = fresh_kb.domain_pddl(), fresh_kb.problem_pddl()
+    # A problem does not retract what the domain needs.
+    fresh_kb.load_problem(problem)
+    assert (fresh_kb.domain_pddl(), fresh_kb.problem_pddl()) == (text, problem)
+    fresh_kb.load_domain(text, mode="merge")
+    found = fresh_kb.objects.get("t2")
+    assert found is not None
+    assert found.is_constant
+    assert (fresh_kb.domain_pddl(), fresh_kb.problem_pddl()) == (text, problem)
+
+
+def test_a_redefined_action_keeps_its_history(fresh_kb: KnowledgeBase) -> None:
+    load(fresh_kb)
+    one = PddlActionDto("act", PARAMETERS, [], [at(T, P)], durative=False)
+    other = PddlActionDto(
+        "Act", PARAMETERS, [], [END], duration=(Comparison("<=", DURATION, distance(P, home(T))),)
+    )
+    fresh_kb.actions.save(one)
+    before = fresh_kb.domain_pddl()
+    fresh_kb.actions.save(other)
+    assert only_action(fresh_kb.domain()).kind == "durative-action"
+    assert only_action(fresh_kb.domain()).name == "act"
+    check_text(fresh_kb)
+    assert fresh_kb.at(fresh_kb.revision - 1).domain_pddl() == before
+    fresh_kb.actions.save(one)
+    assert fresh_kb.domain_pddl() == before

@@ -1,0 +1,228 @@
+"""What mentions a definition goes with it, or keeps it as it is, on every backend."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from sqlalchemy import text
+
+from kant_sql import (
+    DependantsError,
+    KnowledgeBase,
+    PddlActionDto,
+    PddlFunctionDto,
+    PddlObjectDto,
+    PddlPredicateDto,
+    PddlTypeDto,
+)
+from kant_sql.dto.formula import (
+    Assign,
+    Atom,
+    Comparison,
+    Derived,
+    Equal,
+    Exists,
+    Fluent,
+    Metric,
+    Modal,
+    Not,
+    Or,
+    TimedLiteral,
+    TypedName,
+    Variable,
+)
+from tests.language import (
+    HUB,
+    IDLE,
+    PLACE,
+    T1,
+    T2,
+    TRUCK,
+    P,
+    T,
+    again,
+    at,
+    check_text,
+    fuel,
+    home,
+    load,
+    number,
+)
+from tests.reading import last_changes, nothing_changes, rows
+
+TRUCKS, PLACES = PddlTypeDto("truck", parent=PddlTypeDto("machine")), PddlTypeDto("place")
+# Each sort of formula, and of action, with what it mentions.
+MENTIONS: dict[str, dict[str, Any]] = {
+    "predicate": {
+        "derived_predicates": Derived("reachable", (PLACE,), Exists((TRUCK,), at(T, P))),
+        "timed_initial_literals": TimedLiteral(number("5"), Not(at(T2))),
+        "initial_literals": Not(at(T2)),
+        "goals": Or((at(T2),)),
+        "constraints": Modal("sometime", (), (at(T2),)),
+        "domain_constraints": Modal("always", (), (Not(at(T1, HUB)),)),
+        "actions": PddlActionDto("act", [], [Not(at())], [], durative=False),
+    },
+    "function": {
+        "derived_predicates": Derived("idle", (), Comparison("<", fuel(), number("1"))),
+        "timed_initial_literals": TimedLiteral(number("5"), Assign("assign", fuel(), number("1"))),
+        "goals": Comparison(">", fuel(T2), number("1")),
+        "constraints": Modal("always", (), (Comparison(">", fuel(T2), number("1")),)),
+        "metric": Metric("minimize", fuel()),
+        "actions": PddlActionDto("act", [], [], [Assign("increase", fuel(), number("1"))], False),
+    },
+    "object": {
+        "derived_predicates": Derived("idle", (), at()),
+        "timed_initial_literals": TimedLiteral(number("5"), Not(at())),
+        "initial_literals": Equal(T1, T2),
+        "goals": Or((Equal(home(T2), HUB), at())),
+        "constraints": Modal("sometime", (), (at(),)),
+        "metric": Metric("minimize", fuel()),
+        "actions": PddlActionDto("act", [], [at()], [], durative=False),
+    },
+    "type": {
+        "derived_predicates": Derived("idle", (), Exists((TRUCK,), IDLE)),
+        "goals": Exists((TypedName("x", ("place", "truck")),), IDLE),
+        "constraints": Modal("always", (), (Exists((TRUCK,), IDLE),)),
+        "actions": PddlActionDto(
+            "act", [PddlObjectDto(TRUCKS, "t")], [], [Atom("ready", (Variable("t"),))], False
+        ),
+    },
+}
+DELETES: dict[str, tuple[str, Any]] = {
+    "predicate": ("predicates", PddlPredicateDto("at")),
+    "function": ("functions", PddlFunctionDto("fuel")),
+    "object": ("objects", PddlObjectDto(TRUCKS, "t1")),
+    "type": ("types", TRUCKS),
+}
+REDEFINITIONS: dict[str, tuple[str, Any]] = {
+    "predicate": ("predicates", PddlPredicateDto("at", [TRUCKS])),
+    "function": ("functions", PddlFunctionDto("fuel", [TRUCKS, TRUCKS])),
+    "object": ("objects", PddlObjectDto(PLACES, "t1")),
+    "type": ("types", PddlTypeDto("truck")),
+}
+CASES = [(kind, dao) for kind, mentions in MENTIONS.items() for dao in mentions]
+
+
+def save(kb: KnowledgeBase, dao: str, dto: Any) -> None:
+    if dao == "metric":
+        kb.metric.set(dto)
+    else:
+        getattr(kb, dao).save(dto)
+
+
+def held(kb: KnowledgeBase, dao: str) -> list[str]:
+    """What a DAO of formulas or actions gives, as text."""
+    if dao == "metric":
+        metric = kb.metric.get()
+        return [] if metric is None else [str(metric)]
+    return [str(each) for each in getattr(kb, dao).get_all()]
+
+
+@pytest.mark.parametrize(("kind", "dao"), CASES)
+def test_what_mentions_it_is_deleted_with_it(fresh_kb: KnowledgeBase, kind: str, dao: str) -> None:
+    load(fresh_kb)
+    mentions = MENTIONS[kind][dao]
+    save(fresh_kb, dao, mentions)
+    made = fresh_kb.revision
+    deleting, what = DELETES[kind]
+    assert getattr(fresh_kb, deleting).delete(what) is True
+    assert fresh_kb.revision == made + 1
+    assert any(line.startswith("- ") and str(mentions) in line for line in last_changes(fresh_kb))
+    for reader in (fresh_kb, again(fresh_kb)):
+        assert held(reader, dao) == []
+        check_text(reader)
+    assert held(fresh_kb.at(made), dao) == [str(mentions)]
+    check_text(fresh_kb.at(made))
+
+
+@pytest.mark.parametrize(("kind", "dao"), CASES)
+def test_what_mentions_it_refuses_its_redefinition(
+    fresh_kb: KnowledgeBase, kind: str, dao: str
+) -> None:
+    load(fresh_kb)
+    with fresh_kb.transaction():
+        fresh_kb.propositions.delete_all()
+        fresh_kb.function_values.delete_all()
+        if kind == "type":
+            fresh_kb.objects.delete_all()
+    mentions = MENTIONS[kind][dao]
+    save(fresh_kb, dao, mentions)
+    redefining, other = REDEFINITIONS[kind]
+    wanted = "action act" if dao == "actions" else f"formula {mentions}"
+    with nothing_changes(fresh_kb), pytest.raises(DependantsError) as caught:
+        getattr(fresh_kb, redefining).save(other)
+    assert caught.value.dependants == (wanted,)
+    assert wanted in str(caught.value)
+    made = fresh_kb.revision
+    getattr(fresh_kb, redefining).save(other, cascade=True)
+    assert fresh_kb.revision == made + 1
+    assert held(fresh_kb, dao) == []
+    check_text(fresh_kb)
+    assert held(fresh_kb.at(made), dao) == [str(mentions)]
+
+
+def test_what_mentions_something_else_stays(fresh_kb: KnowledgeBase) -> None:
+    load(fresh_kb)
+    stay = [Not(IDLE), Exists((PLACE,), IDLE), Equal(home(T2), HUB)]
+    fresh_kb.goals.save_all([*stay, Or((at(),)), Exists((TRUCK,), at(T, HUB))])
+    fresh_kb.predicates.delete(PddlPredicateDto("at"))
+    assert fresh_kb.goals.get_all() == stay
+    fresh_kb.objects.delete(PddlObjectDto(TRUCKS, "t1"))
+    assert fresh_kb.goals.get_all() == stay
+    fresh_kb.objects.delete(PddlObjectDto(TRUCKS, "t2"))
+    assert fresh_kb.goals.get_all() == stay[:2]
+
+
+def test_names_of_parameters_may_change_below_formulas(fresh_kb: KnowledgeBase) -> None:
+    load(fresh_kb)
+    goal = Exists((TRUCK,), at(T, HUB))
+    fresh_kb.goals.save(goal)
+    renamed = PddlPredicateDto("at", [TRUCKS, PLACES], parameter_names=["who", "where"])
+    fresh_kb.predicates.save(renamed)
+    assert fresh_kb.goals.get_all() == [goal]
+    predicate = next(each for each in fresh_kb.domain().predicates if each.name == "at")
+    assert [part.name for part in predicate.parameters] == ["who", "where"]
+    check_text(fresh_kb)
+
+
+DANGLING = {
+    "predicate": ("formula_node", "predicate_id"),
+    "function": ("formula_node", "function_id"),
+    "object": ("formula_term", "object_id"),
+    "type": ("formula_variable_type", "type_id"),
+    "node": ("formula_term", "position"),
+    "variable": ("formula_term", "variable"),
+    "action's predicate": ("action_node", "predicate_id"),
+    "action's parameter": ("action_term", "parameter"),
+}
+
+
+@pytest.mark.parametrize(("table", "column"), DANGLING.values(), ids=DANGLING)
+def test_the_database_refuses_what_dangles(
+    fresh_kb: KnowledgeBase, table: str, column: str
+) -> None:
+    load(fresh_kb)
+    fresh_kb.goals.save(Exists((TRUCK,), Or((at(T), Comparison("<", fuel(T), number("1"))))))
+    truck = PddlObjectDto(TRUCKS, "t")
+    fresh_kb.actions.save(PddlActionDto("act", [truck], [at(T)], [], durative=False))
+    where = f"kb_id = :kb AND {column} IS NOT NULL"
+    assert rows(fresh_kb, f"SELECT count(*) FROM {table} WHERE {where}") != [(0,)]
+    store: Any = fresh_kb.factory._store  # type: ignore[attr-defined]
+    (id_,) = rows(fresh_kb, "SELECT id FROM knowledge_base WHERE id = :kb")[0]
+    driver: Any = store.backend.driver_errors
+    with store.backend.engine.connect() as connection:
+        statement = text(f"UPDATE {table} SET {column} = {column} + 4000000 WHERE {where}")
+        with pytest.raises(Exception, match=r"(?i)foreign key") as caught:
+            connection.execute(statement, {"kb": id_})
+        assert isinstance(caught.value.__cause__, driver)
+        connection.rollback()
+    check_text(again(fresh_kb))
+
+
+def test_fluents_within_terms_are_mentioned(fresh_kb: KnowledgeBase) -> None:
+    load(fresh_kb)
+    fresh_kb.goals.save(Not(at(T1, home(T2))))
+    fresh_kb.functions.delete(PddlFunctionDto("home"))
+    assert fresh_kb.goals.get_all() == []
+    assert Fluent("home", (T1,)) not in [value.fluent for value in fresh_kb.problem().values]

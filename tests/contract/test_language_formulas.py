@@ -1,0 +1,239 @@
+"""Formulas that stand on their own, each sort through its DAO, on every backend."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import pytest
+
+from kant_sql import KnowledgeBase, ReadOnlyError
+from kant_sql.dto.formula import (
+    And,
+    Assign,
+    Atom,
+    Derived,
+    Equal,
+    Exists,
+    Fluent,
+    IsViolated,
+    Metric,
+    Modal,
+    Node,
+    Not,
+    Preference,
+    TimedLiteral,
+    TypedName,
+    Variable,
+)
+from kant_sql.errors import InvalidKnowledgeError
+from tests.language import (
+    C1,
+    CONSTRAINTS,
+    HUB,
+    IDLE,
+    PLACE,
+    T1,
+    T2,
+    TRUCK,
+    P,
+    T,
+    again,
+    at,
+    calculated,
+    check_text,
+    distance,
+    fuel,
+    home,
+    load,
+    number,
+)
+from tests.reading import last_changes, nothing_changes, rows
+
+
+class Sort(NamedTuple):
+    """A sort of formulas: its DAO, its lines in the log, its place in the documents."""
+
+    dao: str
+    kind: str
+    said: Callable[[KnowledgeBase], tuple[Node, ...]]
+    examples: dict[str, Any]
+
+
+X, Y = TypedName("x", ("place",)), TypedName("y", ("place",))
+SORTS = [
+    Sort(
+        "derived_predicates",
+        "derived",
+        lambda kb: kb.domain().derived,
+        {
+            "rule": Derived("reachable", (PLACE,), Exists((TRUCK,), at(T, P))),
+            "another rule of it": Derived("reachable", (X,), Atom("open", (Variable("x"),))),
+            "recursive": Derived(
+                "linked",
+                (X, Y),
+                Exists((PLACE,), And((Atom("linked", (Variable("x"), P)), Equal(P, HUB)))),
+            ),
+            "no parameters": Derived("idle", (), Not(at(T1, HUB))),
+        },
+    ),
+    Sort(
+        "timed_initial_literals",
+        "timed",
+        lambda kb: kb.problem().timed,
+        {
+            "add": TimedLiteral(number("5"), at()),
+            "delete": TimedLiteral(number("7.50"), Not(at())),
+            "add again later": TimedLiteral(number("12"), at()),
+            "number": TimedLiteral(number("0.5"), Assign("assign", fuel(), number("9"))),
+            "object": TimedLiteral(number("1"), Assign("assign", home(T2), HUB)),
+        },
+    ),
+    Sort(
+        "initial_literals",
+        "initial",
+        lambda kb: kb.problem().literals,
+        {
+            "negative": Not(at(T2)),
+            "equality": Equal(T1, T2),
+            "inequality": Not(Equal(T1, C1)),
+        },
+    ),
+    Sort("constraints", "constraint", lambda kb: kb.problem().constraints, CONSTRAINTS),
+    Sort(
+        "domain_constraints",
+        "domain constraint",
+        lambda kb: kb.domain().constraints,
+        CONSTRAINTS,
+    ),
+]
+METRICS = {
+    "time": Metric("minimize", Fluent("total-time")),
+    "cost": Metric("minimize", Fluent("total-cost")),
+    "preferences": Metric(
+        "maximize",
+        calculated(
+            "-",
+            calculated("*", number("2.50"), IsViolated("p1")),
+            calculated("+", Fluent("total-time"), fuel(), distance(HUB, HUB)),
+        ),
+    ),
+}
+
+
+@pytest.mark.parametrize("sort", SORTS, ids=[sort.dao for sort in SORTS])
+def test_each_formula_of_a_sort_is_kept(fresh_kb: KnowledgeBase, sort: Sort) -> None:
+    world, examples = load(fresh_kb), [*sort.examples.values()]
+    dao = getattr(fresh_kb, sort.dao)
+    for formula in examples:
+        assert dao.save(formula) is True
+        assert last_changes(fresh_kb) == [f"+ {sort.kind} {formula}"]
+    with nothing_changes(fresh_kb):
+        assert dao.save_all(examples) == 0
+        assert dao.insert(examples[0]) is False
+    for reader in (fresh_kb, again(fresh_kb), fresh_kb.at(fresh_kb.revision)):
+        assert getattr(reader, sort.dao).get_all() == examples
+        assert sort.said(reader) == tuple(examples)
+        check_text(reader)
+    for count in range(len(examples) + 1):
+        assert sort.said(fresh_kb.at(world + count)) == tuple(examples[:count])
+
+
+@pytest.mark.parametrize("sort", SORTS, ids=[sort.dao for sort in SORTS])
+def test_formulas_of_a_sort_are_deleted(fresh_kb: KnowledgeBase, sort: Sort) -> None:
+    load(fresh_kb)
+    examples, dao = [*sort.examples.values()], getattr(fresh_kb, sort.dao)
+    assert dao.save_all(examples) == len(examples)
+    first = fresh_kb.revision
+    assert dao.delete(examples[1]) is True
+    assert last_changes(fresh_kb) == [f"- {sort.kind} {examples[1]}"]
+    with nothing_changes(fresh_kb):
+        assert dao.delete(examples[1]) is False
+    assert sort.said(fresh_kb) == (examples[0], *examples[2:])
+    # What comes back is the same formula: one identity, another version.
+    assert dao.insert(examples[1]) is True
+    assert dao.get_all() == examples
+    assert dao.delete_all() == len(examples)
+    assert dao.get_all() == []
+    assert dao.delete_all() == 0
+    check_text(fresh_kb)
+    assert sort.said(fresh_kb.at(first)) == tuple(examples)
+    counted = (
+        "SELECT (SELECT count(*) FROM formula WHERE kb_id = :kb), count(*), count(until), "
+        "min(section) FROM formula_version WHERE kb_id = :kb"
+    )
+    number_of = len(examples)
+    assert rows(fresh_kb, counted) == [(number_of, number_of + 1, number_of + 1, sort.kind)]
+    with pytest.raises(ReadOnlyError):
+        getattr(fresh_kb.at(first), sort.dao).delete_all()
+
+
+@pytest.mark.parametrize("dao", ["goals", "constraints", "domain_constraints"])
+def test_a_conjunction_is_its_conjuncts(fresh_kb: KnowledgeBase, dao: str) -> None:
+    load(fresh_kb)
+    parts = [Modal("always", (), (IDLE,)), Modal("sometime", (), (at(),))]
+    if dao == "goals":
+        parts = [Not(IDLE), Preference("p", at())]  # type: ignore[list-item]
+    nested = And((parts[0], And((parts[1], And(())))))
+    getattr(fresh_kb, dao).save(nested)
+    assert getattr(fresh_kb, dao).get_all() == parts
+    assert getattr(fresh_kb, dao).delete(nested) is True
+    assert getattr(fresh_kb, dao).get_all() == []
+
+
+@pytest.mark.parametrize("metric", METRICS.values(), ids=METRICS)
+def test_a_metric_is_kept(fresh_kb: KnowledgeBase, metric: Metric) -> None:
+    world = load(fresh_kb)
+    assert fresh_kb.metric.get() is None
+    assert fresh_kb.metric.set(metric) is True
+    assert last_changes(fresh_kb) == [f"+ metric {metric}"]
+    assert fresh_kb.metric.set(metric) is False
+    for reader in (fresh_kb, again(fresh_kb)):
+        assert reader.metric.get() == reader.problem().metric == metric
+        check_text(reader)
+    other = Metric("maximize", fuel())
+    assert fresh_kb.metric.set(other) is True
+    assert last_changes(fresh_kb) == [f"+ metric {other}", f"- metric {metric}"]
+    assert fresh_kb.problem().metric == other
+    assert fresh_kb.metric.set(None) is True
+    assert fresh_kb.metric.set(None) is False
+    assert fresh_kb.problem().metric is None
+    assert fresh_kb.at(world + 1).metric.get() == metric
+    assert fresh_kb.at(world + 2).metric.get() == other
+
+
+def test_one_text_in_two_sections_is_two_formulas(fresh_kb: KnowledgeBase) -> None:
+    load(fresh_kb)
+    formula = Modal("always", (), (IDLE,))
+    fresh_kb.constraints.save(formula)
+    fresh_kb.domain_constraints.save(formula)
+    fresh_kb.goals.save(Not(at()))
+    fresh_kb.initial_literals.save(Not(at()))
+    fresh_kb.constraints.delete_all()
+    fresh_kb.goals.delete_all()
+    assert fresh_kb.domain_constraints.get_all() == [formula]
+    assert fresh_kb.initial_literals.get_all() == [Not(at())]
+
+
+def test_names_are_kept_in_their_first_spelling(fresh_kb: KnowledgeBase) -> None:
+    load(fresh_kb)
+    shouted = Exists((TypedName("T", ("TRUCK",)),), Atom("AT", (Variable("t"), Variable("T"))))
+    with pytest.raises(InvalidKnowledgeError, match="term 2 of"):
+        fresh_kb.goals.save(shouted)
+    shouted = Exists((TypedName("T", ("TRUCK",)),), Atom("AT", (Variable("t"), HUB)))
+    fresh_kb.goals.save(shouted)
+    assert [str(goal) for goal in fresh_kb.goals.get_all()] == ["(exists (?T - truck) (at ?T hub))"]
+    with nothing_changes(fresh_kb):
+        fresh_kb.goals.save(shouted)
+    assert fresh_kb.goals.delete(shouted) is True
+
+
+def test_what_a_transaction_saves_and_deletes_leaves_nothing(fresh_kb: KnowledgeBase) -> None:
+    world = load(fresh_kb)
+    constraint = CONSTRAINTS["always"]
+    with fresh_kb.transaction():
+        fresh_kb.constraints.save(constraint)
+        assert fresh_kb.problem().constraints == (constraint,)
+        fresh_kb.constraints.delete(constraint)
+    assert fresh_kb.revision == world
+    assert rows(fresh_kb, "SELECT count(*) FROM formula_version WHERE kb_id = :kb") == [(0,)]

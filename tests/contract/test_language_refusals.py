@@ -1,0 +1,437 @@
+"""What is not well formed is refused, says why, and leaves nothing, on every backend."""
+
+from __future__ import annotations
+
+from decimal import Decimal
+from typing import Any
+
+import pytest
+
+from kant_sql import KnowledgeBase, PddlActionDto, PddlObjectDto, PddlTypeDto
+from kant_sql.dto.formula import (
+    And,
+    Arithmetic,
+    Assign,
+    Atom,
+    Comparison,
+    Constant,
+    ContinuousTime,
+    Derived,
+    Equal,
+    Exists,
+    Fluent,
+    Forall,
+    IsViolated,
+    Metric,
+    Modal,
+    Not,
+    Number,
+    Or,
+    Preference,
+    Timed,
+    TimedLiteral,
+    TypedName,
+    Variable,
+    When,
+)
+from kant_sql.errors import (
+    ArityError,
+    InvalidKnowledgeError,
+    InvalidNameError,
+    TypeMismatchError,
+)
+from kant_sql.pddl.tokens import MAX_DEPTH
+from tests.language import (
+    C1,
+    DURATION,
+    HUB,
+    IDLE,
+    P1,
+    PLACE,
+    T1,
+    TRUCK,
+    P,
+    T,
+    at,
+    calculated,
+    check_text,
+    fuel,
+    home,
+    load,
+    number,
+)
+from tests.reading import nothing_changes, rows
+
+ALWAYS = Modal("always", (), (IDLE,))
+ZERO = number("0")
+# What is no goal, and so no precondition either.
+NO_GOALS: dict[str, tuple[Any, type[Exception], str]] = {
+    "unknown predicate": (Atom("near", (T1,)), InvalidKnowledgeError, "predicate 'near'"),
+    "unknown function": (
+        Comparison("<", Fluent("speed"), ZERO),
+        InvalidKnowledgeError,
+        "function 'speed', which is not known",
+    ),
+    "unknown object": (Not(at(Constant("t9"))), InvalidKnowledgeError, "object 't9' is not known"),
+    "unknown type": (
+        Exists((TypedName("x", ("ship",)),), IDLE),
+        InvalidKnowledgeError,
+        "?x is of type 'ship', which is not known",
+    ),
+    "unknown variable": (Not(at(Variable("u"))), InvalidKnowledgeError, "?u is neither"),
+    "a variable out of its scope": (
+        And((Not(IDLE), Or((Exists((TRUCK,), IDLE), at(T))))),
+        InvalidKnowledgeError,
+        "?t is neither a parameter nor bound",
+    ),
+    "too few terms": (Not(Atom("at", (T1,))), ArityError, "has 1 terms, expected 2"),
+    "too many terms": (
+        Comparison("<", Fluent("fuel", (T1, T1)), ZERO),
+        ArityError,
+        "has 2 terms, expected 1",
+    ),
+    "another type": (Not(at(C1)), TypeMismatchError, "term 1 of (at c1 p1) does not fit"),
+    "a variable of another type": (
+        Exists((PLACE,), at(P)),
+        TypeMismatchError,
+        "term 1 of (at ?p p1) does not fit",
+    ),
+    "a fluent of another type": (Not(at(home())), TypeMismatchError, "term 1 of"),
+    "a number as a term": (
+        Not(at(T1, fuel())),
+        InvalidKnowledgeError,
+        "is a number, not an object",
+    ),
+    "an object as a number": (
+        Comparison("<", home(), ZERO),
+        InvalidKnowledgeError,
+        "is an object, not a number",
+    ),
+    "a duration": (
+        Comparison("<", DURATION, ZERO),
+        InvalidKnowledgeError,
+        "?duration is no number",
+    ),
+    "continuous time": (
+        Comparison("<", ContinuousTime(), ZERO),
+        InvalidKnowledgeError,
+        "#t is no number here",
+    ),
+    "a violated preference": (
+        Comparison("=", IsViolated("p1"), ZERO),
+        InvalidKnowledgeError,
+        "is no number here",
+    ),
+    "a function that is not declared": (
+        Comparison("<", Fluent("total-time"), ZERO),
+        InvalidKnowledgeError,
+        "'total-time', which is not known",
+    ),
+    "no number": (
+        Comparison("<", Number(Decimal("NaN")), fuel()),
+        InvalidKnowledgeError,
+        "give a finite number",
+    ),
+    "no comparison": (
+        Comparison("!=", fuel(), ZERO),
+        InvalidKnowledgeError,
+        "'!=' is no comparison",
+    ),
+    "no operation": (
+        Comparison("<", Arithmetic("^", (ZERO, ZERO)), ZERO),
+        InvalidKnowledgeError,
+        "'^' is no operation",
+    ),
+    "too few operands": (
+        Comparison("<", calculated("+", ZERO), ZERO),
+        InvalidKnowledgeError,
+        "(+ 0) has 1 operands",
+    ),
+    "too many operands": (
+        Comparison("<", calculated("-", ZERO, ZERO, ZERO), ZERO),
+        InvalidKnowledgeError,
+        "(- 0 0 0) has 3 operands",
+    ),
+    "a variable bound twice": (
+        Forall((TRUCK, TypedName("T", ("place",))), IDLE),
+        InvalidKnowledgeError,
+        "binds a variable twice",
+    ),
+    "a variable that is no name": (
+        Forall((TypedName("a b", ("place",)),), IDLE),
+        InvalidNameError,
+        "'a b' cannot name a variable",
+    ),
+    "an assignment": (
+        Assign("increase", fuel(), ZERO),
+        InvalidKnowledgeError,
+        "(increase (fuel t1) 0) has no place in a condition or a goal",
+    ),
+    "a conditional effect": (
+        When(IDLE, IDLE),
+        InvalidKnowledgeError,
+        "has no place in a condition",
+    ),
+    "a constraint": (ALWAYS, InvalidKnowledgeError, "(always (idle)) has no place in a condition"),
+    "a time": (Timed("at end", IDLE), InvalidKnowledgeError, "has a time that has no place"),
+    "a rule": (Derived("idle", (), IDLE), InvalidKnowledgeError, "has no place in a condition"),
+    "a metric": (Metric("minimize", ZERO), InvalidKnowledgeError, "has no place in a condition"),
+    "a timed literal": (
+        TimedLiteral(ZERO, IDLE),
+        InvalidKnowledgeError,
+        "has no place in a condition",
+    ),
+    "a term": (T1, InvalidKnowledgeError, "t1 is no formula but Constant"),
+    "a preference within or": (
+        Or((Preference("p", IDLE),)),
+        InvalidKnowledgeError,
+        "a preference stands at the top of",
+    ),
+    "a preference within a preference": (
+        Preference("p", Preference("q", IDLE)),
+        InvalidKnowledgeError,
+        "a preference stands at the top of",
+    ),
+    "a preference that is no name": (
+        Preference("(", IDLE),
+        InvalidNameError,
+        "'(' cannot name a preference",
+    ),
+}
+
+
+@pytest.mark.parametrize(("wrong", "error", "message"), NO_GOALS.values(), ids=NO_GOALS)
+def test_what_is_no_goal_is_refused(
+    fresh_kb: KnowledgeBase, wrong: Any, error: type[Exception], message: str
+) -> None:
+    load(fresh_kb)
+    calls = [
+        lambda: fresh_kb.goals.save(wrong),
+        lambda: fresh_kb.goals.save_all([IDLE, And((IDLE, wrong))]),
+        lambda: fresh_kb.actions.save(PddlActionDto("act", [], [wrong], [], durative=False)),
+    ]
+    for call in calls:
+        with nothing_changes(fresh_kb), pytest.raises(InvalidKnowledgeError) as caught:
+            call()
+        assert type(caught.value) is error
+        assert message in str(caught.value)
+        assert "\n" not in str(caught.value)
+    with nothing_changes(fresh_kb):
+        assert fresh_kb.goals.delete(wrong) is False
+    counted = "SELECT count(*) FROM formula WHERE kb_id = :kb"
+    assert rows(fresh_kb, counted) == [(0,)]
+    assert rows(fresh_kb, counted.replace("formula", "action")) == [(0,)]
+
+
+PLAIN, TIMED = False, True
+# Effects of an action, durative or not, that are none.
+NO_EFFECTS: dict[str, tuple[bool, Any, str]] = {
+    "or": (PLAIN, Or((IDLE,)), "has no place in an effect"),
+    "exists": (PLAIN, Exists((TRUCK,), at(T)), "has no place in an effect"),
+    "a comparison": (PLAIN, Comparison("<", ZERO, ZERO), "has no place in an effect"),
+    "an equality": (PLAIN, Equal(T1, T1), "has no place in an effect"),
+    "a preference": (PLAIN, Preference("p", IDLE), "a preference stands at the top"),
+    "a constraint": (PLAIN, ALWAYS, "has no place in an effect"),
+    "not of a conjunction": (PLAIN, Not(And((IDLE,))), "deletes what is not an atom"),
+    "a time": (PLAIN, Timed("at end", IDLE), "has a time that has no place in an effect"),
+    "continuous time": (PLAIN, Assign("increase", fuel(), ContinuousTime()), "#t is no number"),
+    "a duration": (PLAIN, Assign("increase", fuel(), DURATION), "?duration is no number"),
+    "no assignment": (PLAIN, Assign("double", fuel(), ZERO), "'double' is no assignment"),
+    "an object that is increased": (PLAIN, Assign("increase", home(), HUB), "counts with"),
+    "an object of another type": (PLAIN, Assign("assign", home(), T1), "does not fit"),
+    "a number as an object": (PLAIN, Assign("assign", home(), ZERO), "is no term"),
+    "an object as a number": (PLAIN, Assign("assign", fuel(), T1), "t1 is no number"),
+    "a preference in a condition": (PLAIN, When(Preference("p", IDLE), IDLE), "a preference"),
+    "no time": (TIMED, IDLE, "has no place in an effect of a durative action"),
+    "no time below forall": (TIMED, Forall((TRUCK,), at(T)), "has no place in an effect of a"),
+    "no time in a condition": (TIMED, When(IDLE, Timed("at end", IDLE)), "in a condition of a"),
+    "an assignment without a time": (TIMED, Assign("increase", fuel(), ZERO), "has no place in"),
+    "a time that is none": (TIMED, Timed("at noon", IDLE), "has the time 'at noon'"),
+    "a time within a time": (TIMED, Timed("at end", Timed("at end", IDLE)), "has a time that"),
+}
+
+
+@pytest.mark.parametrize(("durative", "wrong", "message"), NO_EFFECTS.values(), ids=NO_EFFECTS)
+def test_what_is_no_effect_is_refused(
+    fresh_kb: KnowledgeBase, durative: bool, wrong: Any, message: str
+) -> None:
+    load(fresh_kb)
+    right = Timed("at start", IDLE) if durative else IDLE
+    action = PddlActionDto("act", [], [], [right, wrong], durative)
+    with nothing_changes(fresh_kb), pytest.raises(InvalidKnowledgeError) as caught:
+        fresh_kb.actions.save(action)
+    assert message in str(caught.value)
+    assert "the effect of action 'act': " in str(caught.value)
+    assert fresh_kb.domain().actions == ()
+
+
+DURATIVE: dict[str, tuple[dict[str, Any], str]] = {
+    "a condition without a time": ({"conditions": [IDLE]}, "(idle) has no place in a condition of"),
+    "a constraint": ({"conditions": [ALWAYS]}, "(always (idle)) has no place in"),
+    "a duration of something else": (
+        {"duration": [Comparison("=", fuel(), ZERO)]},
+        "(= (fuel t1) 0) is no constraint on ?duration",
+    ),
+    "a duration over all": (
+        {"duration": [Timed("over all", Comparison("=", DURATION, ZERO))]},
+        "has a time that has no place in a duration",
+    ),
+    "an atom as a duration": ({"duration": [IDLE]}, "(idle) has no place in a duration"),
+    "a disjunction of durations": (
+        {"duration": [Or((Comparison("=", DURATION, ZERO),))]},
+        "has no place in a duration",
+    ),
+}
+
+
+@pytest.mark.parametrize(("parts", "message"), DURATIVE.values(), ids=DURATIVE)
+def test_what_is_no_part_of_a_durative_action_is_refused(
+    fresh_kb: KnowledgeBase, parts: dict[str, Any], message: str
+) -> None:
+    load(fresh_kb)
+    with nothing_changes(fresh_kb), pytest.raises(InvalidKnowledgeError) as caught:
+        fresh_kb.actions.save(PddlActionDto("act", **parts))
+    assert message in str(caught.value)
+
+
+MISPLACED: dict[str, tuple[str, Any, str]] = {
+    "a constraint that is an atom": ("constraints", IDLE, "(idle) has no place in a constraint"),
+    "a preference for an atom": ("constraints", Preference("p", IDLE), "(idle) has no place in"),
+    "a constraint at start": ("constraints", Timed("at start", IDLE), "has a time that"),
+    "no operator": ("constraints", Modal("never", (), (IDLE,)), "is no constraint of PDDL 3.0"),
+    "no time span": ("constraints", Modal("within", (), (IDLE,)), "is no constraint of PDDL 3.0"),
+    "no number": ("constraints", Modal("within", (fuel(),), (IDLE,)), "is no Number"),  # type: ignore[arg-type]
+    "an effect": ("domain_constraints", Assign("assign", fuel(), ZERO), "has no place in"),
+    "a rule that is a goal": ("derived_predicates", IDLE, "is a node Derived of kant_sql.pddl"),
+    "a rule for nothing": (
+        "derived_predicates",
+        Derived("near", (), IDLE),
+        "predicate 'near', which is not known",
+    ),
+    "a rule of other parameters": (
+        "derived_predicates",
+        Derived("reachable", (TRUCK,), IDLE),
+        "term 1 of (reachable ?t) does not fit",
+    ),
+    "a rule with a preference": (
+        "derived_predicates",
+        Derived("reachable", (PLACE,), Preference("p", IDLE)),
+        "a preference stands at the top",
+    ),
+    "a negative conjunction": ("initial_literals", Not(And((IDLE,))), "is no literal"),
+    "a fluent in a literal": ("initial_literals", Not(at(T1, home())), "as the initial state"),
+    "a variable in a literal": ("initial_literals", Not(at(T)), "?t is neither a parameter"),
+    "a positive literal": ("initial_literals", IDLE, "is a node Not or Equal of kant_sql.pddl"),
+    "a timed increase": (
+        "timed_initial_literals",
+        TimedLiteral(ZERO, Assign("increase", fuel(), ZERO)),
+        "assigns no number",
+    ),
+    "a timed calculation": (
+        "timed_initial_literals",
+        TimedLiteral(ZERO, Assign("assign", fuel(), fuel())),
+        "assigns no number",
+    ),
+    "a timed equality": (
+        "timed_initial_literals",
+        TimedLiteral(ZERO, Not(Equal(T1, T1))),
+        "is no timed literal",
+    ),
+    "a timed conjunction": (
+        "timed_initial_literals",
+        TimedLiteral(ZERO, And((IDLE,))),  # type: ignore[arg-type]
+        "is no timed literal",
+    ),
+}
+
+
+@pytest.mark.parametrize(("dao", "wrong", "message"), MISPLACED.values(), ids=MISPLACED)
+def test_a_formula_of_another_sort_is_refused(
+    fresh_kb: KnowledgeBase, dao: str, wrong: Any, message: str
+) -> None:
+    load(fresh_kb)
+    with nothing_changes(fresh_kb), pytest.raises(InvalidKnowledgeError) as caught:
+        getattr(fresh_kb, dao).save(wrong)
+    assert message in str(caught.value)
+    assert getattr(fresh_kb, dao).get_all() == []
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        (IDLE, "the metric is a node Metric of kant_sql.pddl, or None, not Atom"),
+        (Metric("optimise", ZERO), "'optimise' is neither minimize nor maximize"),
+        (Metric("minimize", Fluent("speed")), "function 'speed'"),
+        (Metric("minimize", DURATION), "?duration is no number here"),
+        (Metric("minimize", IsViolated("a b")), "'a b' cannot name a preference"),
+    ],
+    ids=str,
+)
+def test_what_is_no_metric_is_refused(fresh_kb: KnowledgeBase, wrong: Any, message: str) -> None:
+    load(fresh_kb)
+    with nothing_changes(fresh_kb), pytest.raises(InvalidKnowledgeError) as caught:
+        fresh_kb.metric.set(wrong)
+    assert message in str(caught.value)
+    assert fresh_kb.metric.get() is None
+
+
+def test_an_action_that_is_not_durative_has_no_duration(fresh_kb: KnowledgeBase) -> None:
+    # The paper's DTO has one whether it is used or not.
+    load(fresh_kb)
+    dto = PddlActionDto("act", [], [], [IDLE], durative=False, duration=[IDLE])
+    fresh_kb.actions.save(dto)
+    assert fresh_kb.domain().actions[0].duration == ()
+
+
+def test_a_parameter_hides_no_object_of_its_name(fresh_kb: KnowledgeBase) -> None:
+    load(fresh_kb)
+    dto = PddlActionDto(
+        "act", [PddlObjectDto(PddlTypeDto("truck"), "t1")], [], [at(T1), at(Variable("T1"))], False
+    )
+    fresh_kb.actions.save(dto)
+    assert fresh_kb.domain().actions[0].effect == (at(T1), at(Variable("t1")))
+    check_text(fresh_kb)
+
+
+def nested(depth: int) -> Any:
+    formula: Any = IDLE
+    for _ in range(depth):
+        formula = Not(formula)
+    return formula
+
+
+def test_nesting_has_a_bound_and_no_more_is_stored(fresh_kb: KnowledgeBase) -> None:
+    load(fresh_kb)
+    deepest = nested(MAX_DEPTH - 1)
+    fresh_kb.goals.save(deepest)
+    assert fresh_kb.goals.get_all() == [deepest]
+    check_text(fresh_kb)
+    sums: Any = ZERO
+    fluent: Any = home()
+    for _ in range(100_000):
+        sums = Arithmetic("-", (sums,))
+        fluent = Fluent("home", (fluent,))
+    deep = [
+        nested(MAX_DEPTH),
+        nested(100_000),
+        Comparison("<", sums, ZERO),
+        Forall((TRUCK,), Preference(None, nested(100_000))),
+        Exists((TRUCK,), Equal(fluent, P1)),
+    ]
+    for formula in deep:
+        saves: list[tuple[Any, Any]] = [
+            (fresh_kb.goals, formula),
+            (fresh_kb.actions, PddlActionDto("act", [], [formula], [], False)),
+            (fresh_kb.derived_predicates, formula),
+            (fresh_kb.derived_predicates, Derived("idle", (), formula)),
+        ]
+        for dao, wrong in saves:
+            with nothing_changes(fresh_kb), pytest.raises(InvalidKnowledgeError) as caught:
+                dao.save(wrong)
+            assert len(str(caught.value)) < 500
+    ands: Any = IDLE
+    for _ in range(100_000):
+        ands = And((ands,))
+    # However deep, that is a conjunction of one.
+    fresh_kb.goals.save(ands)
+    assert fresh_kb.goals.get_all() == [IDLE, deepest]

@@ -1,0 +1,374 @@
+"""What readers refuse: with the place, what was found, what was expected, and what it is in."""
+
+from __future__ import annotations
+
+import os
+import pickle
+import subprocess
+import sys
+import time
+from contextlib import suppress
+from pathlib import Path
+
+import pytest
+
+from kant_sql.errors import InvalidKnowledgeError, PddlError
+from kant_sql.pddl import read, read_domain, read_problem
+
+HEAD = """(define (domain d) (:requirements :adl :fluents)
+(:types a b - t t) (:constants k - a)
+(:predicates (p ?x - a) (q ?x ?y) (r))
+(:functions (f ?x - a) (g) - number (loc ?x - a) - b)
+"""
+DOMAIN = read_domain(f"{HEAD})")
+
+
+def action(body: str) -> str:
+    return f"{HEAD}(:action move :parameters (?x - a ?y - b ?z - t)\n{body}))"
+
+
+def durative(body: str) -> str:
+    return f"{HEAD}(:durative-action move :parameters (?x - a)\n{body}))"
+
+
+def problem(body: str) -> str:
+    return f"(define (problem s) (:domain d) (:objects o - a n - b)\n{body})"
+
+
+def parse(text: str) -> object:
+    return read_problem(text, DOMAIN) if "(problem" in text else read_domain(text)
+
+
+def refusal(text: str) -> PddlError:
+    with pytest.raises(PddlError) as refused:
+        parse(text)
+    return refused.value
+
+
+def test_the_parts_of_an_error(tmp_path: Path) -> None:
+    path = tmp_path / "domain.pddl"
+    path.write_text(action(":effect (and (r)\n  (pp ?x))"))
+    with pytest.raises(InvalidKnowledgeError) as refused:
+        read_domain(path)
+    error = refused.value
+    assert isinstance(error, PddlError)
+    assert (error.source, error.line, error.column) == (str(path), 7, 4)
+    assert error.found == "the predicate 'pp'"
+    assert error.expected == "a predicate that is declared (did you mean p?)"
+    assert error.nesting == "action move, :effect"
+    assert str(error) == (
+        f"{path}:7:4: in action move, :effect: found the predicate 'pp', "
+        "expected a predicate that is declared (did you mean p?)"
+    )
+    again = pickle.loads(pickle.dumps(error))
+    assert str(again) == str(error)
+    assert again.nesting == error.nesting
+
+
+@pytest.mark.parametrize(
+    ("body", "column", "found", "expected"),
+    [
+        (":precondition (and (p ?w))", 23, "the variable '?w'", "a variable that is bound here"),
+        (":precondition (p kk)", 18, "the object 'kk'", "declared (did you mean k?)"),
+        (":precondition (p x)", 18, "the object 'x'", "an object, or the variable ?x"),
+        (":precondition (q ?x)", 20, "1", "2 arguments of q"),
+        (":precondition (q)", 17, "0", "2 arguments of q"),
+        (":precondition (p ?x ?x)", 21, "'?x'", "')' after the 1 argument of p"),
+        (":precondition (p (loc ?x) ?x)", 18, "(loc ?x) of type b", "a as argument 1 of p"),
+        (":precondition (p ?y)", 18, "?y of type b", "a as argument 1 of p"),
+        (":precondition (g)", 16, "the predicate 'g'", "a formula, but g is a function"),
+        (":precondition (p (g))", 18, "the number (g ...)", "a term"),
+        (":precondition (q ?x 3)", 21, "the object '3'", "an object that is declared"),
+        (":precondition (> (loc ?x) 3)", 18, "(loc ...), which is an object", "a number"),
+        (":precondition (= (g) ?x)", 22, "'?x'", "a number"),
+        (":precondition (= (g) inf)", 22, "'inf'", "a number"),
+        (":precondition (< (g))", 21, "')'", "a number"),
+        (":precondition (> (g) 1e999)", 22, "'1e999'", "a number of at most 400 digits"),
+        (":precondition (> (+ 1) 1)", 22, "1", "two operands of +"),
+        (":precondition (> (h) 1)", 19, "the function 'h'", "a function that is declared"),
+        (":precondition (not (r) (r))", 24, "'(r'", "')' after the formula that is negated"),
+        (":precondition (imply (r))", 25, "')'", "a formula, which begins with '('"),
+        (":precondition r", 15, "'r'", "a formula, which begins with '('"),
+        (":precondition ((r))", 16, "'(r'", "a predicate or an operator"),
+        (":precondition (forall ?v (r))", 23, "'?v'", "'(' before the variables"),
+        (":precondition (forall (v) (r))", 24, "'v'", "a variable, which begins with '?'"),
+        (":precondition (forall (?v ?V) (r))", 27, "the variable '?V' again", "each variable once"),
+        (":precondition (forall (?v - ) (r))", 29, "')'", "a type"),
+        (":precondition (forall (?v - (either)) (r))", 36, "')'", "a type"),
+        (":precondition (or (preference n (r)))", 19, "'(preference'", "a formula; a preference"),
+        (":precondition (always (r))", 15, "'(always'", "a formula; constraints belong to"),
+        (":precondition (at start (r))", 15, "(at start ...)", "a formula without a time"),
+        (":precondition (at end r)", 16, "the predicate 'at'", "a predicate that is declared"),
+        (":effect (or (r) (r))", 9, "'(or', which is none", "an effect"),
+        (":effect (not (not (r)))", 14, "'(not'", "an atom that is deleted"),
+        (":effect (at end (r))", 9, "'(at'", "an effect without a time"),
+        (":effect (increase (g) (* #t 1))", 26, "'#t' outside of a process", "a number"),
+        (":effect (increase (loc ?x) 1)", 19, "(loc ...), which is an object", "a number"),
+        (":effect (assign (loc ?x) ?x)", 26, "?x of type a", "b as the value of loc"),
+        (":effect (increase (g) ?duration)", 23, "'?duration'", "a number"),
+        (":precondtion (r)", 1, "':precondtion'", "(did you mean :precondition?)"),
+        (":effect (r) :effect (r)", 13, "':effect'", "each part of an action once"),
+        (":duration (= ?duration 1)", 1, "':duration'", "a part of an action"),
+    ],
+)
+def test_actions(body: str, column: int, found: str, expected: str) -> None:
+    error = refusal(action(body))
+    assert (error.line, error.column) == (6, column), str(error)
+    assert error.found.startswith(found)
+    assert expected in error.expected
+    assert error.nesting.startswith("action move")
+
+
+@pytest.mark.parametrize(
+    ("body", "column", "expected"),
+    [
+        (":condition (r)", 12, "(at start ...), (over all ...) or (at end ...)"),
+        (":condition (= (g) 1)", 12, "(at start ...), (over all ...) or (at end ...)"),
+        (":condition (at start (at end (r)))", 22, "a formula without a time"),
+        (":effect (r)", 9, "(at start ...), (at end ...) or a continuous effect with #t"),
+        (":effect (not (r))", 9, "(at start ...), (at end ...) or a continuous effect with #t"),
+        (":effect (increase (g) 1)", 9, "(at start ...), (at end ...) or a continuous effect"),
+        (":effect (over all (r))", 9, "(at start ...), (at end ...) or a continuous effect"),
+        (":duration (> 5 4)", 11, "a comparison with ?duration"),
+        (":duration 5", 11, "a duration, such as (= ?duration 5)"),
+        (":duration (not (= ?duration 5))", 11, "(= ?duration ...), (<= ?duration ...) or"),
+    ],
+)
+def test_durative_actions(body: str, column: int, expected: str) -> None:
+    error = refusal(durative(body))
+    assert (error.line, error.column) == (6, column), str(error)
+    assert error.expected.startswith(expected)
+
+
+@pytest.mark.parametrize(
+    ("body", "column", "expected"),
+    [
+        ("(:types u - v v - w w - u x - u)", 11, "no cycle of types"),
+        ("(:types u - u)", 11, "no cycle of types"),
+        ("(:types either)", 9, "no reserved word"),
+        ("(:types object - a)", 9, "no type above object"),
+        ("(:types it's)", 9, "a name"),
+        ("(:predicates (not ?x))", 15, "no reserved word"),
+        ("(:predicates (p ?x))", 15, "one predicate of that name"),
+        ("(:predicates r)", 14, "a predicate such as (near ?a ?b)"),
+        ("(:predicates (:private (x)))", 15, "a predicate"),
+        ("(:functions (g) - a)", 14, "one function of that name"),
+        ("(:functions g)", 13, "a function such as (distance ?a ?b)"),
+        ("(:derived (p ?x ?y) (r))", 12, "1, as p is declared"),
+        ("(:derived (p ?x - b) (r))", 14, "a, as the predicate is declared"),
+        ("(:derived p (r))", 11, "a predicate with its variables"),
+        ("(:constraints (r))", 15, "a constraint such as (always ...)"),
+        ("(:constraints (within (r)))", 23, "a number, the time of within"),
+        ("(:action e :parameters ()) (:action E :parameters (?v))", 37, "one action of that name"),
+        ("(:timeless (r))", 1, "a section of a domain"),
+        ("(:prdicates (r))", 1, "a section of a domain (did you mean :predicates?)"),
+        ("(:init (r))", 1, "a section of a domain"),
+        ("(r)", 1, "a section such as (:action ...), or ')' that closes the definition"),
+        ("r", 1, "a section such as (:action ...), or ')' that closes the definition"),
+        (
+            "(r) (:predicates)",
+            1,
+            "a section such as (:action ...), or ')' that closes the definition",
+        ),
+    ],
+)
+def test_domains(body: str, column: int, expected: str) -> None:
+    error = refusal(f"{HEAD}{body})")
+    assert (error.line, error.column) == (5, column), str(error)
+    assert error.expected.endswith(expected)
+
+
+@pytest.mark.parametrize(
+    ("body", "column", "found", "expected"),
+    [
+        ("(:init (p n))", 11, "n of type b", "a as argument 1 of p"),
+        ("(:init (p o o))", 13, "'o'", "')' after the 1 argument of p"),
+        ("(:init (p))", 10, "0", "1 argument of p"),
+        ("(:init (pp o))", 9, "the predicate 'pp'", "declared (did you mean p?)"),
+        ("(:init (p oo))", 11, "the object 'oo'", "declared (did you mean o?)"),
+        ("(:init (p ?x))", 11, "the variable '?x'", "a variable that is bound here"),
+        ("(:init (q o (loc o)))", 8, "the argument (loc o)", "objects as arguments"),
+        ("(:init r)", 8, "'r'", "a fact, which begins with '('"),
+        ("(:init ((r)))", 9, "'(r'", "a predicate"),
+        ("(:init (= (g) 1) (= (G) 2))", 18, "2 as the value of (g)", "one value, which was 1"),
+        ("(:init (= (g) o))", 15, "'o'", "a number"),
+        ("(:init (= (loc o) 1))", 19, "the object '1'", "an object that is declared"),
+        ("(:init (= (loc o) o))", 19, "o of type a", "b as the value of loc"),
+        ("(:init (= (f o) (+ 1 2)))", 17, "(+ 1 2)", "a number"),
+        ("(:init (oneof (r) (p o)))", 8, "'(oneof', which is of conformant", "a fact"),
+        ("(:init (at 3 (or (r))))", 15, "the predicate 'or'", "declared (did you mean r?)"),
+        ("(:objects z - c)", 15, "the type 'c'", "a type that is declared"),
+        ("(:objects k - b)", 11, "k of type b", "a, as the domain's constant"),
+        ("(:goal (p o) (p n))", 17, "n of type b", "a as argument 1 of p"),
+        ("(:goal r)", 8, "'r'", "a formula, which begins with '('"),
+        ("(:metric minimise (g))", 10, "'minimise'", "(did you mean minimize?)"),
+        ("(:metric minimize (g) (g))", 23, "'(g'", "')' after the metric"),
+        ("(:action a)", 1, "'(:action'", "a section of a problem"),
+        ("(:domain e)", 10, "the domain e", "the domain d"),
+    ],
+)
+def test_problems(body: str, column: int, found: str, expected: str) -> None:
+    error = refusal(problem(body))
+    assert (error.line, error.column) == (2, column), str(error)
+    assert error.found.startswith(found)
+    assert error.expected.endswith(expected)
+
+
+@pytest.mark.parametrize(
+    ("text", "place", "found", "expected"),
+    [
+        ("", (1, 1), "the end of the text", "(define"),
+        ("; (define (domain d))", (1, 22), "the end of the text", "(define"),
+        ("a (define (domain d))", (1, 1), "'a'", "(define"),
+        ("(defin (domain d))", (1, 1), "'(defin'", "(define"),
+        ("(define (plan d))", (1, 10), "'plan'", "domain or problem"),
+        ("(define (domain))", (1, 16), "')'", "the name of the domain"),
+        ("(define (domain d e))", (1, 19), "'e'", "')' after the name of the domain"),
+        ("(define (domain (d)))", (1, 17), "'(d'", "the name of the domain"),
+        ("(define (domain d", (1, 18), "the end of the text", "')' that closes the definition"),
+        ("(define (domain d) e)", (1, 20), "'e'", "a section such as"),
+        (
+            "(define (domain d)\n(:predicates (r)\n(:action a))",
+            (3, 1),
+            "'(:action'",
+            "')' that closes (:predicates of line 2",
+        ),
+        (
+            "(define (domain d) (:predicates (r)))\n(:action a))",
+            (2, 1),
+            "'(:action' outside of a definition",
+            "(define",
+        ),
+        (
+            "(define (domain d)\n(:predicates (r) ; )\n",
+            (2, 17),
+            "the end of the text",
+            "')' that closes (:predicates of line 2",
+        ),
+        ("(define (domain d) (:predicates (r))) r", (1, 39), "'r'", "(define"),
+        (problem("(:init)").replace("problem s", "domain s"), (1, 20), "'(:domain'", "a section"),
+        ("(define (problem s) (:init))", (1, 1), "a problem without a domain", "(:domain ...)"),
+    ],
+)
+def test_forms(text: str, place: tuple[int, int], found: str, expected: str) -> None:
+    error = refusal(text)
+    assert (error.line, error.column) == place, str(error)
+    assert error.found.startswith(found)
+    assert error.expected.startswith(expected)
+
+
+def test_a_domain_is_no_problem() -> None:
+    with pytest.raises(PddlError, match="1:10: found 'domain', expected problem"):
+        read_problem(f"{HEAD})")
+    with pytest.raises(PddlError, match="expected one problem"):
+        read_problem(problem("(:init)") * 2)
+
+
+def test_two_domains_in_one_source_must_agree() -> None:
+    with pytest.raises(PddlError, match="found 'e', expected d, as in <string>"):
+        read_domain("(define (domain d)) (define (domain e))")
+
+
+def test_reading_needs_a_source() -> None:
+    with pytest.raises(TypeError):
+        read_domain()
+
+
+@pytest.mark.parametrize("levels", [240, 300, 100_000])
+@pytest.mark.parametrize(
+    ("before", "opening", "inner", "behind"),
+    [
+        (":precondition ", "(not ", "(r)", ""),
+        (":precondition ", "(and ", "(r)", ""),
+        (":precondition ", "(exists (?v) ", "(r)", ""),
+        (":effect ", "(and ", "(r)", ""),
+        (":effect ", "(when (r) ", "(r)", ""),
+        (":precondition (= (g) ", "(- ", "1", ")"),
+        (":precondition (exists (?v - ", "(either ", "a", ") (r))"),
+    ],
+)
+def test_nesting(levels: int, before: str, opening: str, inner: str, behind: str) -> None:
+    text = action(f"{before}{opening * levels}{inner}{')' * levels}{behind}")
+    start = time.monotonic()
+    if levels < 250:
+        read_domain(text)
+    else:
+        assert refusal(text).expected == "at most 250 levels of nesting"
+    assert time.monotonic() - start < 2
+
+
+@pytest.mark.parametrize("levels", [50, 100_000])
+def test_nested_terms(levels: int) -> None:
+    head = HEAD.replace("(loc ?x - a) - b", "(next ?x - a) - a")
+    term = "(next " * levels + "k" + ")" * levels
+    text = f"{head}(:action a :parameters () :precondition (p {term})))"
+    if levels < 100:
+        assert str(read_domain(text).actions[0].condition[0]) == f"(p {term})"
+    else:
+        assert refusal(text).expected == "at most 250 levels of nesting"
+
+
+HOSTILE = """
+import resource, sys, time
+sys.path.insert(0, {root!r})
+from kant_sql.errors import PddlError
+from kant_sql.pddl import read_domain, read_problem
+resource.setrlimit(resource.RLIMIT_AS, (3 << 30, 3 << 30))
+text = {text}
+start = time.process_time()
+try:
+    {reader}(text)
+except PddlError as error:
+    print(str(error)[:200])
+assert time.process_time() - start < 10
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("reader", "text", "found"),
+    [
+        ("read_domain", "'(' * 100_000_000", "found '(', expected (define"),
+        ("read_domain", "'(define (domain d)' + '(' * 100_000_000", "more than 250 parentheses"),
+        ("read_problem", "'(define (problem d) (:init ' + '(' * 10**8", "more than 250 parenth"),
+        ("read_domain", "'(define (domain d))' + ')' * 100_000_000", "')' that closes nothing"),
+        ("read_domain", "'(define (domain d' + 'd' * 10**8 + '))'", "found 'ddddd"),
+        ("read_domain", "'(define (domain d) ; ' + '(' * 10**8", "found the end of the text"),
+        (
+            "read_problem",
+            "'(define (problem d) (:domain e) (:init ' + '()' * 10**7 + '))'",
+            "found ')', expected a predicate",
+        ),
+    ],
+)
+def test_hostile_texts_are_refused_in_bounded_time_and_memory(
+    reader: str, text: str, found: str
+) -> None:
+    root = os.fspath(Path(__file__).parents[2])
+    program = HOSTILE.format(root=root, text=text, reader=reader)
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=False
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    assert found in done.stdout
+
+
+def test_any_prefix_and_any_token_left_out_is_read_or_refused() -> None:
+    text = action(
+        ":precondition (and (p ?x) (not (r)) (forall (?v - (either a b)) (q ?v ?x)) (= (g) 1.5))"
+        " :effect (and (when (r) (p ?x)) (increase (g) (+ 1 (f ?x))))"
+    )
+    state = problem(
+        "(:init (r) (= (g) 2) (at 3 (r))) (:goal (and (r) (preference n (r))))"
+        "(:metric minimize (is-violated n))"
+    )
+    for whole in (text, state):
+        words = whole.replace("(", " ( ").replace(")", " ) ").split()
+        variants = [whole[:end] for end in range(0, len(whole), 3)]
+        variants += [" ".join(words[:at] + words[at + 1 :]) for at in range(len(words))]
+        variants += [" ".join([*words[:at], "(", *words[at:]]) for at in range(len(words))]
+        variants += [" ".join([*words[:at], ")", *words[at:]]) for at in range(len(words))]
+        variants += [" ".join([*words[:at], "-", *words[at:]]) for at in range(len(words))]
+        for variant in variants:
+            with suppress(PddlError):
+                read(variant + " ")
