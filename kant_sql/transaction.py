@@ -81,6 +81,11 @@ class Transaction:
         self.assign = self._undo.assign
         self.assign_all = self._undo.assign_all
 
+    @property
+    def is_stateless(self) -> bool:
+        """Whether no proposition and no fluent came to be in it so far."""
+        return self.propositions.is_untouched and self.values.is_untouched
+
     def allocate(self) -> int:
         """Give out the next id.
 

@@ -31,6 +31,7 @@ from .query import InList, InRows, Query, StoreClock
 from .session import FETCH_SIZE, Row, Session, logger
 
 COPY_FROM_ROWS = 50
+REPLAN_FROM_ROWS = 2_500
 LOCK_TIMEOUT = "20s"
 CONNECT_TIMEOUT = "10"
 # One advisory lock for all who migrate one database: the ASCII codes of "kant_sql".
@@ -66,6 +67,10 @@ class PostgresqlSession(Session):
         if len(rows) < COPY_FROM_ROWS:
             super().insert(table, rows)
             return
+        if len(rows) >= REPLAN_FROM_ROWS:
+            # The server plans the check of a foreign key once for each connection: what was right
+            # for a small table may read all of a large one, for each row.
+            self._execute("DISCARD PLANS")
         columns = ", ".join(column.name for column in table.columns)
         sql = f"COPY {table.name} ({columns}) FROM STDIN"
         logger.debug("%s", sql)

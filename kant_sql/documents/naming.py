@@ -67,7 +67,7 @@ class Names:
         self._ids = {object_.name: str(object_.id) for object_ in definitions.objects}
         # The objects of which nothing can be known yet, for they are new themselves.
         self._new: frozenset[str] = frozenset()
-        if transaction.propositions.is_untouched and transaction.values.is_untouched:
+        if transaction.is_stateless:
             self._new = frozenset(id_ for id_ in self._ids.values() if int(id_) >= next_id)
 
     def atoms(self, atoms: Iterable[Atom], is_goal: bool) -> Named:

@@ -40,7 +40,8 @@ def load_problem(transaction: Transaction, problem: Problem, replace: bool) -> N
     stored = find_document(transaction.definitions, PROBLEM)
     if stored is not None and not replace:
         check_title(stored, problem.name)
-    before = _Before(transaction) if replace and transaction.head.revision else None
+    is_first = transaction.is_stateless and not transaction.head.revision
+    before = _Before(transaction) if replace and not is_first else None
     declaring = Declaring(transaction, replace)
     declaring.objects(problem.objects, is_constant=False)
     names = Names(transaction)

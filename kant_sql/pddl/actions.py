@@ -13,10 +13,11 @@ from ..dto.formula import (
     Variable,
 )
 from ..dto.name import RESERVED_PREDICATES
+from .conjuncts import flatten
 from .cursor import hint
 from .document import DURATIVE_ACTION, PROCESS, Action, Predicate
 from .effects import EffectReader
-from .formulas import PREFERENCES, TIMED, flatten
+from .formulas import PREFERENCES, TIMED
 from .hierarchy import Fit, Types
 from .section import Section
 from .typed_lists import VARIABLES, Group

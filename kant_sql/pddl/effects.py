@@ -19,8 +19,9 @@ from ..dto.formula import (
     Timed,
     When,
 )
+from .conjuncts import flatten
 from .cursor import hint
-from .formulas import TIMED, FormulaReader, flatten
+from .formulas import TIMED, FormulaReader
 from .signatures import Signature
 from .symbols import Head
 from .walk import walk

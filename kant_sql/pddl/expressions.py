@@ -92,7 +92,7 @@ class ExpressionReader(TermReader):
 
     def _is_violated(self) -> IsViolated:
         self.at += 2
-        name = self.word("the name of a preference")
+        name = self.declared_name("preference")
         known = self.symbols.preference(name)
         if known is None and not self.symbols.unknown_domain:
             names = list(self.symbols.preferences.values())

@@ -27,6 +27,7 @@ from ..dto.formula import (
     Timed,
 )
 from ..dto.name import fold
+from .conjuncts import flatten
 from .cursor import hint
 from .expressions import ExpressionReader
 from .signatures import Signature
@@ -261,30 +262,6 @@ class FormulaReader(ExpressionReader):
             self.fail(f"a number, the time of {operator}")
         self.at += 1
         return number
-
-
-def flatten(formula: Formula) -> tuple[Formula, ...]:
-    """Give the conjuncts of a formula, also those of conjunctions directly within.
-
-    Args:
-        formula: the formula.
-
-    Returns:
-        The conjuncts, in order.
-    """
-    if not isinstance(formula, And):
-        return (formula,)
-    if And not in map(type, formula.formulas):
-        return formula.formulas
-    found: list[Formula] = []
-    stack: list[Formula] = [formula]
-    while stack:
-        part = stack.pop()
-        if isinstance(part, And):
-            stack.extend(reversed(part.formulas))
-        else:
-            found.append(part)
-    return tuple(found)
 
 
 _Reader = Callable[[FormulaReader, int, int], Formula]

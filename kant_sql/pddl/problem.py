@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ..dto.formula import Formula, Metric, TypedName
-from ..dto.name import fold
+from ..dto.name import fold, is_name
 from .cursor import Cursor, Reading, hint
 from .declarations import DeclarationReader
 from .document import Domain, Problem
@@ -78,6 +78,8 @@ class ProblemReader:
             name = cursor.word("the name of the domain")
             if self._domain is not None and fold(name) != fold(self._domain.name):
                 cursor.fail(f"the domain {self._domain.name}", f"the domain {name}", 2)
+            if not is_name(name):
+                cursor.fail("the name of the domain", at=2)
             cursor.expect(")", "')' after the name of the domain")
             finish(cursor)
         if not name:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from typing import NamedTuple
 
-from ..dto.name import fold, is_name
+from ..dto.name import RESERVED_TYPES, fold, is_name
 from .cursor import Cursor, hint
 from .hierarchy import Types
 from .symbols import ANY, Symbols
@@ -188,6 +188,8 @@ class ListReader(Cursor):
     def _resolve(self, symbols: Symbols, name: str, at: int) -> str:
         known = symbols.types.get(fold(name))
         if known is None:
+            if not is_name(name) or fold(name) in RESERVED_TYPES:
+                self.fail("a type", f"'{name}'", self._token_of(name, at))
             if not symbols.unknown_domain:
                 place = self._token_of(name, at)
                 expected = f"a type that is declared{hint(name, symbols.type_names())}"

@@ -120,7 +120,7 @@ def partial_index(name: str, *columns: str, where: str, unique: bool = False) ->
     )
 
 
-def version_args(element: str) -> tuple[Any, ...]:
+def version_args(element: str, has_parts: bool = True) -> tuple[Any, ...]:
     """Give the constraints and indexes of an element's version table.
 
     The two references to `revision` are checked at commit: the revision's row holds the hash of
@@ -128,6 +128,7 @@ def version_args(element: str) -> tuple[Any, ...]:
 
     Args:
         element: the element's name, which is its identity table's.
+        has_parts: whether tables below refer to its versions.
 
     Returns:
         What `__table_args__` takes.
@@ -143,6 +144,8 @@ def version_args(element: str) -> tuple[Any, ...]:
         partial_index(f"uq_{table}_live", "kb_id", owner, where=LIVE, unique=True),
         # What a revision changed is found by these two, and so are the rows that a new revision's
         # deferred foreign keys have to be checked against.
-        Index(f"ix_{table}_since", "kb_id", "since"),
+        # With the owner: PostgreSQL may take this index to look up the version of a part, and one
+        # revision may make thousands.
+        Index(f"ix_{table}_since", "kb_id", "since", *([owner] if has_parts else [])),
         partial_index(f"ix_{table}_until", "kb_id", "until", where=CLOSED),
     )

@@ -129,7 +129,7 @@ class FunctionValueVersionRow(Version, Base):
 
     __tablename__ = "function_value_version"
     __table_args__ = (
-        *version_args("function_value"),
+        *version_args("function_value", has_parts=False),
         ForeignKeyConstraint(["kb_id", "function_id"], ["function.kb_id", "function.id"]),
         ForeignKeyConstraint(["kb_id", "object_id"], ["object.kb_id", "object.id"]),
         CheckConstraint("(value IS NULL) <> (object_id IS NULL)", name="value_or_object"),

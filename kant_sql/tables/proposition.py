@@ -68,7 +68,7 @@ class PropositionVersionRow(Version, Base):
 
     __tablename__ = "proposition_version"
     __table_args__ = (
-        *version_args("proposition"),
+        *version_args("proposition", has_parts=False),
         ForeignKeyConstraint(["kb_id", "predicate_id"], ["predicate.kb_id", "predicate.id"]),
         # `until` is in the index so that it covers what is read of a predicate now.
         partial_index(

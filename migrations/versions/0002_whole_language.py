@@ -103,6 +103,8 @@ def upgrade() -> None:
     op.execute(f"INSERT INTO action_term ({TERM}) SELECT {TERM} FROM action_expression_term")
     op.drop_table("action_expression_term")
     op.drop_table("action_expression")
+    for element in ("type", "object", "predicate", "action"):
+        _index_since(element, ["kb_id", "since", f"{element}_id"])
 
 
 def downgrade() -> None:
@@ -111,6 +113,8 @@ def downgrade() -> None:
     to_base = context.get_revision_argument() is None
     if not to_base:
         _refuse_to_lose()
+    for element in ("type", "object", "predicate"):
+        _index_since(element, ["kb_id", "since"])
     _give_actions_a_flag()
     _change_versions_back()
     _create_action_expressions()
@@ -119,6 +123,13 @@ def downgrade() -> None:
         op.execute(f"INSERT INTO action_expression_term ({TERM}) SELECT {TERM} FROM action_term")
     for table in reversed(NEW_TABLES):
         op.drop_table(table)
+
+
+def _index_since(element: str, columns: list[str]) -> None:
+    """Index what a revision asserted by other columns than before."""
+    name, table = f"ix_{element}_version_since", f"{element}_version"
+    op.drop_index(name, table_name=table)
+    op.create_index(name, table, columns, unique=False)
 
 
 def _change_versions() -> None:
@@ -442,7 +453,10 @@ def _create_functions() -> None:
         sa.PrimaryKeyConstraint("kb_id", "function_id", "since", name=op.f("pk_function_version")),
     )
     op.create_index(
-        "ix_function_version_since", "function_version", ["kb_id", "since"], unique=False
+        "ix_function_version_since",
+        "function_version",
+        ["kb_id", "since", "function_id"],
+        unique=False,
     )
     op.create_index(
         "ix_function_version_until",
@@ -1087,7 +1101,12 @@ def _create_formulas() -> None:
         ),
         sa.PrimaryKeyConstraint("kb_id", "formula_id", "since", name=op.f("pk_formula_version")),
     )
-    op.create_index("ix_formula_version_since", "formula_version", ["kb_id", "since"], unique=False)
+    op.create_index(
+        "ix_formula_version_since",
+        "formula_version",
+        ["kb_id", "since", "formula_id"],
+        unique=False,
+    )
     op.create_index(
         "ix_formula_version_until",
         "formula_version",
@@ -1452,7 +1471,10 @@ def _create_documents() -> None:
         sa.PrimaryKeyConstraint("kb_id", "document_id", "since", name=op.f("pk_document_version")),
     )
     op.create_index(
-        "ix_document_version_since", "document_version", ["kb_id", "since"], unique=False
+        "ix_document_version_since",
+        "document_version",
+        ["kb_id", "since", "document_id"],
+        unique=False,
     )
     op.create_index(
         "ix_document_version_until",

@@ -16,36 +16,33 @@ import sys
 import time
 import warnings
 from collections.abc import Callable
+from importlib import import_module
 
 Read = Callable[[str, str], object]
 
 
 def unified_planning() -> Read:
     """Take the parser of unified-planning."""
-    from unified_planning.io import PDDLReader
-
-    return lambda domain, problem: PDDLReader().parse_problem(domain, problem)
+    reader = import_module("unified_planning.io").PDDLReader
+    return lambda domain, problem: reader().parse_problem(domain, problem)
 
 
 def ai_planning_pddl() -> Read:
     """Take the package pddl of AI-Planning."""
-    from pddl import parse_domain, parse_problem  # type: ignore[import-not-found]
-
-    return lambda domain, problem: (parse_domain(domain), parse_problem(problem))
+    pddl = import_module("pddl")
+    return lambda domain, problem: (pddl.parse_domain(domain), pddl.parse_problem(problem))
 
 
 def fast_downward() -> Read:
     """Take the parser of Fast Downward's translator."""
-    from fast_downward.translate.pddl_parser import (  # type: ignore[import-not-found]
-        pddl_file,
-    )
-
-    return lambda domain, problem: pddl_file.open(domain, problem)
+    translator = import_module("fast_downward.translate.pddl_parser.pddl_file")
+    read: Read = translator.open
+    return read
 
 
 def loki() -> Read:
-    """Take loki, a parser in C++, as the planner mimir comes with it."""
-    from pymimir.advanced import formalism  # type: ignore[import-not-found]
+    """Take loki, a parser in C++, as the planner mimir has it, which goes on to translate."""
+    formalism = import_module("pymimir.advanced.formalism")
 
     def read(domain: str, problem: str) -> object:
         options = formalism.ParserOptions()
@@ -56,10 +53,10 @@ def loki() -> Read:
 
 def tarski() -> Read:
     """Take tarski."""
-    from tarski.io import PDDLReader  # type: ignore[import-not-found]
+    tarski_io = import_module("tarski.io")
 
     def read(domain: str, problem: str) -> object:
-        reader = PDDLReader(raise_on_error=True)
+        reader = tarski_io.PDDLReader(raise_on_error=True)
         reader.parse_domain(domain)
         return reader.parse_instance(problem)
 
@@ -71,7 +68,7 @@ PARSERS: dict[str, Callable[[], Read]] = {
     "AI-Planning/pddl": ai_planning_pddl,
     "tarski": tarski,
     "Fast Downward": fast_downward,
-    "loki (pymimir)": loki,
+    "loki, in mimir": loki,
 }
 
 

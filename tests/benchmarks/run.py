@@ -9,7 +9,7 @@ import importlib.util
 import sys
 from pathlib import Path
 
-BENCHMARKS = ("coffee_shop", "bulk", "history")
+BENCHMARKS = ("coffee_shop", "bulk", "history", "reading", "documents", "footprint")
 
 
 def main(argv: list[str]) -> int:

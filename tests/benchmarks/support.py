@@ -174,8 +174,8 @@ def alternate(
 
 
 def print_table(title: str, header: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
-    """Print a table in aligned columns, the first to the left."""
-    lines = [list(header), *([*row] for row in rows)]
+    """Print a table in aligned columns, the first to the left; short rows end early."""
+    lines = [list(header), *([*row] + [""] * (len(header) - len(row)) for row in rows)]
     widths = [max(len(line[column]) for line in lines) for column in range(len(header))]
     print(f"\n{title}")
     for line in lines:

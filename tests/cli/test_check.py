@@ -152,7 +152,7 @@ def test_a_hyphen_is_standard_input() -> None:
         check=True,
     )
     lines = done.stdout.decode().splitlines()
-    assert lines[0].startswith("<stdin>:18:1: warning: in action put: found ')'")
+    assert lines[0].startswith("<stdin>:18:1: warning: found ')' that closes nothing")
     assert lines[1:] == [
         "<stdin>: domain delivery",
         f"{PROBLEM}: problem coffee, checked against domain delivery",

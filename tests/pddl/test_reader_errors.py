@@ -150,6 +150,8 @@ def test_durative_actions(body: str, column: int, expected: str) -> None:
         ("(:types it's)", 9, "a name"),
         ("(:predicates (not ?x))", 15, "no reserved word"),
         ("(:predicates (p ?x))", 15, "one predicate of that name"),
+        ("(:predicates (s ?x - it's))", 22, "a type"),
+        ("(:predicates (s ?x - ?y))", 22, "a type"),
         ("(:predicates r)", 14, "a predicate such as (near ?a ?b)"),
         ("(:predicates (:private (x)))", 15, "a predicate"),
         ("(:functions (g) - a)", 14, "one function of that name"),
@@ -255,6 +257,24 @@ def test_forms(text: str, place: tuple[int, int], found: str, expected: str) -> 
     assert (error.line, error.column) == place, str(error)
     assert error.found.startswith(found)
     assert error.expected.startswith(expected)
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        '(:init (p "a"))',
+        "(:init (p ?x))",
+        "(:init (= (= a) 3))",
+        "(:init (= (not a) 3))",
+        "(:init (it's))",
+        "(:objects a - it's)",
+        "(:metric minimize (is-violated it's))",
+        "(:goal (p ?x))",
+    ],
+)
+def test_what_is_no_name_is_refused_without_the_domain_too(body: str) -> None:
+    with pytest.raises(PddlError):
+        read_problem(f"(define (problem s) (:domain d) {body})")
 
 
 def test_a_domain_is_no_problem() -> None:

@@ -159,7 +159,7 @@ CREATE TABLE action_version (
     CONSTRAINT fk_action_version_kb_id_until FOREIGN KEY (kb_id, until) REFERENCES revision(kb_id, number) DEFERRABLE INITIALLY DEFERRED,
     CONSTRAINT pk_action_version PRIMARY KEY (kb_id, action_id, since)
 );
-CREATE INDEX ix_action_version_since ON public.action_version USING btree (kb_id, since);
+CREATE INDEX ix_action_version_since ON public.action_version USING btree (kb_id, since, action_id);
 CREATE INDEX ix_action_version_until ON public.action_version USING btree (kb_id, until) WHERE (until IS NOT NULL);
 CREATE UNIQUE INDEX uq_action_version_live ON public.action_version USING btree (kb_id, action_id) WHERE (until IS NULL);
 COMMENT ON COLUMN action_version.since IS 'asserted in this revision';
@@ -206,7 +206,7 @@ CREATE TABLE document_version (
     CONSTRAINT fk_document_version_kb_id_until FOREIGN KEY (kb_id, until) REFERENCES revision(kb_id, number) DEFERRABLE INITIALLY DEFERRED,
     CONSTRAINT pk_document_version PRIMARY KEY (kb_id, document_id, since)
 );
-CREATE INDEX ix_document_version_since ON public.document_version USING btree (kb_id, since);
+CREATE INDEX ix_document_version_since ON public.document_version USING btree (kb_id, since, document_id);
 CREATE INDEX ix_document_version_until ON public.document_version USING btree (kb_id, until) WHERE (until IS NOT NULL);
 CREATE UNIQUE INDEX uq_document_version_live ON public.document_version USING btree (kb_id, document_id) WHERE (until IS NULL);
 COMMENT ON COLUMN document_version.since IS 'asserted in this revision';
@@ -349,7 +349,7 @@ CREATE TABLE formula_version (
     CONSTRAINT fk_formula_version_kb_id_until FOREIGN KEY (kb_id, until) REFERENCES revision(kb_id, number) DEFERRABLE INITIALLY DEFERRED,
     CONSTRAINT pk_formula_version PRIMARY KEY (kb_id, formula_id, since)
 );
-CREATE INDEX ix_formula_version_since ON public.formula_version USING btree (kb_id, since);
+CREATE INDEX ix_formula_version_since ON public.formula_version USING btree (kb_id, since, formula_id);
 CREATE INDEX ix_formula_version_until ON public.formula_version USING btree (kb_id, until) WHERE (until IS NOT NULL);
 CREATE UNIQUE INDEX uq_formula_version_live ON public.formula_version USING btree (kb_id, formula_id) WHERE (until IS NULL);
 COMMENT ON COLUMN formula_version.since IS 'asserted in this revision';
@@ -473,7 +473,7 @@ CREATE TABLE function_version (
     CONSTRAINT fk_function_version_kb_id_until FOREIGN KEY (kb_id, until) REFERENCES revision(kb_id, number) DEFERRABLE INITIALLY DEFERRED,
     CONSTRAINT pk_function_version PRIMARY KEY (kb_id, function_id, since)
 );
-CREATE INDEX ix_function_version_since ON public.function_version USING btree (kb_id, since);
+CREATE INDEX ix_function_version_since ON public.function_version USING btree (kb_id, since, function_id);
 CREATE INDEX ix_function_version_until ON public.function_version USING btree (kb_id, until) WHERE (until IS NOT NULL);
 CREATE UNIQUE INDEX uq_function_version_live ON public.function_version USING btree (kb_id, function_id) WHERE (until IS NULL);
 COMMENT ON COLUMN function_version.since IS 'asserted in this revision';
@@ -543,7 +543,7 @@ CREATE TABLE object_version (
     CONSTRAINT fk_object_version_kb_id_until FOREIGN KEY (kb_id, until) REFERENCES revision(kb_id, number) DEFERRABLE INITIALLY DEFERRED,
     CONSTRAINT pk_object_version PRIMARY KEY (kb_id, object_id, since)
 );
-CREATE INDEX ix_object_version_since ON public.object_version USING btree (kb_id, since);
+CREATE INDEX ix_object_version_since ON public.object_version USING btree (kb_id, since, object_id);
 CREATE INDEX ix_object_version_until ON public.object_version USING btree (kb_id, until) WHERE (until IS NOT NULL);
 CREATE UNIQUE INDEX uq_object_version_live ON public.object_version USING btree (kb_id, object_id) WHERE (until IS NULL);
 COMMENT ON COLUMN object_version.since IS 'asserted in this revision';
@@ -599,7 +599,7 @@ CREATE TABLE predicate_version (
     CONSTRAINT fk_predicate_version_kb_id_until FOREIGN KEY (kb_id, until) REFERENCES revision(kb_id, number) DEFERRABLE INITIALLY DEFERRED,
     CONSTRAINT pk_predicate_version PRIMARY KEY (kb_id, predicate_id, since)
 );
-CREATE INDEX ix_predicate_version_since ON public.predicate_version USING btree (kb_id, since);
+CREATE INDEX ix_predicate_version_since ON public.predicate_version USING btree (kb_id, since, predicate_id);
 CREATE INDEX ix_predicate_version_until ON public.predicate_version USING btree (kb_id, until) WHERE (until IS NOT NULL);
 CREATE UNIQUE INDEX uq_predicate_version_live ON public.predicate_version USING btree (kb_id, predicate_id) WHERE (until IS NULL);
 COMMENT ON COLUMN predicate_version.since IS 'asserted in this revision';
@@ -710,7 +710,7 @@ CREATE TABLE type_version (
     CONSTRAINT fk_type_version_kb_id_until FOREIGN KEY (kb_id, until) REFERENCES revision(kb_id, number) DEFERRABLE INITIALLY DEFERRED,
     CONSTRAINT pk_type_version PRIMARY KEY (kb_id, type_id, since)
 );
-CREATE INDEX ix_type_version_since ON public.type_version USING btree (kb_id, since);
+CREATE INDEX ix_type_version_since ON public.type_version USING btree (kb_id, since, type_id);
 CREATE INDEX ix_type_version_until ON public.type_version USING btree (kb_id, until) WHERE (until IS NOT NULL);
 CREATE UNIQUE INDEX uq_type_version_live ON public.type_version USING btree (kb_id, type_id) WHERE (until IS NULL);
 COMMENT ON COLUMN type_version.since IS 'asserted in this revision';

@@ -112,7 +112,7 @@ CREATE TABLE action_version (
     CONSTRAINT fk_action_version_kb_id_until FOREIGN KEY(kb_id, until) REFERENCES revision (kb_id, number) DEFERRABLE INITIALLY DEFERRED,
     CONSTRAINT pk_action_version PRIMARY KEY (kb_id, action_id, since)
 );
-CREATE INDEX ix_action_version_since ON action_version (kb_id, since);
+CREATE INDEX ix_action_version_since ON action_version (kb_id, since, action_id);
 CREATE INDEX ix_action_version_until ON action_version (kb_id, until) WHERE until IS NOT NULL;
 CREATE UNIQUE INDEX uq_action_version_live ON action_version (kb_id, action_id) WHERE until IS NULL;
 CREATE TABLE document (
@@ -149,7 +149,7 @@ CREATE TABLE document_version (
     CONSTRAINT fk_document_version_kb_id_until FOREIGN KEY(kb_id, until) REFERENCES revision (kb_id, number) DEFERRABLE INITIALLY DEFERRED,
     CONSTRAINT pk_document_version PRIMARY KEY (kb_id, document_id, since)
 );
-CREATE INDEX ix_document_version_since ON document_version (kb_id, since);
+CREATE INDEX ix_document_version_since ON document_version (kb_id, since, document_id);
 CREATE INDEX ix_document_version_until ON document_version (kb_id, until) WHERE until IS NOT NULL;
 CREATE UNIQUE INDEX uq_document_version_live ON document_version (kb_id, document_id) WHERE until IS NULL;
 CREATE TABLE formula (
@@ -245,7 +245,7 @@ CREATE TABLE formula_version (
     CONSTRAINT fk_formula_version_kb_id_until FOREIGN KEY(kb_id, until) REFERENCES revision (kb_id, number) DEFERRABLE INITIALLY DEFERRED,
     CONSTRAINT pk_formula_version PRIMARY KEY (kb_id, formula_id, since)
 );
-CREATE INDEX ix_formula_version_since ON formula_version (kb_id, since);
+CREATE INDEX ix_formula_version_since ON formula_version (kb_id, since, formula_id);
 CREATE INDEX ix_formula_version_until ON formula_version (kb_id, until) WHERE until IS NOT NULL;
 CREATE UNIQUE INDEX uq_formula_version_live ON formula_version (kb_id, formula_id) WHERE until IS NULL;
 CREATE TABLE function (
@@ -347,7 +347,7 @@ CREATE TABLE function_version (
     CONSTRAINT fk_function_version_kb_id_until FOREIGN KEY(kb_id, until) REFERENCES revision (kb_id, number) DEFERRABLE INITIALLY DEFERRED,
     CONSTRAINT pk_function_version PRIMARY KEY (kb_id, function_id, since)
 );
-CREATE INDEX ix_function_version_since ON function_version (kb_id, since);
+CREATE INDEX ix_function_version_since ON function_version (kb_id, since, function_id);
 CREATE INDEX ix_function_version_until ON function_version (kb_id, until) WHERE until IS NOT NULL;
 CREATE UNIQUE INDEX uq_function_version_live ON function_version (kb_id, function_id) WHERE until IS NULL;
 CREATE TABLE head (
@@ -405,7 +405,7 @@ CREATE TABLE object_version (
     CONSTRAINT fk_object_version_kb_id_until FOREIGN KEY(kb_id, until) REFERENCES revision (kb_id, number) DEFERRABLE INITIALLY DEFERRED,
     CONSTRAINT pk_object_version PRIMARY KEY (kb_id, object_id, since)
 );
-CREATE INDEX ix_object_version_since ON object_version (kb_id, since);
+CREATE INDEX ix_object_version_since ON object_version (kb_id, since, object_id);
 CREATE INDEX ix_object_version_until ON object_version (kb_id, until) WHERE until IS NOT NULL;
 CREATE UNIQUE INDEX uq_object_version_live ON object_version (kb_id, object_id) WHERE until IS NULL;
 CREATE TABLE predicate (
@@ -450,7 +450,7 @@ CREATE TABLE predicate_version (
     CONSTRAINT fk_predicate_version_kb_id_until FOREIGN KEY(kb_id, until) REFERENCES revision (kb_id, number) DEFERRABLE INITIALLY DEFERRED,
     CONSTRAINT pk_predicate_version PRIMARY KEY (kb_id, predicate_id, since)
 );
-CREATE INDEX ix_predicate_version_since ON predicate_version (kb_id, since);
+CREATE INDEX ix_predicate_version_since ON predicate_version (kb_id, since, predicate_id);
 CREATE INDEX ix_predicate_version_until ON predicate_version (kb_id, until) WHERE until IS NOT NULL;
 CREATE UNIQUE INDEX uq_predicate_version_live ON predicate_version (kb_id, predicate_id) WHERE until IS NULL;
 CREATE TABLE proposition (
@@ -543,6 +543,6 @@ CREATE TABLE type_version (
     CONSTRAINT fk_type_version_kb_id_until FOREIGN KEY(kb_id, until) REFERENCES revision (kb_id, number) DEFERRABLE INITIALLY DEFERRED,
     CONSTRAINT pk_type_version PRIMARY KEY (kb_id, type_id, since)
 );
-CREATE INDEX ix_type_version_since ON type_version (kb_id, since);
+CREATE INDEX ix_type_version_since ON type_version (kb_id, since, type_id);
 CREATE INDEX ix_type_version_until ON type_version (kb_id, until) WHERE until IS NOT NULL;
 CREATE UNIQUE INDEX uq_type_version_live ON type_version (kb_id, type_id) WHERE until IS NULL;

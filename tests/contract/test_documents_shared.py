@@ -1,0 +1,101 @@
+"""Documents that threads and processes load and read at the same time."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import pytest
+
+from kant_sql import KnowledgeBase
+from kant_sql.documents import exchange
+from kant_sql.errors import PddlError
+from kant_sql.pddl import read_domain, read_problem
+from tests.chain import check_chain
+from tests.conftest import Connect
+from tests.language import DOMAIN, PROBLEM, check_text, load
+from tests.loading import (
+    OTHER_DOMAIN,
+    change_domain,
+    load_often,
+    load_often_with,
+    read_often,
+    read_often_with,
+)
+from tests.workers import in_processes
+
+TIMES = 8
+
+
+def test_threads_read_whole_documents_while_others_load(kb: KnowledgeBase) -> None:
+    load(kb)
+    with ThreadPoolExecutor(4) as pool:
+        work = [
+            pool.submit(load_often_with, kb, TIMES),
+            *(pool.submit(read_often_with, kb, TIMES) for _ in range(2)),
+        ]
+        assert [future.result() for future in work] == [None, TIMES, TIMES]
+
+
+def test_processes_read_whole_documents_while_others_load(
+    shared_url: str, connect: Connect
+) -> None:
+    load(connect(shared_url, knowledge_base="tiago"))
+    in_processes(
+        (load_often, shared_url, TIMES),
+        (load_often, shared_url, TIMES),
+        (read_often, shared_url, TIMES),
+    )
+    check_chain(shared_url)
+
+
+def test_processes_load_domains_and_problems_at_once(shared_url: str, connect: Connect) -> None:
+    kb = connect(shared_url, knowledge_base="tiago")
+    load(kb)
+    in_processes((change_domain, shared_url, TIMES), (load_often, shared_url, TIMES))
+    for revision in range(1, kb.revision + 1):
+        check_text(kb.at(revision))
+    check_chain(shared_url)
+
+
+@pytest.mark.parametrize("fits", [True, False])
+def test_a_problem_is_checked_against_the_domain_that_it_is_stored_with(
+    shared_url: str, connect: Connect, monkeypatch: pytest.MonkeyPatch, fits: bool
+) -> None:
+    kb, other = (connect(shared_url, knowledge_base="tiago") for _ in range(2))
+    load(kb)
+    text = PROBLEM if fits else PROBLEM.replace("(at t1 p1)", "(open p1)")
+    calls = []
+
+    def read_while_another_writes(*arguments: Any, **options: Any) -> Any:
+        calls.append(arguments)
+        read = read_problem(*arguments, **options)
+        if len(calls) == 1:
+            other.load_domain(OTHER_DOMAIN)
+        return read
+
+    monkeypatch.setattr(exchange, "read_problem", read_while_another_writes)
+    if fits:
+        kb.load_problem(text)
+        assert kb.problem() == read_problem(text, read_domain(OTHER_DOMAIN))
+    else:
+        with pytest.raises(PddlError, match="open"):
+            kb.load_problem(text)
+        assert kb.revision == 2
+    assert len(calls) == 2
+    assert kb.domain() == read_domain(OTHER_DOMAIN)
+    check_text(kb)
+
+
+def test_a_problem_and_its_domain_are_of_one_state(shared_url: str, connect: Connect) -> None:
+    kb, other = (connect(shared_url, knowledge_base="tiago") for _ in range(2))
+    load(kb)
+    before = kb.problem()
+    with other.transaction():
+        other.load_domain(OTHER_DOMAIN)
+        other.load_problem(PROBLEM.replace("monday", "tuesday"))
+        # Nothing of it is seen before it is committed.
+        assert kb.problem() == before
+        assert kb.domain() == read_domain(DOMAIN)
+    assert kb.problem().name == "tuesday"
+    assert kb.domain() == read_domain(OTHER_DOMAIN)
