@@ -191,8 +191,10 @@ class Transaction:
             self._undo.before_write()
             if definitions:
                 self._writer.write()
-            self.propositions.write()
-            self.values.write()
+            if self.propositions.pending:
+                self.propositions.write()
+            if self.values.pending:
+                self.values.write()
 
     def commit(self) -> Committed | None:
         """Write the revision and commit; without a change, roll back.

@@ -8,7 +8,7 @@ from ..dto.formula import And, Node
 from ..errors import InvalidKnowledgeError
 from ..knowledge.predicate import ParameterDefinition
 from ..knowledge.tree import Tree
-from ..pddl.formulas import flatten
+from ..pddl.conjuncts import flatten
 from ..transaction import Transaction
 from .term_writer import Place
 from .tree_writer import TreeWriter

@@ -170,10 +170,11 @@ class DtoBuilder:
     def _parts(
         self, formulas: Iterable[Node], parameters: list[PddlObjectDto]
     ) -> list[PddlConditionEffectDto | Node]:
-        return [self._literal(formula, parameters) or formula for formula in formulas]
+        by_name = {fold(parameter.name): parameter for parameter in parameters}
+        return [self._literal(formula, by_name) or formula for formula in formulas]
 
     def _literal(
-        self, formula: Node, parameters: list[PddlObjectDto]
+        self, formula: Node, by_name: dict[str, PddlObjectDto]
     ) -> PddlConditionEffectDto | None:
         """Build the literal that a formula is, if it is one that a DTO of the paper can say."""
         time = formula.time if isinstance(formula, Timed) else None
@@ -181,7 +182,6 @@ class DtoBuilder:
         atom = inner.formula if isinstance(inner, Not) else inner
         if not isinstance(atom, Atom) or any(isinstance(term, Fluent) for term in atom.terms):
             return None
-        by_name = {fold(parameter.name): parameter for parameter in parameters}
         objects = self._definitions.objects
         terms = []
         for term in atom.terms:

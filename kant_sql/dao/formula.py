@@ -31,7 +31,7 @@ from ..knowledge.formula import (
     formula_name,
 )
 from ..knowledge.tree_reader import TreeReader
-from ..pddl.formulas import flatten
+from ..pddl.conjuncts import flatten
 from ..pddl.node_text import node_text
 from ..transaction import Transaction
 from .base import SqlDao, batches

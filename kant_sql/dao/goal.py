@@ -10,7 +10,7 @@ from ..dto.atom_dto import atom_text
 from ..dto.formula import Atom, Constant, Formula, Node
 from ..errors import InvalidKnowledgeError
 from ..knowledge.formula import GOAL
-from ..pddl.formulas import flatten
+from ..pddl.conjuncts import flatten
 from ..transaction import Transaction
 from ..view import View
 from .base import SqlDao, batches, expect

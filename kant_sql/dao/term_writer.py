@@ -9,7 +9,9 @@ from typing import Any, NamedTuple, NoReturn
 from ..dto import PddlTypeDto
 from ..dto.formula import (
     ARITHMETIC,
+    ASSIGNMENTS,
     Arithmetic,
+    Assign,
     Atom,
     Comparison,
     Constant,
@@ -274,6 +276,16 @@ class TermWriter:
                 self._fail(f"{shown(term)} is a number, not an object")
             return Term(child=child), types
         return self._fail(f"{shown(term)} is no term; give a Variable, a Constant or a Fluent")
+
+    def _assign_object(
+        self, formula: Assign, position: int, types: tuple[int, ...], context: Context
+    ) -> None:
+        if formula.operator != ASSIGNMENTS[0]:
+            self._fail(f"{shown(formula)} counts with a function whose values are objects")
+        term, given = self._term(formula.value, position, context)
+        if not self._may_fit(formula.value, given, types):
+            raise TypeMismatchError(f"{self._role}: the value in {shown(formula)} does not fit")
+        self._set_terms(position, [term])
 
     def _bound(self, variable: Variable, context: Context) -> tuple[Term, Types]:
         key = fold(variable.name)

@@ -39,7 +39,6 @@ from ..dto.formula import (
     When,
 )
 from ..dto.name import check_name
-from ..errors import TypeMismatchError
 from ..knowledge import tree as kinds
 from ..knowledge.tree import Tree
 from ..pddl.walk import walk
@@ -54,7 +53,6 @@ _WITHIN_TIMED = {
     Place.CONSTRAINT: Place.CONDITION,
     Place.TRAJECTORY: Place.CONDITION,
 }
-# What is to be added below a node: formulas, and what is around each.
 _Parts = Iterable[tuple[object, Context]]
 
 
@@ -190,9 +188,9 @@ class TreeWriter(TermWriter):
         if time not in TIMES:
             self._fail(f"{shown(formula)} has the time {time!r}, expected one of {TIMES}")
         inner = _WITHIN_TIMED.get(place)
-        is_trajectory = place in (Place.CONSTRAINT, Place.TRAJECTORY)
         # The paper's DTOs may have effects `over all`.
-        wrong = (is_trajectory and time != AT_END) or (place is Place.DURATION and time == OVER_ALL)
+        wrong = place is Place.DURATION and time == OVER_ALL
+        wrong = wrong or (place in (Place.CONSTRAINT, Place.TRAJECTORY) and time != AT_END)
         if inner is None or wrong:
             self._fail(f"{shown(formula)} has a time that has no place in {place.value}")
         self._open(parent, time)
@@ -245,16 +243,6 @@ class TreeWriter(TermWriter):
         ):
             self._expect(formula, context, Place.EFFECT)
         return ()
-
-    def _assign_object(
-        self, formula: Assign, position: int, types: tuple[int, ...], context: Context
-    ) -> None:
-        if formula.operator != ASSIGNMENTS[0]:
-            self._fail(f"{shown(formula)} counts with a function whose values are objects")
-        term, given = self._term(formula.value, position, context)
-        if not self._may_fit(formula.value, given, types):
-            raise TypeMismatchError(f"{self._role}: the value in {shown(formula)} does not fit")
-        self._set_terms(position, [term])
 
     # Formulas that stand on their own.
 

@@ -74,10 +74,12 @@ class SqlExchange(SqlDao, Exchange):
         """Build the domain."""
         return self._store.read_definitions(self._build_domain, self._at)
 
+    @without_collector()
     def problem(self) -> Problem:
         """Build the problem."""
         return self._read(lambda view: build_problem(view, *self._names(view.definitions)))
 
+    @without_collector()
     def state(self) -> State:
         """Build the domain and the problem of one and the same state."""
 
@@ -92,6 +94,7 @@ class SqlExchange(SqlDao, Exchange):
         """Write the domain as PDDL."""
         return write_domain(self.domain())
 
+    @without_collector()
     def problem_pddl(self) -> str:
         """Write the problem as PDDL."""
         return self._read(lambda view: problem_text(view, *self._names(view.definitions)))

@@ -7,7 +7,7 @@ from decimal import Decimal
 from operator import itemgetter
 from typing import Any, NamedTuple
 
-from sqlalchemy import Select, select
+from sqlalchemy import Select, case, select
 
 from ..backends import Query, in_rows
 from ..dao.formula import read_formula, read_formulas
@@ -18,6 +18,7 @@ from ..knowledge.document import PROBLEM
 from ..knowledge.formula import CONSTRAINT, GOAL, INITIAL, METRIC, TIMED
 from ..knowledge.loading import KB, held_at
 from ..knowledge.predicate import ParameterDefinition
+from ..knowledge.rows import table_of
 from ..knowledge.tree_reader import typed_name
 from ..pddl.document import FunctionValue, Problem
 from ..pddl.writer import write_problem
@@ -37,7 +38,7 @@ class Initial(NamedTuple):
     """What held at one moment, as rows; each row begins with its id.
 
     Attributes:
-        facts: id, predicate, arguments and text of each fact.
+        facts: id, predicate, arguments and text of each fact; for text alone, id and text matter.
         goals: the same of each goal that is a ground atom.
         values: id, number, object and text of the value of each fluent.
         fluents: id, function and arguments of each fluent; not read for text alone.
@@ -53,15 +54,19 @@ def _held(version: Any, at: int | None) -> Any:
     return version.until.is_(None) if at is None else held_at(version)
 
 
-def _propositions(held: Any) -> Query:
+def _propositions(held: Any, for_text: bool) -> Query:
     versions = select(PropositionVersionRow.proposition_id).where(
         PropositionVersionRow.kb_id == KB, held
     )
+    arguments: Any = PropositionRow.arguments
+    if for_text:
+        # Goals are built all the same, for the document knows their order.
+        arguments = case((table_of(PropositionRow).c.is_goal, arguments))
     return Query(
         select(
             PropositionRow.id,
             PropositionRow.predicate_id,
-            PropositionRow.arguments,
+            arguments,
             PropositionRow.text,
             PropositionRow.is_goal,
         ).where(PropositionRow.kb_id == KB, in_rows(PropositionRow.id, versions))
@@ -88,12 +93,18 @@ def _fluents(held: Any) -> Query:
 _ID = itemgetter(0)
 
 
-def _queries(at: int | None) -> tuple[Query, Query, Query]:
-    values = _held(FunctionValueVersionRow, at)
-    return _propositions(_held(PropositionVersionRow, at)), _values(values), _fluents(values)
+def _queries(at: int | None, for_text: bool) -> tuple[Query, ...]:
+    facts, values = _held(PropositionVersionRow, at), _held(FunctionValueVersionRow, at)
+    queries = _propositions(facts, for_text), _values(values), _fluents(values)
+    return queries[:2] if for_text else queries
 
 
-_NOW, _THEN = _queries(None), _queries(0)
+# By whether it is about the past, and whether for text alone.
+_QUERIES = {
+    (at is not None, for_text): _queries(at, for_text)
+    for at in (None, 0)
+    for for_text in (False, True)
+}
 
 
 def read_initial(view: View, for_text: bool) -> Initial:
@@ -108,11 +119,10 @@ def read_initial(view: View, for_text: bool) -> Initial:
     """
     if view.kb_id is None:
         return Initial([], [], [], [])
-    queries = _NOW if view.at is None else _THEN
     parameters = {"kb": view.kb_id} if view.at is None else {"kb": view.kb_id, "at": view.at}
-    wanted = queries[:2] if for_text else queries
     propositions, values, *fluents = (
-        sorted(view.session.rows(query, **parameters), key=_ID) for query in wanted
+        sorted(view.session.rows(query, **parameters), key=_ID)
+        for query in _QUERIES[view.at is not None, for_text]
     )
     facts = [row for row in propositions if not row[4]]
     goals = [row for row in propositions if row[4]]

@@ -17,6 +17,7 @@ from .type import TypeDefinition
 
 # In the order in which they can be written: each refers to those before it only.
 KINDS = ("type", "object", "predicate", "function", "action", "formula", "document")
+_ATTRIBUTES = tuple(f"{kind}s" for kind in KINDS)
 
 
 class Definitions:
@@ -32,7 +33,16 @@ class Definitions:
         documents: the domain and the problem.
     """
 
-    __slots__ = ("actions", "documents", "formulas", "functions", "objects", "predicates", "types")
+    __slots__ = (
+        "_by_kind",
+        "actions",
+        "documents",
+        "formulas",
+        "functions",
+        "objects",
+        "predicates",
+        "types",
+    )
 
     types: Elements[TypeDefinition]
     objects: Elements[ObjectDefinition]
@@ -49,8 +59,9 @@ class Definitions:
             *elements: the elements of each kind, in the order of `KINDS`; all of them or none.
         """
         given: Iterable[Elements[Any]] = elements or [Elements() for _ in KINDS]
-        for kind, of_kind in zip(KINDS, given, strict=True):
-            setattr(self, f"{kind}s", of_kind)
+        self._by_kind: dict[str, Any] = dict(zip(KINDS, given, strict=True))
+        for name, of_kind in zip(_ATTRIBUTES, self._by_kind.values(), strict=True):
+            setattr(self, name, of_kind)
 
     def elements(self, kind: str) -> Elements[Any]:
         """Find the elements of one kind.
@@ -61,7 +72,7 @@ class Definitions:
         Returns:
             The elements.
         """
-        elements: Elements[Any] = getattr(self, f"{kind}s")
+        elements: Elements[Any] = self._by_kind[kind]
         return elements
 
     def ancestry(self, type_id: int) -> Iterator[TypeDefinition]:
@@ -149,7 +160,7 @@ class Definitions:
 class PendingDefinitions(Definitions):
     """The definitions as a transaction has changed them so far."""
 
-    __slots__ = ()
+    __slots__ = ("_origin",)
 
     types: PendingElements[TypeDefinition]
     objects: PendingElements[ObjectDefinition]
@@ -160,7 +171,14 @@ class PendingDefinitions(Definitions):
     documents: PendingElements[DocumentDefinition]
 
     def __init__(self, origin: Definitions) -> None:
-        super().__init__(*(PendingElements(origin.elements(kind)) for kind in KINDS))
+        # Most transactions look at few kinds: the others come to be when they are asked for.
+        self._origin = origin
+        self._by_kind = {}
+
+    def __getattr__(self, name: str) -> Any:
+        if name not in _ATTRIBUTES:
+            raise AttributeError(f"{type(self).__name__} has no attribute {name!r}")
+        return self.elements(name[:-1])
 
     def changed(self) -> list[tuple[str, PendingElements[Any]]]:
         """Give the kinds of which a definition was set, even to what it was.
@@ -168,12 +186,22 @@ class PendingDefinitions(Definitions):
         Returns:
             The name of each kind, and its elements.
         """
-        kinds = ((kind, self.elements(kind)) for kind in KINDS)
-        return [(kind, elements) for kind, elements in kinds if elements.changes]
+        return [(kind, elements) for kind, elements in self.used() if elements.changes]
+
+    def used(self) -> list[tuple[str, PendingElements[Any]]]:
+        """Give the kinds that were asked for so far: of the others, nothing has changed.
+
+        Returns:
+            The name of each kind, and its elements, in the order of `KINDS`.
+        """
+        return [(kind, self._by_kind[kind]) for kind in KINDS if kind in self._by_kind]
 
     def elements(self, kind: str) -> PendingElements[Any]:
         """Find the elements of one kind, with what has changed of them."""
-        elements: PendingElements[Any] = super().elements(kind)  # type: ignore[assignment]
+        elements: PendingElements[Any] | None = self._by_kind.get(kind)
+        if elements is None:
+            elements = self._by_kind[kind] = PendingElements(self._origin.elements(kind))
+            setattr(self, f"{kind}s", elements)
         return elements
 
     def publish(self) -> Definitions:

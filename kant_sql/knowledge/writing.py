@@ -82,8 +82,8 @@ class DefinitionWriter:
 
     def write(self) -> None:
         """Write what is pending."""
-        for kind in KINDS:
-            self._write_identities(kind)
+        for kind, elements in self._definitions.used():
+            self._write_identities(kind, elements.unwritten)
         inserts: defaultdict[Table, list[Row]] = defaultdict(list)
         for kind, id_, origin, before, now in list(self._steps()):
             self._close(kind, id_, origin, before)
@@ -92,8 +92,9 @@ class DefinitionWriter:
             self.written[kind, id_] = now
         for kind in KINDS:
             version = KIND_TABLES[kind].version
-            for table in (version.table, *version.children):
-                self._session.insert(table, inserts[table])
+            if inserts.get(version.table):
+                for table in (version.table, *version.children):
+                    self._session.insert(table, inserts[table])
 
     def _close(self, kind: str, id_: int, origin: Any, before: Any) -> None:
         """Let what is written hold no more: a row of before, or one of this very revision."""
@@ -121,8 +122,7 @@ class DefinitionWriter:
                 if now != before:
                     yield kind, id_, origin, before, now
 
-    def _write_identities(self, kind: str) -> None:
-        elements = self._definitions.elements(kind)
-        rows = [(self._kb_id, id_, name, fold(name)) for id_, name in elements.unwritten.items()]
+    def _write_identities(self, kind: str, names: dict[int, str]) -> None:
+        rows = [(self._kb_id, id_, name, fold(name)) for id_, name in names.items()]
         self._session.insert(KIND_TABLES[kind].identity, rows)
-        elements.unwritten.clear()
+        names.clear()

@@ -17,7 +17,7 @@ from ..errors import PddlError
 
 STRING = "<string>"
 # Formulas that people and programs write are nested 10 deep; each level costs stack.
-MAX_DEPTH = 250
+MAX_DEPTH = 150
 
 _COMMENT = re.compile(r";[^\n]*")
 _TOKEN = re.compile(r"[()]|[^\s()]+")

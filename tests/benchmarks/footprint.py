@@ -14,6 +14,7 @@ import gc
 import json
 import subprocess
 import sys
+import tempfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -27,21 +28,21 @@ ROOT = Path(__file__).resolve().parents[2]
 NUMBERS = (50_000, 100_000, 200_000)
 
 
-def prepare_reading(_: str, facts: int) -> Callable[[], object]:
+def prepare_reading(_: str, path: Path) -> Callable[[], object]:
     """Prepare to read a problem, which is kept."""
-    domain, text = read_domain(generated.DOMAIN), generated.problem(facts)
+    domain, text = read_domain(generated.DOMAIN), path.read_text()
     return lambda: read_problem(text, domain)
 
 
-def prepare_loading(url: str, facts: int) -> Callable[[], object]:
+def prepare_loading(url: str, path: Path) -> Callable[[], object]:
     """Prepare to load a problem into a store."""
     kb = kant_sql.connect(url)
     kb.load_domain(generated.DOMAIN)
-    text = generated.problem(facts)
+    text = path.read_text()
     return lambda: kb.load_problem(text)
 
 
-def prepare_writing(url: str, _: int) -> Callable[[], object]:
+def prepare_writing(url: str, _: Path) -> Callable[[], object]:
     """Prepare to write the problem of a store."""
     kb = kant_sql.connect(url)
     kb.domain_pddl()
@@ -51,23 +52,21 @@ def prepare_writing(url: str, _: int) -> Callable[[], object]:
 STEPS = {"reading": prepare_reading, "loading": prepare_loading, "writing": prepare_writing}
 
 
-def measure_here(step: str, url: str, facts: int) -> None:
+def measure_here(step: str, url: str, path: Path) -> None:
     """Take a step in this process, and print by how many kB its memory grew."""
-    call = STEPS[step](url, facts)
+    call = STEPS[step](url, path)
     gc.collect()
     before = status("VmRSS")
-    # What was needed before to make the text is not the step's.
-    Path("/proc/self/clear_refs").write_text("5")
     result = call()
     print(json.dumps(status("VmHWM") - before))
     del result
 
 
-def measure(step: str, url: str, facts: int) -> int:
+def measure(step: str, url: str, path: Path) -> int:
     """Take a step in a process of its own, and give its kB."""
     command = [sys.executable, "-m", "tests.benchmarks.footprint", "--step", step]
     run = subprocess.run(
-        [*command, "--url", url, "--facts", str(facts)],
+        [*command, "--url", url, "--path", str(path)],
         check=True,
         capture_output=True,
         text=True,
@@ -76,17 +75,17 @@ def measure(step: str, url: str, facts: int) -> int:
     return int(json.loads(run.stdout))
 
 
-def line(step: str, name: str, urls: Sequence[str]) -> list[str]:
+def line(step: str, name: str, urls: Sequence[str], paths: Sequence[Path]) -> list[str]:
     """Give a line of the table."""
-    found = [measure(step, url, facts) for url, facts in zip(urls, NUMBERS, strict=True)]
+    found = [measure(step, url, path) for url, path in zip(urls, paths, strict=True)]
     each = 1024 * (found[-1] - found[0]) / (NUMBERS[-1] - NUMBERS[0])
     return [f"{step}{name}", *(f"{kb / 1024:.0f} MB" for kb in found), f"{each:.0f} B"]
 
 
-def lines(name: str, new: NewStore) -> list[list[str]]:
+def lines(name: str, new: NewStore, paths: Sequence[Path]) -> list[list[str]]:
     """Give the lines of a backend."""
     urls = [new() for _ in NUMBERS]
-    return [line(step, f", {name}", urls) for step in ("loading", "writing")]
+    return [line(step, f", {name}", urls, paths) for step in ("loading", "writing")]
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -95,15 +94,21 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--backend", choices=["sqlite", "postgresql"], action="append")
     parser.add_argument("--step", choices=STEPS, help=argparse.SUPPRESS)
     parser.add_argument("--url", help=argparse.SUPPRESS)
-    parser.add_argument("--facts", type=int, help=argparse.SUPPRESS)
+    parser.add_argument("--path", type=Path, help=argparse.SUPPRESS)
     options = parser.parse_args(argv)
     if options.step:
-        measure_here(options.step, options.url, options.facts)
+        measure_here(options.step, options.url, options.path)
         return 0
-    with stores(options.backend or ["sqlite", "postgresql"]) as places:
-        rows = [line("reading", "", [""] * len(NUMBERS))]
+    with (
+        tempfile.TemporaryDirectory(prefix="kantbench") as folder,
+        stores(options.backend or ["sqlite", "postgresql"]) as places,
+    ):
+        paths = [Path(folder) / f"{facts}.pddl" for facts in NUMBERS]
+        for path, facts in zip(paths, NUMBERS, strict=True):
+            path.write_text(generated.problem(facts))
+        rows = [line("reading", "", [""] * len(NUMBERS), paths)]
         for name, new in places.items():
-            rows += lines(name, new)
+            rows += lines(name, new, paths)
         print_table(
             "Memory that a step adds to a process",
             ["", *(f"{facts:,} facts" for facts in NUMBERS), "per fact"],

@@ -73,7 +73,7 @@ def corpus() -> list[Pair]:
 def generate(folder: Path, facts: int) -> Pair:
     """Write a generated problem to files."""
     paths = folder / f"domain-{facts}.pddl", folder / f"problem-{facts}.pddl"
-    for path, text in zip(paths, (generated.DOMAIN, generated.problem(facts)), strict=True):
+    for path, text in zip(paths, (generated.STRIPS_DOMAIN, generated.problem(facts)), strict=True):
         path.write_text(text)
     return load(paths)
 

@@ -17,6 +17,7 @@ from kant_sql import (
     PddlTypeDto,
     ReadOnlyError,
 )
+from kant_sql.documents import Mode
 from kant_sql.dto.formula import And, Constant, Equal, Exists, Fluent, Not, TypedName
 from kant_sql.errors import ConflictError, PddlError
 from kant_sql.pddl import read_domain, read_problem, write
@@ -58,6 +59,8 @@ def problem(init: str = "", goal: str = "(and)", more: str = "", objects: str = 
     )
 
 
+MODES: tuple[Mode, Mode] = ("replace", "merge")
+
 # What a load says of itself.
 
 
@@ -70,9 +73,9 @@ def test_a_load_is_one_revision_or_none(fresh_kb: KnowledgeBase) -> None:
         "(:type truck crane machine place))"
     ]
     assert fresh_kb.load_problem(PROBLEM).revision == 2
-    for mode in ("replace", "merge"):
-        assert fresh_kb.load_domain(DOMAIN, mode=mode).revision is None  # type: ignore[arg-type]
-        assert fresh_kb.load_problem(PROBLEM, mode=mode).revision is None  # type: ignore[arg-type]
+    for mode in MODES:
+        assert fresh_kb.load_domain(DOMAIN, mode=mode).revision is None
+        assert fresh_kb.load_problem(PROBLEM, mode=mode).revision is None
     assert fresh_kb.revision == 2
     with pytest.raises(InvalidKnowledgeError, match="the mode is 'add', expected"):
         fresh_kb.load_domain(DOMAIN, mode="add")  # type: ignore[arg-type]

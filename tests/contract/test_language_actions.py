@@ -37,6 +37,8 @@ from tests.reading import last_changes, nothing_changes, rows
 
 PARAMETERS = [PddlObjectDto(Type("truck"), "t"), PddlObjectDto(Type("place"), "p")]
 END = Timed("at end", IDLE)
+# Whether an action is durative, its duration, its effect.
+Parts = tuple[bool, tuple[Formula, ...], tuple[Formula, ...]]
 CHARGE = PddlProcessDto(
     "charge",
     PARAMETERS,
@@ -56,60 +58,64 @@ def only_action(domain: Domain) -> Action:
     return action
 
 
-def check(kb: KnowledgeBase, dto: PddlActionDto, wanted: Action) -> None:
-    """Save an action in every way of asking, and delete it."""
+def check(kb: KnowledgeBase, parts: list[Parts]) -> None:
+    """Save actions of such parts in every way of asking, and delete them."""
     world = load(kb)
-    assert kb.actions.save(dto) is True
+    dtos = [
+        PddlActionDto(f"a{number}", PARAMETERS, [], effect, durative, duration=duration)
+        for number, (durative, duration, effect) in enumerate(parts)
+    ]
+    wanted = tuple(
+        Action(
+            "durative-action" if durative else "action",
+            f"a{number}",
+            (TRUCK, PLACE),
+            tuple(duration),
+            (),
+            tuple(effect),
+        )
+        for number, (durative, duration, effect) in enumerate(parts)
+    )
+    assert kb.actions.save_all(dtos) == len(dtos)
     made = [line for line in last_changes(kb) if line.startswith("+ action")]
-    assert made == [f"+ action {dto}"]
-    for reader in (kb, again(kb)):
-        assert only_action(reader.domain()) == wanted
+    assert made == sorted(f"+ action {dto}" for dto in dtos)
+    for reader in (kb, again(kb), kb.at(world + 1)):
+        assert reader.domain().actions == wanted
         check_text(reader)
-        found = reader.actions.get(dto.name)
-        assert found is not None
-        assert str(found) == str(dto)
-        assert reader.actions.save(found) is True
-    assert kb.revision == world + 1
-    kb.actions.delete(dto)
+        found = reader.actions.get_all()
+        assert [str(dto) for dto in found] == [str(dto) for dto in dtos]
+    # What is read can be saved: it says the same.
+    assert kb.actions.save_all(found) == 0
+    for dto in dtos:
+        assert kb.actions.delete(dto) is True
     assert kb.domain().actions == ()
-    assert only_action(kb.at(world + 1).domain()) == wanted
+    assert kb.at(world + 1).domain().actions == wanted
     live = "SELECT count(*) FROM action_version WHERE kb_id = :kb AND until IS NULL"
     assert rows(kb, live) == [(0,)]
 
 
-@pytest.mark.parametrize("effect", EFFECTS.values(), ids=EFFECTS)
-def test_an_effect_is_kept(fresh_kb: KnowledgeBase, effect: Formula) -> None:
-    dto = PddlActionDto("act", PARAMETERS, [], [effect, IDLE], durative=False)
-    wanted = Action("action", "act", (TRUCK, PLACE), effect=(effect, IDLE))
-    check(fresh_kb, dto, wanted)
+def test_each_effect_is_kept(fresh_kb: KnowledgeBase) -> None:
+    check(fresh_kb, [(False, (), (effect, IDLE)) for effect in EFFECTS.values()])
 
 
-@pytest.mark.parametrize("effect", TIMED_EFFECTS.values(), ids=TIMED_EFFECTS)
-def test_an_effect_with_a_time_is_kept(fresh_kb: KnowledgeBase, effect: Formula) -> None:
-    dto = PddlActionDto("act", PARAMETERS, [], [effect, END])
+def test_each_effect_with_a_time_is_kept(fresh_kb: KnowledgeBase) -> None:
     fixed = (Comparison("=", DURATION, number("10")),)
-    wanted = Action("durative-action", "act", (TRUCK, PLACE), fixed, (), (effect, END))
-    check(fresh_kb, dto, wanted)
+    check(fresh_kb, [(True, fixed, (effect, END)) for effect in TIMED_EFFECTS.values()])
 
 
-@pytest.mark.parametrize("duration", DURATIONS.values(), ids=DURATIONS)
-def test_a_duration_is_kept(fresh_kb: KnowledgeBase, duration: tuple[Formula, ...]) -> None:
-    dto = PddlActionDto("act", PARAMETERS, [], [END], duration=duration)
-    wanted = Action("durative-action", "act", (TRUCK, PLACE), duration, (), (END,))
-    check(fresh_kb, dto, wanted)
+def test_each_duration_is_kept(fresh_kb: KnowledgeBase) -> None:
+    check(fresh_kb, [(True, duration, (END,)) for duration in DURATIONS.values()])
 
 
-@pytest.mark.parametrize("given", [5, 2.5, Decimal("0.10"), Decimal("1E+2")], ids=str)
-def test_a_fixed_duration_is_read_as_the_number_that_it_is(
-    fresh_kb: KnowledgeBase, given: int | float | Decimal
-) -> None:
+def test_a_fixed_duration_is_read_as_the_number_that_it_is(fresh_kb: KnowledgeBase) -> None:
     load(fresh_kb)
-    fresh_kb.actions.save(PddlActionDto("act", PARAMETERS, [], [END], duration=given))
-    found = again(fresh_kb).actions.get("act")
-    assert found is not None
-    assert found.duration == given
-    (constraint,) = only_action(fresh_kb.domain()).duration
-    assert constraint == Comparison("=", DURATION, number(str(given)))
+    for given in (5, 2.5, Decimal("0.10"), Decimal("1E+2")):
+        fresh_kb.actions.save(PddlActionDto("act", PARAMETERS, [], [END], duration=given))
+        found = fresh_kb.actions.get("act")
+        assert found is not None
+        assert found.duration == given
+        (constraint,) = only_action(fresh_kb.domain()).duration
+        assert constraint == Comparison("=", DURATION, number(str(given)))
 
 
 def test_processes_and_events_have_daos_of_their_own(fresh_kb: KnowledgeBase) -> None:

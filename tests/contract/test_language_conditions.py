@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import pytest
-
 from kant_sql import KnowledgeBase, PddlActionDto
 from kant_sql.dto.formula import And, Atom, Exists, Formula, Not, Timed
 from tests.language import (
@@ -20,48 +18,58 @@ from tests.language import (
 from tests.reading import last_changes, rows
 
 
-@pytest.mark.parametrize("condition", CONDITIONS.values(), ids=CONDITIONS)
-def test_a_condition_is_kept_as_a_goal(fresh_kb: KnowledgeBase, condition: Formula) -> None:
-    world = load(fresh_kb)
-    assert fresh_kb.goals.save(condition) is True
-    # `object` comes to be with what first mentions it.
-    assert set(last_changes(fresh_kb)) - {"+ type object"} == {f"+ goal {condition}"}
-    assert fresh_kb.goals.insert(condition) is False
-    assert fresh_kb.revision == world + 1
-    for reader in (fresh_kb, again(fresh_kb)):
-        assert reader.goals.get_all() == [condition]
-        assert reader.problem().goal == (condition,)
+def test_each_condition_is_kept_as_a_goal(fresh_kb: KnowledgeBase) -> None:
+    world, conditions = load(fresh_kb), [*CONDITIONS.values()]
+    for condition in conditions:
+        assert fresh_kb.goals.save(condition) is True
+        # `object` comes to be with what first mentions it.
+        assert set(last_changes(fresh_kb)) - {"+ type object"} == {f"+ goal {condition}"}
+        assert fresh_kb.goals.insert(condition) is False
+    made = world + len(conditions)
+    assert fresh_kb.revision == made
+    formulas = [condition for condition in conditions if not is_ground(condition)]
+    for reader in (fresh_kb, again(fresh_kb), fresh_kb.at(made)):
+        assert sorted(map(str, reader.goals.get_all())) == sorted(map(str, conditions))
+        assert {*reader.problem().goal} == {*conditions}
+        # Literals are kept as propositions, and come first.
+        assert reader.problem().goal[-len(formulas) :] == tuple(formulas)
         check_text(reader)
-    assert fresh_kb.goals.delete(condition) is True
-    assert fresh_kb.goals.delete(condition) is False
-    assert last_changes(fresh_kb) == [f"- goal {condition}"]
+    for condition in conditions:
+        assert fresh_kb.goals.delete(condition) is True
+        assert last_changes(fresh_kb) == [f"- goal {condition}"]
+        assert fresh_kb.goals.delete(condition) is False
     assert fresh_kb.problem().goal == ()
-    assert fresh_kb.at(world + 1).problem().goal == (condition,)
-    assert fresh_kb.at(world).goals.get_all() == []
+    for count in (0, 1, 7):
+        assert {*fresh_kb.at(world + count).goals.get_all()} == {*conditions[:count]}
 
 
-@pytest.mark.parametrize("condition", CONDITIONS.values(), ids=CONDITIONS)
-def test_a_condition_is_kept_as_a_precondition(fresh_kb: KnowledgeBase, condition: Formula) -> None:
-    world = load(fresh_kb)
-    # A preference has its place outside of what is timed.
-    timed = condition if "(preference" in str(condition) else Timed("over all", condition)
-    plain = PddlActionDto("plain", [], [condition], [IDLE], durative=False)
-    actions = [plain]
-    if timed is not condition:
-        actions.append(PddlActionDto("timed", [], [timed], [Timed("at end", IDLE)]))
-    fresh_kb.actions.save_all(actions)
-    for reader in (fresh_kb, again(fresh_kb)):
+def is_ground(condition: Formula) -> bool:
+    return isinstance(condition, Atom) and "(" not in "".join(map(str, condition.terms))
+
+
+def test_each_condition_is_kept_as_a_precondition(fresh_kb: KnowledgeBase) -> None:
+    load(fresh_kb)
+    actions, wanted = [], []
+    for number, condition in enumerate(CONDITIONS.values()):
+        actions.append(PddlActionDto(f"a{number}", [], [condition], [IDLE], durative=False))
+        wanted.append(condition)
+        # A preference has its place outside of what is timed.
+        if "(preference" not in str(condition):
+            timed = Timed("over all", condition)
+            actions.append(PddlActionDto(f"d{number}", [], [timed], [Timed("at end", IDLE)]))
+            wanted.append(timed)
+    assert fresh_kb.actions.save_all(actions) == len(actions)
+    made = fresh_kb.revision
+    for reader in (fresh_kb, again(fresh_kb), fresh_kb.at(made)):
         found = reader.domain().actions
-        assert [action.condition for action in found] == [(condition,), (timed,)][: len(actions)]
+        assert [action.condition for action in found] == [(part,) for part in wanted]
+        assert [str(dto) for dto in reader.actions.get_all()] == [str(dto) for dto in actions]
         check_text(reader)
-    read = fresh_kb.actions.get("plain")
-    assert read is not None
-    assert str(read) == str(plain)
     # What is read can be saved: it says the same.
-    assert fresh_kb.actions.save_all(fresh_kb.actions.get_all()) == 0
-    fresh_kb.actions.delete_all()
+    assert fresh_kb.actions.save_all(again(fresh_kb).actions.get_all()) == 0
+    assert fresh_kb.actions.delete_all() == len(actions)
     assert fresh_kb.domain().actions == ()
-    assert fresh_kb.at(world + 1).domain().actions[0].condition == (condition,)
+    assert len(fresh_kb.at(made).domain().actions) == len(actions)
 
 
 def test_a_conjunction_of_goals_is_each_of_them(fresh_kb: KnowledgeBase) -> None:

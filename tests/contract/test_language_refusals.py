@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from decimal import Decimal
 from typing import Any
 
@@ -200,24 +201,33 @@ NO_GOALS: dict[str, tuple[Any, type[Exception], str]] = {
 }
 
 
-@pytest.mark.parametrize(("wrong", "error", "message"), NO_GOALS.values(), ids=NO_GOALS)
-def test_what_is_no_goal_is_refused(
-    fresh_kb: KnowledgeBase, wrong: Any, error: type[Exception], message: str
-) -> None:
+def refused(
+    kb: KnowledgeBase, name: str, call: Callable[..., object], given: object
+) -> InvalidKnowledgeError:
+    """Check that a call is refused and changes nothing; give the error."""
+    revision = kb.revision
+    with pytest.raises(InvalidKnowledgeError) as caught:
+        call(given)
+    assert kb.revision == revision, name
+    assert "\n" not in str(caught.value), name
+    return caught.value
+
+
+def test_what_is_no_goal_is_refused(fresh_kb: KnowledgeBase) -> None:
     load(fresh_kb)
-    calls = [
-        lambda: fresh_kb.goals.save(wrong),
-        lambda: fresh_kb.goals.save_all([IDLE, And((IDLE, wrong))]),
-        lambda: fresh_kb.actions.save(PddlActionDto("act", [], [wrong], [], durative=False)),
-    ]
-    for call in calls:
-        with nothing_changes(fresh_kb), pytest.raises(InvalidKnowledgeError) as caught:
-            call()
-        assert type(caught.value) is error
-        assert message in str(caught.value)
-        assert "\n" not in str(caught.value)
     with nothing_changes(fresh_kb):
-        assert fresh_kb.goals.delete(wrong) is False
+        for name, (wrong, error, message) in NO_GOALS.items():
+            action = PddlActionDto("act", [], [wrong], [], durative=False)
+            calls: list[tuple[Any, list[Any]]] = [
+                (fresh_kb.goals, [wrong]),
+                (fresh_kb.goals, [IDLE, And((IDLE, wrong))]),
+                (fresh_kb.actions, [action]),
+            ]
+            for dao, given in calls:
+                caught = refused(fresh_kb, name, dao.save_all, given)
+                assert type(caught) is error, name
+                assert message in str(caught), name
+            assert fresh_kb.goals.delete(wrong) is False, name
     counted = "SELECT count(*) FROM formula WHERE kb_id = :kb"
     assert rows(fresh_kb, counted) == [(0,)]
     assert rows(fresh_kb, counted.replace("formula", "action")) == [(0,)]
@@ -251,17 +261,15 @@ NO_EFFECTS: dict[str, tuple[bool, Any, str]] = {
 }
 
 
-@pytest.mark.parametrize(("durative", "wrong", "message"), NO_EFFECTS.values(), ids=NO_EFFECTS)
-def test_what_is_no_effect_is_refused(
-    fresh_kb: KnowledgeBase, durative: bool, wrong: Any, message: str
-) -> None:
+def test_what_is_no_effect_is_refused(fresh_kb: KnowledgeBase) -> None:
     load(fresh_kb)
-    right = Timed("at start", IDLE) if durative else IDLE
-    action = PddlActionDto("act", [], [], [right, wrong], durative)
-    with nothing_changes(fresh_kb), pytest.raises(InvalidKnowledgeError) as caught:
-        fresh_kb.actions.save(action)
-    assert message in str(caught.value)
-    assert "the effect of action 'act': " in str(caught.value)
+    with nothing_changes(fresh_kb):
+        for name, (durative, wrong, message) in NO_EFFECTS.items():
+            right = Timed("at start", IDLE) if durative else IDLE
+            action = PddlActionDto("act", [], [], [right, wrong], durative)
+            caught = refused(fresh_kb, name, fresh_kb.actions.save, action)
+            assert message in str(caught), name
+            assert "the effect of action 'act': " in str(caught), name
     assert fresh_kb.domain().actions == ()
 
 
@@ -284,14 +292,12 @@ DURATIVE: dict[str, tuple[dict[str, Any], str]] = {
 }
 
 
-@pytest.mark.parametrize(("parts", "message"), DURATIVE.values(), ids=DURATIVE)
-def test_what_is_no_part_of_a_durative_action_is_refused(
-    fresh_kb: KnowledgeBase, parts: dict[str, Any], message: str
-) -> None:
+def test_what_is_no_part_of_a_durative_action_is_refused(fresh_kb: KnowledgeBase) -> None:
     load(fresh_kb)
-    with nothing_changes(fresh_kb), pytest.raises(InvalidKnowledgeError) as caught:
-        fresh_kb.actions.save(PddlActionDto("act", **parts))
-    assert message in str(caught.value)
+    with nothing_changes(fresh_kb):
+        for name, (parts, message) in DURATIVE.items():
+            action = PddlActionDto("act", **parts)
+            assert message in str(refused(fresh_kb, name, fresh_kb.actions.save, action)), name
 
 
 MISPLACED: dict[str, tuple[str, Any, str]] = {
@@ -345,33 +351,29 @@ MISPLACED: dict[str, tuple[str, Any, str]] = {
 }
 
 
-@pytest.mark.parametrize(("dao", "wrong", "message"), MISPLACED.values(), ids=MISPLACED)
-def test_a_formula_of_another_sort_is_refused(
-    fresh_kb: KnowledgeBase, dao: str, wrong: Any, message: str
-) -> None:
+def test_a_formula_of_another_sort_is_refused(fresh_kb: KnowledgeBase) -> None:
     load(fresh_kb)
-    with nothing_changes(fresh_kb), pytest.raises(InvalidKnowledgeError) as caught:
-        getattr(fresh_kb, dao).save(wrong)
-    assert message in str(caught.value)
-    assert getattr(fresh_kb, dao).get_all() == []
+    with nothing_changes(fresh_kb):
+        for name, (dao, wrong, message) in MISPLACED.items():
+            caught = refused(fresh_kb, name, getattr(fresh_kb, dao).save, wrong)
+            assert message in str(caught), name
+            assert getattr(fresh_kb, dao).get_all() == [], name
 
 
-@pytest.mark.parametrize(
-    ("wrong", "message"),
-    [
-        (IDLE, "the metric is a node Metric of kant_sql.pddl, or None, not Atom"),
-        (Metric("optimise", ZERO), "'optimise' is neither minimize nor maximize"),
-        (Metric("minimize", Fluent("speed")), "function 'speed'"),
-        (Metric("minimize", DURATION), "?duration is no number here"),
-        (Metric("minimize", IsViolated("a b")), "'a b' cannot name a preference"),
-    ],
-    ids=str,
-)
-def test_what_is_no_metric_is_refused(fresh_kb: KnowledgeBase, wrong: Any, message: str) -> None:
+NO_METRICS: list[tuple[Any, str]] = [
+    (IDLE, "the metric is a node Metric of kant_sql.pddl, or None, not Atom"),
+    (Metric("optimise", ZERO), "'optimise' is neither minimize nor maximize"),
+    (Metric("minimize", Fluent("speed")), "function 'speed'"),
+    (Metric("minimize", DURATION), "?duration is no number here"),
+    (Metric("minimize", IsViolated("a b")), "'a b' cannot name a preference"),
+]
+
+
+def test_what_is_no_metric_is_refused(fresh_kb: KnowledgeBase) -> None:
     load(fresh_kb)
-    with nothing_changes(fresh_kb), pytest.raises(InvalidKnowledgeError) as caught:
-        fresh_kb.metric.set(wrong)
-    assert message in str(caught.value)
+    with nothing_changes(fresh_kb):
+        for wrong, message in NO_METRICS:
+            assert message in str(refused(fresh_kb, message, fresh_kb.metric.set, wrong))
     assert fresh_kb.metric.get() is None
 
 

@@ -65,9 +65,9 @@ def test_nesting_is_bounded_by_the_reader_and_not_by_the_interpreter() -> None:
     finally:
         sys.setrecursionlimit(limit)
     assert text.count("(not ") == MAX_DEPTH - 1
-    with pytest.raises(InvalidKnowledgeError, match=r"in :goal: nested more than 250 deep"):
+    with pytest.raises(InvalidKnowledgeError, match=r"in :goal: nested more than 150 deep"):
         write(Problem("p", "d", goal=(nested(MAX_DEPTH),)))
-    with pytest.raises(InvalidKnowledgeError, match=r"nested more than 250 deep"):
+    with pytest.raises(InvalidKnowledgeError, match=r"nested more than 150 deep"):
         write(Problem("p", "d", goal=(nested(100_000),)))
 
 
