@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 from typing import Any, TypeVar
 
 from ..dao.formula import read_formula, read_formulas
@@ -16,6 +17,7 @@ from ..knowledge.formula import DERIVED_PREDICATE, DOMAIN_CONSTRAINT
 from ..knowledge.predicate import ParameterDefinition
 from ..knowledge.tree_reader import TreeReader, typed_name
 from ..knowledge.type import TypeDefinition
+from ..pddl import used_requirements
 from ..pddl.document import Action, Domain, Function, Predicate
 from .constants import constant_ids
 from .ordering import domain_title, find_document, ordered
@@ -134,4 +136,8 @@ def build_domain(definitions: Definitions, default_name: str) -> Domain:
     Returns:
         The domain.
     """
-    return DomainBuilder(definitions).build(default_name)
+    domain = DomainBuilder(definitions).build(default_name)
+    if find_document(definitions, DOMAIN) is not None:
+        return domain
+    # Nobody has written any, and a reader has to know.
+    return replace(domain, requirements=used_requirements(domain))

@@ -178,9 +178,10 @@ def test_past_documents_stay(fresh_kb: KnowledgeBase) -> None:
 
 
 def test_a_knowledge_base_without_documents_has_some(fresh_kb: KnowledgeBase) -> None:
-    assert fresh_kb.domain_pddl() == "(define (domain default)\n)\n"
+    assert fresh_kb.domain_pddl() == "(define (domain default)\n  (:requirements :strips)\n)\n"
     check_text(fresh_kb)
     fresh_kb.propositions.save(fact())
+    assert fresh_kb.domain().requirements == (":strips", ":typing")
     assert fresh_kb.problem().facts == (at(),)
     check_text(fresh_kb)
     # Whatever the domain is called in a problem, it is this one.
