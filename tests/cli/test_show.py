@@ -18,6 +18,11 @@ from tests.cli.running import child, one_line, run
 from tests.worlds import WP1, navigation, robot_at
 
 STATE = """\
+requirements (3)
+:strips
+:typing
+:durative-actions
+
 types (3)
 type   parent
 robot  object
@@ -44,7 +49,7 @@ actions (1)
 """
 # What the state says of the elements that it has none of.
 OTHER_LISTS = (
-    *("requirements", "functions", "derived_predicates", "function_values", "initial_literals"),
+    *("functions", "derived_predicates", "function_values", "initial_literals"),
     *("timed_initial_literals", "constraints", "domain_constraints", "processes", "events"),
 )
 
@@ -80,6 +85,7 @@ def test_json_says_all_of_the_state(store: str) -> None:
     literal = {"predicate": "robot_at", "is_negative": False}
     assert state == {
         "knowledge_base": "tiago",
+        "requirements": [":strips", ":typing", ":durative-actions"],
         "revision": 3,
         "committed_at": committed_at,
         "types": [

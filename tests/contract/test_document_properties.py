@@ -6,14 +6,13 @@ KANT_SQL_TEST_EXAMPLES=1000 hunts for longer, each time from another seed.
 from __future__ import annotations
 
 import itertools
-import os
 from collections.abc import Callable, Iterator
 from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import HealthCheck, Phase, given, settings
+from hypothesis import given
 
 import kant_sql
 from kant_sql import KnowledgeBase
@@ -23,24 +22,11 @@ from kant_sql.pddl.document import Domain, Problem
 from tests.chain import check_chain
 from tests.conftest import Server
 from tests.documents import domains_and_problems
+from tests.hunting import HUNT, hunting
 from tests.reading import beside
 
-HUNT = int(os.environ.get("KANT_SQL_TEST_EXAMPLES", "0"))
-# Shrinking a document takes minutes: that is for those who hunt.
-PHASES = tuple(Phase) if HUNT else (Phase.explicit, Phase.generate)
 Documents = tuple[Domain, Problem]
 _numbers = itertools.count(1)
-
-
-def hunting(examples: int) -> settings:
-    return settings(
-        max_examples=HUNT or examples,
-        derandomize=not HUNT,
-        database=None,
-        deadline=None,
-        phases=PHASES,
-        suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large],
-    )
 
 
 @pytest.fixture(scope="module")

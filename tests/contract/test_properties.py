@@ -6,7 +6,6 @@ KANT_SQL_TEST_EXAMPLES=5000 hunts for longer, each time from another seed.
 from __future__ import annotations
 
 import itertools
-import os
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -29,11 +28,11 @@ from kant_sql.sql_factory import SqlDaoFactory
 from kant_sql.store import Store
 from tests.chain import check_chain
 from tests.conftest import Server
+from tests.hunting import HUNT
 from tests.model import Model
 from tests.programs import Block, Call, Items, Program, Step, programs, run, state_of
 from tests.worlds import RB1, ROBOT, ROBOT_AT, WAYPOINT, WP1, WP2, navigation, robot_at
 
-HUNT = int(os.environ.get("KANT_SQL_TEST_EXAMPLES", "0"))
 _numbers = itertools.count(1)
 
 
@@ -176,7 +175,7 @@ def test_a_program_that_once_failed(stores: Stores, steps: list[Step], is_tight:
 @pytest.mark.timeout(0 if HUNT else 900)
 def test_any_program_has_the_results_of_the_model(stores: Stores) -> None:
     @settings(
-        max_examples=HUNT or 250,
+        max_examples=HUNT or 120,
         derandomize=not HUNT,
         database=None,
         deadline=None,

@@ -15,8 +15,8 @@ from tests.chain import check_chain
 from tests.conftest import Connect, Server
 from tests.crashing import Acknowledged, all_told, check_all, killed_later, write_for_ever
 
-KILLS = 15
-CREATIONS = 8
+KILLS = 8
+CREATIONS = 4
 
 
 @pytest.mark.slow

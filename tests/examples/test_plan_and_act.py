@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+from pathlib import Path
 
 import pytest
 
@@ -29,14 +30,15 @@ What happened:
 """
 
 
-def test_it_delivers_the_letter_in_spite_of_the_surprise(shared_url: str) -> None:
-    done = run("plan_and_act.py", shared_url)
+def test_it_delivers_the_letter_in_spite_of_the_surprise(tmp_path: Path) -> None:
+    url = f"sqlite:///{tmp_path / 'delivery.db'}"
+    done = run("plan_and_act.py", url)
     assert (done.returncode, done.stderr) == (0, "")
     assert "Plan of revision 1, by " in done.stdout
     assert "Plan of revision 3, by " in done.stdout
     assert "The goals are reached." in done.stdout
     assert done.stdout.endswith(STORY)
-    with kant_sql.connect(shared_url, knowledge_base="delivery") as kb:
+    with kant_sql.connect(url, knowledge_base="delivery") as kb:
         before = {str(fact) for fact in kb.at(1).propositions.get_no_goals()}
         assert "(parcel_at letter hall)" in before
         now = {str(fact) for fact in kb.propositions.get_no_goals()}

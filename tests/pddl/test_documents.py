@@ -53,7 +53,7 @@ def test_every_construct_is_drawn() -> None:
     drawn: set[str] = set()
 
     @settings(
-        max_examples=300,
+        max_examples=200,
         derandomize=True,
         database=None,
         deadline=None,

@@ -105,7 +105,7 @@ def test_several_supertypes_and_objects_of_several_types_are_refused() -> None:
 
 
 def test_formulas_nested_as_deeply_as_can_be_read() -> None:
-    depth = 240
+    depth = 140
     goal = "(not (and (move) " * (depth // 2) + "(clean t1)" + "))" * (depth // 2)
     assert len(convert(goal=goal).goals) == 1
 
