@@ -247,6 +247,8 @@ class PendingPropositions:
         self.pending.clear()
 
     def _write_identities(self) -> None:
+        if not self._new:
+            return
         transaction = self._transaction
         kb, atoms = transaction.kb_id, self._new.values()
         transaction.session.insert(
