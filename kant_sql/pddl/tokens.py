@@ -246,9 +246,16 @@ def load(source: Source) -> Text:
     Raises:
         PddlError: the text has NUL characters, or is not UTF-8 outside of comments.
         OSError: the file cannot be read.
+        TypeError: it is no source.
     """
     if isinstance(source, Text):
         return source
+    # A number would be opened as a file descriptor.
+    if not isinstance(source, str | os.PathLike):
+        raise TypeError(
+            f"a source is a path, or a string that contains '(', not {type(source).__name__}: "
+            f"{source!r:.80}"
+        )
     if isinstance(source, str) and (
         "(" in source or "\n" in source or "\0" in source or not source.strip()
     ):

@@ -6,6 +6,7 @@ import os
 import random
 import tracemalloc
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -141,3 +142,9 @@ def test_lexing_takes_memory_in_proportion() -> None:
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert peak < len(code)
+
+
+@pytest.mark.parametrize("source", [5, None, b"(a)", ["(a)"]])
+def test_what_is_no_source_is_refused(source: Any) -> None:
+    with pytest.raises(TypeError, match="a source is a path, or a string that contains"):
+        load(source)
