@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING
 
 from ..errors import KantSqlError, PlannerMissingError
 from ..pddl.document import Domain, Problem
+from .aries import engine_parameters
 from .engines import Form, candidates, form_for, forms, missing_features
 from .plan import Plan, PlanStep
 
@@ -115,7 +116,8 @@ class Search:
             self._missing.setdefault(name, missing)
             return None
         try:
-            with self._environment.factory.OneshotPlanner(name=name) as planner:
+            factory, parameters = self._environment.factory, engine_parameters(name)
+            with factory.OneshotPlanner(name=name, params=parameters) as planner:
                 result = planner.solve(made.problem)
         except Exception as error:  # an engine may fail in any way; the next one is asked
             self._failures[name] = f"internal_error ({type(error).__name__}: {error})"

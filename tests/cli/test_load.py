@@ -338,6 +338,8 @@ def test_a_terminal_shows_what_is_going_on_and_a_pipe_does_not(url: str) -> None
 
 def test_nothing_is_shown_without_standard_error(url: str) -> None:
     done = child(
-        "-c", f"'{sys.executable}' -m kant_sql.cli.main load {url} {DOMAIN} 2>&-", command=["sh"]
+        "-c",
+        f"'{sys.executable}' -m kant_sql.cli.main load '{url}' '{DOMAIN}' 2>&-",
+        command=["sh"],
     )
     assert done.returncode == 0

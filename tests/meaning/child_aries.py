@@ -13,6 +13,8 @@ from unified_planning.io import PDDLReader
 from unified_planning.plans import TimeTriggeredPlan
 from unified_planning.shortcuts import OneshotPlanner
 
+from kant_sql.planning.aries import engine_parameters
+
 
 def main(domain: str, problem: str, seconds: str) -> None:
     """Print the plan, a line for each action."""
@@ -22,7 +24,7 @@ def main(domain: str, problem: str, seconds: str) -> None:
     integer = environment.type_manager.IntType
     environment.type_manager.RealType = lambda *_, **__: integer()
     task = PDDLReader().parse_problem(domain, problem)
-    with OneshotPlanner(name="aries") as planner:
+    with OneshotPlanner(name="aries", params=engine_parameters("aries")) as planner:
         planner.skip_checks = True
         result = planner.solve(task, timeout=float(seconds))
     if not isinstance(result.plan, TimeTriggeredPlan):
