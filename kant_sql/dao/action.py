@@ -24,6 +24,7 @@ from ..errors import ArityError, ConflictError, InvalidKnowledgeError, TypeMisma
 from ..knowledge.action import ActionDefinition
 from ..knowledge.predicate import ParameterDefinition
 from ..knowledge.tree_reader import TreeReader, typed_name
+from ..pddl.document import ACTION, DURATIVE_ACTION, EVENT, PROCESS
 from ..pddl.node_text import node_text
 from ..transaction import Transaction
 from .action_trees import Trees, action_trees
@@ -261,18 +262,18 @@ class SqlActionDao(_SqlActionDao[PddlActionDto], PddlActionDao):
     """Actions in an SQL store."""
 
     dto_class = PddlActionDto
-    keywords = ("action", "durative-action")
+    keywords = (ACTION, DURATIVE_ACTION)
 
 
 class SqlProcessDao(_SqlActionDao[PddlProcessDto], PddlProcessDao):
     """Processes in an SQL store."""
 
     dto_class = PddlProcessDto
-    keywords = ("process",)
+    keywords = (PROCESS,)
 
 
 class SqlEventDao(_SqlActionDao[PddlEventDto], PddlEventDao):
     """Events in an SQL store."""
 
     dto_class = PddlEventDto
-    keywords = ("event",)
+    keywords = (EVENT,)

@@ -9,11 +9,11 @@ from ..errors import InvalidKnowledgeError
 from ..knowledge.predicate import ParameterDefinition
 from ..knowledge.tree import Tree
 from ..pddl.conjuncts import flatten
+from ..pddl.document import DURATIVE_ACTION
 from ..transaction import Transaction
 from .term_writer import Place
 from .tree_writer import TreeWriter
 
-DURATIVE_ACTION = "durative-action"
 Trees = tuple[Tree, Tree, Tree]
 
 

@@ -25,6 +25,7 @@ from ..knowledge.action import ActionDefinition
 from ..knowledge.definitions import Definitions
 from ..knowledge.predicate import ParameterDefinition
 from ..knowledge.tree_reader import TreeReader
+from ..pddl.document import ACTION, EVENT, PROCESS
 
 
 class DtoBuilder:
@@ -159,11 +160,11 @@ class DtoBuilder:
         )
         own = (definition.name, parameters)
         parts = self._parts(conditions, parameters), self._parts(effects, parameters)
-        if definition.kind == "process":
+        if definition.kind == PROCESS:
             return PddlProcessDto(*own, *parts)
-        if definition.kind == "event":
+        if definition.kind == EVENT:
             return PddlEventDto(*own, *parts)
-        if definition.kind == "action":
+        if definition.kind == ACTION:
             return PddlActionDto(*own, *parts, durative=False)
         return PddlActionDto(*own, *parts, duration=_duration(duration))
 

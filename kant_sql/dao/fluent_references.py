@@ -161,11 +161,8 @@ def existing_key(
         The key; None when a name in it is not known, so that it has no value.
     """
     declared = definitions.functions.named(_name(function))
-    found = [definitions.objects.named(_name(object_)) for object_ in objects]
-    if declared is None or None in found:
-        return None
-    ids = " ".join([str(object_.id) for object_ in found if object_ is not None])
-    return FluentKey(declared.id, ids)
+    ids = definitions.arguments(map(_name, objects))
+    return None if declared is None or ids is None else FluentKey(declared.id, ids)
 
 
 def check_fluent(function: FunctionReference, objects: Sequence[ObjectReference]) -> None:

@@ -6,11 +6,11 @@ from collections.abc import Iterable
 from typing import Any
 
 from ..atoms import AtomKey
-from ..dto.atom_dto import atom_text
 from ..dto.formula import Atom, Constant, Formula, Node
-from ..errors import InvalidKnowledgeError
 from ..knowledge.formula import GOAL
+from ..knowledge.tree_reader import TreeReader
 from ..pddl.conjuncts import flatten
+from ..pddl.node_text import node_text
 from ..transaction import Transaction
 from ..view import View
 from .base import SqlDao, batches, expect
@@ -88,33 +88,22 @@ class SqlGoalDao(SqlDao, GoalDao):
     def _put(self, transaction: Transaction, goal: Formula) -> bool:
         if not (isinstance(goal, Atom) and is_ground(goal)):
             return put_formula(transaction, GOAL, goal)
-        TreeWriter(transaction, "a goal").tree(goal, Place.CONDITION)
-        key, text = self._key(transaction, goal)
-        propositions = transaction.propositions
-        found = propositions.find([key]).get(key)
-        if found is not None:
-            return propositions.set(found, True)
-        propositions.add(key, text)
-        return True
+        tree = TreeWriter(transaction, "a goal").tree(goal, Place.CONDITION)
+        text = node_text(TreeReader(transaction.definitions, tree).formula())
+        key = self._key(transaction, goal)
+        assert key is not None
+        return transaction.propositions.hold_all({key: text}) > 0
 
     def _remove(self, transaction: Transaction, goal: Formula) -> bool:
-        if isinstance(goal, Atom) and is_ground(goal):
-            try:
-                key, _ = self._key(transaction, goal)
-            except InvalidKnowledgeError:
-                return False
-            found = transaction.propositions.find([key]).get(key)
-            return found is not None and transaction.propositions.set(found, False)
-        return remove_formula(transaction, GOAL, goal)
+        if not (isinstance(goal, Atom) and is_ground(goal)):
+            return remove_formula(transaction, GOAL, goal)
+        key = self._key(transaction, goal)
+        found = None if key is None else transaction.propositions.find([key]).get(key)
+        return found is not None and transaction.propositions.set(found, False)
 
     @staticmethod
-    def _key(transaction: Transaction, goal: Atom) -> tuple[AtomKey, str]:
-        definitions = transaction.definitions
-        predicate = definitions.predicates.named(goal.predicate)
-        objects = [definitions.objects.named(str(term)) for term in goal.terms]
-        if predicate is None or None in objects:
-            raise InvalidKnowledgeError(f"the goal {goal} names what is not known; save that first")
-        known = [object_ for object_ in objects if object_ is not None]
-        ids = " ".join(str(object_.id) for object_ in known)
-        text = atom_text(predicate.name, [object_.name for object_ in known])
-        return AtomKey(True, predicate.id, ids), text
+    def _key(transaction: Transaction, goal: Atom) -> AtomKey | None:
+        """Find what makes a ground goal the one that it is; None when a name is not known."""
+        predicate = transaction.definitions.predicates.named(goal.predicate)
+        ids = transaction.definitions.arguments(map(str, goal.terms))
+        return None if predicate is None or ids is None else AtomKey(True, predicate.id, ids)

@@ -88,10 +88,9 @@ def existing_key(transaction: Transaction, dto: PddlPropositionDto) -> AtomKey |
     """
     expect(dto.predicate, PddlPredicateDto, "the predicate of a proposition")
     predicate = transaction.definitions.predicates.named(dto.predicate.name)
-    objects = [transaction.definitions.objects.named(object_.name) for object_ in dto.objects]
-    if predicate is None or None in objects:
+    ids = transaction.definitions.arguments(object_.name for object_ in dto.objects)
+    if predicate is None or ids is None:
         return None
-    ids = " ".join([str(object_.id) for object_ in objects if object_ is not None])
     return AtomKey(bool(dto.is_goal), predicate.id, ids)
 
 

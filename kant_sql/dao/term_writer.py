@@ -31,6 +31,7 @@ from ..knowledge import tree as kinds
 from ..knowledge.function import FunctionDefinition
 from ..knowledge.predicate import ParameterDefinition, PredicateDefinition
 from ..knowledge.tree import Node, Term
+from ..pddl.document import DURATIVE_ACTION, PROCESS
 from ..pddl.tokens import MAX_DEPTH
 from ..transaction import Transaction
 from .type import ensure_type
@@ -129,8 +130,8 @@ class TermWriter:
         self._definitions = transaction.definitions
         self._role = role
         self._parameters = parameters
-        self._has_duration = kind == "durative-action"
-        self._has_time = kind in ("durative-action", "process")
+        self._has_duration = kind == DURATIVE_ACTION
+        self._has_time = kind in (DURATIVE_ACTION, PROCESS)
         self._nodes: list[Node] = []
 
     def _open(self, parent: int | None, operator: str, **fields: Any) -> int:

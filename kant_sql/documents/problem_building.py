@@ -7,9 +7,10 @@ from decimal import Decimal
 from operator import itemgetter
 from typing import Any, NamedTuple
 
-from sqlalchemy import Select, case, select
+from sqlalchemy import case, select
 
 from ..backends import Query, in_rows
+from ..dao.fluent_reading import ALL
 from ..dao.formula import read_formula, read_formulas
 from ..dto.formula import Atom, Constant, Equal, Fluent, Formula, Not, Number, TypedName
 from ..dto.name import fold
@@ -23,7 +24,6 @@ from ..knowledge.tree_reader import typed_name
 from ..pddl.document import FunctionValue, Problem
 from ..pddl.writer import write_problem
 from ..tables import (
-    FunctionValueRow,
     FunctionValueVersionRow,
     PropositionRow,
     PropositionVersionRow,
@@ -40,18 +40,18 @@ class Initial(NamedTuple):
     Attributes:
         facts: id, predicate, arguments and text of each fact; for text alone, id and text matter.
         goals: the same of each goal that is a ground atom.
-        values: id, number, object and text of the value of each fluent.
-        fluents: id, function and arguments of each fluent; not read for text alone.
+        values: id, function, arguments, number and object of the value of each fluent; for text
+            alone, id and text.
     """
 
     facts: list[Any]
     goals: list[Any]
     values: list[Any]
-    fluents: list[Any]
 
 
-def _held(version: Any, at: int | None) -> Any:
-    return version.until.is_(None) if at is None else held_at(version)
+def _held(version: Any) -> tuple[tuple[bool, Any], ...]:
+    """Give the condition of the present, and that of the past."""
+    return (False, version.until.is_(None)), (True, held_at(version))
 
 
 def _propositions(held: Any, for_text: bool) -> Query:
@@ -73,42 +73,24 @@ def _propositions(held: Any, for_text: bool) -> Query:
     )
 
 
-def _values(held: Any) -> Query:
+def _value_texts(held: Any) -> Query:
     version = FunctionValueVersionRow
-    columns = version.function_value_id, version.value, version.object_id, version.text
+    columns = version.function_value_id, version.text
     return Query(select(*columns).where(version.kb_id == KB, held))
 
 
-def _fluents(held: Any) -> Query:
-    versions: Select[Any] = select(FunctionValueVersionRow.function_value_id).where(
-        FunctionValueVersionRow.kb_id == KB, held
-    )
-    return Query(
-        select(FunctionValueRow.id, FunctionValueRow.function_id, FunctionValueRow.arguments).where(
-            FunctionValueRow.kb_id == KB, in_rows(FunctionValueRow.id, versions)
-        )
-    )
-
-
 _ID = itemgetter(0)
-
-
-def _queries(at: int | None, for_text: bool) -> tuple[Query, ...]:
-    facts, values = _held(PropositionVersionRow, at), _held(FunctionValueVersionRow, at)
-    queries = _propositions(facts, for_text), _values(values), _fluents(values)
-    return queries[:2] if for_text else queries
-
-
 # By whether it is about the past, and whether for text alone.
-_QUERIES = {
-    (at is not None, for_text): _queries(at, for_text)
-    for at in (None, 0)
+_PROPOSITIONS = {
+    (is_past, for_text): _propositions(held, for_text)
+    for is_past, held in _held(PropositionVersionRow)
     for for_text in (False, True)
 }
+_VALUE_TEXTS = {is_past: _value_texts(held) for is_past, held in _held(FunctionValueVersionRow)}
 
 
 def read_initial(view: View, for_text: bool) -> Initial:
-    """Read what held at one moment, in two or three statements.
+    """Read what held at one moment, in two statements.
 
     Args:
         view: the moment.
@@ -118,15 +100,17 @@ def read_initial(view: View, for_text: bool) -> Initial:
         What held, in the order in which each was first known.
     """
     if view.kb_id is None:
-        return Initial([], [], [], [])
-    parameters = {"kb": view.kb_id} if view.at is None else {"kb": view.kb_id, "at": view.at}
-    propositions, values, *fluents = (
-        sorted(view.session.rows(query, **parameters), key=_ID)
-        for query in _QUERIES[view.at is not None, for_text]
-    )
+        return Initial([], [], [])
+    is_past = view.at is not None
+    parameters = {"kb": view.kb_id, "at": view.at} if is_past else {"kb": view.kb_id}
+
+    def rows(query: Query) -> list[Any]:
+        return sorted(view.session.rows(query, **parameters), key=_ID)
+
+    propositions = rows(_PROPOSITIONS[is_past, for_text])
     facts = [row for row in propositions if not row[4]]
     goals = [row for row in propositions if row[4]]
-    return Initial(facts, goals, values, fluents[0] if fluents else [])
+    return Initial(facts, goals, rows(_VALUE_TEXTS[is_past]) if for_text else ALL.rows(view))
 
 
 class ProblemBuilder:
@@ -204,10 +188,8 @@ class ProblemBuilder:
         return tuple(self._atom(row) for row in self._initial.facts)
 
     def _values(self) -> tuple[FunctionValue, ...]:
-        values = {id_: (number, object_id) for id_, number, object_id, _ in self._initial.values}
         functions, made = self._definitions.functions, []
-        for id_, function_id, arguments in self._initial.fluents:
-            number, object_id = values[id_]
+        for _, function_id, arguments, number, object_id in self._initial.values:
             value: Number | Constant = (
                 Number(Decimal(number)) if object_id is None else self._constant(object_id)
             )
@@ -270,4 +252,4 @@ def problem_text(view: View, default_name: str, domain: str) -> str:
     initial = read_initial(view, for_text=True)
     problem = ProblemBuilder(view.definitions, initial).build(default_name, domain, False)
     facts: Sequence[str] = [row[3] for row in initial.facts]
-    return write_problem(problem, facts, [row[3] for row in initial.values])
+    return write_problem(problem, facts, [text for _, text in initial.values])

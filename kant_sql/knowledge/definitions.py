@@ -75,6 +75,23 @@ class Definitions:
         elements: Elements[Any] = self._by_kind[kind]
         return elements
 
+    def arguments(self, names: Iterable[str]) -> str | None:
+        """Give what interns the arguments of a proposition or a fluent.
+
+        Args:
+            names: the names of the objects, in order.
+
+        Returns:
+            Their ids, separated by spaces; None when one is not known.
+        """
+        ids = []
+        for name in names:
+            object_ = self.objects.named(name)
+            if object_ is None:
+                return None
+            ids.append(str(object_.id))
+        return " ".join(ids)
+
     def ancestry(self, type_id: int) -> Iterator[TypeDefinition]:
         """Give a type and all types above it.
 
