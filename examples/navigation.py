@@ -63,7 +63,7 @@ def walk_through(factory: DaoFactory) -> None:
     print("Facts now:", *propositions.get_no_goals(), sep="\n  ")
     print(f"Facts at revision {before}:", *past.get_no_goals(), sep="\n  ")
     print("All that happened:")
-    for entry in factory.log():
+    for entry in factory.create_history().log():
         print(f"  {entry.revision.number} {entry.revision.actor}: {entry.revision.reason or '-'}")
         for change in entry.changes:
             print(f"    {change.sign} {change.kind} {change.text.splitlines()[0]}")

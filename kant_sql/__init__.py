@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from .backends import Roles
 from .documents import Loaded
 from .dto import (
     Dto,
@@ -18,6 +19,8 @@ from .dto import (
     PddlTypeDto,
 )
 from .errors import (
+    AnchorError,
+    ArchivedError,
     ArityError,
     AuthenticationError,
     ConflictError,
@@ -27,12 +30,14 @@ from .errors import (
     InvalidKnowledgeError,
     InvalidMetadataError,
     InvalidNameError,
+    InvalidTimeoutError,
     InvalidUrlError,
     KantSqlError,
     NoPlanError,
     NotADatabaseError,
     OutcomeUnknownError,
     PddlError,
+    PlanError,
     PlannerMissingError,
     ReadOnlyError,
     ReadOnlyStoreError,
@@ -51,15 +56,33 @@ from .errors import (
     UnsupportedConstructError,
 )
 from .factory import DaoFactory, create_dao_factory
-from .history import LogEntry, Revision
+from .history import (
+    Anchor,
+    AnchoredHead,
+    Archived,
+    Finding,
+    LogEntry,
+    Revision,
+    Verification,
+    Version,
+    parse_anchor,
+)
 from .knowledge.changes import Change
 from .knowledge_base import KnowledgeBase, connect
 from .planning import Plan, PlanStep
+from .plans import RecordedPlan, RecordedStep
+from .predicate_views import PredicateView, drop_views, update_views
+from .roles import create_roles
 from .schema import downgrade, upgrade
 
 __version__ = "0.1.0"
 
 __all__ = [
+    "Anchor",
+    "AnchorError",
+    "AnchoredHead",
+    "Archived",
+    "ArchivedError",
     "ArityError",
     "AuthenticationError",
     "Change",
@@ -68,10 +91,12 @@ __all__ = [
     "DaoFactory",
     "DependantsError",
     "Dto",
+    "Finding",
     "ForkedError",
     "InvalidKnowledgeError",
     "InvalidMetadataError",
     "InvalidNameError",
+    "InvalidTimeoutError",
     "InvalidUrlError",
     "KantSqlError",
     "KnowledgeBase",
@@ -93,11 +118,16 @@ __all__ = [
     "PddlPropositionDto",
     "PddlTypeDto",
     "Plan",
+    "PlanError",
     "PlanStep",
     "PlannerMissingError",
+    "PredicateView",
     "ReadOnlyError",
     "ReadOnlyStoreError",
+    "RecordedPlan",
+    "RecordedStep",
     "Revision",
+    "Roles",
     "SchemaError",
     "SchemaMissingError",
     "SchemaOutdatedError",
@@ -111,8 +141,14 @@ __all__ = [
     "TypeMismatchError",
     "UnknownRevisionError",
     "UnsupportedConstructError",
+    "Verification",
+    "Version",
     "connect",
     "create_dao_factory",
+    "create_roles",
     "downgrade",
+    "drop_views",
+    "parse_anchor",
+    "update_views",
     "upgrade",
 ]

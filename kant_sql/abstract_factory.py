@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
 from contextlib import AbstractContextManager
 from datetime import datetime
 
@@ -26,7 +25,8 @@ from .dao.interfaces import (
     PddlTypeDao,
 )
 from .documents import Exchange
-from .history import LogEntry, Revision
+from .history import History
+from .plans import PlanDao, RecordedStep
 
 
 class DaoFactory(ABC):
@@ -173,20 +173,38 @@ class DaoFactory(ABC):
         """
 
     @abstractmethod
+    def create_history(self) -> History:
+        """Create what knows the past.
+
+        Returns:
+            It.
+        """
+
+    @abstractmethod
+    def create_plan_dao(self) -> PlanDao:
+        """Create the DAO of recorded plans.
+
+        Returns:
+            The DAO.
+        """
+
+    @abstractmethod
     def transaction(
         self,
         actor: str | None = None,
         reason: str | None = None,
         source: object | None = None,
         expected_revision: int | None = None,
+        observed_at: datetime | None = None,
+        plan_step: RecordedStep | None = None,
     ) -> AbstractContextManager[None]:
         """Make many calls one revision.
 
         Within the `with` block, this thread's calls on the knowledge base are one transaction:
         other writers wait, readers see nothing of it, and when the block ends well it becomes one
         revision. When the block raises, nothing of it has happened. A block within another joins
-        it: the outer block's actor, reason and source stand, and if only the inner one raises,
-        only what it did is undone.
+        it: what the outer block says of itself stands, its actor, reason and source and the step
+        that is running, and if only the inner one raises, only what it did is undone.
 
         Args:
             actor: who writes; the factory's actor when not given.
@@ -194,6 +212,9 @@ class DaoFactory(ABC):
             source: what the caller knows, as JSON values: the sensor, the plan's step.
             expected_revision: the revision that the caller has read; a block within another is
                 held to the revision that the outer one began from.
+            observed_at: when what is written was sensed, an aware time: it is kept beside the time
+                of the commit, so that late data is visible as late.
+            plan_step: the step of a recorded plan that is running, which the revision links to.
 
         Returns:
             The context manager.
@@ -202,7 +223,9 @@ class DaoFactory(ABC):
             StaleRevisionError: on entry, when the head is another than expected.
             StoreBusyError: on entry, when other writers held the store for too long.
             ConnectionLostError: the connection was lost; nothing of the block was written.
-            InvalidMetadataError: actor, reason or source cannot be kept.
+            InvalidMetadataError: actor, reason or source cannot be kept, or observed_at has no
+                zone.
+            PlanError: the step is not of a plan of this knowledge base.
         """
 
     @abstractmethod
@@ -218,35 +241,13 @@ class DaoFactory(ABC):
         Raises:
             UnknownRevisionError: there is no such revision yet, or the time lies in the future or
                 has no zone.
+            ArchivedError: a part of that state was moved to an archive.
         """
 
     @property
     @abstractmethod
     def revision(self) -> int:
         """The number of the last revision, 0 before the first; in a transaction, the one before."""
-
-    @abstractmethod
-    def revisions(self, after: int = 0, limit: int | None = None) -> list[Revision]:
-        """Read revisions, oldest first.
-
-        Args:
-            after: only those with a larger number.
-            limit: at most so many; None for all.
-
-        Returns:
-            The revisions.
-        """
-
-    @abstractmethod
-    def log(self, limit: int | None = None) -> Iterator[LogEntry]:
-        """Read revisions with what they changed, newest first.
-
-        Args:
-            limit: at most so many; None for all.
-
-        Returns:
-            The entries, read in pages as they are asked for.
-        """
 
     @abstractmethod
     def close(self) -> None:

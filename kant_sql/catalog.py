@@ -16,6 +16,7 @@ _NAMES = Query(
     .where(HeadRow.revision > literal_column("0"))
     .order_by(KnowledgeBaseRow.id)
 )
+_EVERY_NAME = Query(select(KnowledgeBaseRow.name).order_by(KnowledgeBaseRow.id))
 
 
 def knowledge_bases(url: str) -> list[str]:
@@ -35,3 +36,22 @@ def knowledge_bases(url: str) -> list[str]:
     check(url)
     with closing(create_backend(url)) as backend, backend.open_session() as session:
         return [row[0] for row in session.rows(_NAMES)]
+
+
+def every_name(url: str) -> list[str]:
+    """List the knowledge bases of a store by their rows alone, whatever else there is of them.
+
+    Args:
+        url: the database URL.
+
+    Returns:
+        Their names, the oldest first.
+
+    Raises:
+        InvalidUrlError: the URL cannot be read, or is of a dialect without a backend.
+        SchemaError: the tables are missing, outdated or too new; the message names the remedy.
+        StoreError: the database cannot be opened.
+    """
+    check(url)
+    with closing(create_backend(url)) as backend, backend.open_session() as session:
+        return [row[0] for row in session.rows(_EVERY_NAME)]

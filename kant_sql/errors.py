@@ -96,6 +96,18 @@ class UnknownRevisionError(KantSqlError, LookupError):
     """A revision, or a time, that the knowledge base has not reached."""
 
 
+class ArchivedError(UnknownRevisionError):
+    """What held at a revision was moved to an archive; the message names it."""
+
+
+class PlanError(KantSqlError):
+    """A plan, or the state of one of its steps, that does not go with what is stored."""
+
+
+class AnchorError(KantSqlError, ValueError):
+    """A document that should be an anchor, and is none."""
+
+
 class InvalidUrlError(KantSqlError, ValueError):
     """A database URL that cannot be read, or that no DAO family answers to."""
 
@@ -165,6 +177,10 @@ class TableMissingError(StoreError):
 
 class InvalidMetadataError(KantSqlError, ValueError):
     """The actor, reason or source of a revision cannot be kept as given."""
+
+
+class InvalidTimeoutError(KantSqlError, ValueError):
+    """How long to wait was given as something that is no number of seconds from 0 on."""
 
 
 class UnsupportedConstructError(KantSqlError):

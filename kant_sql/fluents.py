@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 from .atoms import InternCache
 from .dto.pddl_function_value_dto import value_text
+from .knowledge.past import HOLDS_NOW
 
 
 class FluentKey(NamedTuple):
@@ -117,6 +118,7 @@ def version_row(kb_id: int, number: int, fluent: Fluent, value: FluentValue) -> 
         float(text) if is_number else None,
         object_id,
         value_text(fluent.text, text),
+        HOLDS_NOW,
     )
 
 

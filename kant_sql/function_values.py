@@ -107,8 +107,7 @@ class PendingFunctionValues:
         Returns:
             Its value; None when it has none.
         """
-        if fluent.id not in self._origin:
-            self.look_at((fluent,))
+        self.look_at((fluent,))
         return self._now(fluent.id)
 
     def _now(self, id_: int) -> FluentValue | None:
@@ -132,9 +131,22 @@ class PendingFunctionValues:
             return False
         origin = self._origin[fluent.id]
         # What is set back is what it was, down to the spelling.
-        kept = origin if value is not None and value.is_same(origin) else value
+        return self.put(fluent, origin if value and value.is_same(origin) else value)
+
+    def put(self, fluent: Fluent, value: FluentValue | None) -> bool:
+        """Let a fluent be something in just this spelling: 10.0 instead of 10.
+
+        Args:
+            fluent: the fluent.
+            value: its new value; None for none.
+
+        Returns:
+            Whether that is a change.
+        """
+        if self.value(fluent) == value:
+            return False
         self._transaction.assign(self._fluents, fluent.id, fluent)
-        self._transaction.assign(self.pending, fluent.id, kept)
+        self._transaction.assign(self.pending, fluent.id, value)
         return True
 
     def _add_all(self, values: Mapping[FluentKey, tuple[str, FluentValue]]) -> None:

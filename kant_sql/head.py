@@ -5,11 +5,15 @@ from __future__ import annotations
 from datetime import datetime
 from typing import Any, NamedTuple
 
-from sqlalchemy import bindparam, select, update
+from sqlalchemy import bindparam, func, select, update
 
 from .backends import Query, Session, StoreClock
+from .errors import StoreBusyError, StoreIntegrityError
 from .knowledge.loading import KB
-from .tables import HeadRow, RevisionRow
+from .knowledge.rows import table_of
+from .tables import HeadRow, KnowledgeBaseRow, RevisionRow
+
+FIRST_ID = 1
 
 _LOCK = Query(
     select(
@@ -18,6 +22,7 @@ _LOCK = Query(
         HeadRow.next_id,
         HeadRow.hash,
         HeadRow.committed_at,
+        HeadRow.archived_revision,
         StoreClock(),
     )
     .where(HeadRow.kb_id == KB)
@@ -26,6 +31,7 @@ _LOCK = Query(
 _HASH = Query(
     select(RevisionRow.hash).where(RevisionRow.kb_id == KB, RevisionRow.number == bindparam("at"))
 )
+_LAST_KB = Query(select(func.max(KnowledgeBaseRow.id)))
 _MOVE = Query(
     update(HeadRow)
     .where(HeadRow.kb_id == bindparam("kb"))
@@ -48,6 +54,7 @@ class Head(NamedTuple):
         next_id: the id that the next element gets.
         hash: the last revision's hash.
         committed_at: the last revision's time.
+        archived_revision: what ended up to this revision was moved to an archive.
         clock: the store's time when the lock was taken.
     """
 
@@ -56,6 +63,7 @@ class Head(NamedTuple):
     next_id: int
     hash: str | None
     committed_at: datetime | None
+    archived_revision: int
     clock: datetime
 
 
@@ -73,6 +81,35 @@ class Committed(NamedTuple):
     moment: Any
 
 
+def create_knowledge_base(session: Session, name: str) -> int:
+    """Create a knowledge base, before its first revision.
+
+    Args:
+        session: the session, in a transaction that writes: it is committed, and another one begun,
+            for who creates another knowledge base at this moment waits for it.
+        name: the knowledge base's name.
+
+    Returns:
+        Its id.
+
+    Raises:
+        StoreBusyError: another process is creating one.
+    """
+    row = session.first(_LAST_KB)
+    kb_id: int = 1 + (row[0] or 0 if row else 0)
+    try:
+        session.insert(table_of(KnowledgeBaseRow), [(kb_id, name)])
+    except StoreIntegrityError as error:
+        raise StoreBusyError(
+            f"{session.backend.label}: another process is creating a knowledge base just now; "
+            "nothing was written, try again"
+        ) from error
+    session.insert(table_of(HeadRow), [(kb_id, 0, 0, FIRST_ID, None, None, 0)])
+    session.commit()
+    session.begin(write=True)
+    return kb_id
+
+
 def lock_head(session: Session, kb_id: int) -> Head | None:
     """Lock a knowledge base against other writers, and read where it stands.
 
@@ -87,7 +124,7 @@ def lock_head(session: Session, kb_id: int) -> Head | None:
     if row is None:
         return None
     committed_at = None if row[4] is None else session.to_time(row[4])
-    return Head(row[0], row[1], row[2], row[3], committed_at, session.now(row[5]))
+    return Head(row[0], row[1], row[2], row[3], committed_at, row[5], session.now(row[6]))
 
 
 def is_stored(session: Session, kb_id: int, made: Committed) -> bool:
@@ -101,8 +138,22 @@ def is_stored(session: Session, kb_id: int, made: Committed) -> bool:
     Returns:
         Whether it is.
     """
-    row = session.first(_HASH, kb=kb_id, at=made.number)
-    return row is not None and row[0] == made.hash
+    return hash_of(session, kb_id, made.number) == made.hash
+
+
+def hash_of(session: Session, kb_id: int, number: int) -> str | None:
+    """Read the hash of a revision.
+
+    Args:
+        session: the session.
+        kb_id: the knowledge base.
+        number: the revision.
+
+    Returns:
+        The hash; None when there is no such revision.
+    """
+    row = session.first(_HASH, kb=kb_id, at=number)
+    return None if row is None else str(row[0])
 
 
 def move_head(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from contextlib import AbstractContextManager
 from datetime import datetime
 from types import TracebackType
@@ -27,10 +26,11 @@ from .dao.interfaces import (
 )
 from .documents import DocumentMethods
 from .factory import DaoFactory, create_dao_factory
-from .history import LogEntry, Revision
+from .history import HistoryMethods
+from .plans import PlanDao, RecordedStep
 
 
-class KnowledgeBase(DocumentMethods):
+class KnowledgeBase(DocumentMethods, HistoryMethods):
     """A robot's knowledge: what it is now, and what it was. Threads may share it.
 
     Use it as a context manager, or call `close`.
@@ -52,6 +52,7 @@ class KnowledgeBase(DocumentMethods):
         constraints: the DAO of the problem's constraints.
         domain_constraints: the DAO of the domain's constraints.
         metric: the DAO of the metric.
+        plans: the DAO of recorded plans.
     """
 
     types: PddlTypeDao
@@ -70,6 +71,7 @@ class KnowledgeBase(DocumentMethods):
     constraints: ConstraintDao
     domain_constraints: ConstraintDao
     metric: MetricDao
+    plans: PlanDao
 
     def __init__(self, factory: DaoFactory) -> None:
         """Make a knowledge base of a factory's DAOs.
@@ -94,7 +96,9 @@ class KnowledgeBase(DocumentMethods):
         self.constraints = factory.create_constraint_dao()
         self.domain_constraints = factory.create_domain_constraint_dao()
         self.metric = factory.create_metric_dao()
-        super().__init__(factory.create_exchange())
+        self.plans = factory.create_plan_dao()
+        DocumentMethods.__init__(self, factory.create_exchange())
+        HistoryMethods.__init__(self, factory.create_history())
 
     def transaction(
         self,
@@ -102,6 +106,8 @@ class KnowledgeBase(DocumentMethods):
         reason: str | None = None,
         source: object | None = None,
         expected_revision: int | None = None,
+        observed_at: datetime | None = None,
+        plan_step: RecordedStep | None = None,
     ) -> AbstractContextManager[None]:
         """Make many calls one revision; `DaoFactory.transaction` says all of it.
 
@@ -110,6 +116,8 @@ class KnowledgeBase(DocumentMethods):
             reason: why.
             source: what the caller knows, as JSON values.
             expected_revision: the revision that the caller has read.
+            observed_at: when what is written was sensed, an aware time.
+            plan_step: the step of a recorded plan that is running.
 
         Returns:
             The context manager.
@@ -118,9 +126,13 @@ class KnowledgeBase(DocumentMethods):
             StaleRevisionError: on entry, when the head is another than expected.
             StoreBusyError: on entry, when other writers held the store for too long.
             ConnectionLostError: the connection was lost; nothing of the block was written.
-            InvalidMetadataError: actor, reason or source cannot be kept.
+            InvalidMetadataError: actor, reason or source cannot be kept, or observed_at has no
+                zone.
+            PlanError: the step is not of a plan of this knowledge base.
         """
-        return self.factory.transaction(actor, reason, source, expected_revision)
+        return self.factory.transaction(
+            actor, reason, source, expected_revision, observed_at, plan_step
+        )
 
     def at(self, when: int | datetime) -> KnowledgeBase:
         """Look at the past through the same DAOs, which raise `ReadOnlyError` on a write.
@@ -134,6 +146,7 @@ class KnowledgeBase(DocumentMethods):
         Raises:
             UnknownRevisionError: there is no such revision yet, or the time lies in the future or
                 has no zone.
+            ArchivedError: a part of that state was moved to an archive.
         """
         return KnowledgeBase(self.factory.at(when))
 
@@ -145,29 +158,6 @@ class KnowledgeBase(DocumentMethods):
         the view looks at.
         """
         return self.factory.revision
-
-    def revisions(self, after: int = 0, limit: int | None = None) -> list[Revision]:
-        """Read revisions, oldest first.
-
-        Args:
-            after: only those with a larger number.
-            limit: at most so many; None for all.
-
-        Returns:
-            The revisions: number, committed_at, actor, reason, source and hash.
-        """
-        return self.factory.revisions(after, limit)
-
-    def log(self, limit: int | None = None) -> Iterator[LogEntry]:
-        """Read revisions with what they changed, newest first.
-
-        Args:
-            limit: at most so many; None for all.
-
-        Returns:
-            The entries, read in pages as they are asked for.
-        """
-        return self.factory.log(limit)
 
     def close(self) -> None:
         """Close the connections. A store in memory is gone with them."""

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from .atoms import ABSENT, Atom, AtomCache, AtomKey, Status, open_status
 from .backends import Query
 from .knowledge.changes import ASSERTED, FACT, GOAL, RETRACTED, Change
+from .knowledge.past import HOLDS_NOW
 from .knowledge.proposition import CLOSE, CLOSED_HERE, FIND, OPEN, REOPEN, UNMAKE, VERSIONS
 from .knowledge.rows import table_of
 from .tables import PropositionArgumentRow, PropositionRow
@@ -88,15 +89,6 @@ class PendingPropositions:
         self._transaction.assign(self._known, atom.key, atom)
         return atom
 
-    def add(self, key: AtomKey, text: str) -> None:
-        """Let a proposition hold that was never known, and make its identity.
-
-        Args:
-            key: what makes it the one that it is.
-            text: its canonical PDDL text.
-        """
-        self.add_all({key: text})
-
     def add_all(self, texts: Mapping[AtomKey, str]) -> None:
         """Let propositions hold that were never known, and make their identities.
 
@@ -157,6 +149,14 @@ class PendingPropositions:
                 found[id_] = Status(since, True)
         for id_ in unknown:
             self._transaction.assign(self._status, id_, found.get(id_, ABSENT))
+
+    def note(self, open_since: Mapping[int, int | None]) -> None:
+        """Remember what the tables say of propositions that the transaction has not touched.
+
+        Args:
+            open_since: the revision of the open version of each, by id; None when it has none.
+        """
+        self._status.update((id_, open_status(since)) for id_, since in open_since.items())
 
     def holds(self, atom: Atom) -> bool:
         """Tell whether a proposition holds, as changed so far.
@@ -228,7 +228,7 @@ class PendingPropositions:
                 continue
             if status.since is None:
                 key = self._atoms[id_].key
-                inserts.append((kb, id_, number, None, key.predicate_id, key.is_goal))
+                inserts.append((kb, id_, number, None, key.predicate_id, key.is_goal, HOLDS_NOW))
                 self._status[id_] = asserted
             elif status.since == number:
                 updates.setdefault(UNMAKE, []).append({"kb": kb, "id": id_})

@@ -55,6 +55,7 @@ class Reader:
         self._definitions = DefinitionCache()
         self._atoms: AtomCache = AtomCache()
         self._fluents: FluentCache = FluentCache()
+        self._archived_revision = 0
         self._local = threading.local()
         backend.when_forked.append(self._forked)
         ensure_schema(backend)
@@ -63,8 +64,17 @@ class Reader:
 
     def _forked(self) -> None:
         # Another thread may have had the locks of the old ones.
+        self._forget_identities()
+
+    def _forget_identities(self) -> None:
         self._atoms = AtomCache()
         self._fluents = FluentCache()
+
+    def _forget_what_was_archived(self, revision: int) -> None:
+        """Forget identities when some may have been moved since they were cached."""
+        if revision != self._archived_revision:
+            self._forget_identities()
+            self._archived_revision = revision
 
     def current(self) -> Transaction | None:
         """Give the transaction that this thread has open.
@@ -92,13 +102,13 @@ class Reader:
         if transaction is not None and at is None:
             transaction.flush()
             return work(View(transaction.session, transaction.kb_id, transaction.definitions))
-        snapshot, kb_id = self._definitions.snapshot, self._kb_id
-        if at is None and snapshot is not None and kb_id is not None:
-            revision, definitions = snapshot
+        guess, kb_id = self._definitions.guess(at), self._kb_id
+        if guess is not None and kb_id is not None:
+            revision, definitions = guess
             try:
                 # One statement sees one state, so it needs no transaction around it.
                 return self._outside(
-                    lambda session: work(View(session, kb_id, definitions, None, revision))
+                    lambda session: work(View(session, kb_id, definitions, at, revision))
                 )
             except DefinitionsMovedError:
                 pass
@@ -165,6 +175,21 @@ class Reader:
             What `work` returns.
         """
         return self._apart(lambda session: work(session, self._find(session)))
+
+    def look_once(self, work: Callable[[Session, int | None], T]) -> T:
+        """Read tables with one statement, as committed, and do not try again what fails.
+
+        Args:
+            work: reads with the session, as for `look`.
+
+        Returns:
+            What `work` returns.
+        """
+        session = self.backend.session()
+        try:
+            return work(session, self._find(session))
+        finally:
+            end_session(session)
 
     def _apart(self, work: Callable[[Session], T]) -> T:
         """Read in a transaction of its own, which sees one state and waits for nobody."""

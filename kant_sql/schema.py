@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 VERSION_TABLE = "kant_sql_version"
 # Oldest first; the last is what this version of the library works on.
-VERSIONS = ("0001", "0002")
+VERSIONS = ("0001", "0002", "0003", "0004", "0005")
 
 _VERSION = Query(select(column("version_num")).select_from(table(VERSION_TABLE)))
 _MIGRATING = threading.Lock()
@@ -89,6 +89,18 @@ def check(url: str) -> None:
                 f"kant-sql db upgrade '{backend.label}'"
             )
         _judge(backend, _current(backend))
+
+
+def check_session(session: Session) -> None:
+    """Check that the tables are of the version that this library works on, as a session sees them.
+
+    Args:
+        session: the database.
+
+    Raises:
+        SchemaError: they are missing, outdated or too new; the message names the remedy.
+    """
+    _judge(session.backend, _read_version(session))
 
 
 def upgrade(url: str, revision: str = "head") -> None:

@@ -44,7 +44,8 @@ from .dao.predicate import SqlPredicateDao
 from .dao.proposition import SqlPropositionDao
 from .dao.type import SqlTypeDao
 from .documents import Exchange, SqlExchange
-from .history import LogEntry, Revision, head_revision, read_log, read_revisions, revision_at
+from .history import History, SqlHistory, head_revision, state_at
+from .plans import PlanDao, RecordedStep, SqlPlanDao, check_step, place_of
 from .store import Store
 
 
@@ -135,6 +136,14 @@ class SqlDaoFactory(DaoFactory):
         """Create what loads whole documents, and gives them back."""
         return SqlExchange(self._store, self._at)
 
+    def create_history(self) -> History:
+        """Create what knows the past."""
+        return SqlHistory(self._store, self._at)
+
+    def create_plan_dao(self) -> PlanDao:
+        """Create the DAO of recorded plans."""
+        return SqlPlanDao(self._store, self._at)
+
     @contextmanager
     def transaction(
         self,
@@ -142,31 +151,29 @@ class SqlDaoFactory(DaoFactory):
         reason: str | None = None,
         source: object | None = None,
         expected_revision: int | None = None,
+        observed_at: datetime | None = None,
+        plan_step: RecordedStep | None = None,
     ) -> Iterator[None]:
         """Make many calls one revision."""
         refuse_past(self._store, self._at)
-        with self._store.transaction(actor, reason, source, expected_revision):
+        step = None if plan_step is None else place_of(plan_step)
+        own = (actor, reason, source, expected_revision, observed_at, step)
+        with self._store.transaction(*own) as transaction:
+            if plan_step is not None:
+                check_step(transaction, plan_step)
             yield
 
     def at(self, when: int | datetime) -> SqlDaoFactory:
         """Look at the past."""
         past = object.__new__(type(self))
         past._store = self._store
-        past._at = revision_at(self._store, when)
+        past._at = state_at(self._store, when, self._at)
         return past
 
     @property
     def revision(self) -> int:
         """The number of the last revision, or of the one that this looks at."""
         return head_revision(self._store) if self._at is None else self._at
-
-    def revisions(self, after: int = 0, limit: int | None = None) -> list[Revision]:
-        """Read revisions, oldest first."""
-        return read_revisions(self._store, after, limit, self._at)
-
-    def log(self, limit: int | None = None) -> Iterator[LogEntry]:
-        """Read revisions with what they changed, newest first."""
-        return read_log(self._store, limit, self._at)
 
     def close(self) -> None:
         """Close the connections; a view of the past leaves them to the factory that it is of."""

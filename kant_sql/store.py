@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from datetime import datetime
 from typing import TypeVar
 
-from sqlalchemy import func, select
-
-from .backends import Query, Session
+from .backends import Session
 from .canonical import Metadata, make_metadata
 from .errors import (
     ConnectionLostError,
@@ -16,22 +15,15 @@ from .errors import (
     StaleRevisionError,
     StoreBusyError,
     StoreError,
-    StoreIntegrityError,
 )
-from .head import Committed, is_stored, lock_head
-from .knowledge.rows import table_of
+from .head import Committed, create_knowledge_base, is_stored, lock_head
 from .reader import Reader, end_session
-from .tables import HeadRow, KnowledgeBaseRow
 from .transaction import Transaction
 from .view import vanished
 
 T = TypeVar("T")
 
-FIRST_ID = 1
 WRITE_LOCK_TIMEOUT = 20.0
-
-_KNOWLEDGE_BASES = table_of(KnowledgeBaseRow)
-_LAST_KB = Query(select(func.max(KnowledgeBaseRow.id)))
 
 
 class Store(Reader):
@@ -65,6 +57,8 @@ class Store(Reader):
         reason: str | None = None,
         source: object | None = None,
         expected_revision: int | None = None,
+        observed_at: datetime | None = None,
+        plan_step: tuple[int, int] | None = None,
     ) -> Iterator[Transaction]:
         """Open a transaction; within another of this thread, join that one.
 
@@ -73,6 +67,8 @@ class Store(Reader):
             reason: why.
             source: what the caller knows, as JSON.
             expected_revision: the head that the caller has seen.
+            observed_at: when what is written was sensed.
+            plan_step: the step that is running: the id of its plan, and its position.
 
         Yields:
             The transaction.
@@ -80,7 +76,8 @@ class Store(Reader):
         Raises:
             StaleRevisionError: the head is another than expected.
         """
-        metadata = make_metadata(actor if actor is not None else self.actor, reason, source)
+        who = actor if actor is not None else self.actor
+        metadata = make_metadata(who, reason, source, observed_at, plan_step)
         outer = self.current()
         if outer is not None:
             self._expect(expected_revision, outer.head.revision)
@@ -119,34 +116,19 @@ class Store(Reader):
             kb_id = self._find(session)
             if kb_id is None:
                 self._expect(expected, 0)
-                kb_id = self._create(session)
+                kb_id = create_knowledge_base(session, self.name)
             head = lock_head(session, kb_id)
             if head is None:
                 raise vanished(session)
             self._expect(expected, head.revision)
-            definitions = self._definitions.at_head(session, kb_id, head.definition_revision)
+            self._forget_what_was_archived(head.archived_revision)
+            stands = head.definition_revision, head.archived_revision
+            definitions = self._definitions.at_head(session, kb_id, *stands)
             known = definitions, self._atoms, self._fluents
             return Transaction(session, kb_id, self.name, head, metadata, *known)
         except BaseException:
             end_session(session)
             raise
-
-    def _create(self, session: Session) -> int:
-        # In a transaction that ends here: who creates another one at this moment waits for it, and
-        # must not wait for all that is going to be written.
-        row = session.first(_LAST_KB)
-        kb_id: int = 1 + (row[0] or 0 if row else 0)
-        try:
-            session.insert(_KNOWLEDGE_BASES, [(kb_id, self.name)])
-        except StoreIntegrityError as error:
-            raise StoreBusyError(
-                f"{self.backend.label}: another process is creating a knowledge base just now; "
-                "nothing was written, try again"
-            ) from error
-        session.insert(table_of(HeadRow), [(kb_id, 0, 0, FIRST_ID, None, None)])
-        session.commit()
-        session.begin(write=True)
-        return kb_id
 
     def _expect(self, expected: int | None, actual: int) -> None:
         if expected is not None and expected != actual:

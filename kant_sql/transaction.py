@@ -16,7 +16,7 @@ from typing import Any
 
 from .atoms import AtomCache
 from .backends import Session
-from .canonical import FORM, Metadata, revision_hash
+from .canonical import FORM, Metadata, revision_hash, time_text
 from .dto.name import fold, is_name
 from .errors import ConnectionLostError
 from .fluents import FluentCache
@@ -28,11 +28,13 @@ from .knowledge.elements import Definition
 from .knowledge.rows import table_of
 from .knowledge.writing import DefinitionWriter, find_identities
 from .propositions import PendingPropositions
-from .tables import RevisionRow
-from .tables.types import time_text
+from .records import PendingRecords
+from .step_statuses import PendingStepStatuses
+from .tables import RevisionPlanStepRow, RevisionRow
 from .undo import Undo
 
 _REVISION = table_of(RevisionRow)
+_PLAN_STEP = table_of(RevisionPlanStepRow)
 
 
 class Transaction:
@@ -47,6 +49,8 @@ class Transaction:
         definitions: the definitions, as changed so far.
         propositions: the propositions that it has touched.
         values: the values of functions that it has touched.
+        records: the plans and archives that it records.
+        step_statuses: the steps of plans that it has touched.
         committed: the revision, from just before COMMIT is sent.
         redefined: whether the revision changes a definition.
     """
@@ -71,6 +75,10 @@ class Transaction:
         self.definitions = PendingDefinitions(definitions)
         self.propositions = PendingPropositions(self, atoms)
         self.values = PendingFunctionValues(self, fluents)
+        self.records = PendingRecords(self)
+        self.step_statuses = PendingStepStatuses(self)
+        # In the order in which they are written: each refers to those before it only.
+        self._parts = (self.propositions, self.values, self.records, self.step_statuses)
         self.committed: Committed | None = None
         self.redefined = False
         self._next_id = head.next_id
@@ -186,15 +194,14 @@ class Transaction:
     def flush(self) -> None:
         """Write what is pending, so that a query sees it."""
         definitions = self._writer.pending()
-        if definitions or self.propositions.pending or self.values.pending:
+        pending = [part for part in self._parts if part.pending]
+        if definitions or pending:
             self._check_open()
             self._undo.before_write()
             if definitions:
                 self._writer.write()
-            if self.propositions.pending:
-                self.propositions.write()
-            if self.values.pending:
-                self.values.write()
+            for part in pending:
+                part.write()
 
     def commit(self) -> Committed | None:
         """Write the revision and commit; without a change, roll back.
@@ -206,20 +213,21 @@ class Transaction:
             self.flush()
             changes = self._stored_changes()
         else:
-            changes = sorted(
-                [*self._writer.changes(), *self.propositions.changes(), *self.values.changes()]
-            )
+            parts = self._writer, *self._parts
+            changes = sorted(chain.from_iterable(part.changes() for part in parts))
         if not changes:
             self.session.rollback()
             return None
         self._check_open()
+        if self.session.backend.revision_comes_last:
+            self.flush()
         made = self._write_revision(changes)
         # After the revision, if it is still to be written: that spares the database from keeping
         # book of references whose target is yet to come.
         self.flush()
         self._move_head(made)
         self.committed = made
-        self.session.commit()
+        self.session.commit(self.kb_id)
         return made
 
     def publish(self) -> None:
@@ -243,9 +251,12 @@ class Transaction:
             self.head.hash, self.name, self.number, time_text(committed_at), self.metadata, changes
         )
         moment = self.session.from_time(committed_at)
-        self.session.insert(
-            _REVISION, [(self.kb_id, self.number, moment, *self.metadata, FORM, digest)]
-        )
+        actor, reason, source, seen, step = self.metadata
+        observed_at = None if seen is None else self.session.from_time(seen)
+        said = (moment, actor, reason, source, FORM, digest, observed_at)
+        self.session.insert(_REVISION, [(self.kb_id, self.number, *said)])
+        if step is not None:
+            self.session.insert(_PLAN_STEP, [(self.kb_id, self.number, *step)])
         return Committed(self.number, digest, moment)
 
     def _move_head(self, made: Committed) -> None:
@@ -264,7 +275,7 @@ class Transaction:
 
     def _state(self) -> list[dict[Any, Any]]:
         parts: list[dict[Any, Any]] = [self._writer.written]
-        parts += [*self.propositions.state(), *self.values.state()]
+        parts += chain.from_iterable(part.state() for part in self._parts)
         for kind in KINDS:
             elements = self.definitions.elements(kind)
             parts += [elements.changes, elements.interned, elements.unwritten]

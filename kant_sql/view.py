@@ -4,17 +4,24 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from sqlalchemy import select
+from sqlalchemy import BigInteger, bindparam, select
 
 from .backends import Query, Session
-from .errors import StoreIntegrityError
+from .errors import ArchivedError, StoreIntegrityError
 from .knowledge.cache import DefinitionCache
 from .knowledge.definitions import Definitions
 from .knowledge.loading import KB
-from .tables import HeadRow
+from .tables import ArchiveRow, HeadRow
 
-_HEAD = Query(select(HeadRow.definition_revision).where(HeadRow.kb_id == KB))
+_HEAD = Query(
+    select(HeadRow.definition_revision, HeadRow.archived_revision).where(HeadRow.kb_id == KB)
+)
 _REVISION = Query(select(HeadRow.revision).where(HeadRow.kb_id == KB))
+_ARCHIVE = Query(
+    select(ArchiveRow.target)
+    .where(ArchiveRow.kb_id == KB, ArchiveRow.revision > bindparam("at", type_=BigInteger))
+    .order_by(ArchiveRow.revision)
+)
 
 
 class View(NamedTuple):
@@ -54,15 +61,18 @@ def open_view(session: Session, kb_id: int | None, cache: DefinitionCache, at: i
 
     Raises:
         StoreIntegrityError: the knowledge base was there, and is gone.
+        ArchivedError: a part of that state was moved to an archive.
     """
     if kb_id is None:
         return View(session, None, Definitions(), at)
     if at is not None:
-        return View(session, kb_id, cache.at_revision(session, kb_id, at), at)
+        definition_revision, archived = _read_head(session, kb_id)
+        refuse_archived(session, kb_id, at, archived)
+        definitions = cache.at_revision(session, kb_id, at, definition_revision, archived)
+        return View(session, kb_id, definitions, at)
     if cache.snapshot is None:
         return View(session, kb_id, cache.load(session, kb_id))
-    definition_revision = read_definition_revision(session, kb_id)
-    return View(session, kb_id, cache.at_head(session, kb_id, definition_revision))
+    return View(session, kb_id, cache.at_head(session, kb_id, *_read_head(session, kb_id)))
 
 
 def read_definition_revision(session: Session, kb_id: int) -> int:
@@ -78,10 +88,48 @@ def read_definition_revision(session: Session, kb_id: int) -> int:
     Raises:
         StoreIntegrityError: the knowledge base was there, and is gone.
     """
+    return _read_head(session, kb_id)[0]
+
+
+def _read_head(session: Session, kb_id: int) -> tuple[int, int]:
     row = session.first(_HEAD, kb=kb_id)
     if row is None:
         raise vanished(session)
-    return int(row[0])
+    return int(row[0]), int(row[1])
+
+
+def refuse_archived(session: Session, kb_id: int, at: int, archived: int) -> None:
+    """Refuse to read a state of which a part was moved elsewhere.
+
+    Args:
+        session: the session.
+        kb_id: the knowledge base.
+        at: the state's revision.
+        archived: what ended up to this revision was moved, as the head says.
+
+    Raises:
+        ArchivedError: a part of it was moved to an archive.
+    """
+    if at < archived:
+        raise ArchivedError(
+            f"a part of what the knowledge base was at revision {at} was moved to an archive: ask "
+            f"the one in {archive_of(session, kb_id, at)}"
+        )
+
+
+def archive_of(session: Session, kb_id: int, at: int) -> str | None:
+    """Tell where the archive is that has a part of a state.
+
+    Args:
+        session: the session.
+        kb_id: the knowledge base.
+        at: the state's revision.
+
+    Returns:
+        The archive's URL; None when there is none.
+    """
+    row = session.first(_ARCHIVE, kb=kb_id, at=at)
+    return None if row is None else str(row[0])
 
 
 def read_revision(view: View) -> int:

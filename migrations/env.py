@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import logging
 import os
+from contextlib import nullcontext
 
 from alembic import context
 from sqlalchemy import Connection, make_url
 
-from kant_sql.backends import create_backend
+from kant_sql.backends import create_backend, roles_set_aside
+from kant_sql.backends.views import drop_generated_views
 from kant_sql.schema import VERSION_TABLE
 from kant_sql.tables import Base
 
 config = context.config
+logger = logging.getLogger("kant_sql.schema")
 
 
 def find_url() -> str:
@@ -28,6 +32,19 @@ def find_url() -> str:
     if not url:
         raise SystemExit("no database: set KANT_SQL_URL, or run alembic -x url=URL ...")
     return str(url)
+
+
+def changes_version() -> bool:
+    """Tell whether the tables' version is to change.
+
+    Returns:
+        False for a command that only looks, and when the version is the one that is wanted.
+    """
+    try:
+        wanted = context.get_revision_argument()
+    except KeyError:
+        return False
+    return bool(wanted != context.get_context().get_current_revision())
 
 
 def run_online(connection: Connection) -> None:
@@ -47,7 +64,14 @@ def run_online(connection: Connection) -> None:
         transactional_ddl=True,
         transaction_per_migration=False,
     )
-    context.run_migrations()
+    if changes_version() and (views := drop_generated_views(connection)):
+        logger.warning(
+            "%d views of predicates are dropped, for tables that have them cannot be changed; "
+            "when the tables are up to date, make them anew with: kant-sql views",
+            len(views),
+        )
+    with roles_set_aside(connection) if changes_version() else nullcontext():
+        context.run_migrations()
     if not context.get_context().get_current_heads():
         # Alembic would leave its own table behind: a store that went back to base has none.
         connection.exec_driver_sql(f"DROP TABLE IF EXISTS {VERSION_TABLE}")

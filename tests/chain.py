@@ -20,7 +20,7 @@ Execute = Callable[[str], Iterable[tuple[Any, ...]]]
 _Change = tuple[str, str, str]
 
 _DEFINITIONS = ("type", "object", "predicate", "function", "action", "formula", "document")
-_IDENTITIES = (*_DEFINITIONS, "proposition", "function_value")
+_IDENTITIES = (*_DEFINITIONS, "proposition", "function_value", "plan", "archive")
 
 _KNOWLEDGE_BASES = """
     SELECT knowledge_base.id, knowledge_base.name, head.revision, head.definition_revision,
@@ -28,11 +28,20 @@ _KNOWLEDGE_BASES = """
     FROM knowledge_base JOIN head ON head.kb_id = knowledge_base.id
 """
 _REVISIONS = """
-    SELECT kb_id, number, {time}, actor, reason, {source}, form, hash
-    FROM revision ORDER BY kb_id, number
+    SELECT revision.kb_id, revision.number, {time}, actor, reason, {source}, form, hash,
+           {observed_at}, plan_id, position
+    FROM revision
+    LEFT JOIN revision_plan_step AS step
+        ON step.kb_id = revision.kb_id AND step.number = revision.number
+    ORDER BY revision.kb_id, revision.number
 """
 _DEFINITION_CHANGES = "SELECT kb_id, since, until, {kind}, text FROM {table}_version"
-_VALUE_CHANGES = "SELECT kb_id, since, until, 'value', text FROM function_value_version"
+_OTHER_CHANGES = (
+    "SELECT kb_id, since, until, 'value', text FROM function_value_version",
+    "SELECT kb_id, since, until, 'plan step', text FROM plan_step_version",
+    "SELECT kb_id, since, NULL, 'plan', text FROM plan",
+    "SELECT kb_id, since, NULL, 'archive', text FROM archive",
+)
 _PROPOSITION_CHANGES = """
     SELECT version.kb_id, since, until,
            CASE WHEN proposition.is_goal THEN 'goal' ELSE 'fact' END, text
@@ -96,8 +105,9 @@ def check_sqlite(connection: sqlite3.Connection) -> dict[str, int]:
 def check_tables(execute: Execute, dialect: Dialect) -> dict[str, int]:
     """Do the same with a function that runs SQL, in a transaction that sees one state."""
     revisions = defaultdict(list)
-    times = dialect.time.format("committed_at")
-    for kb_id, *revision in execute(_REVISIONS.format(time=times, source=dialect.source)):
+    time, observed_at = map(dialect.time.format, ("committed_at", "observed_at"))
+    sql = _REVISIONS.format(time=time, observed_at=observed_at, source=dialect.source)
+    for kb_id, *revision in execute(sql):
         revisions[kb_id].append(revision)
     changes = _changes(execute)
     assert list(execute(_WRONG_COPIES)) == []
@@ -132,7 +142,7 @@ def _changes(execute: Execute) -> defaultdict[int, defaultdict[int, list[_Change
         )
         for table in _DEFINITIONS
     ]
-    for query in [*queries, _VALUE_CHANGES, _PROPOSITION_CHANGES]:
+    for query in [*queries, *_OTHER_CHANGES, _PROPOSITION_CHANGES]:
         for kb_id, since, until, kind, text in execute(query):
             changes[kb_id][since].append(("+", kind, text))
             if until is not None:
@@ -146,18 +156,23 @@ def _check_revisions(
     """Check one knowledge base; give number, hash and time of its last revision."""
     assert set(changes) == {revision[0] for revision in revisions}, f"{name}: half a revision"
     last: tuple[int, str, str] | None = None
-    for count, (number, committed_at, actor, reason, source, form, digest) in enumerate(revisions):
+    for count, revision in enumerate(revisions):
+        number, committed_at, actor, reason, source, form, digest, observed_at, *step = revision
         at = f"{name}: revision {number}"
         assert number == count + 1, f"{at} comes after {count}"
-        assert form == 1, f"{at} is of form {form}"
+        more = _more(observed_at, step)
+        assert form == 2 or (form == 1 and more == _more(None, [None, None])), (
+            f"{at}: {form} {more}"
+        )
         assert last is None or last[2] <= committed_at, f"{at} is older than the one before"
         members = {
             "actor": _json(actor),
             "changes": _json(sorted(changes[number])),
             "committed_at": _json(committed_at),
-            "form": "1",
+            "form": str(form),
             "knowledge_base": _json(name),
             "number": str(number),
+            **({} if form == 1 else more),
             "previous": _json(last and last[1]),
             "reason": _json(reason),
             # It is stored in canonical form, and numbers are best left as they are.
@@ -168,6 +183,12 @@ def _check_revisions(
         assert digest == expected, f"{at} does not have the hash of what it says"
         last = (number, digest, committed_at)
     return last
+
+
+def _more(observed_at: str | None, step: list[int | None]) -> dict[str, str]:
+    """Give the members that form 1 lacks."""
+    plan_step = None if step == [None, None] else step
+    return {"observed_at": _json(observed_at), "plan_step": _json(plan_step)}
 
 
 def _json(value: object) -> str:

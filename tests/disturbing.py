@@ -13,6 +13,7 @@ from sqlalchemy import make_url
 
 from kant_sql import ConnectionLostError, KnowledgeBase, retry
 from kant_sql.backends import Session, postgresql
+from kant_sql.backends.postgresql_session import PostgresqlSession
 from tests.worlds import WP2, robot_at
 
 BOUND = 0.4
@@ -81,7 +82,7 @@ each_write = pytest.mark.parametrize("work", WRITES.values(), ids=WRITES)
 
 def lose_at(monkeypatch: pytest.MonkeyPatch, url: str, method: str) -> None:
     """Lose all connections just before a session next does something."""
-    owner = postgresql.PostgresqlSession if method == "insert" else Session
+    owner = PostgresqlSession if method == "insert" else Session
     original = getattr(owner, method)
     times = iter([url])
 
@@ -116,11 +117,11 @@ def lose_answer(monkeypatch: pytest.MonkeyPatch, commits: bool, also: Callable[[
     original = Session.commit
     times = iter([commits])
 
-    def commit(session: Session) -> None:
+    def commit(session: Session, changed: int | None = None) -> None:
         for done in times:
-            (original if done else Session.rollback)(session)
+            original(session, changed) if done else session.rollback()
             also()
             raise ConnectionLostError("the answer was lost")
-        original(session)
+        original(session, changed)
 
     monkeypatch.setattr(Session, "commit", commit)

@@ -107,7 +107,7 @@ def sees_the_new_action(kb: KnowledgeBase) -> None:
     assert action is not None
     assert action.duration == 25
     assert kb.actions.save(navigation())
-    assert kb.log(1).__next__().changes[0].sign == "+"
+    assert kb.log(limit=1).__next__().changes[0].sign == "+"
 
 
 def delete_a_type(kb: KnowledgeBase) -> None:

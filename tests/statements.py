@@ -45,7 +45,7 @@ class _Recorder(logging.Handler):
 
 def is_bracket(sql: str) -> bool:
     """Whether it only begins or ends a transaction."""
-    return sql.startswith("BEGIN") or sql in ("COMMIT", "ROLLBACK")
+    return sql.startswith(("BEGIN", "COMMIT")) or sql == "ROLLBACK"
 
 
 @contextmanager

@@ -3,19 +3,26 @@
 from __future__ import annotations
 
 from .backend import Backend
-from .query import Query, StoreClock, in_list, in_rows
-from .registry import backend_name, create_backend, dialect_name
+from .query import Query, StoreClock, StorePlace, first_rows, in_list, in_rows
+from .registry import backend_name, create_backend, dialect_name, roles_set_aside
+from .roles import Roles
 from .session import Row, Session
+from .waiting import Listener
 
 __all__ = [
     "Backend",
+    "Listener",
     "Query",
+    "Roles",
     "Row",
     "Session",
     "StoreClock",
+    "StorePlace",
     "backend_name",
     "create_backend",
     "dialect_name",
+    "first_rows",
     "in_list",
     "in_rows",
+    "roles_set_aside",
 ]

@@ -10,11 +10,14 @@ from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from typing import Any
 
-from sqlalchemy import URL, Connection, Dialect, Engine
+from sqlalchemy import URL, Connection, Dialect, Engine, PoolProxiedConnection
+from sqlalchemy.exc import InvalidRequestError
 from sqlalchemy.exc import TimeoutError as PoolTimeoutError
 
-from ..errors import InvalidUrlError, StoreBusyError, StoreError
+from ..errors import ConnectionLostError, InvalidUrlError, StoreBusyError, StoreError
+from .roles import Roles
 from .session import Session
+from .waiting import Listener
 
 
 class Backend(ABC):
@@ -24,11 +27,18 @@ class Backend(ABC):
         sessions: the sessions that are open, each with the thread that uses it.
         has_answered: whether there is a server that has answered before, and may come back.
         when_forked: what is called in a child process before anything else is done there.
+        no_roles: why there are no roles, and what to do instead; None where there are.
+        revision_comes_last: whether the row of a revision is written when nothing else of it is to
+            be written any more, so that what has such a row is past.
+        durable: what makes the commits of a connection survive a power cut from then on.
     """
 
     has_answered = False
+    no_roles: str | None = None
+    revision_comes_last = False
     begin_read: str
     begin_write: str
+    durable: str
 
     def __init__(self, url: URL) -> None:
         self.url = url
@@ -63,16 +73,34 @@ class Backend(ABC):
         Raises:
             StoreError: no connection could be made.
         """
+        return self.wrap(self.take(self.engine))
+
+    def take(self, engine: Engine) -> PoolProxiedConnection:
+        """Take a connection from a pool.
+
+        Args:
+            engine: the engine whose pool it is.
+
+        Returns:
+            The connection.
+
+        Raises:
+            StoreError: no connection could be made.
+        """
         try:
-            connection = self.engine.raw_connection()
+            return engine.raw_connection()
         except PoolTimeoutError as error:
             raise StoreBusyError(
                 f"{self.label}: all connections of this process are in use; close transactions "
                 "that wait, or use fewer threads at once"
             ) from error
+        except InvalidRequestError as error:
+            raise ConnectionLostError(
+                f"{self.label}: connections are lost as fast as they are made; nothing was "
+                "written, try again"
+            ) from error
         except self.driver_errors as error:
             raise self.translate_connect(error) from error
-        return self.wrap(connection)
 
     @contextmanager
     def open_session(self) -> Iterator[Session]:
@@ -112,6 +140,21 @@ class Backend(ABC):
         """
         return True
 
+    def create_roles(self, knowledge_base: str | None, dry_run: bool) -> Roles:
+        """Create the roles of the database, or bring them up to date.
+
+        Args:
+            knowledge_base: the knowledge base that three more are limited to; None for none.
+            dry_run: whether nothing is to be changed.
+
+        Returns:
+            The roles.
+
+        Raises:
+            StoreError: the database has no roles, or refused.
+        """
+        raise StoreError(f"{self.label}: {self.no_roles}")
+
     @abstractmethod
     def renew(self) -> None:
         """Trust no connection that was made before now, after one was lost."""
@@ -146,6 +189,10 @@ class Backend(ABC):
     @abstractmethod
     def is_empty(self, session: Session) -> bool:
         """Tell whether the store is new, so that opening it may create the tables."""
+
+    @abstractmethod
+    def listener(self) -> Listener:
+        """Make what waits for news, for one thread; it is to be closed."""
 
     @abstractmethod
     def migration_connection(self) -> AbstractContextManager[Connection]:

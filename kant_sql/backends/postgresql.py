@@ -5,14 +5,12 @@ from __future__ import annotations
 import re
 import threading
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
-from datetime import UTC, datetime
 from typing import Any
 
-from sqlalchemy import Connection, Engine, Table, create_engine, event
-from sqlalchemy.exc import DisconnectionError
-from sqlalchemy.ext.compiler import compiles
+from sqlalchemy import Connection, Engine, create_engine, event
+from sqlalchemy.exc import DBAPIError, DisconnectionError
 from sqlalchemy.pool import NullPool, QueuePool
 
 from ..errors import (
@@ -27,118 +25,49 @@ from ..errors import (
     TableMissingError,
 )
 from .backend import Backend, refuse_unknown_options
-from .query import InList, InRows, Query, StoreClock
-from .session import FETCH_SIZE, Row, Session, logger
+from .postgresql_roles import make_roles
+from .postgresql_session import MIGRATION_LOCK, PostgresqlSession
+from .postgresql_waiting import PostgresqlListener
+from .roles import Roles
+from .session import Session
+from .waiting import Listener
 
-COPY_FROM_ROWS = 50
-REPLAN_FROM_ROWS = 2_500
 LOCK_TIMEOUT = "20s"
 CONNECT_TIMEOUT = "10"
-# One advisory lock for all who migrate one database: the ASCII codes of "kant_sql".
-MIGRATION_LOCK = 0x6B616E745F73716C
-MAX_CONNECTIONS = 64
+POOL_SIZE, MAX_CONNECTIONS = 8, 64
 _REFUSED = re.compile('authentication failed|no password|role ".*" (does not|is not)|pg_hba.conf')
 
 
-@compiles(InList, "postgresql")
-def _in_list(element: InList, compiler: Any, **options: Any) -> str:
-    column, values = (compiler.process(clause, **options) for clause in element.clauses)
-    return f"{column} = ANY({values})"
-
-
-@compiles(InRows, "postgresql")
-def _in_rows(element: InRows, compiler: Any, **options: Any) -> str:
-    column, rows = (compiler.process(clause, **options) for clause in element.clauses)
-    return f"{column} = ANY(ARRAY{rows})"
-
-
-@compiles(StoreClock, "postgresql")
-def _store_clock(element: StoreClock, compiler: Any, **options: Any) -> str:
-    return "clock_timestamp()"
-
-
-class PostgresqlSession(Session):
-    """A session on PostgreSQL."""
-
-    placeholder = "%s"
-
-    def insert(self, table: Table, rows: Sequence[Row]) -> None:
-        """Insert whole rows: many of them by COPY."""
-        if len(rows) < COPY_FROM_ROWS:
-            super().insert(table, rows)
-            return
-        if len(rows) >= REPLAN_FROM_ROWS:
-            # The server plans the check of a foreign key once for each connection: what was right
-            # for a small table may read all of a large one, for each row.
-            self._execute("DISCARD PLANS")
-        columns = ", ".join(column.name for column in table.columns)
-        sql = f"COPY {table.name} ({columns}) FROM STDIN"
-        logger.debug("%s", sql)
-        cursor: Any = self._cursor
-        try:
-            with cursor.copy(sql) as copy:
-                for row in rows:
-                    copy.write_row(row)
-        except self.backend.driver_errors as error:
-            raise self.backend.translate(error) from error
-
-    def in_transaction(self) -> bool:
-        """Tell whether a transaction is open on a connection that is alive."""
-        connection: Any = self._pooled.driver_connection
-        if connection is None or connection.closed:
-            return False
-        return int(connection.info.transaction_status) != 0
-
-    def stream(self, query: Query, **parameters: Any) -> Iterator[Row]:
-        """Give a query's rows one after the other, by a cursor in the server."""
-        connection: Any = self._pooled.driver_connection
-        sql = query.text(self.backend.dialect)
-        logger.debug("%s", sql)
-        try:
-            with connection.cursor(name="kant_sql_stream") as cursor:
-                cursor.itersize = FETCH_SIZE
-                cursor.execute(sql, parameters)
-                yield from cursor
-        except self.backend.driver_errors as error:
-            raise self.backend.translate(error) from error
-
-    def list_value(self, values: Sequence[int] | Sequence[str]) -> Any:
-        """Give the form that `= ANY` reads."""
-        return [*values]
-
-    def from_time(self, moment: datetime) -> Any:
-        """Give the moment: the driver takes it as it is."""
-        return moment
-
-    def to_time(self, raw: Any) -> datetime:
-        """Give the moment in UTC, whatever zone the connection is set to."""
-        moment: datetime = raw
-        return moment.astimezone(UTC)
-
-    def close(self) -> None:
-        """Give the connection back, unless it is broken."""
-        connection: Any = self._pooled.driver_connection
-        if connection is not None and connection.closed:
-            self.backend.sessions.pop(self, None)
-            self._pooled.invalidate()
-        else:
-            super().close()
-
-
 class PostgresqlBackend(Backend):
-    """A PostgreSQL database."""
+    """A PostgreSQL database.
 
+    Attributes:
+        listening: makes the connections of those who wait for news.
+    """
+
+    listening: Engine
     begin_read = "BEGIN ISOLATION LEVEL REPEATABLE READ READ ONLY"
     begin_write = "BEGIN ISOLATION LEVEL READ COMMITTED"
+    durable = (
+        "SELECT set_config('synchronous_commit', 'on', false) "
+        "WHERE current_setting('synchronous_commit') = 'off'"
+    )
+    # What row policies let a writer do ends with it.
+    revision_comes_last = True
     _lost_at = 0.0
 
     def create_engine(self) -> Engine:
         """Make the engine; its connections leave transactions to us."""
+        # Who waits for news must not keep a connection from who works.
+        self.listening = self._create_pool(1, -1)
+        return self._create_pool(POOL_SIZE, MAX_CONNECTIONS - POOL_SIZE)
+
+    def _create_pool(self, size: int, overflow: int) -> Engine:
         engine = self._engine(
             poolclass=QueuePool,
             pool_reset_on_return=None,
-            pool_size=8,
-            max_overflow=MAX_CONNECTIONS - 8,
+            pool_size=size,
+            max_overflow=overflow,
             # As in `create_pool_from_url`: SQLAlchemy would greet the server with five statements
             # whose answers only reflection and literals need, and a migration has its own engine.
             _initialize=False,
@@ -156,6 +85,20 @@ class PostgresqlBackend(Backend):
                 raise DisconnectionError  # The pool makes a new one instead.
 
         return engine
+
+    def close(self) -> None:
+        """Close all connections."""
+        super().close()
+        self.listening.dispose()
+
+    def leave_connections(self) -> None:
+        """Leave the connections to the parent process, in its child."""
+        super().leave_connections()
+        self.listening.dispose(close=False)
+
+    def listener(self) -> Listener:
+        """Make what waits for notifications."""
+        return PostgresqlListener(self)
 
     def renew(self) -> None:
         """Make connections anew that were made before now."""
@@ -206,6 +149,21 @@ class PostgresqlBackend(Backend):
             raise self.translate_connect(error) from error
         finally:
             engine.dispose()
+
+    def create_roles(self, knowledge_base: str | None, dry_run: bool) -> Roles:
+        """Create the roles by grants and row policies, or bring them up to date."""
+        try:
+            with self.migration_connection() as connection:
+                return make_roles(connection, knowledge_base, dry_run)
+        except DBAPIError as error:
+            original = error.orig if isinstance(error.orig, Exception) else error
+            if getattr(original, "sqlstate", None) == "42501":
+                raise StoreError(
+                    f"{self.label}: {self._text(original)}; connect as the owner of the tables, "
+                    "with the right to create roles (ALTER ROLE ... CREATEROLE), and for --kb "
+                    "schemas (GRANT CREATE ON DATABASE ...)"
+                ) from error
+            raise self.translate_connect(original) from error
 
     def translate(self, error: Exception) -> StoreError:
         """Make an error of this library from one of psycopg, by its SQLSTATE."""

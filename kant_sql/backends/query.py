@@ -10,7 +10,18 @@ from datetime import datetime
 from functools import cache
 from typing import Any
 
-from sqlalchemy import Boolean, ColumnElement, Dialect, Select, Table, bindparam
+from sqlalchemy import (
+    Boolean,
+    ColumnElement,
+    Dialect,
+    Select,
+    String,
+    Table,
+    Text,
+    bindparam,
+    literal_column,
+)
+from sqlalchemy.dialects.postgresql.base import PGDialect
 from sqlalchemy.sql.expression import Executable
 from sqlalchemy.sql.functions import FunctionElement
 
@@ -76,6 +87,14 @@ class StoreClock(FunctionElement[datetime]):
     name = "store_clock"
 
 
+class StorePlace(FunctionElement[str]):
+    """What tells a database from all others, whatever URL names it; empty for one in memory."""
+
+    type = Text()
+    inherit_cache = True
+    name = "store_place"
+
+
 def in_list(column: ColumnElement[Any] | Any, parameter: str) -> ColumnElement[bool]:
     """Tell whether a column is among the values of a list.
 
@@ -102,6 +121,20 @@ def in_rows(column: ColumnElement[Any] | Any, rows: Select[Any]) -> ColumnElemen
     return InRows(column, rows.correlate(None).scalar_subquery())
 
 
+def first_rows(rows: Select[Any], number: ColumnElement[int]) -> Select[Any]:
+    """Take only the first rows of a query.
+
+    Args:
+        rows: the query, with its order.
+        number: how many: a parameter, or a literal column.
+
+    Returns:
+        The query.
+    """
+    # Said, for SQLAlchemy would else write it for SQLite as a constant.
+    return rows.limit(number).offset(literal_column("0"))
+
+
 @cache
 def insert_text(table: Table, placeholder: str) -> str:
     """Write the statement that inserts one whole row.
@@ -116,3 +149,22 @@ def insert_text(table: Table, placeholder: str) -> str:
     names = [column.name for column in table.columns]
     values = ", ".join(placeholder for _ in names)
     return f"INSERT INTO {table.name} ({', '.join(names)}) VALUES ({values})"
+
+
+@cache
+def unnest_text(table: Table) -> str:
+    """Write PostgreSQL's statement that inserts many whole rows, one list for each column.
+
+    Args:
+        table: the table.
+
+    Returns:
+        The SQL text.
+    """
+    dialect: Dialect = PGDialect()  # type: ignore[no-untyped-call]
+    types = [column.type.dialect_impl(dialect) for column in table.columns]
+    # A text is compiled with its collation, which no array has.
+    names = ["text" if isinstance(type_, String) else type_.compile(dialect) for type_ in types]
+    lists = ", ".join(f"%s::{name}[]" for name in names)
+    columns = ", ".join(column.name for column in table.columns)
+    return f"INSERT INTO {table.name} ({columns}) SELECT * FROM unnest({lists})"

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from sqlalchemy import URL, make_url
+from contextlib import AbstractContextManager, nullcontext
+
+from sqlalchemy import URL, Connection, make_url
 from sqlalchemy.exc import ArgumentError
 
 from ..errors import InvalidUrlError
@@ -84,3 +86,19 @@ def create_backend(url: str) -> Backend:
     from .postgresql import PostgresqlBackend
 
     return PostgresqlBackend(make_url(url))
+
+
+def roles_set_aside(connection: Connection) -> AbstractContextManager[None]:
+    """Take what belongs to roles out of the way of a migration, and set it anew behind it.
+
+    Args:
+        connection: a connection of the tables' owner, in a transaction.
+
+    Returns:
+        The context manager; it does nothing where there are no roles.
+    """
+    if connection.dialect.name != "postgresql":
+        return nullcontext()
+    from .postgresql_roles import roles_set_aside as set_aside
+
+    return set_aside(connection)

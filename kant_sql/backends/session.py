@@ -129,6 +129,14 @@ class Session(ABC):
             return self._cursor.rowcount
         return 0
 
+    def define(self, statement: str) -> None:
+        """Run a statement that creates or drops something, given as text.
+
+        Args:
+            statement: the SQL.
+        """
+        self._execute(statement)
+
     def insert(self, table: Table, rows: Sequence[Row]) -> None:
         """Insert whole rows.
 
@@ -149,8 +157,16 @@ class Session(ABC):
         """
         self._execute(self.backend.begin_write if write else self.backend.begin_read)
 
-    def commit(self) -> None:
-        """Commit the transaction."""
+    def commit(self, changed: int | None = None) -> None:
+        """Commit the transaction.
+
+        Args:
+            changed: the knowledge base that has a new revision then, for those who wait for it;
+                None for none.
+        """
+        self._commit(changed)
+
+    def _commit(self, changed: int | None) -> None:
         self._execute("COMMIT")
 
     def rollback(self) -> None:
@@ -218,6 +234,14 @@ class Session(ABC):
         return datetime.now(UTC) if raw is None else self.to_time(raw)
 
     @abstractmethod
+    def replan(self) -> None:
+        """Let the server plan anew what it checks for each row, before much is written."""
+
+    @abstractmethod
+    def lock_definitions(self) -> None:
+        """Wait, in a transaction that writes, until nobody else changes tables or views."""
+
+    @abstractmethod
     def in_transaction(self) -> bool:
         """Tell whether a transaction is open."""
 
@@ -230,7 +254,7 @@ class Session(ABC):
             **parameters: the value of each of its parameters.
 
         Returns:
-            The rows; the session runs nothing else until they are read to the end.
+            The rows. Other statements may be run meanwhile, and other streams be read.
         """
 
     @abstractmethod

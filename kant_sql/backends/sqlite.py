@@ -27,6 +27,8 @@ from ..errors import (
 from .backend import Backend, refuse_unknown_options, url_label
 from .session import Session
 from .sqlite_session import FileSession, MemorySession
+from .sqlite_waiting import FileListener, MemoryListener
+from .waiting import Commits, Listener
 
 OPTIONS = {"synchronous", "timeout", "mode"}
 BUSY_TIMEOUT = 20.0
@@ -42,6 +44,11 @@ class SqliteBackend(Backend):
 
     begin_read = "BEGIN"
     begin_write = "BEGIN IMMEDIATE"
+    durable = "PRAGMA synchronous=FULL"
+    no_roles = (
+        "SQLite has no roles; let the file's permissions say who may write, and open it with "
+        "?mode=ro where it is only to be read"
+    )
 
     def __init__(self, url: URL) -> None:
         refuse_unknown_options(url, OPTIONS)
@@ -53,8 +60,9 @@ class SqliteBackend(Backend):
             )
         self.in_memory = url.database in (None, "", ":memory:")
         self.memory_lock = threading.RLock()
+        self.commits = Commits()
         self._write_lock = threading.Lock()
-        self._connections: set[sqlite3.Connection] = set()
+        self.connections: set[sqlite3.Connection] = set()
         self._idle: list[FileSession] = []
         self._is_torn = False
         super().__init__(url)
@@ -67,7 +75,7 @@ class SqliteBackend(Backend):
             raise InvalidUrlError(f"{self.label}: synchronous is 'normal' or 'full'")
         engine = create_engine(
             URL.create("sqlite"),
-            creator=self._connect,
+            creator=self.connect,
             paramstyle="named",
             poolclass=StaticPool if self.in_memory else QueuePool,
             pool_reset_on_return=None,
@@ -82,11 +90,11 @@ class SqliteBackend(Backend):
         def configure(connection: sqlite3.Connection, _: object) -> None:
             connection.execute("PRAGMA foreign_keys=ON")
             connection.execute(f"PRAGMA synchronous={synchronous}")
-            self._connections.add(connection)
+            self.connections.add(connection)
 
         @event.listens_for(engine, "close")
         def forget(connection: sqlite3.Connection, _: object) -> None:
-            self._connections.discard(connection)
+            self.connections.discard(connection)
 
         return engine
 
@@ -99,7 +107,8 @@ class SqliteBackend(Backend):
         """
         self._is_torn |= any(thread != threading.get_ident() for thread in self.sessions.values())
         self.memory_lock, self._write_lock = threading.RLock(), threading.Lock()
-        connections = [] if self._is_torn else [*self._connections]
+        self.commits = Commits()
+        connections = [] if self._is_torn else [*self.connections]
         for connection in connections:
             if not self.in_memory:
                 connection.close()
@@ -107,10 +116,11 @@ class SqliteBackend(Backend):
                 connection.rollback()
         if not self.in_memory:
             self._idle.clear()
-            self._connections.clear()
+            self.connections.clear()
             super().leave_connections()
 
-    def _connect(self) -> sqlite3.Connection:
+    def connect(self) -> sqlite3.Connection:
+        """Make a connection; who calls this names it in `connections` while it is open."""
         query = self.url.query
         try:
             timeout = float(str(query.get("timeout", BUSY_TIMEOUT)))
@@ -120,15 +130,13 @@ class SqliteBackend(Backend):
             raise InvalidUrlError(
                 f"{self.label}: timeout is a number of seconds, {LONGEST_TIMEOUT:,} at most"
             )
-        name, is_uri = ":memory:", False
-        if not self.in_memory:
-            name, is_uri = str(self.url.database), False
-            if "mode" in query:
-                mode = str(query["mode"])
-                if mode not in ("ro", "immutable"):
-                    raise InvalidUrlError(f"{self.label}: mode is 'ro' or 'immutable'")
-                option = "mode=ro" if mode == "ro" else "immutable=1"
-                name, is_uri = f"file:{quote(str(Path(name).absolute()))}?{option}", True
+        name, is_uri = str(self.url.database or ":memory:"), False
+        if "mode" in query and not self.in_memory:
+            mode = str(query["mode"])
+            if mode not in ("ro", "immutable"):
+                raise InvalidUrlError(f"{self.label}: mode is 'ro' or 'immutable'")
+            option = "mode=ro" if mode == "ro" else "immutable=1"
+            name, is_uri = f"file:{quote(str(Path(name).absolute()))}?{option}", True
         # Without an isolation level the driver begins nothing of its own, so that BEGIN, SAVEPOINT
         # and ROLLBACK mean what SQLite says of them.
         return sqlite3.connect(
@@ -157,11 +165,23 @@ class SqliteBackend(Backend):
         return fit
 
     def close(self) -> None:
-        """Close all connections."""
+        """Close all connections; in memory, wait until no other thread uses the one there is."""
         idle, self._idle = self._idle, []
-        super().close()
+        if self.in_memory:
+            self._take_turn()
+        try:
+            super().close()
+        finally:
+            if self.in_memory:
+                self.memory_lock.release()
         for session in idle:
             session.close()
+        # Who waits for news of a store in memory is to see that it is gone.
+        self.commits.tell()
+
+    def listener(self) -> Listener:
+        """Make what looks for changes of the file, or waits for those of the store in memory."""
+        return MemoryListener(self) if self.in_memory else FileListener(self)
 
     def session(self) -> Session:
         """Take a connection; in memory, wait for this thread's turn."""
@@ -177,16 +197,19 @@ class SqliteBackend(Backend):
                 return super().session()
             self.sessions[session] = threading.get_ident()
             return session
-        if not self.memory_lock.acquire(timeout=TURN_TIMEOUT):
-            raise StoreBusyError(
-                f"{self.label}: another thread held the store for over {TURN_TIMEOUT:g} s; "
-                "nothing was written, try again"
-            )
+        self._take_turn()
         try:
             return super().session()
         except BaseException:
             self.memory_lock.release()
             raise
+
+    def _take_turn(self) -> None:
+        if not self.memory_lock.acquire(timeout=TURN_TIMEOUT):
+            raise StoreBusyError(
+                f"{self.label}: another thread held the store for over {TURN_TIMEOUT:g} s; "
+                "nothing was written, try again"
+            )
 
     def write_lock(self) -> threading.Lock | None:
         """Give the queue of this process's writers: SQLite itself only polls."""

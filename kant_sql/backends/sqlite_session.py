@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Sequence
+from contextlib import closing
 from datetime import datetime
 from typing import TYPE_CHECKING, Any
 
 from sqlalchemy.ext.compiler import compiles
 
-from ..tables.types import text_time, time_text
-from .query import InList, InRows, Query, StoreClock
-from .session import FETCH_SIZE, Row, Session
+from ..canonical import time_text
+from ..tables.types import text_time
+from .query import InList, InRows, Query, StoreClock, StorePlace
+from .session import FETCH_SIZE, Row, Session, logger
 
 if TYPE_CHECKING:
     from .sqlite import SqliteBackend
@@ -34,6 +36,11 @@ def _store_clock(element: StoreClock, compiler: Any, **options: Any) -> str:
     return "NULL"
 
 
+@compiles(StorePlace, "sqlite")
+def _store_place(element: StorePlace, compiler: Any, **options: Any) -> str:
+    return "(SELECT file FROM pragma_database_list WHERE name = 'main')"
+
+
 class SqliteSession(Session):
     """A session on SQLite."""
 
@@ -45,10 +52,23 @@ class SqliteSession(Session):
         return bool(connection is not None and connection.in_transaction)
 
     def stream(self, query: Query, **parameters: Any) -> Iterator[Row]:
-        """Give a query's rows one after the other."""
-        self._execute(query.text(self.backend.dialect), parameters)
-        while rows := self._cursor.fetchmany(FETCH_SIZE):
-            yield from rows
+        """Give a query's rows one after the other, by a cursor of their own."""
+        sql = query.text(self.backend.dialect)
+        logger.debug("%s", sql)
+        cursor: Any = self._cursor if self.is_abandoned else self._pooled.cursor()
+        try:
+            with closing(cursor):
+                cursor.execute(sql, parameters)
+                while rows := cursor.fetchmany(FETCH_SIZE):
+                    yield from rows
+        except self.backend.driver_errors as error:
+            raise self.backend.translate(error) from error
+
+    def replan(self) -> None:
+        """Do nothing: there are no plans but those of a statement that is run."""
+
+    def lock_definitions(self) -> None:
+        """Wait for nobody: who writes is alone already."""
 
     def list_value(self, values: Sequence[int] | Sequence[str]) -> Any:
         """Give the form that `json_each` reads."""
@@ -86,12 +106,17 @@ class MemorySession(SqliteSession):
     def __init__(self, backend: SqliteBackend, connection: Any) -> None:
         super().__init__(backend, connection)
         self._memory_lock = backend.memory_lock
+        self._commits = backend.commits
         self._is_nested = self.in_transaction()
 
     def begin(self, write: bool) -> None:
         """Begin a transaction, unless this thread is in one."""
         if not self._is_nested:
             super().begin(write)
+
+    def _commit(self, changed: int | None) -> None:
+        super()._commit(changed)
+        self._commits.tell()
 
     def rollback(self) -> None:
         """Roll back, unless the transaction is another session's of this thread."""

@@ -9,6 +9,8 @@ from typing import Annotated
 import typer
 
 from .. import schema
+from ..roles import create_roles
+from .output import Printer, write_json
 from .stores import URL_VARIABLE, Url
 
 db = typer.Typer(help="Create, migrate and check the tables.", rich_markup_mode=None)
@@ -59,6 +61,40 @@ def check(url: Url) -> None:
 def sql(url: Url) -> None:
     """Write the SQL that creates the tables; only the URL's dialect matters."""
     schema.upgrade_sql(url, sys.stdout)
+
+
+@db.command()
+def roles(
+    url: Url,
+    kb: Annotated[
+        str | None,
+        typer.Option(
+            "--kb",
+            metavar="NAME",
+            show_default=False,
+            help="Create three more that see and write only this knowledge base.",
+        ),
+    ] = None,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Only write the SQL; nothing is changed.")
+    ] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON document.")] = False,
+) -> None:
+    """Create the roles of a PostgreSQL database, or bring them up to date."""
+    made = create_roles(url, kb, dry_run)
+    if as_json:
+        document = made._asdict()
+        if not dry_run:
+            del document["statements"]
+        write_json(document)
+    elif dry_run:
+        typer.echo("".join(f"{statement};\n" for statement in made.statements), nl=False)
+    else:
+        printer = Printer()
+        for name in ("writer", "reader", "auditor", "schema"):
+            value = getattr(made, name)
+            if value is not None:
+                printer.line(f"{name:8} {value}")
 
 
 def _write_version(url: str) -> None:

@@ -7,7 +7,8 @@ from typing import Annotated
 
 import typer
 
-from .stores import At, Name, Url, open_state
+from .stores import Name, Url, open_state
+from .times import At
 
 
 def dump(

@@ -19,7 +19,8 @@ from .files import Inputs, read_inputs
 from .output import Printer, printable
 from .stores import DEFAULT_NAME, URL_VARIABLE, choose, split_url
 
-_USAGE = "such as: sqlite:///robot.db domain.pddl problem.pddl"
+_USAGE = "[URL] FILE..."
+_EXAMPLE = "sqlite:///robot.db domain.pddl problem.pddl"
 _MEGABYTE = 1_000_000
 # What the log calls shortly.
 _LABELS = {
@@ -34,7 +35,7 @@ def load(
     words: Annotated[
         list[str],
         typer.Argument(
-            metavar="[URL] FILE...",
+            metavar=_USAGE,
             show_default=False,
             help=f"The database URL [env var: {URL_VARIABLE}], and the PDDL files: a domain, which "
             "may be spread over several files, a problem, or both; - is standard input.",
@@ -58,7 +59,7 @@ def load(
     ] = None,
 ) -> None:
     """Load a domain, a problem or both: all of it in one revision, or nothing."""
-    url, paths = split_url(words, _USAGE)
+    url, paths = split_url(words, _USAGE, _EXAMPLE)
     inputs = read_inputs(paths)
     if not inputs.domains:
         # A problem needs a domain: without one, no store is created for it.

@@ -6,11 +6,10 @@ from typing import Annotated
 
 import typer
 
-from ..history import LogEntry
-from .output import Printer, json_text, printable, time_text, write_json
+from .entries import entry_document, write_entry
+from .output import Printer, write_json
 from .stores import Name, Url, open_to_read
-
-_STYLES = {"+": "green", "-": "red"}
+from .times import Since, Until, parse_optional
 
 
 def log(
@@ -22,57 +21,33 @@ def log(
             "--limit", "-n", metavar="N", min=1, show_default=False, help="Only the N newest."
         ),
     ] = None,
+    since: Since = None,
+    until: Until = None,
+    actor: Annotated[
+        str | None,
+        typer.Option(metavar="NAME", show_default=False, help="Only revisions of this actor."),
+    ] = None,
+    element: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME|PDDL",
+            show_default=False,
+            help="Only what changed this element: a name, or PDDL as '(robot_at rb1 wp1)'.",
+        ),
+    ] = None,
     as_json: Annotated[
         bool, typer.Option("--json", help="JSON Lines: one document for each revision.")
     ] = False,
 ) -> None:
     """Write the revisions, newest first: when, who, why, and what each changed."""
+    bounds = parse_optional(since, "--since"), parse_optional(until, "--until")
     with open_to_read(url, kb) as (_, knowledge_base):
         printer = Printer()
-        for position, entry in enumerate(knowledge_base.log(limit)):
+        entries = knowledge_base.log(*bounds, actor, element, limit)
+        for position, entry in enumerate(entries):
             if as_json:
                 write_json(entry_document(entry))
-            else:
-                if position:
-                    printer.line()
-                write_entry(printer, entry)
-
-
-def entry_document(entry: LogEntry) -> dict[str, object]:
-    """Give a revision in the form that becomes JSON.
-
-    Args:
-        entry: the revision and its changes.
-
-    Returns:
-        The document.
-    """
-    revision = entry.revision
-    return {
-        "number": revision.number,
-        "committed_at": time_text(revision.committed_at),
-        "actor": revision.actor,
-        "reason": revision.reason,
-        "source": revision.source,
-        "hash": revision.hash,
-        "changes": [change._asdict() for change in entry.changes],
-    }
-
-
-def write_entry(printer: Printer, entry: LogEntry) -> None:
-    """Write a revision for people.
-
-    Args:
-        printer: where to.
-        entry: the revision and its changes.
-    """
-    revision = entry.revision
-    printer.line(f"revision {revision.number}  {time_text(revision.committed_at)}", "bold")
-    for name, value in (("actor", revision.actor), ("reason", revision.reason)):
-        if value is not None:
-            printer.line(f"  {name}: {printable(value)}")
-    if revision.source is not None:
-        printer.line(f"  source: {json_text(revision.source)}")
-    for sign, kind, text in entry.changes:
-        indented = text.replace("\n", "\n    ")
-        printer.line(f"  {sign} {kind} {indented}", _STYLES[sign])
+                continue
+            if position:
+                printer.line()
+            write_entry(printer, entry)

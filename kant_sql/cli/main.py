@@ -12,14 +12,22 @@ import typer
 from typer.core import TyperGroup
 
 from .. import __version__
+from .anchor import anchor
+from .archive import archive
 from .check import check
 from .db import db
+from .diff import diff
 from .dump import dump
 from .errors import INTERRUPTED, EndedEarlyError, run_to_exit_code
+from .history import blame, history
 from .load import load
 from .log import log
 from .plan import plan
+from .restore import restore
 from .show import show
+from .verify import verify
+from .views import views
+from .watch import watch
 
 
 class Commands(TyperGroup):
@@ -63,7 +71,8 @@ app = typer.Typer(
     cls=Commands, add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None
 )
 app.add_typer(db, name="db")
-for _command in (load, dump, check, plan, show, log):
+_COMMANDS = (load, dump, check, plan, show, log, diff, history, blame, restore, views, watch)
+for _command in (*_COMMANDS, verify, anchor, archive):
     app.command()(_command)
 
 

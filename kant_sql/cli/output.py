@@ -6,7 +6,6 @@ import json
 import re
 import sys
 from collections.abc import Sequence
-from datetime import UTC, datetime
 
 from rich.cells import cell_len
 from rich.console import Console
@@ -31,18 +30,6 @@ def printable(text: str) -> str:
         The text, with its control characters as in a JSON string.
     """
     return _CONTROLS.sub(lambda match: json.dumps(match[0])[1:-1], text)
-
-
-def time_text(moment: datetime) -> str:
-    """Write a time.
-
-    Args:
-        moment: an aware time.
-
-    Returns:
-        ISO 8601 in UTC with microseconds, for example `2026-01-31T09:30:00.000000Z`.
-    """
-    return moment.astimezone(UTC).replace(tzinfo=None).isoformat(timespec="microseconds") + "Z"
 
 
 def json_text(value: object) -> str:

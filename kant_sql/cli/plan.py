@@ -9,7 +9,8 @@ import typer
 
 from ..planning import Plan, PlanStep
 from .output import Printer, printable, write_json
-from .stores import At, Name, Url, open_state
+from .stores import Name, Url, open_state
+from .times import At
 
 
 def plan(

@@ -7,11 +7,13 @@ from typing import Annotated
 
 import typer
 
+from ..canonical import time_text
 from ..dto.name import ROOT_TYPE
 from ..knowledge_base import KnowledgeBase
-from .output import Printer, time_text, write_json
+from .output import Printer, write_json
 from .state import state_document
-from .stores import At, Name, Url, open_state
+from .stores import Name, Url, open_state
+from .times import At
 
 
 def show(

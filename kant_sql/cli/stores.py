@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from datetime import UTC, datetime
 from typing import Annotated
 
 import typer
@@ -13,6 +12,7 @@ import typer
 from ..catalog import knowledge_bases
 from ..errors import KantSqlError
 from ..knowledge_base import KnowledgeBase, connect
+from .times import parse_when
 
 URL_VARIABLE = "KANT_SQL_URL"
 DEFAULT_NAME = "default"
@@ -36,35 +36,31 @@ Name = Annotated[
         help=f"The knowledge base; when not given, the only one, or else '{DEFAULT_NAME}'.",
     ),
 ]
-At = Annotated[
-    str | None,
-    typer.Option(
-        metavar="REV|TIME",
-        show_default=False,
-        help="The revision's number, or a time in ISO 8601 (UTC without a zone).",
-    ),
-]
 
 
-def split_url(words: Sequence[str], example: str) -> tuple[str, list[str]]:
-    """Tell the URL from the files that follow it.
+def split_url(words: Sequence[str], usage: str, example: str) -> tuple[str, list[str]]:
+    """Tell the URL from what follows it.
 
     Args:
         words: the arguments; the first is the URL, or else the environment has it.
+        usage: what they are, as `[URL] FILE...`.
         example: how they could look.
 
     Returns:
-        The URL and the files.
+        The URL and the others, as many as `usage` has, or any number where it ends in dots.
 
     Raises:
-        typer.BadParameter: one of them is missing.
+        typer.BadParameter: one of them is missing, or too many are given.
     """
+    wanted = usage.split()
     default = os.environ.get(URL_VARIABLE)
     if default and words and "://" not in words[0]:
         words = [default, *words]
-    if len(words) < 2 or "://" not in words[0]:
+    is_right = len(words) == len(wanted) or (wanted[-1].endswith("...") and len(words) >= 2)
+    if not is_right or "://" not in words[0]:
         raise typer.BadParameter(
-            f"give a URL (or set {URL_VARIABLE}) and files, {example}", param_hint="[URL] FILE..."
+            f"give a URL (or set {URL_VARIABLE}) and {' '.join(wanted[1:])}, such as: {example}",
+            param_hint=usage,
         )
     return words[0], list(words[1:])
 
@@ -134,27 +130,3 @@ def choose(name: str | None, names: Sequence[str]) -> str:
     raise KantSqlError(
         f"there is no knowledge base {wanted!r} in this store; choose one with --kb: {listed}{more}"
     )
-
-
-def parse_when(text: str) -> int | datetime:
-    """Read a revision's number or a time.
-
-    Args:
-        text: digits are a number, all else is a time in ISO 8601; one without a zone is in UTC.
-
-    Returns:
-        The number, or the time in UTC.
-
-    Raises:
-        typer.BadParameter: it is neither.
-    """
-    try:
-        if text.removeprefix("-").isdecimal():
-            return int(text)
-        moment = datetime.fromisoformat(text)
-        return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).astimezone(UTC)
-    except (ValueError, OverflowError):
-        raise typer.BadParameter(
-            f"{text!r} is neither a revision's number nor a time as 2026-01-31T09:30:00Z",
-            param_hint="--at",
-        ) from None

@@ -17,11 +17,11 @@ from sqlalchemy import (
     select,
 )
 
-from ..knowledge.loading import KB, held_at
+from ..knowledge.loading import KB
+from ..knowledge.past import ANY_FUNCTION, held_then
 from ..tables import FunctionValueRow, FunctionValueVersionRow
 from .reading import Reading
 
-_HELD = (FunctionValueVersionRow.until.is_(None), held_at(FunctionValueVersionRow))
 _ARGUMENTS = (
     select(FunctionValueRow.arguments)
     .where(FunctionValueRow.kb_id == FunctionValueVersionRow.kb_id)
@@ -38,7 +38,8 @@ _ROWS = select(
 
 
 def _reading(*conditions: ColumnElement[bool]) -> Reading:
-    now, then = (_ROWS.where(held, *conditions) for held in _HELD)
+    now = _ROWS.where(FunctionValueVersionRow.until.is_(None), *conditions)
+    then = _ROWS.where(held_then(FunctionValueVersionRow), *(conditions or (ANY_FUNCTION,)))
     return Reading(now, then, literal_column("''"), cast(null(), Text), cast(null(), BigInteger))
 
 

@@ -102,15 +102,25 @@ def make_formula(transaction: Transaction, section: str, node: Node) -> FormulaD
     definitions = transaction.definitions
     writer = TreeWriter(transaction, f"the {section} {shown(node)}")
     tree = writer.tree(node, _PLACES[section])
-    text = _text(TreeReader(definitions, tree).formula())
+    text = formula_text(TreeReader(definitions, tree).formula())
     name = formula_name(section, text)
     stored = definitions.formulas.named(name)
     id_ = stored.id if stored else transaction.intern("formula", name)[0]
     return FormulaDefinition(id_, name, section, tree, text)
 
 
-def _text(node: Node) -> str:
-    """Write a formula as `str()` does, but without recursion."""
+def formula_text(node: Node) -> str:
+    """Write a formula as `str()` does, but without recursion.
+
+    Args:
+        node: the formula.
+
+    Returns:
+        The canonical PDDL text.
+
+    Raises:
+        InvalidKnowledgeError: the text could not be read back.
+    """
     if isinstance(node, TimedLiteral):
         return str(node)
     if isinstance(node, Metric):

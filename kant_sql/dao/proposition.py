@@ -10,7 +10,8 @@ from sqlalchemy import ColumnElement, bindparam, false, literal_column, select
 from ..atoms import AtomKey
 from ..backends import in_rows
 from ..dto import PddlObjectDto, PddlPredicateDto, PddlPropositionDto
-from ..knowledge.loading import KB, held_at
+from ..knowledge.loading import KB
+from ..knowledge.past import ANY_PREDICATE, held_then
 from ..knowledge.rows import table_of
 from ..tables import PropositionRow, PropositionVersionRow
 from ..transaction import Transaction
@@ -28,7 +29,7 @@ _COLUMNS = (
     PropositionRow.arguments,
     PropositionRow.is_goal,
 )
-_HELD = (PropositionVersionRow.until.is_(None), held_at(PropositionVersionRow))
+_NOW, _THEN = PropositionVersionRow.until.is_(None), held_then(PropositionVersionRow)
 
 
 class PropositionReading(Reading):
@@ -49,9 +50,9 @@ class PropositionReading(Reading):
         )
         now, then = (
             select(*_COLUMNS).where(
-                PropositionRow.kb_id == KB, in_rows(PropositionRow.id, versions.where(held))
+                PropositionRow.kb_id == KB, in_rows(PropositionRow.id, versions.where(*held))
             )
-            for held in _HELD
+            for held in ((_NOW,), (_THEN, *([] if conditions else [ANY_PREDICATE])))
         )
         return cls(now, then, literal_column("''"), false())
 

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 
 from ..pddl.document import Domain, Problem
 from ..pddl.tokens import Source
-from ..planning import Plan, from_unified_planning, solve, to_unified_planning
+from ..pddl.writer import write
+from ..planning import Plan, from_unified_planning, problem_hash, solve, to_unified_planning
 from .interfaces import Exchange, Loaded, Mode
 
 if TYPE_CHECKING:
@@ -146,4 +147,5 @@ class DocumentMethods:
         """
         state = self._exchange.state()
         plan = solve(state.domain, state.problem, engine, timeout)
-        return replace(plan, revision=state.revision)
+        digest = problem_hash(write(state.domain), write(state.problem))
+        return replace(plan, revision=state.revision, problem_hash=digest)

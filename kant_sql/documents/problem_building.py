@@ -7,7 +7,7 @@ from decimal import Decimal
 from operator import itemgetter
 from typing import Any, NamedTuple
 
-from sqlalchemy import case, select
+from sqlalchemy import and_, case, select
 
 from ..backends import Query, in_rows
 from ..dao.fluent_reading import ALL
@@ -17,7 +17,8 @@ from ..dto.name import fold
 from ..knowledge.definitions import Definitions
 from ..knowledge.document import PROBLEM
 from ..knowledge.formula import CONSTRAINT, GOAL, INITIAL, METRIC, TIMED
-from ..knowledge.loading import KB, held_at
+from ..knowledge.loading import KB
+from ..knowledge.past import ANY_FUNCTION, ANY_PREDICATE, held_then, then
 from ..knowledge.predicate import ParameterDefinition
 from ..knowledge.rows import table_of
 from ..knowledge.tree_reader import typed_name
@@ -49,9 +50,9 @@ class Initial(NamedTuple):
     values: list[Any]
 
 
-def _held(version: Any) -> tuple[tuple[bool, Any], ...]:
+def _held(version: Any, any_owner: Any) -> tuple[tuple[bool, Any], ...]:
     """Give the condition of the present, and that of the past."""
-    return (False, version.until.is_(None)), (True, held_at(version))
+    return (False, version.until.is_(None)), (True, and_(any_owner, held_then(version)))
 
 
 def _propositions(held: Any, for_text: bool) -> Query:
@@ -83,10 +84,12 @@ _ID = itemgetter(0)
 # By whether it is about the past, and whether for text alone.
 _PROPOSITIONS = {
     (is_past, for_text): _propositions(held, for_text)
-    for is_past, held in _held(PropositionVersionRow)
+    for is_past, held in _held(PropositionVersionRow, ANY_PREDICATE)
     for for_text in (False, True)
 }
-_VALUE_TEXTS = {is_past: _value_texts(held) for is_past, held in _held(FunctionValueVersionRow)}
+_VALUE_TEXTS = {
+    is_past: _value_texts(held) for is_past, held in _held(FunctionValueVersionRow, ANY_FUNCTION)
+}
 
 
 def read_initial(view: View, for_text: bool) -> Initial:
@@ -102,10 +105,10 @@ def read_initial(view: View, for_text: bool) -> Initial:
     if view.kb_id is None:
         return Initial([], [], [])
     is_past = view.at is not None
-    parameters = {"kb": view.kb_id, "at": view.at} if is_past else {"kb": view.kb_id}
+    past = {} if view.at is None else then(view.session, view.at)
 
     def rows(query: Query) -> list[Any]:
-        return sorted(view.session.rows(query, **parameters), key=_ID)
+        return sorted(view.session.rows(query, kb=view.kb_id, **past), key=_ID)
 
     propositions = rows(_PROPOSITIONS[is_past, for_text])
     facts = [row for row in propositions if not row[4]]

@@ -21,7 +21,7 @@ from .type import TypeDefinition
 GONE = "gone "
 
 
-class _Part(NamedTuple):
+class Part(NamedTuple):
     """A row of the statement. What `a` to `f` are depends on the part."""
 
     part: str
@@ -38,7 +38,7 @@ class _Part(NamedTuple):
     text: Any
 
 
-_Parts = dict[str, list[_Part]]
+_Parts = dict[str, list[Part]]
 
 
 def evolve(definitions: Definitions, rows: Iterable[Row]) -> Definitions:
@@ -51,15 +51,31 @@ def evolve(definitions: Definitions, rows: Iterable[Row]) -> Definitions:
     Returns:
         The new definitions.
     """
-    parts: defaultdict[str, list[_Part]] = defaultdict(list)
+    parts: defaultdict[str, list[Part]] = defaultdict(list)
     for row in rows:
-        parts[row[0]].append(_Part(*row))
+        parts[row[0]].append(Part(*row))
     made: list[Any] = []
     for kind in KINDS:
         changes: dict[int, Any] = {row.owner: None for row in parts[f"{GONE}{kind}"]}
         changes.update((definition.id, definition) for definition in _ASSEMBLE[kind](parts))
         made.append(definitions.elements(kind).evolve(changes))
     return Definitions(*made)
+
+
+def assemble(kind: str, rows: Iterable[Part]) -> list[Any]:
+    """Make the definitions of one kind that rows say.
+
+    Args:
+        kind: one of `KINDS`.
+        rows: the rows, in any order.
+
+    Returns:
+        The definitions.
+    """
+    parts: defaultdict[str, list[Part]] = defaultdict(list)
+    for row in rows:
+        parts[row.part].append(row)
+    return [*_ASSEMBLE[kind](parts)]
 
 
 def _types(parts: _Parts) -> Iterable[TypeDefinition]:
@@ -104,7 +120,7 @@ def _actions(parts: _Parts) -> Iterable[ActionDefinition]:
 def _formulas(parts: _Parts) -> Iterable[FormulaDefinition]:
     trees = _trees(parts, "formula")
     for row in parts["formula"]:
-        tree = trees[row.owner, row.section]
+        tree = trees.get((row.owner, row.section), ())
         yield FormulaDefinition(row.owner, row.name, row.section, tree, row.text)
 
 
@@ -129,7 +145,7 @@ _ASSEMBLE: dict[str, Callable[[_Parts], Iterable[Any]]] = {
 }
 
 
-def _listed(rows: Iterable[_Part]) -> dict[int, tuple[int, ...]]:
+def _listed(rows: Iterable[Part]) -> dict[int, tuple[int, ...]]:
     """Give each owner's ids, in their order."""
     ids: defaultdict[int, list[int]] = defaultdict(list)
     for row in sorted(rows, key=lambda row: row.position):

@@ -10,19 +10,37 @@ from sqlalchemy import (
     ColumnElement,
     Select,
     bindparam,
-    case,
+    desc,
     literal_column,
+    or_,
     select,
     union_all,
 )
 
-from ..backends import Query, Session
-from ..tables import FunctionValueVersionRow, PropositionRow, PropositionVersionRow
+from ..backends import Query, Row, Session, in_list
+from ..tables import ArchiveRow, PlanRow, PlanStepVersionRow
 from .loading import KB
-from .rows import KIND_TABLES, table_of
+from .rows import table_of
+from .sources import FACT, GOAL, SOURCES, VALUE
+
+__all__ = [
+    "ARCHIVE",
+    "ASSERTED",
+    "FACT",
+    "GOAL",
+    "PLAN",
+    "PLAN_STEP",
+    "RETRACTED",
+    "VALUE",
+    "Change",
+    "stream_change_rows",
+    "stream_changes",
+    "stream_changes_of",
+    "stream_latest",
+]
 
 ASSERTED, RETRACTED = "+", "-"
-FACT, GOAL, VALUE = "fact", "goal", "value"
+PLAN, PLAN_STEP, ARCHIVE = "plan", "plan step", "archive"
 
 
 class Change(NamedTuple):
@@ -30,7 +48,8 @@ class Change(NamedTuple):
 
     Attributes:
         sign: `+` asserted, `-` retracted.
-        kind: one of `KINDS`, `fact`, `goal` or `value`.
+        kind: one of `KINDS`, for a formula its section; `fact`, `goal` or `value`; `plan`,
+            `plan step` or `archive`.
         text: the element's canonical PDDL text.
     """
 
@@ -45,40 +64,52 @@ def _in_range(column: Any) -> ColumnElement[bool]:
     return column.between(low, high)  # type: ignore[no-any-return]
 
 
-def _both_ends(version: Any, kind: Any, text: Any) -> list[Select[Any]]:
-    """Give what was asserted and what was retracted in the range, of one version table."""
+def _end(table: Any, column: Any, retracted: str, kind: Any, text: Any, within: Any) -> Select[Any]:
+    return select(
+        column.label("revision"),
+        literal_column(retracted).label("retracted"),
+        kind.label("kind"),
+        text.label("text"),
+    ).where(table.kb_id == KB, within(column))
+
+
+def _both_ends(version: Any, kind: Any, text: Any, within: Any) -> list[Select[Any]]:
     return [
-        select(
-            column.label("revision"),
-            literal_column(sign).label("retracted"),
-            kind.label("kind"),
-            text.label("text"),
-        ).where(version.kb_id == KB, _in_range(column))
-        for column, sign in ((version.since, "0"), (version.until, "1"))
+        _end(version, version.since, "0", kind, text, within),
+        _end(version, version.until, "1", kind, text, within),
     ]
 
 
-def _selects() -> list[Select[Any]]:
+def _not_ended(version: Any, kind: Any, text: Any, within: Any) -> list[Select[Any]]:
+    """Give what was asserted in the range, and retracted in no revision of it."""
+    high: Any = bindparam("high", type_=BigInteger)
+    asserted = _end(version, version.since, "0", kind, text, within)
+    return [asserted.where(or_(version.until.is_(None), version.until > high))]
+
+
+def _selects(within: Any, ends: Any = _both_ends) -> list[Select[Any]]:
+    """Give what was asserted and retracted in the revisions for which `within(column)` is true."""
     selects = []
-    for kind, tables in KIND_TABLES.items():
-        version = tables.version.table.c
-        # A formula is of the kind that its section says.
-        name = version.section if kind == "formula" else literal_column(f"'{kind}'")
-        selects += _both_ends(version, name, version.text)
-    value = table_of(FunctionValueVersionRow).c
-    selects += _both_ends(value, literal_column("'value'"), value.text)
-    version, atom = table_of(PropositionVersionRow).c, table_of(PropositionRow).c
-    kind_of = case((atom.is_goal, literal_column("'goal'")), else_=literal_column("'fact'"))
-    kind_of_atom, text_of_atom = (
-        select(column)
-        .where(atom.kb_id == version.kb_id, atom.id == version.proposition_id)
-        .scalar_subquery()
-        for column in (kind_of, atom.text)
-    )
-    return selects + _both_ends(version, kind_of_atom, text_of_atom)
+    for source in SOURCES.values():
+        selects += ends(source.version, source.kind, source.text, within)
+    step = table_of(PlanStepVersionRow).c
+    selects += ends(step, literal_column(f"'{PLAN_STEP}'"), step.text, within)
+    for mapped, kind in ((PlanRow, PLAN), (ArchiveRow, ARCHIVE)):
+        record = table_of(mapped).c
+        name: ColumnElement[str] = literal_column(f"'{kind}'")
+        selects.append(_end(record, record.since, "0", name, record.text, within))
+    return selects
 
 
-_CHANGES = Query(union_all(*_selects()).order_by("revision", "retracted", "kind", "text"))
+def _among(column: Any) -> ColumnElement[bool]:
+    return in_list(column, "numbers")
+
+
+_ORDER = ("retracted", "kind", "text")
+_CHANGES = Query(union_all(*_selects(_in_range)).order_by("revision", *_ORDER))
+_NEWEST_FIRST = Query(union_all(*_selects(_in_range)).order_by(desc("revision"), *_ORDER))
+_LEFT = Query(union_all(*_selects(_in_range, _not_ended)).order_by("revision", *_ORDER))
+_OF_NUMBERS = Query(union_all(*_selects(_among)).order_by(desc("revision"), *_ORDER))
 
 
 def stream_changes(
@@ -95,6 +126,72 @@ def stream_changes(
     Returns:
         The revision's number and the change, by revision and then in the order of the hash.
     """
-    rows = session.stream(_CHANGES, kb=kb_id, low=low, high=high)
+    return _lines(stream_change_rows(session, kb_id, low, high))
+
+
+def stream_change_rows(session: Session, kb_id: int, low: int, high: int) -> Iterator[Row]:
+    """Read what a range of revisions changed, as plain rows.
+
+    Args:
+        session: the session, in a transaction.
+        kb_id: the knowledge base.
+        low: the first revision.
+        high: the last revision.
+
+    Returns:
+        The revision's number, whether it is a retraction, the kind and the text, by revision and
+        then in the order of the hash.
+    """
+    return session.stream(_CHANGES, kb=kb_id, low=low, high=high)
+
+
+def stream_rows_left(session: Session, kb_id: int, upto: int) -> Iterator[Row]:
+    """Read what is left of the first revisions once what ended in them is gone, as plain rows.
+
+    Args:
+        session: the session, in a transaction.
+        kb_id: the knowledge base.
+        upto: the last of these revisions.
+
+    Returns:
+        The rows, as of `stream_change_rows`.
+    """
+    return session.stream(_LEFT, kb=kb_id, low=1, high=upto)
+
+
+def stream_latest(
+    session: Session, kb_id: int, low: int, high: int
+) -> Iterator[tuple[int, Change]]:
+    """Read what a range of revisions changed, the last revision first.
+
+    Args:
+        session: the session, in a transaction.
+        kb_id: the knowledge base.
+        low: the first revision.
+        high: the last revision.
+
+    Returns:
+        The revision's number and the change, within a revision in the order of the hash.
+    """
+    return _lines(session.stream(_NEWEST_FIRST, kb=kb_id, low=low, high=high))
+
+
+def stream_changes_of(
+    session: Session, kb_id: int, numbers: list[int]
+) -> Iterator[tuple[int, Change]]:
+    """Read what some revisions changed, the last revision first.
+
+    Args:
+        session: the session, in a transaction.
+        kb_id: the knowledge base.
+        numbers: the revisions.
+
+    Returns:
+        The revision's number and the change, within a revision in the order of the hash.
+    """
+    return _lines(session.stream(_OF_NUMBERS, kb=kb_id, numbers=session.list_value(numbers)))
+
+
+def _lines(rows: Iterator[Row]) -> Iterator[tuple[int, Change]]:
     signs = ASSERTED, RETRACTED
     return ((number, Change(signs[sign], kind, text)) for number, sign, kind, text in rows)

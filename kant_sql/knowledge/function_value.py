@@ -4,11 +4,21 @@ from __future__ import annotations
 
 from typing import Any
 
-from sqlalchemy import bindparam, delete, null, select, update
+from sqlalchemy import (
+    BigInteger,
+    ColumnElement,
+    bindparam,
+    delete,
+    literal_column,
+    null,
+    select,
+    update,
+)
 
 from ..backends import Query, in_list
 from ..tables import FunctionValueRow, FunctionValueVersionRow
 from .loading import KB
+from .past import HOLDS_NOW, Fork
 from .rows import table_of
 
 VERSIONS = table_of(FunctionValueVersionRow)
@@ -50,11 +60,14 @@ _THE_OPEN = (
     VERSIONS.c.function_value_id == bindparam("id"),
     VERSIONS.c.until.is_(None),
 )
-CLOSE = Query(update(VERSIONS).where(*_THE_OPEN).values(until=bindparam("at")))
+_AT: ColumnElement[int] = bindparam("at", type_=BigInteger)
+CLOSE = Query(
+    update(VERSIONS).where(*_THE_OPEN).values(until=_AT, fork=Fork(VERSIONS.c.since, _AT))
+)
 UNMAKE = Query(delete(VERSIONS).where(*_THE_OPEN))
 REOPEN = Query(
     update(VERSIONS)
     .where(VERSIONS.c.kb_id == bindparam("kb"))
     .where(VERSIONS.c.until == bindparam("at"), in_list(VERSIONS.c.function_value_id, "ids"))
-    .values(until=null())
+    .values(until=null(), fork=literal_column(str(HOLDS_NOW)))
 )

@@ -13,6 +13,7 @@ from sqlalchemy import (
     and_,
     bindparam,
     cast,
+    func,
     literal_column,
     null,
     or_,
@@ -50,6 +51,7 @@ from .rows import KIND_TABLES, VersionTable, table_of
 
 KB: ColumnElement[int] = bindparam("kb", type_=BigInteger)
 _AFTER: ColumnElement[int] = bindparam("after", type_=BigInteger)
+_THEN: ColumnElement[int] = bindparam("at", type_=BigInteger)
 _NUMBER = cast(null(), BigInteger)
 _TEXT = cast(null(), Text)
 
@@ -63,8 +65,7 @@ def held_at(table: Any) -> ColumnElement[bool]:
     Returns:
         The condition.
     """
-    at: ColumnElement[int] = bindparam("at", type_=BigInteger)
-    return and_(table.since <= at, or_(table.until.is_(None), table.until > at))
+    return and_(table.since <= _THEN, or_(table.until.is_(None), table.until > _THEN))
 
 
 def _part(part: str, owner: Any, /, **columns: Any) -> Select[Any]:
@@ -211,6 +212,15 @@ def _head_part() -> Select[Any]:
 
 _NOW = Query(union_all(_head_part(), *_parts(lambda version: version.until.is_(None))))
 _AT = Query(union_all(*_parts(held_at)))
+_LAST_CHANGE = Query(
+    union_all(
+        *(
+            select(func.max(column)).where(tables.version.table.c.kb_id == KB, column <= _THEN)
+            for tables in KIND_TABLES.values()
+            for column in (tables.version.table.c.since, tables.version.table.c.until)
+        )
+    )
+)
 _SINCE = Query(
     union_all(
         *(_gone_part(kind, tables.version) for kind, tables in KIND_TABLES.items()),
@@ -246,6 +256,20 @@ def load_at(session: Session, kb_id: int, at: int) -> Definitions:
         The definitions.
     """
     return evolve(Definitions(), session.rows(_AT, kb=kb_id, at=at))
+
+
+def last_change(session: Session, kb_id: int, at: int) -> int:
+    """Tell which revision, up to a past one, was the last to change a definition.
+
+    Args:
+        session: the session, in a transaction.
+        kb_id: the knowledge base.
+        at: the past revision.
+
+    Returns:
+        The revision; 0 when there was none.
+    """
+    return max(row[0] or 0 for row in session.rows(_LAST_CHANGE, kb=kb_id, at=at))
 
 
 def refresh(session: Session, kb_id: int, definitions: Definitions, after: int) -> Definitions:

@@ -2,11 +2,21 @@
 
 from __future__ import annotations
 
-from sqlalchemy import bindparam, delete, null, select, update
+from sqlalchemy import (
+    BigInteger,
+    ColumnElement,
+    bindparam,
+    delete,
+    literal_column,
+    null,
+    select,
+    update,
+)
 
 from ..backends import Query, in_list
 from ..tables import PropositionRow, PropositionVersionRow
 from .loading import KB
+from .past import HOLDS_NOW, Fork
 from .rows import table_of
 
 _SINCE = (
@@ -33,13 +43,16 @@ _OPEN_VERSION = (
     VERSIONS.c.proposition_id == bindparam("id"),
     VERSIONS.c.until.is_(None),
 )
-CLOSE = Query(update(VERSIONS).where(*_OPEN_VERSION).values(until=bindparam("at")))
+_AT: ColumnElement[int] = bindparam("at", type_=BigInteger)
+CLOSE = Query(
+    update(VERSIONS).where(*_OPEN_VERSION).values(until=_AT, fork=Fork(VERSIONS.c.since, _AT))
+)
 UNMAKE = Query(delete(VERSIONS).where(*_OPEN_VERSION))
 REOPEN = Query(
     update(VERSIONS)
     .where(VERSIONS.c.kb_id == bindparam("kb"))
     .where(VERSIONS.c.until == bindparam("at"), in_list(VERSIONS.c.proposition_id, "ids"))
-    .values(until=null())
+    .values(until=null(), fork=literal_column(str(HOLDS_NOW)))
 )
 # Each id by itself, for SQLite would rather walk all versions there ever were than sort a list.
 OPEN = Query(

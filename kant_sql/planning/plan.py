@@ -9,8 +9,9 @@ import signal
 import subprocess
 import sys
 import tempfile
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from decimal import Decimal
+from hashlib import sha256
 from pathlib import Path
 
 from ..errors import KantSqlError, NoPlanError, PlannerMissingError, UnsupportedConstructError
@@ -54,15 +55,31 @@ class Plan:
         engine: the engine of unified-planning that found it.
         status: what the engine says of it: `solved_satisficing` or `solved_optimally`.
         revision: the revision of the knowledge base that it was made from.
+        problem_hash: what `problem_hash` gives for what the planner was given; None when that is
+            not known.
     """
 
     steps: tuple[PlanStep, ...]
     engine: str
     status: str
     revision: int | None = None
+    problem_hash: str | None = field(default=None, compare=False)
 
     def __str__(self) -> str:
         return "".join(f"{step}\n" for step in self.steps)
+
+
+def problem_hash(domain: str, problem: str) -> str:
+    """Hash what a planner is given.
+
+    Args:
+        domain: the domain's PDDL text.
+        problem: the problem's PDDL text.
+
+    Returns:
+        The SHA-256 of the UTF-8 of the first and then the second, 64 hexadecimal digits.
+    """
+    return sha256((domain + problem).encode()).hexdigest()
 
 
 def solve(

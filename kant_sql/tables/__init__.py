@@ -12,6 +12,7 @@ from .action import (
     ActionVariableTypeRow,
     ActionVersionRow,
 )
+from .archive import ArchiveRow
 from .base import Base
 from .document import DocumentItemRow, DocumentRow, DocumentVersionRow
 from .formula import (
@@ -34,6 +35,13 @@ from .function import (
 )
 from .knowledge_base import HeadRow, KnowledgeBaseRow
 from .object import ObjectRow, ObjectTypeRow, ObjectVersionRow
+from .plan import (
+    PlanRow,
+    PlanStepArgumentRow,
+    PlanStepRow,
+    PlanStepVersionRow,
+    RevisionPlanStepRow,
+)
 from .predicate import (
     PredicateParameterRow,
     PredicateParameterTypeRow,
@@ -45,8 +53,6 @@ from .revision import RevisionRow
 from .type import TypeParentRow, TypeRow, TypeVersionRow
 
 __all__ = [
-    "ActionExpressionRow",
-    "ActionExpressionTermRow",
     "ActionNodeRow",
     "ActionParameterRow",
     "ActionParameterTypeRow",
@@ -55,6 +61,7 @@ __all__ = [
     "ActionVariableRow",
     "ActionVariableTypeRow",
     "ActionVersionRow",
+    "ArchiveRow",
     "Base",
     "DocumentItemRow",
     "DocumentRow",
@@ -78,6 +85,10 @@ __all__ = [
     "ObjectRow",
     "ObjectTypeRow",
     "ObjectVersionRow",
+    "PlanRow",
+    "PlanStepArgumentRow",
+    "PlanStepRow",
+    "PlanStepVersionRow",
     "PredicateParameterRow",
     "PredicateParameterTypeRow",
     "PredicateRow",
@@ -85,6 +96,7 @@ __all__ = [
     "PropositionArgumentRow",
     "PropositionRow",
     "PropositionVersionRow",
+    "RevisionPlanStepRow",
     "RevisionRow",
     "TypeParentRow",
     "TypeRow",

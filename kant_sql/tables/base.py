@@ -72,6 +72,20 @@ def since_column() -> MappedColumn[int]:
     )
 
 
+def fork_column() -> MappedColumn[int]:
+    """Make the column by which a past state is found; `knowledge/past.py` says how.
+
+    Returns:
+        The column.
+    """
+    return mapped_column(
+        BigInteger,
+        server_default=text("0"),
+        comment="the revision from since to before until that the highest power of two divides; "
+        "0: holds now",
+    )
+
+
 class Identity:
     """A named element for ever, apart from what held of it when."""
 
@@ -101,6 +115,23 @@ def identity_args() -> tuple[Any, ...]:
         ForeignKeyConstraint(["kb_id"], ["knowledge_base.id"]),
         UniqueConstraint("kb_id", "key"),
     )
+
+
+def lookup_index(table: str, column: str) -> Index:
+    """Make the index by which the views find what they are asked for: a name, or a text.
+
+    It is a hash on PostgreSQL: a text may be longer than what a b-tree takes, and one that began
+    with `kb_id` would be taken for others' questions, too, while a table without statistics is
+    small.
+
+    Args:
+        table: the table.
+        column: its column.
+
+    Returns:
+        The index.
+    """
+    return Index(f"ix_{table}_{column}", column, postgresql_using="hash")
 
 
 def partial_index(name: str, *columns: str, where: str, unique: bool = False) -> Index:

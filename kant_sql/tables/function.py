@@ -18,8 +18,10 @@ from .base import (
     Base,
     Identity,
     Version,
+    fork_column,
     identity_args,
     kb_column,
+    lookup_index,
     owner_column,
     partial_index,
     since_column,
@@ -33,7 +35,7 @@ class FunctionRow(Identity, Base):
     """A function, for ever."""
 
     __tablename__ = "function"
-    __table_args__ = identity_args()
+    __table_args__ = (*identity_args(), lookup_index("function", "name"))
 
 
 class FunctionVersionRow(Version, Base):
@@ -93,6 +95,7 @@ class FunctionValueRow(Base):
     __table_args__ = (
         ForeignKeyConstraint(["kb_id", "function_id"], ["function.kb_id", "function.id"]),
         UniqueConstraint("kb_id", "function_id", "arguments", name="uq_function_value_fluent"),
+        lookup_index("function_value", "text"),
     )
 
     kb_id: Mapped[int] = kb_column()
@@ -146,6 +149,7 @@ class FunctionValueVersionRow(Version, Base):
             "ix_function_value_version_history",
             "kb_id",
             "function_id",
+            "fork",
             "since",
             "until",
             "function_value_id",
@@ -167,3 +171,4 @@ class FunctionValueVersionRow(Version, Base):
     )
     object_id: Mapped[int | None] = mapped_column(BigInteger, comment="the object that it is")
     text: Mapped[str] = mapped_column(LongText, comment="canonical PDDL, with the value")
+    fork: Mapped[int] = fork_column()

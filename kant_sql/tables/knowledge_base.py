@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from datetime import datetime
 
-from sqlalchemy import BigInteger, ForeignKeyConstraint, UniqueConstraint
+from sqlalchemy import BigInteger, ForeignKeyConstraint, UniqueConstraint, text
 from sqlalchemy.orm import Mapped, mapped_column
 
 from .base import Base, kb_column
@@ -35,3 +35,8 @@ class HeadRow(Base):
     next_id: Mapped[int] = mapped_column(BigInteger, comment="the id that the next element gets")
     hash: Mapped[str | None] = mapped_column(LongText, comment="of the last revision")
     committed_at: Mapped[datetime | None] = mapped_column(UtcTime, comment="of the last revision")
+    archived_revision: Mapped[int] = mapped_column(
+        BigInteger,
+        server_default=text("0"),
+        comment="what ended up to this revision is in an archive; 0: nothing is",
+    )

@@ -11,6 +11,7 @@ from .base import (
     Version,
     identity_args,
     kb_column,
+    lookup_index,
     owner_column,
     since_column,
     version_args,
@@ -22,7 +23,7 @@ class ObjectRow(Identity, Base):
     """An object, for ever."""
 
     __tablename__ = "object"
-    __table_args__ = identity_args()
+    __table_args__ = (*identity_args(), lookup_index("object", "name"))
 
 
 class ObjectVersionRow(Version, Base):

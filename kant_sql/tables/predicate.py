@@ -9,6 +9,7 @@ from .base import (
     Identity,
     Version,
     identity_args,
+    lookup_index,
     owner_column,
     version_args,
 )
@@ -20,7 +21,7 @@ class PredicateRow(Identity, Base):
     """A predicate, for ever."""
 
     __tablename__ = "predicate"
-    __table_args__ = identity_args()
+    __table_args__ = (*identity_args(), lookup_index("predicate", "name"))
 
 
 class PredicateVersionRow(Version, Base):

@@ -14,7 +14,17 @@ from sqlalchemy import (
 )
 from sqlalchemy.orm import Mapped, mapped_column
 
-from .base import LIVE, Base, Version, kb_column, owner_column, partial_index, version_args
+from .base import (
+    LIVE,
+    Base,
+    Version,
+    fork_column,
+    kb_column,
+    lookup_index,
+    owner_column,
+    partial_index,
+    version_args,
+)
 from .types import LongText
 
 
@@ -27,6 +37,7 @@ class PropositionRow(Base):
         UniqueConstraint(
             "kb_id", "is_goal", "predicate_id", "arguments", name="uq_proposition_atom"
         ),
+        lookup_index("proposition", "text"),
     )
 
     kb_id: Mapped[int] = kb_column()
@@ -83,6 +94,7 @@ class PropositionVersionRow(Version, Base):
             "ix_proposition_version_history",
             "kb_id",
             "predicate_id",
+            "fork",
             "since",
             "until",
             "proposition_id",
@@ -90,10 +102,16 @@ class PropositionVersionRow(Version, Base):
         # Goals are few among many facts, and those that stand few among those that ever did.
         _goal_index("ix_proposition_version_goal", "kb_id", "until", "since", "proposition_id"),
         _goal_index(
-            "ix_proposition_version_goal_history", "kb_id", "since", "until", "proposition_id"
+            "ix_proposition_version_goal_history",
+            "kb_id",
+            "fork",
+            "since",
+            "until",
+            "proposition_id",
         ),
     )
 
     proposition_id: Mapped[int] = owner_column()
     predicate_id: Mapped[int] = mapped_column(BigInteger)
     is_goal: Mapped[bool] = mapped_column(Boolean, server_default=false())
+    fork: Mapped[int] = fork_column()

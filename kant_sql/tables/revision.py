@@ -34,3 +34,6 @@ class RevisionRow(Base):
     )
     form: Mapped[int] = mapped_column(Integer, comment="version of the form that was hashed")
     hash: Mapped[str] = mapped_column(LongText, comment="SHA-256, chained to the revision before")
+    observed_at: Mapped[datetime | None] = mapped_column(
+        UtcTime, comment="UTC, when what it says was sensed; NULL: not said"
+    )

@@ -8,22 +8,11 @@ from typing import Any
 from sqlalchemy import JSON, Dialect, String, Text, TypeDecorator
 from sqlalchemy.dialects.postgresql import TIMESTAMP
 
+from ..canonical import time_text
+
 # The collation "C" sorts by code point, as SQLite does and as the hash of a revision demands.
 ShortText = String(255).with_variant(String(255, collation="C"), "postgresql")
 LongText = Text().with_variant(Text(collation="C"), "postgresql")
-
-
-def time_text(moment: datetime) -> str:
-    """Write a moment the way that SQLite stores it and that the hash covers.
-
-    Args:
-        moment: an aware time.
-
-    Returns:
-        ISO 8601 in UTC with microseconds, for example `2026-01-31T09:30:00.000000Z`; texts sort
-        as the moments do.
-    """
-    return moment.astimezone(UTC).isoformat(timespec="microseconds")[:26] + "Z"
 
 
 def text_time(text: str) -> datetime:

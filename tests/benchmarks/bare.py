@@ -53,7 +53,7 @@ DEFINITION = (
 )
 
 
-ASSERT = "INSERT INTO proposition_version VALUES (?, ?, ?, ?, ?, ?) ON CONFLICT DO NOTHING"
+ASSERT = "INSERT INTO proposition_version VALUES (?, ?, ?, ?, ?, ?, 0) ON CONFLICT DO NOTHING"
 
 
 @cache
@@ -81,7 +81,7 @@ class Bare:
     def create(self) -> None:
         """Create the knowledge base."""
         self.run(insert("knowledge_base", 2), (self.kb, self.name))
-        self.run(insert("head", 6), (self.kb, 0, 0, 1, None, None))
+        self.run(insert("head", 7), (self.kb, 0, 0, 1, None, None, 0))
 
     def close(self) -> None:
         """Close the connection."""
@@ -104,8 +104,8 @@ class Bare:
         now = datetime.now(UTC).isoformat(timespec="microseconds")[:26] + "Z"
         digest = self.digest(head[3], now, reason)
         moment = self.driver.moment(now)
-        revision = (self.kb, self.number, moment, self.actor, reason, None, 1, digest)
-        run(insert("revision", 8), revision)
+        revision = (self.kb, self.number, moment, self.actor, reason, None, 2, digest, None)
+        run(insert("revision", 9), revision)
         defined = self.number if self.defined else head[1]
         run(MOVE_HEAD, (self.number, defined, self.next_id, digest, moment, self.kb))
         run("COMMIT")
@@ -116,9 +116,11 @@ class Bare:
             "actor": self.actor,
             "changes": sorted(self.changes),
             "committed_at": now,
-            "form": 1,
+            "form": 2,
             "knowledge_base": self.name,
             "number": self.number,
+            "observed_at": None,
+            "plan_step": None,
             "previous": previous,
             "reason": reason,
             "source": None,

@@ -31,6 +31,7 @@ from kant_sql import (
     PddlPropositionDto,
     PddlTypeDto,
 )
+from kant_sql.knowledge.past import fork
 from tests.benchmarks.support import Bare, Row, alternate, bare, print_table, seconds, stores
 from tests.statements import explain, is_bracket, seen
 
@@ -123,15 +124,15 @@ def load(store: Bare, past: Past, rows: int) -> None:
     def revisions() -> Iterator[Row]:
         for number in range(revision + 1, last + 1):
             time = (PAST + timedelta(seconds=number)).isoformat(timespec="microseconds")
-            yield kb, number, time[:26] + "Z", "past", None, None, 1, f"{number:064x}"
+            yield kb, number, time[:26] + "Z", "past", None, None, 2, f"{number:064x}", None
 
     store.execute("BEGIN")
     store.insert("proposition", 6, propositions())
     store.insert("proposition_argument", 4, arguments())
-    store.insert("revision", 8, revisions())
+    store.insert("revision", 9, revisions())
     versions = past.versions(rows, next_id, revision)
-    rows_ = ((kb, id_, s, u, predicate, past.is_goal) for id_, s, u in versions)
-    store.insert("proposition_version", 6, rows_)
+    rows_ = ((kb, id_, s, u, predicate, past.is_goal, fork(s, u)) for id_, s, u in versions)
+    store.insert("proposition_version", 7, rows_)
     store.execute(
         "UPDATE head SET revision = ?, next_id = ?, hash = ?, committed_at = ?",
         (last, next_id + past.atoms, f"{last:064x}", moment.isoformat()[:19] + ".000000Z"),

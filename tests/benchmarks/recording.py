@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
+from datetime import datetime
 from pathlib import Path
 from typing import Any, NamedTuple, cast
 
@@ -17,6 +18,7 @@ from kant_sql.dao.interfaces import (
     PddlTypeDao,
 )
 from kant_sql.factory import SqliteDaoFactory
+from kant_sql.plans import RecordedStep
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "examples"))
 
@@ -106,8 +108,11 @@ class RecordingFactory(SqliteDaoFactory):
         reason: str | None = None,
         source: object | None = None,
         expected_revision: int | None = None,
+        observed_at: datetime | None = None,
+        plan_step: RecordedStep | None = None,
     ) -> Iterator[None]:
-        assert (actor, source, expected_revision) == (None, None, None), "not replayed"
+        given = (actor, source, expected_revision, observed_at, plan_step)
+        assert given == (None,) * 5, "not replayed"
         self._calls = []
         with super().transaction(reason=reason):
             yield

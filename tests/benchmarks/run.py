@@ -9,7 +9,7 @@ import importlib.util
 import sys
 from pathlib import Path
 
-BENCHMARKS = ("coffee_shop", "bulk", "history", "reading", "documents", "footprint")
+BENCHMARKS = ("coffee_shop", "bulk", "history", "reading", "documents", "footprint", "verifying")
 
 
 def main(argv: list[str]) -> int:

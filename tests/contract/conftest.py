@@ -11,6 +11,7 @@ import kant_sql
 from kant_sql import KnowledgeBase
 from tests.conftest import BACKENDS, Connect, Server, _extra_urls
 from tests.reading import beside
+from tests.rights import MINE, Members, fill_store, members
 
 COMMON = {"sqlite-file": "one_file", "postgresql": "one_database"}
 _numbers = itertools.count(1)
@@ -58,3 +59,26 @@ def fresh_kb(request: pytest.FixtureRequest, common_url: str, connect: Connect) 
     if common_url == "sqlite://":
         return beside(request.getfixturevalue("one_memory"), name)
     return connect(common_url, knowledge_base=name, actor="test")
+
+
+@pytest.fixture(scope="session")
+def role_store(server: Server) -> str:
+    """The URL of a store with two knowledge bases, with something in each table, and with roles."""
+    url = server.new_database()
+    fill_store(url)
+    kant_sql.create_roles(url)
+    return url
+
+
+@pytest.fixture(scope="session")
+def role_users(role_store: str) -> Iterator[Members]:
+    """Users, each a member of a role of that store."""
+    with members(role_store, kant_sql.create_roles(role_store)) as urls:
+        yield urls
+
+
+@pytest.fixture(scope="session")
+def limited_users(role_store: str) -> Iterator[Members]:
+    """Users who may see only one of the two knowledge bases."""
+    with members(role_store, kant_sql.create_roles(role_store, MINE)) as urls:
+        yield urls

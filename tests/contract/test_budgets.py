@@ -132,7 +132,7 @@ def test_a_freshly_opened_store_answers_with_two_statements_at_most(
 
 
 @pytest.mark.parametrize("size", SIZES[:2])
-def test_reads_of_the_past_take_two_statements_at_most(
+def test_reads_of_the_past_take_two_statements_at_most_once_its_definitions_are_known(
     shared_url: str, connect: Connect, size: int
 ) -> None:
     kb = connect(shared_url)
@@ -141,9 +141,12 @@ def test_reads_of_the_past_take_two_statements_at_most(
     cold = connect(shared_url)
     assert count(lambda: cold.at(2)) <= READ
     past = cold.at(2)
+    # Who last changed a definition, by now and by then, and what it was then.
+    assert count(past.propositions.get_all) <= READ + 2
     taken = {name: count(partial(read, past)) for name, read in READS.items()}
     assert max(taken.values()) <= READ, taken
     assert len(past.propositions.get_no_goals()) == size
+    assert count(cold.at(1).types.get_all) <= READ + 1
 
 
 def test_new_definitions_of_another_writer_cost_two_statements_once(

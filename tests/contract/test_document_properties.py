@@ -24,6 +24,7 @@ from tests.conftest import Server
 from tests.documents import domains_and_problems
 from tests.hunting import HUNT, hunting
 from tests.reading import beside
+from tests.verifying import findings
 
 Documents = tuple[Domain, Problem]
 _numbers = itertools.count(1)
@@ -127,3 +128,4 @@ def test_documents_replace_others(stores: list[str]) -> None:
     replace()
     for url in stores:
         assert check_chain(url)
+        assert findings(url) == []

@@ -27,7 +27,7 @@ from kant_sql import (
     PddlTypeDto,
     propositions,
 )
-from kant_sql.canonical import make_metadata, revision_hash
+from kant_sql.canonical import Metadata, make_metadata, revision_hash, time_text
 from kant_sql.dto.formula import Atom, Constant, Or
 from tests.conftest import Connect
 from tests.pages import Page, opened
@@ -121,6 +121,26 @@ def test_a_large_revision_is_hashed_as_a_small_one_is(
     assert last_hash(shared_url) == kb.revisions()[-1].hash
 
 
+def test_a_revision_of_form_1_keeps_its_hash(shared_url: str, connect: Connect) -> None:
+    """As an older store has it, before one of form 2; what form 1 cannot say is refused."""
+    kb = connect(shared_url, knowledge_base="tiago")
+    kb.types.save(PddlTypeDto("robot"))
+    (entry,) = kb.log()
+    first = entry.revision
+    said = time_text(first.committed_at), Metadata(None, None, None)
+    old = revision_hash(None, "tiago", 1, *said, entry.changes, form=1)
+    with opened(shared_url) as store:
+        store.execute("UPDATE revision SET form = 1, hash = :old", {"old": old})
+        store.execute("UPDATE head SET hash = :old", {"old": old})
+    with kb.transaction(observed_at=first.committed_at):
+        kb.types.save(PddlTypeDto("wp"))
+    assert last_hash(shared_url) == kb.revisions()[-1].hash
+    with opened(shared_url) as store:
+        store.execute("UPDATE revision SET observed_at = committed_at WHERE number = 1", {})
+    with pytest.raises(AssertionError):
+        last_hash(shared_url)
+
+
 def test_each_knowledge_base_of_a_store_has_a_chain_of_its_own(
     shared_url: str, connect: Connect
 ) -> None:
@@ -138,6 +158,7 @@ def test_each_knowledge_base_of_a_store_has_a_chain_of_its_own(
         "UPDATE revision SET reason = NULL WHERE number = 2",
         'UPDATE revision SET source = \'{"sensor":"radar"}\' WHERE number = 2',
         "UPDATE revision SET committed_at = '2001-01-01T00:00:00.000000Z' WHERE number = 2",
+        "UPDATE revision SET observed_at = '2001-01-01T00:00:00.000000Z' WHERE number = 1",
         "UPDATE knowledge_base SET name = 'other'",
         "UPDATE type_version SET text = 'Robot' WHERE text = 'robot'",
         "UPDATE object_version SET since = 2 WHERE text = 'rb1 - robot'",
@@ -221,13 +242,15 @@ def test_the_library_hashes_the_document_that_the_standard_writes(
 ) -> None:
     ordered = sorted(changes)
     at = "2026-01-31T09:30:00.000000Z"
-    document = {
+    document: dict[str, Any] = {
         "actor": actor,
         "changes": [list(line) for line in ordered],
         "committed_at": at,
-        "form": 1,
+        "form": 2,
         "knowledge_base": name,
         "number": 7,
+        "observed_at": None,
+        "plan_step": None,
         "previous": "ab",
         "reason": reason,
         "source": source,
@@ -235,3 +258,7 @@ def test_the_library_hashes_the_document_that_the_standard_writes(
     metadata = make_metadata(actor, reason, source)
     expected = sha256(rfc8785.dumps(document)).hexdigest()
     assert revision_hash("ab", name, 7, at, metadata, ordered) == expected
+    del document["observed_at"], document["plan_step"]
+    document["form"] = 1
+    expected = sha256(rfc8785.dumps(document)).hexdigest()
+    assert revision_hash("ab", name, 7, at, metadata, ordered, form=1) == expected

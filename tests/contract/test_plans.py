@@ -41,10 +41,13 @@ READS: dict[str, tuple[Call, set[str]]] = {
     "get_by_predicate with a past": (lambda kb: kb.propositions.get_by_predicate("visited"), NOW),
     "get_goals": (lambda kb: kb.propositions.get_goals(), OF_GOALS),
     "get_by_predicate of the past": (
-        lambda kb: kb.at(5).propositions.get_by_predicate("lit"),
+        lambda kb: kb.at(kb.revision // 2).propositions.get_by_predicate("visited"),
         HISTORY,
     ),
-    "get_goals of the past": (lambda kb: kb.at(5).propositions.get_goals(), OF_GOALS),
+    "get_goals of the past": (
+        lambda kb: kb.at(kb.revision // 2).propositions.get_goals(),
+        OF_GOALS,
+    ),
 }
 
 

@@ -31,6 +31,7 @@ from tests.conftest import Server
 from tests.hunting import HUNT
 from tests.model import Model
 from tests.programs import Block, Call, Items, Program, Step, programs, run, state_of
+from tests.verifying import findings
 from tests.worlds import RB1, ROBOT, ROBOT_AT, WAYPOINT, WP1, WP2, navigation, robot_at
 
 _numbers = itertools.count(1)
@@ -72,9 +73,9 @@ TIGHT = {
     "kant_sql.atoms.CACHED_ATOMS": 1,
     "kant_sql.dao.base.BATCH": 2,
     "kant_sql.knowledge.cache.CACHED_PASTS": 1,
-    "kant_sql.history.revisions.LOG_PAGE": 2,
+    "kant_sql.history.log.LOG_PAGE": 2,
     "kant_sql.backends.sqlite_session.FETCH_SIZE": 1,
-    "kant_sql.backends.postgresql.COPY_FROM_ROWS": 2,
+    "kant_sql.backends.postgresql_session.COPY_FROM_ROWS": 2,
 }
 
 
@@ -188,3 +189,4 @@ def test_any_program_has_the_results_of_the_model(stores: Stores) -> None:
     holds_for()
     for url in stores.shared_urls:
         assert check_chain(url)
+        assert findings(url) == []

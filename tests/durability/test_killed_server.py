@@ -3,17 +3,12 @@
 from __future__ import annotations
 
 import random
-import shutil
-import tempfile
 import threading
 import time
-from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from pathlib import Path
 
 import pytest
 
-import kant_sql
 from kant_sql import ConnectionLostError, KnowledgeBase, retry
 from tests import counter
 from tests.chain import check_chain
@@ -30,23 +25,6 @@ from tests.crashing import (
 from tests.worlds import waypoint
 
 KILLS = 2
-
-
-@pytest.fixture(scope="module")
-def mortal_server() -> Iterator[Server]:
-    """A server of these tests' own, which keeps its promises as in earnest."""
-    folder = Path(tempfile.mkdtemp(prefix="kantpg"))
-    running = Server(folder, fsync=True)
-    yield running
-    running._server.cleanup()
-    shutil.rmtree(folder, ignore_errors=True)
-
-
-@pytest.fixture
-def mortal_url(mortal_server: Server) -> str:
-    url = mortal_server.new_database()
-    kant_sql.upgrade(url)
-    return url
 
 
 @pytest.mark.slow

@@ -101,7 +101,7 @@ def test_it_names_the_component_that_put_the_robot_there(ran: Ran) -> None:
 
 
 def test_the_initial_pddl_is_as_large_as_the_papers(ran: Ran) -> None:
-    log = list(ran.kb.log(ran.last - ran.first + 1))
+    log = list(ran.kb.log(limit=ran.last - ran.first + 1))
     first_goal = min(
         entry.revision.number for entry in log for change in entry.changes if change.kind == "goal"
     )

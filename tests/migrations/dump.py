@@ -37,9 +37,15 @@ WHERE i.indrelid = :table AND i.indexrelid NOT IN (
 )
 ORDER BY c.relname COLLATE "C"
 """
+_VIEWS = """
+SELECT c.oid, c.relname, pg_get_viewdef(c.oid, true), quote_literal(c.reloptions::text)
+FROM pg_class AS c
+WHERE c.relkind = 'v' AND c.relnamespace = 'public'::regnamespace
+ORDER BY c.relname COLLATE "C"
+"""
 _OTHERS = """
 SELECT relkind::text || ' ' || relname FROM pg_class
-WHERE relnamespace = 'public'::regnamespace AND relkind NOT IN ('r', 'p', 'i', 'I')
+WHERE relnamespace = 'public'::regnamespace AND relkind NOT IN ('r', 'p', 'i', 'I', 'v')
 UNION ALL SELECT 'trigger ' || tgname FROM pg_trigger WHERE NOT tgisinternal
 UNION ALL SELECT 'function ' || proname FROM pg_proc WHERE pronamespace = 'public'::regnamespace
 ORDER BY 1
@@ -51,7 +57,7 @@ def dump(connection: Connection, without: Collection[str] = ()) -> str:
 
     Args:
         connection: the database.
-        without: tables to leave out.
+        without: tables to leave out, or `views` for all views.
 
     Returns:
         Statements in the order of their names; no two schemas that differ have the same.
@@ -68,10 +74,16 @@ def _dump_sqlite(connection: Connection, without: Collection[str]) -> list[str]:
         )
     )
     return [
-        f"{_sqlite_table(sql) if kind == 'table' else ' '.join(sql.split())};"
+        f"{_sqlite_statement(kind, sql)};"
         for kind, table, sql in rows
-        if table not in without
+        if table not in without and not (kind == "view" and "views" in without)
     ]
+
+
+def _sqlite_statement(kind: str, sql: str) -> str:
+    if kind == "table":
+        return _sqlite_table(sql)
+    return sql if kind == "view" else " ".join(sql.split())
 
 
 def _sqlite_table(sql: str) -> str:
@@ -103,6 +115,14 @@ def _dump_postgresql(connection: Connection, without: Collection[str]) -> list[s
     for oid, table, comment in connection.execute(text(_TABLES)).all():
         if table not in without:
             statements += _postgresql_table(connection, oid, table, comment)
+    if "views" not in without:
+        for oid, view, definition, options in connection.execute(text(_VIEWS)).all():
+            columns = [
+                f"{name} {type_}" + (f' COLLATE "{collation}"' if collation else "")
+                for name, type_, collation, *_ in connection.execute(text(_COLUMNS), {"table": oid})
+            ]
+            with_ = f" WITH {options}" if options else ""
+            statements.append(f"{_table(f'CREATE VIEW {view}', columns)}{with_} AS\n{definition}")
     return statements + [f"-- {row[0]}" for row in connection.execute(text(_OTHERS))]
 
 

@@ -64,7 +64,8 @@ def test_the_models_make_the_schema_that_the_migrations_make(
     kant_sql.upgrade(empty_url)
     with connected(second_empty_url) as connection:
         Base.metadata.create_all(connection)
-    assert dump_of(second_empty_url) == dump_of(empty_url, without=[VERSION_TABLE])
+    # The models have no views.
+    assert dump_of(second_empty_url) == dump_of(empty_url, without=[VERSION_TABLE, "views"])
 
 
 def test_autogenerate_finds_nothing_to_migrate(empty_url: str) -> None:

@@ -14,8 +14,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from kant_sql import InvalidMetadataError
-from kant_sql.canonical import FORM, Metadata, make_metadata, revision_hash
-from kant_sql.tables.types import text_time, time_text
+from kant_sql.canonical import FORM, Metadata, make_metadata, revision_hash, time_text
+from kant_sql.tables.types import text_time
 
 QUICK = settings(max_examples=100, deadline=None, derandomize=True, database=None)
 
@@ -42,6 +42,9 @@ CHANGES = st.lists(
     max_size=8,
 )
 TIME = "2026-01-31T09:30:00.000000Z"
+MOMENTS = st.datetimes(
+    datetime(1, 1, 3), datetime(9999, 12, 30), timezones=st.just(timezone(timedelta(hours=5)))
+)
 
 
 def document(
@@ -51,11 +54,18 @@ def document(
     metadata: Metadata,
     changes: list[Change],
     source: Any = None,
+    form: int = FORM,
 ) -> bytes:
     """The whole document, by the library."""
+    observed_at, step = metadata.observed_at, metadata.plan_step
+    more = {
+        "observed_at": None if observed_at is None else time_text(observed_at),
+        "plan_step": None if step is None else [*step],
+    }
     return rfc8785.dumps(
         {
-            "form": FORM,
+            **(more if form > 1 else {}),
+            "form": form,
             "previous": previous,
             "knowledge_base": name,
             "number": number,
@@ -76,6 +86,8 @@ def document(
     actor=st.none() | TEXTS,
     reason=st.none() | TEXTS,
     source=JSON,
+    observed_at=st.none() | MOMENTS,
+    plan_step=st.none() | st.tuples(st.integers(1, 2**53 - 1), st.integers(0, 2**31 - 1)),
     changes=CHANGES,
 )
 def test_a_revision_hashes_the_document_that_rfc_8785_writes(
@@ -85,11 +97,16 @@ def test_a_revision_hashes_the_document_that_rfc_8785_writes(
     actor: str | None,
     reason: str | None,
     source: object,
+    observed_at: datetime | None,
+    plan_step: tuple[int, int] | None,
     changes: list[Change],
 ) -> None:
-    metadata = make_metadata(actor, reason, source)
-    expected = sha256(document(previous, name, number, metadata, changes, source)).hexdigest()
-    assert revision_hash(previous, name, number, TIME, metadata, iter(changes)) == expected
+    metadata = make_metadata(actor, reason, source, observed_at, plan_step)
+    given_ = previous, name, number
+    for form in (1, FORM):
+        expected = sha256(document(*given_, metadata, changes, source, form)).hexdigest()
+        assert revision_hash(*given_, TIME, metadata, iter(changes), form) == expected
+    assert revision_hash(*given_, TIME, metadata, iter(changes)) == expected
 
 
 @pytest.mark.parametrize("count", [0, 1, 999, 1_000, 1_001, 2_500])
@@ -146,6 +163,19 @@ def test_a_source_that_contains_itself_is_refused() -> None:
     endless.append(endless)
     with pytest.raises(InvalidMetadataError, match="source is not a JSON document: "):
         make_metadata(None, None, endless)
+
+
+@pytest.mark.parametrize(
+    "value", [5, "2026-01-31T09:30:00Z", datetime(2026, 1, 31), datetime(2026, 1, 31).date()]
+)
+def test_what_was_observed_has_a_time_with_its_zone(value: object) -> None:
+    with pytest.raises(InvalidMetadataError, match="observed_at is a time with its zone"):
+        make_metadata(None, None, None, value)  # type: ignore[arg-type]
+
+
+def test_a_time_of_observation_that_utc_cannot_say_is_refused() -> None:
+    with pytest.raises(InvalidMetadataError, match="outside the years 1 to 9999"):
+        make_metadata(None, None, None, datetime.min.replace(tzinfo=timezone(timedelta(hours=1))))
 
 
 @pytest.mark.parametrize("value", [5, b"perception", ["perception"], True, "a\0b", "\ud800"])

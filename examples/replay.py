@@ -1,0 +1,117 @@
+"""Replay a mission that failed: what the planner knew, and what each step of its plan caused.
+
+python examples/replay.py [URL]
+
+The store is in memory when no other is named.
+"""
+
+from __future__ import annotations
+
+import sys
+
+import kant_sql
+from kant_sql import KnowledgeBase, PddlPropositionDto
+from kant_sql.planning import Plan, PlanStep
+from kant_sql.plans import RecordedPlan, RecordedStep
+
+DOMAIN = """
+(define (domain rounds)
+  (:requirements :strips :typing)
+  (:types robot place)
+  (:predicates (at ?r - robot ?p - place) (open ?p - place) (checked ?p - place))
+  (:action move
+    :parameters (?r - robot ?from ?to - place)
+    :precondition (and (at ?r ?from) (open ?to))
+    :effect (and (not (at ?r ?from)) (at ?r ?to)))
+  (:action check
+    :parameters (?r - robot ?p - place)
+    :precondition (at ?r ?p)
+    :effect (checked ?p)))
+"""
+PROBLEM = """
+(define (problem night)
+  (:domain rounds)
+  (:objects rb1 - robot hall kitchen lab - place)
+  (:init (at rb1 hall) (open hall) (open kitchen) (open lab))
+  (:goal (and (checked kitchen) (checked lab))))
+"""
+STEPS = (
+    PlanStep(None, "move", ("rb1", "hall", "kitchen")),
+    PlanStep(None, "check", ("rb1", "kitchen")),
+    PlanStep(None, "move", ("rb1", "kitchen", "lab")),
+    PlanStep(None, "check", ("rb1", "lab")),
+)
+
+
+def fact(kb: KnowledgeBase, predicate: str, *names: str) -> PddlPropositionDto:
+    """Say something of objects that are known."""
+    declared = kb.predicates.get(predicate)
+    objects = [dto for dto in map(kb.objects.get, names) if dto is not None]
+    assert declared is not None
+    return PddlPropositionDto(declared, objects)
+
+
+def move(kb: KnowledgeBase, step: RecordedStep) -> bool:
+    """Drive, unless the place is shut; say what was seen."""
+    robot, start, end = step.arguments
+    if end == "lab":
+        kb.propositions.delete(fact(kb, "open", end))
+        return False
+    kb.propositions.delete(fact(kb, "at", robot, start))
+    kb.propositions.save(fact(kb, "at", robot, end))
+    return True
+
+
+def carry_out(kb: KnowledgeBase, plan: RecordedPlan) -> None:
+    """Do one step after the other, until one fails."""
+    has_failed = False
+    for step in plan.steps:
+        if has_failed:
+            kb.plans.set_status(step, "aborted")
+            continue
+        kb.plans.set_status(step, "started")
+        with kb.transaction(reason=str(step), plan_step=step):
+            if step.action == "move":
+                has_failed = not move(kb, step)
+            else:
+                kb.propositions.save(fact(kb, "checked", step.arguments[1]))
+            kb.plans.set_status(step, "failed" if has_failed else "succeeded")
+
+
+def run(kb: KnowledgeBase) -> int:
+    """Plan and act, and give the plan's id: all that is needed to replay it."""
+    with kb.transaction(actor="operator", reason="the night's rounds"):
+        kb.load_domain(DOMAIN)
+        kb.load_problem(PROBLEM)
+    plan = kb.plans.record(Plan(STEPS, "the night planner", "solved_satisficing"))
+    carry_out(kb, plan)
+    # The robot is put back, and the night goes on.
+    with kb.transaction(actor="operator", reason="brought home"):
+        kb.propositions.delete(fact(kb, "at", "rb1", "kitchen"))
+        kb.propositions.save(fact(kb, "at", "rb1", "hall"))
+    return plan.id
+
+
+def replay(kb: KnowledgeBase, plan_id: int) -> None:
+    """Tell what the planner was given, and what each step caused."""
+    plan = kb.plans.get(plan_id)
+    assert plan is not None
+    print(f"Plan {plan.id} was made from revision {plan.revision} by {plan.planner}. It was given")
+    print(plan.problem_pddl())
+    for step in plan.steps:
+        print(f"{step.position} {step} {step.status or 'was not started'}")
+        for number in step.revisions:
+            (entry,) = kb.log(since=number, until=number)
+            for change in entry.changes:
+                if change.kind == "fact":
+                    print(f"    {entry.revision.number}: {change.sign} {change.text}")
+
+
+def main(url: str) -> None:
+    """Run a mission that fails, and replay it."""
+    with kant_sql.connect(url, knowledge_base="rounds", actor="executive") as kb:
+        replay(kb, run(kb))
+
+
+if __name__ == "__main__":
+    main(sys.argv[1] if len(sys.argv) > 1 else "sqlite://")

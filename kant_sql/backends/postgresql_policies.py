@@ -1,0 +1,182 @@
+"""What roles may do with the rows of a table on PostgreSQL: grants, and policies beside them.
+
+A grant says which table and column, a policy which rows. The bound of all policies for writing is
+the last revision that has a row: a writer can only add to that table, so the bound never goes back.
+Rows of a later revision are those of the transaction that is being made, which nobody else has
+seen; a writer may take these back, and no others.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from sqlalchemy import Table
+
+from .postgresql_names import PREFIX, Names
+
+READ = "read"
+ALWAYS = "true"
+# What moves with each revision; not `kb_id`, nor what an archive alone may set.
+HEAD_COLUMNS = ("revision", "definition_revision", "next_id", "hash", "committed_at")
+# What an archive leaves behind is written by the tables' owner, who alone can delete.
+NOT_WRITTEN = frozenset({"archive"})
+# What there is one of for each knowledge base: there is nothing to add for who has only one.
+FOR_ALL_ONLY = frozenset({"knowledge_base", "head"})
+
+
+class Right(NamedTuple):
+    """What a writer may do with the rows of a table.
+
+    Attributes:
+        verb: `insert`, `update` or `delete`.
+        columns: the columns that it is limited to; empty for whole rows.
+        using: the condition on a row as it was.
+        check: the condition on a row as it becomes.
+    """
+
+    verb: str
+    columns: tuple[str, ...] = ()
+    using: str | None = None
+    check: str | None = None
+
+
+def writer_rights(table: Table, names: Names) -> Iterator[Right]:
+    """Give what a writer may do with the rows of a table, beside reading them.
+
+    Args:
+        table: the table.
+        names: how relations are called.
+
+    Yields:
+        The rights, one for each verb at most.
+    """
+    if table.name in NOT_WRITTEN:
+        return
+    mine = names.quote(table.name)
+    last = _last_revision(mine, names)
+    yield Right("insert", check=_insertable(table, mine, last, names))
+    if table.name == "head":
+        yield Right("update", HEAD_COLUMNS, using=ALWAYS, check=_head_check(mine, last, names))
+    if "until" in table.c:
+        # An open row may be closed, and what this transaction has closed may be opened again.
+        columns = tuple(name for name in ("until", "fork") if name in table.c)
+        using = f"{mine}.until IS NULL OR {mine}.until > {last}"
+        yield Right("update", columns, using, _closable(table, mine, last))
+    if "since" in table.primary_key.columns:
+        yield Right("delete", using=f"{mine}.since > {last}")
+
+
+def own_rows(table: Table, names: Names, kb_id: int | None) -> str:
+    """Give the condition that a row is of one knowledge base.
+
+    Args:
+        table: the table.
+        names: how relations are called.
+        kb_id: the knowledge base; None for all of them.
+
+    Returns:
+        The condition.
+    """
+    if kb_id is None:
+        return ALWAYS
+    column = "id" if table.name == "knowledge_base" else "kb_id"
+    return f"{names.quote(table.name)}.{column} = {kb_id}"
+
+
+def _last_revision(mine: str, names: Names) -> str:
+    revision = names.relation("revision")
+    return f"(SELECT coalesce(max(r.number), 0) FROM {revision} AS r WHERE r.kb_id = {mine}.kb_id)"
+
+
+def _insertable(table: Table, mine: str, last: str, names: Names) -> str:
+    """Give the condition that a new row adds nothing to what is past."""
+    if table.name in FOR_ALL_ONLY:
+        return ALWAYS
+    if table.name == "revision":
+        return f"{mine}.number = 1 + {last}"
+    head = f"FROM {names.relation('head')} AS h WHERE h.kb_id = {mine}.kb_id)"
+    if table.name == "revision_plan_step":
+        return f"{mine}.number > (SELECT h.revision {head}"
+    if "until" in table.c:
+        return f"{mine}.since > {last} AND {_open(table, mine)}"
+    if "since" in table.c:
+        return f"{mine}.since > {last}"
+    # An identity, or a part of one: new ones only.
+    owner = [*table.primary_key.columns][1].name
+    return f"{mine}.{names.quote(owner)} >= (SELECT h.next_id {head}"
+
+
+def _open(table: Table, mine: str) -> str:
+    return f"{mine}.until IS NULL" + (f" AND {mine}.fork = 0" if "fork" in table.c else "")
+
+
+def _closable(table: Table, mine: str, last: str) -> str:
+    """Give the condition that a row is open, or ends in a revision that is not past."""
+    closed = f"{mine}.until > {last}"
+    if "fork" in table.c:
+        # Else a past state would not find the row. `x & -x` is the power of two that divides x:
+        # the fork is the one number whose span of that size, to both sides, has both ends.
+        power = f"({mine}.fork & -{mine}.fork)"
+        closed += (
+            f" AND {mine}.since <= {mine}.fork AND {mine}.fork < {mine}.until "
+            f"AND {mine}.since > {mine}.fork - {power} AND {mine}.until <= {mine}.fork + {power}"
+        )
+    return f"({_open(table, mine)}) OR ({closed})"
+
+
+def _head_check(mine: str, last: str, names: Names) -> str:
+    """Give the condition that the head has moved on to the last revision.
+
+    A statement sees the row as it was before it, so that the subquery tells what it was.
+    """
+    return (
+        f"EXISTS (SELECT FROM {names.relation('revision')} AS r WHERE r.kb_id = {mine}.kb_id "
+        f"AND r.number = {mine}.revision AND r.hash = {mine}.hash "
+        f"AND r.committed_at = {mine}.committed_at) AND {mine}.revision = {last} "
+        f"AND EXISTS (SELECT FROM {names.relation('head')} AS h WHERE h.kb_id = {mine}.kb_id "
+        f"AND h.revision < {mine}.revision AND h.next_id <= {mine}.next_id "
+        f"AND h.definition_revision <= {mine}.definition_revision "
+        f"AND {mine}.definition_revision <= {mine}.revision)"
+    )
+
+
+def policies(
+    table: Table, names: Names, suffix: str, kb_id: int | None, readers: str, writer: str
+) -> Iterator[str]:
+    """Give the statements that make the policies of a table for the roles of one scope.
+
+    Args:
+        table: the table.
+        names: how relations are called.
+        suffix: what tells the names of the scope's policies from those of others.
+        kb_id: the knowledge base that the scope is; None for all of them.
+        readers: the roles that read rows, quoted, with commas between.
+        writer: the role that writes rows, quoted.
+
+    Yields:
+        The statements.
+    """
+    relation, own = names.relation(table.name), own_rows(table, names, kb_id)
+
+    def create(verb: str, command: str, roles: str, conditions: str) -> str:
+        policy = names.quote(f"{PREFIX}{verb}{suffix}")
+        return f"CREATE POLICY {policy} ON {relation} FOR {command} TO {roles} {conditions}"
+
+    yield create(READ, "SELECT", readers, f"USING ({own})")
+    for right in writer_rights(table, names):
+        if kb_id is not None and table.name in FOR_ALL_ONLY and right.verb == "insert":
+            continue
+        parts = ((part, condition) for part, condition in _parts(right) if condition is not None)
+        conditions = " ".join(f"{part} ({_both(own, condition)})" for part, condition in parts)
+        yield create(right.verb, right.verb.upper(), writer, conditions)
+
+
+def _parts(right: Right) -> tuple[tuple[str, str | None], ...]:
+    return ("USING", right.using), ("WITH CHECK", right.check)
+
+
+def _both(own: str, condition: str) -> str:
+    if ALWAYS in (own, condition):
+        return condition if own == ALWAYS else own
+    return f"{own} AND ({condition})"

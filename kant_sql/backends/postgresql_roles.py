@@ -1,0 +1,265 @@
+"""Roles on PostgreSQL: made by grants and row policies, and brought up to date by the same."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+from sqlalchemy import Column, Connection, MetaData, Table, text
+
+from ..errors import KantSqlError
+from ..tables import Base
+from .postgresql_names import PREFIX, Names, Scope
+from .postgresql_policies import FOR_ALL_ONLY, READ, policies, writer_rights
+from .roles import Roles
+from .views import generated_views
+
+VERSION_TABLE = "kant_sql_version"
+
+_SCHEMA = text(
+    "SELECT n.nspname FROM pg_class AS c JOIN pg_namespace AS n ON n.oid = c.relnamespace "
+    f"WHERE c.oid = to_regclass('{VERSION_TABLE}')"
+)
+_COLUMNS = text(
+    "SELECT c.relname, array_agg(a.attname::text) FROM pg_class AS c "
+    "JOIN pg_namespace AS n ON n.oid = c.relnamespace "
+    "JOIN pg_attribute AS a ON a.attrelid = c.oid AND a.attnum > 0 AND NOT a.attisdropped "
+    "WHERE n.nspname = :schema AND c.relkind = 'r' GROUP BY c.relname"
+)
+_VIEWS = text(
+    "SELECT c.relname FROM pg_class AS c JOIN pg_namespace AS n ON n.oid = c.relnamespace "
+    "WHERE n.nspname = :schema AND c.relkind = 'v' ORDER BY c.relname"
+)
+# The column tells them from what somebody else has called so.
+_AUDIT_VIEWS = text(
+    "SELECT c.relname FROM pg_class AS c JOIN pg_namespace AS n ON n.oid = c.relnamespace "
+    "JOIN pg_attribute AS a ON a.attrelid = c.oid AND a.attname = 'knowledge_base' "
+    "WHERE n.nspname = :schema AND c.relkind = 'v' AND starts_with(c.relname, 'audit_') "
+    "ORDER BY c.relname"
+)
+_POLICIES = text(
+    "SELECT c.relname, p.polname FROM pg_policy AS p JOIN pg_class AS c ON c.oid = p.polrelid "
+    "JOIN pg_namespace AS n ON n.oid = c.relnamespace "
+    f"WHERE n.nspname = :schema AND starts_with(p.polname, '{PREFIX}') ORDER BY 1, 2"
+)
+_ROLE_NAMES = text(f"SELECT rolname FROM pg_roles WHERE starts_with(rolname, '{PREFIX}')")
+_KNOWLEDGE_BASES = text("SELECT id, name FROM knowledge_base ORDER BY id")
+
+
+class RoleMaker:
+    """Writes the statements that make roles in a database as it is now."""
+
+    def __init__(self, connection: Connection) -> None:
+        self._connection = connection
+        self._names = Names(connection.scalar(_SCHEMA) or "public")
+        present = {row[0]: row[1] for row in self._query(_COLUMNS)}
+        tables = Base.metadata.tables.values()
+        self._tables = [_as_it_is(t, present[t.name]) for t in tables if t.name in present]
+        self._version = [VERSION_TABLE] if VERSION_TABLE in present else []
+        self._views = [row[0] for row in self._query(_AUDIT_VIEWS)]
+        self._generated = generated_views(connection)
+        self._old = [(row[0], row[1]) for row in self._query(_POLICIES)]
+
+    @property
+    def in_force(self) -> bool:
+        """Whether roles were made in this database before."""
+        return bool(self._old)
+
+    @property
+    def has_tables(self) -> bool:
+        """Whether there is anything to have rights on."""
+        return bool(self._tables)
+
+    def scopes(self) -> list[Scope]:
+        """Give the scopes for which roles were made before, and the one of all.
+
+        Returns:
+            The scopes.
+        """
+        known = {name for _, name in self._old}
+        made = [scope for scope in self._all_scopes() if f"{PREFIX}{READ}{scope.suffix}" in known]
+        return [Scope(), *made]
+
+    def scope(self, knowledge_base: str | None) -> Scope:
+        """Find a scope.
+
+        Args:
+            knowledge_base: the name of the one that it is; None for all.
+
+        Returns:
+            The scope.
+
+        Raises:
+            KantSqlError: there is no such knowledge base.
+        """
+        if knowledge_base is None:
+            return Scope()
+        scopes = {scope.knowledge_base: scope for scope in self._all_scopes()}
+        if knowledge_base not in scopes:
+            listed = ", ".join(repr(name) for name in [*scopes][:20]) or "none yet"
+            raise KantSqlError(
+                f"there is no knowledge base {knowledge_base!r} in this store to limit roles to: "
+                f"write to it once, as the tables' owner or kant_sql_writer; there are: {listed}"
+            )
+        return scopes[knowledge_base]
+
+    def withdraw(self, scopes: Iterable[Scope]) -> Iterator[str]:
+        """Give the statements that remove policies and auditors' own views.
+
+        Args:
+            scopes: the scopes.
+
+        Yields:
+            The statements.
+        """
+        # Writers begin with it: once it is held, none is in the middle of other tables.
+        yield f"LOCK TABLE {self._names.relation('head')}"
+        for table, policy in self._old:
+            yield f"DROP POLICY {self._names.quote(policy)} ON {self._names.relation(table)}"
+        for scope in scopes:
+            views = [row[0] for row in self._query(_VIEWS, scope.schema)] if scope.schema else []
+            if views:
+                yield f"DROP VIEW {self._listed(views, scope.schema)}"
+
+    def make(self, scopes: Iterable[Scope]) -> Iterator[str]:
+        """Give the statements that make roles, their grants and their policies.
+
+        Args:
+            scopes: the scopes.
+
+        Yields:
+            The statements.
+        """
+        existing = {row[0] for row in self._connection.execute(_ROLE_NAMES)}
+        for table in self._tables:
+            yield f"ALTER TABLE {self._names.relation(table.name)} ENABLE ROW LEVEL SECURITY"
+        for scope in scopes:
+            roles = scope.roles()
+            for role in roles[:3]:
+                if role not in existing:
+                    yield f"CREATE ROLE {self._names.quote(role)} NOLOGIN"
+            yield from self._grants(scope, roles)
+            writer, reader = map(self._names.quote, roles[:2])
+            for table in self._tables:
+                yield from policies(
+                    table, self._names, scope.suffix, scope.kb_id, f"{reader}, {writer}", writer
+                )
+            if scope.schema is not None:
+                yield from self._own_views(scope, roles)
+
+    def _grants(self, scope: Scope, roles: Roles) -> Iterator[str]:
+        quote, listed = self._names.quote, self._listed
+        writer, reader, auditor = map(quote, roles[:3])
+        everyone = f"{writer}, {reader}, {auditor}"
+        tables = [*(table.name for table in self._tables), *self._version]
+        yield f"GRANT USAGE ON SCHEMA {quote(self._names.schema)} TO {everyone}"
+        all_views = [*self._views, *sorted(self._generated)]
+        yield f"REVOKE ALL ON TABLE {listed([*tables, *all_views])} FROM {everyone}"
+        yield f"GRANT SELECT ON TABLE {listed(tables)} TO {writer}, {reader}"
+        # A view shows what its owner sees: all knowledge bases, or the one that it was made for.
+        views = all_views if scope.kb_id is None else self._generated_of(scope.kb_id)
+        if views:
+            yield f"GRANT SELECT ON TABLE {listed(views)} TO {everyone}"
+        granted: defaultdict[str, list[str]] = defaultdict(list)
+        for table in self._tables:
+            for right in writer_rights(table, self._names):
+                if scope.kb_id is None or right.verb != "insert" or table.name not in FOR_ALL_ONLY:
+                    columns = f" ({', '.join(map(quote, right.columns))})" if right.columns else ""
+                    granted[f"{right.verb.upper()}{columns}"].append(table.name)
+        for privilege, names in granted.items():
+            yield f"GRANT {privilege} ON TABLE {listed(names)} TO {writer}"
+
+    def _own_views(self, scope: Scope, roles: Roles) -> Iterator[str]:
+        """Give views of the same names that show one knowledge base only."""
+        assert scope.schema is not None
+        schema, names = self._names.quote(scope.schema), self._names
+        everyone = ", ".join(map(names.quote, roles[:3]))
+        yield f"CREATE SCHEMA IF NOT EXISTS {schema}"
+        yield f"GRANT USAGE ON SCHEMA {schema} TO {everyone}"
+        for view in self._views:
+            own = names.relation(view, scope.schema)
+            yield (
+                f"CREATE VIEW {own} WITH (security_barrier) AS SELECT * FROM "
+                f"{names.relation(view)} WHERE knowledge_base = (SELECT k.name FROM "
+                f"{names.relation('knowledge_base')} AS k WHERE k.id = {scope.kb_id})"
+            )
+            yield f"GRANT SELECT ON TABLE {own} TO {everyone}"
+
+    def _generated_of(self, kb_id: int) -> list[str]:
+        return sorted(name for name, mark in self._generated.items() if mark.kb_id == kb_id)
+
+    def _all_scopes(self) -> Iterator[Scope]:
+        if any(table.name == "knowledge_base" for table in self._tables):
+            for kb_id, name in self._connection.execute(_KNOWLEDGE_BASES):
+                yield Scope(name, kb_id)
+
+    def _listed(self, relations: Iterable[str], schema: str | None = None) -> str:
+        return ", ".join(self._names.relation(name, schema) for name in relations)
+
+    def _query(self, query: Any, schema: str | None = None) -> list[Any]:
+        parameters = {"schema": schema or self._names.schema}
+        return [*self._connection.execute(query, parameters)]
+
+
+def _as_it_is(table: Table, columns: Sequence[str]) -> Table:
+    """Give a table with the columns that it has, which may be those of an earlier version."""
+    present = (column for column in table.columns if column.name in columns)
+    copies = (Column(c.name, c.type, primary_key=c.primary_key) for c in present)
+    return Table(table.name, MetaData(), *copies)
+
+
+def make_roles(connection: Connection, knowledge_base: str | None, dry_run: bool) -> Roles:
+    """Make the roles of a database, or bring them up to date, with all that were made before.
+
+    Args:
+        connection: a connection of the tables' owner, in a transaction.
+        knowledge_base: the knowledge base that three more are to be limited to; None for none.
+        dry_run: whether nothing is to be changed.
+
+    Returns:
+        The roles that were asked for.
+
+    Raises:
+        KantSqlError: there is no such knowledge base.
+    """
+    maker = RoleMaker(connection)
+    wanted = maker.scope(knowledge_base)
+    scopes = maker.scopes()
+    if wanted not in scopes:
+        scopes.append(wanted)
+    statements = [*maker.withdraw(scopes), *maker.make(scopes)]
+    if not dry_run:
+        _run(connection, statements)
+    return wanted.roles(statements)
+
+
+@contextmanager
+def roles_set_aside(connection: Connection) -> Iterator[None]:
+    """Take policies and auditors' own views out of the way of a migration, and set them anew.
+
+    Tables, columns and views that these speak of could not be changed else.
+
+    Args:
+        connection: a connection of the tables' owner, in a transaction.
+
+    Yields:
+        Nothing.
+    """
+    maker = RoleMaker(connection)
+    scopes = maker.scopes() if maker.in_force else []
+    if not scopes:
+        yield
+        return
+    _run(connection, maker.withdraw(scopes))
+    yield
+    after = RoleMaker(connection)
+    if after.has_tables:
+        _run(connection, after.make(scopes))
+
+
+def _run(connection: Connection, statements: Iterable[str]) -> None:
+    for statement in statements:
+        # Without parameters, so that a percent sign in a name is one.
+        connection.exec_driver_sql(statement, execution_options={"no_parameters": True})

@@ -1,0 +1,152 @@
+"""Sessions on PostgreSQL, and the SQL that differs there."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Sequence
+from datetime import UTC, datetime
+from typing import Any
+
+from sqlalchemy import Table
+from sqlalchemy.ext.compiler import compiles
+
+from ..errors import ConnectionLostError, StoreError, StoreIntegrityError
+from .postgresql_waiting import channel
+from .query import InList, InRows, Query, StoreClock, StorePlace, unnest_text
+from .session import FETCH_SIZE, Row, Session, logger
+
+COPY_FROM_ROWS = 50
+REPLAN_FROM_ROWS = 2_500
+# One advisory lock for all who migrate one database: the ASCII codes of "kant_sql".
+MIGRATION_LOCK = 0x6B616E745F73716C
+# Several may be read at once.
+_STREAMS = itertools.count(1)
+
+
+@compiles(InList, "postgresql")
+def _in_list(element: InList, compiler: Any, **options: Any) -> str:
+    column, values = (compiler.process(clause, **options) for clause in element.clauses)
+    return f"{column} = ANY({values})"
+
+
+@compiles(InRows, "postgresql")
+def _in_rows(element: InRows, compiler: Any, **options: Any) -> str:
+    column, rows = (compiler.process(clause, **options) for clause in element.clauses)
+    return f"{column} = ANY(ARRAY{rows})"
+
+
+@compiles(StoreClock, "postgresql")
+def _store_clock(element: StoreClock, compiler: Any, **options: Any) -> str:
+    return "clock_timestamp()"
+
+
+@compiles(StorePlace, "postgresql")
+def _store_place(element: StorePlace, compiler: Any, **options: Any) -> str:
+    return (
+        "(SELECT concat_ws(' ', extract(epoch FROM pg_postmaster_start_time()), oid, "
+        "current_schema()) "
+        "FROM pg_database WHERE datname = current_database())"
+    )
+
+
+class PostgresqlSession(Session):
+    """A session on PostgreSQL."""
+
+    placeholder = "%s"
+
+    def insert(self, table: Table, rows: Sequence[Row]) -> None:
+        """Insert whole rows: many of them by COPY."""
+        if len(rows) < COPY_FROM_ROWS:
+            super().insert(table, rows)
+            return
+        if len(rows) >= REPLAN_FROM_ROWS:
+            self.replan()
+        if self._is_limited():
+            self._execute(unnest_text(table), [list(values) for values in zip(*rows, strict=True)])
+            return
+        columns = ", ".join(column.name for column in table.columns)
+        sql = f"COPY {table.name} ({columns}) FROM STDIN"
+        logger.debug("%s", sql)
+        cursor: Any = self._cursor
+        try:
+            with cursor.copy(sql) as copy:
+                for row in rows:
+                    copy.write_row(row)
+        except self.backend.driver_errors as error:
+            raise self.backend.translate(error) from error
+
+    def replan(self) -> None:
+        """Let the server plan anew what it checks for each row."""
+        # It plans the check of a foreign key once for each connection: what was right for a small
+        # table may read all of a large one, for each row.
+        self._execute("DISCARD PLANS")
+
+    def _is_limited(self) -> bool:
+        """Tell whether row policies bind this user: the server refuses COPY then."""
+        limited = self._pooled.info.get("is_limited")
+        if limited is None:
+            self._execute("SELECT row_security_active('revision')")
+            limited = self._pooled.info["is_limited"] = self._fetch()[0][0]
+        return bool(limited)
+
+    def lock_definitions(self) -> None:
+        """Take the lock of all who migrate this database."""
+        self._execute(f"SELECT pg_advisory_xact_lock({MIGRATION_LOCK})")
+
+    def _commit(self, changed: int | None) -> None:
+        if changed is None:
+            super()._commit(None)
+            return
+        try:
+            # In one message, as two statements: the second has a transaction of its own.
+            self._execute(f"COMMIT; NOTIFY {channel(changed)}")
+        except (ConnectionLostError, StoreIntegrityError):
+            raise
+        except StoreError as error:
+            # That it was the notification that failed cannot be told from here.
+            raise ConnectionLostError(
+                f"{self.backend.label}: COMMIT was answered by an error ({error}); nothing of the "
+                "open transaction was written, try again"
+            ) from error
+
+    def in_transaction(self) -> bool:
+        """Tell whether a transaction is open on a connection that is alive."""
+        connection: Any = self._pooled.driver_connection
+        if connection is None or connection.closed:
+            return False
+        return int(connection.info.transaction_status) != 0
+
+    def stream(self, query: Query, **parameters: Any) -> Iterator[Row]:
+        """Give a query's rows one after the other, by a cursor in the server."""
+        connection: Any = self._pooled.driver_connection
+        sql = query.text(self.backend.dialect)
+        logger.debug("%s", sql)
+        try:
+            with connection.cursor(name=f"kant_sql_stream_{next(_STREAMS)}") as cursor:
+                cursor.itersize = FETCH_SIZE
+                cursor.execute(sql, parameters)
+                yield from cursor
+        except self.backend.driver_errors as error:
+            raise self.backend.translate(error) from error
+
+    def list_value(self, values: Sequence[int] | Sequence[str]) -> Any:
+        """Give the form that `= ANY` reads."""
+        return [*values]
+
+    def from_time(self, moment: datetime) -> Any:
+        """Give the moment: the driver takes it as it is."""
+        return moment
+
+    def to_time(self, raw: Any) -> datetime:
+        """Give the moment in UTC, whatever zone the connection is set to."""
+        moment: datetime = raw
+        return moment.astimezone(UTC)
+
+    def close(self) -> None:
+        """Give the connection back, unless it is broken."""
+        connection: Any = self._pooled.driver_connection
+        if connection is not None and connection.closed:
+            self.backend.sessions.pop(self, None)
+            self._pooled.invalidate()
+        else:
+            super().close()

@@ -1,0 +1,20 @@
+"""`kant-sql anchor`: where the knowledge bases of a store stand, to keep elsewhere."""
+
+from __future__ import annotations
+
+import typer
+
+from ..catalog import knowledge_bases
+from ..knowledge_base import connect
+from .stores import Url
+
+
+def anchor(url: Url) -> None:
+    """Write the heads of all knowledge bases as one small JSON document, to keep elsewhere.
+
+    'kant-sql verify --anchor FILE' compares a store with it.
+    """
+    # That tells what is wrong with the store, and creates nothing.
+    names = knowledge_bases(url)
+    with connect(url, names[0] if names else "default") as knowledge_base:
+        typer.echo(knowledge_base.anchor().text())

@@ -1,0 +1,97 @@
+"""`kant-sql verify`: whether the history is what was written."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ..catalog import every_name
+from ..history.anchors import Anchor, parse_anchor
+from ..history.verifying import Finding, Verification
+from ..knowledge_base import connect
+from .errors import FAILED
+from .output import Printer, printable, write_json
+from .progress import bar
+from .stores import Name, Url, choose
+
+
+def verify(
+    url: Url,
+    kb: Name = None,
+    verify_all: Annotated[bool, typer.Option("--all", help="All knowledge bases.")] = False,
+    anchor: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            show_default=False,
+            exists=True,
+            dir_okay=False,
+            readable=True,
+            help="What 'kant-sql anchor' wrote: it tells what was cut off or rewritten since.",
+        ),
+    ] = None,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="JSON Lines: one document for each knowledge base.")
+    ] = False,
+) -> int:
+    """Recompute every hash from the tables, and compare what they say twice.
+
+    Writes what is wrong, the first revision first. Ends with 0 when nothing is, and else with 1.
+    """
+    if kb is not None and verify_all:
+        raise typer.BadParameter("give --kb or --all, not both", param_hint="--all")
+    anchored = None if anchor is None else parse_anchor(anchor.read_bytes())
+    printer, is_intact = Printer(), True
+    for name in _chosen(url, kb, verify_all, anchored):
+        with connect(url, name) as knowledge_base, bar(name) as told:
+            verification = knowledge_base.verify(anchored, told)
+        is_intact &= verification.is_intact
+        if as_json:
+            write_json(_document(verification))
+        else:
+            _write(printer, verification)
+    return 0 if is_intact else FAILED
+
+
+def _chosen(url: str, name: str | None, verify_all: bool, anchor: Anchor | None) -> list[str]:
+    """Choose knowledge bases: what is anchored and gone is among them."""
+    names = every_name(url)
+    heads = () if anchor is None else anchor.heads
+    gone = [head.knowledge_base for head in heads if head.knowledge_base not in names]
+    if verify_all:
+        return [*names, *gone]
+    if gone and (name in gone or (name is None and not names)):
+        return gone
+    return [choose(name, names), *gone]
+
+
+def _write(printer: Printer, verification: Verification) -> None:
+    name = printable(verification.knowledge_base)
+    counts = f"{verification.revisions} revisions, {verification.changes} changes"
+    for finding in verification.findings:
+        printer.line(f"{name}: {printable(_words(finding))}", "red")
+    if verification.is_intact:
+        printer.line(f"{name}: intact ({counts})", "green")
+    else:
+        count = len(verification.findings)
+        findings = "1 finding" if count == 1 else f"{count} findings"
+        printer.line(f"{name}: {findings} ({counts})", "bold red")
+    for archive in verification.archives:
+        printer.line(f"{name}: {printable(archive)}")
+
+
+def _words(finding: Finding) -> str:
+    place = "" if finding.revision is None else f"revision {finding.revision}: "
+    table = "" if finding.table is None else f"{finding.table}: "
+    return f"{place}{table}{finding.message}"
+
+
+def _document(verification: Verification) -> dict[str, object]:
+    return {
+        **verification._asdict(),
+        "is_intact": verification.is_intact,
+        "findings": [finding._asdict() for finding in verification.findings],
+        "archives": list(verification.archives),
+    }

@@ -1,0 +1,151 @@
+"""Anchors: the heads of a store, to keep where nobody who can change the store can change them."""
+
+from __future__ import annotations
+
+import json
+import re
+from typing import NamedTuple
+
+from sqlalchemy import literal_column, select
+
+from ..backends import Query, Session
+from ..canonical import time_text
+from ..errors import AnchorError
+from ..store import Store
+from ..tables import HeadRow, KnowledgeBaseRow, RevisionRow
+
+FORMAT = 1
+_HASH = re.compile(r"[0-9a-f]{64}")
+# Of the revision itself, not of the head: that is what will be compared.
+_HEADS = Query(
+    select(KnowledgeBaseRow.name, RevisionRow.number, RevisionRow.hash, RevisionRow.committed_at)
+    .join(HeadRow, HeadRow.kb_id == KnowledgeBaseRow.id)
+    .join(
+        RevisionRow,
+        (RevisionRow.kb_id == HeadRow.kb_id) & (RevisionRow.number == HeadRow.revision),
+    )
+    .where(HeadRow.revision > literal_column("0"))
+    .order_by(KnowledgeBaseRow.id)
+)
+
+
+class AnchoredHead(NamedTuple):
+    """Where a knowledge base stood.
+
+    Attributes:
+        knowledge_base: its name.
+        revision: the number of its last revision.
+        hash: that revision's hash.
+        committed_at: that revision's time, `2026-01-31T09:30:00.000000Z`.
+    """
+
+    knowledge_base: str
+    revision: int
+    hash: str
+    committed_at: str
+
+
+class Anchor(NamedTuple):
+    """Where the knowledge bases of a store stood.
+
+    Attributes:
+        heads: those that have a revision, the oldest knowledge base first.
+        made_at: when that was read, by the store's clock, `2026-01-31T09:30:00.000000Z`.
+    """
+
+    heads: tuple[AnchoredHead, ...]
+    made_at: str = ""
+
+    def head(self, knowledge_base: str) -> AnchoredHead | None:
+        """Find a knowledge base.
+
+        Args:
+            knowledge_base: its name.
+
+        Returns:
+            Where it stood; None when it is not in the anchor.
+        """
+        return next((head for head in self.heads if head.knowledge_base == knowledge_base), None)
+
+    def text(self) -> str:
+        """Write it down as one small JSON document, for `parse_anchor` to read.
+
+        Returns:
+            The document, a line for each knowledge base.
+        """
+        heads = ",\n".join("  " + json.dumps(head._asdict()) for head in self.heads)
+        return (
+            f'{{"format": {FORMAT}, "made_at": {json.dumps(self.made_at)}, "heads": [\n{heads}\n]}}'
+        )
+
+
+def read_anchor(store: Store) -> Anchor:
+    """Read the heads of all knowledge bases.
+
+    Args:
+        store: the store.
+
+    Returns:
+        The heads.
+    """
+
+    def work(session: Session, _: int | None) -> Anchor:
+        heads = tuple(
+            AnchoredHead(name, number, digest, time_text(session.to_time(moment)))
+            for name, number, digest, moment in session.rows(_HEADS)
+        )
+        return Anchor(heads, time_text(store.clock(session)))
+
+    return store.look(work)
+
+
+def parse_anchor(text: str | bytes) -> Anchor:
+    """Read an anchor that was written down.
+
+    Args:
+        text: the JSON document.
+
+    Returns:
+        The anchor.
+
+    Raises:
+        AnchorError: it is no anchor, or one of a later version of the library.
+    """
+    try:
+        document = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise AnchorError(f"this is no anchor but something else than JSON: {error}") from error
+    given = document.get("format") if isinstance(document, dict) else None
+    if given is None or not isinstance(document.get("heads"), list):
+        raise AnchorError("this JSON document is no anchor; give what `kant-sql anchor` printed")
+    if given != FORMAT:
+        raise AnchorError(
+            f"this anchor is of format {given!r}, and this version of kant_sql reads {FORMAT}; "
+            "use the version that wrote it, or a later one"
+        )
+    heads = tuple(_head(position, head) for position, head in enumerate(document["heads"]))
+    names = [head.knowledge_base for head in heads]
+    double = next((name for name in names if names.count(name) > 1), None)
+    if double is not None:
+        raise AnchorError(f"this anchor has two heads of knowledge base {double!r}; anchor anew")
+    return Anchor(heads, str(document.get("made_at", "")))
+
+
+def _head(position: int, given: object) -> AnchoredHead:
+    values = given if isinstance(given, dict) else {}
+    head = AnchoredHead(*(values.get(field) for field in AnchoredHead._fields))  # type: ignore[arg-type]
+    is_right = (
+        isinstance(head.knowledge_base, str)
+        and isinstance(head.revision, int)
+        and not isinstance(head.revision, bool)
+        and head.revision > 0
+        and isinstance(head.hash, str)
+        and _HASH.fullmatch(head.hash) is not None
+        and isinstance(head.committed_at, str)
+    )
+    if not is_right:
+        raise AnchorError(
+            f"head {position} of this anchor lacks {', '.join(AnchoredHead._fields)}, or one of "
+            "them is damaged; take another copy of it"
+        )
+    return head

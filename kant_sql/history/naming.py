@@ -1,0 +1,135 @@
+"""The identities of a knowledge base: what each id is called."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Callable, Iterator
+from typing import Any
+
+from sqlalchemy import func, literal_column, select
+
+from ..backends import Query, Session
+from ..dto.name import fold
+from ..knowledge.definitions import KINDS, Definitions
+from ..knowledge.document import DOMAIN, PROBLEM
+from ..knowledge.elements import Elements
+from ..knowledge.function import FunctionDefinition
+from ..knowledge.loading import KB
+from ..knowledge.object import ObjectDefinition
+from ..knowledge.predicate import PredicateDefinition
+from ..knowledge.rows import KIND_TABLES, table_of
+from ..knowledge.type import TypeDefinition
+from ..tables import FunctionTypeRow, FunctionVersionRow
+from .findings import Report
+
+
+def _identities(kind: str) -> Query:
+    identity = KIND_TABLES[kind].identity.c
+    return Query(
+        select(identity.id, identity.name, identity.key)
+        .where(identity.kb_id == KB)
+        .order_by(identity.id)
+    )
+
+
+def _doubles(kind: str) -> Query:
+    identity = KIND_TABLES[kind].identity.c
+    return Query(
+        select(identity.key, func.min(identity.id), func.max(identity.id))
+        .where(identity.kb_id == KB)
+        .group_by(identity.key)
+        .having(func.count() > literal_column("1"))
+        .order_by(identity.key)
+    )
+
+
+_IDENTITIES = {kind: _identities(kind) for kind in KINDS}
+_DOUBLES = {kind: _doubles(kind) for kind in KINDS}
+_FUNCTION, _VALUE_TYPE = table_of(FunctionVersionRow).c, table_of(FunctionTypeRow).c
+_FUNCTIONS = Query(
+    select(
+        _FUNCTION.function_id,
+        _FUNCTION.since,
+        select(func.count())
+        .where(
+            _VALUE_TYPE.kb_id == _FUNCTION.kb_id,
+            _VALUE_TYPE.function_id == _FUNCTION.function_id,
+            _VALUE_TYPE.since == _FUNCTION.since,
+        )
+        .scalar_subquery(),
+    )
+    .where(_FUNCTION.kb_id == KB)
+    .order_by(_FUNCTION.function_id, _FUNCTION.since)
+)
+# Only the names of these are asked for by id.
+_NAMED: dict[str, Callable[[int, str], Any]] = {
+    "type": lambda id_, name: TypeDefinition(id_, name, None, ""),
+    "object": lambda id_, name: ObjectDefinition(id_, name, 0, ""),
+    "predicate": lambda id_, name: PredicateDefinition(id_, name, (), ""),
+    "function": lambda id_, name: FunctionDefinition(id_, name, (), (), ""),
+}
+
+
+def check_names(session: Session, kb_id: int, report: Report) -> Definitions:
+    """Check the identities of all kinds, and give their names.
+
+    Args:
+        session: the session, in a transaction.
+        kb_id: the knowledge base.
+        report: takes what is wrong.
+
+    Returns:
+        Definitions of which only names are known.
+    """
+    made: list[Elements[Any]] = []
+    for kind in KINDS:
+        for key, first, second in session.rows(_DOUBLES[kind], kb=kb_id):
+            report.add(None, kind, f"{kind} {key!r} has two rows, {first} and {second}")
+        make = _NAMED.get(kind)
+        base: dict[int, Any] = {}
+        for id_, name, key in session.stream(_IDENTITIES[kind], kb=kb_id):
+            if fold(name) != key:
+                report.add(None, kind, f"{kind} {id_}, {name!r}, has the key {key!r}")
+            if kind == "document" and name not in (DOMAIN, PROBLEM):
+                report.add(None, kind, f"there is no document {name!r}")
+            if make is not None:
+                base[id_] = make(id_, name)
+        made.append(Elements(base=base))
+    return Definitions(*made)
+
+
+class ObjectFunctions:
+    """Tells which functions had objects for values."""
+
+    def __init__(self, session: Session, kb_id: int) -> None:
+        """Read it.
+
+        Args:
+            session: the session, in a transaction.
+            kb_id: the knowledge base.
+        """
+        self._versions: defaultdict[int, list[tuple[int, bool]]] = defaultdict(list)
+        for id_, since, types in session.rows(_FUNCTIONS, kb=kb_id):
+            self._versions[id_].append((since, bool(types)))
+        self._sinces = sorted({since for id_ in self._versions for since, _ in self._versions[id_]})
+        self._known: dict[int, frozenset[int]] = {}
+
+    def at(self, revision: int) -> frozenset[int]:
+        """Give these functions at a revision.
+
+        Args:
+            revision: the revision.
+
+        Returns:
+            Their ids; of a function whose version of then was moved elsewhere, as it was next.
+        """
+        epoch = max((since for since in self._sinces if since <= revision), default=0)
+        if epoch not in self._known:
+            self._known[epoch] = frozenset(self._at(epoch))
+        return self._known[epoch]
+
+    def _at(self, revision: int) -> Iterator[int]:
+        for id_, versions in self._versions.items():
+            held = [has for since, has in versions if since <= revision]
+            if held[-1] if held else versions[0][1]:
+                yield id_

@@ -1,0 +1,161 @@
+"""What is not archived, or not there: nothing is removed that is not somewhere else."""
+
+from __future__ import annotations
+
+import shutil
+import sqlite3
+from contextlib import closing
+from datetime import timedelta
+from pathlib import Path
+
+import pytest
+
+import kant_sql
+from kant_sql import KnowledgeBase, PddlObjectDto
+from kant_sql.errors import (
+    ConflictError,
+    ReadOnlyError,
+    ReadOnlyStoreError,
+    SchemaMissingError,
+    UnknownRevisionError,
+)
+from kant_sql.history import archiving
+from tests import counter
+from tests.archiving import (
+    count,
+    rows_of,
+    target_url,
+)
+from tests.conftest import Connect, Server
+from tests.rights import members
+from tests.worlds import RB1
+
+
+def never(*_: object) -> None:
+    """End as if Ctrl-C was pressed."""
+    raise KeyboardInterrupt
+
+
+def test_the_past_and_the_future_cannot_be_archived(file_kb: KnowledgeBase, tmp_path: Path) -> None:
+    count(file_kb, 3)
+    url = target_url(tmp_path)
+    with pytest.raises(ReadOnlyError):
+        file_kb.at(2).archive(2, url)
+    with pytest.raises(ReadOnlyError, match="transaction open"), file_kb.transaction():
+        file_kb.archive(2, url)
+    with pytest.raises(UnknownRevisionError):
+        file_kb.archive(4, url)
+    with pytest.raises(UnknownRevisionError, match="future"):
+        file_kb.archive(file_kb.revisions()[-1].committed_at + timedelta(days=1), url)
+    assert not (tmp_path / "archive.db").exists()
+
+
+def test_a_store_is_no_archive_of_its_own(shared_url: str, connect: Connect) -> None:
+    kb = connect(shared_url, knowledge_base="tiago")
+    count(kb, 6)
+    before = rows_of(shared_url)
+    for url in (shared_url, shared_url.replace("sqlite:///", "sqlite:////.")):
+        with pytest.raises(ConflictError, match="name another"):
+            kb.archive(5, url)
+    assert rows_of(shared_url) == before
+
+
+def test_an_archive_in_memory_is_refused(file_kb: KnowledgeBase) -> None:
+    count(file_kb, 6)
+    with pytest.raises(ConflictError, match="name a file"):
+        file_kb.archive(5, "sqlite://")
+    assert file_kb.revision == 6
+
+
+def test_a_server_must_have_the_tables(file_kb: KnowledgeBase, server: Server) -> None:
+    count(file_kb, 6)
+    with pytest.raises(SchemaMissingError, match="kant-sql db upgrade"):
+        file_kb.archive(5, server.new_database())
+
+
+def test_another_knowledge_base_of_the_name_is_left_alone(
+    file_kb: KnowledgeBase, archive_url: str, connect: Connect
+) -> None:
+    count(file_kb, 6)
+    with connect(archive_url, knowledge_base="tiago") as other:
+        counter.start(other)
+    before = rows_of(archive_url)
+    with pytest.raises(ConflictError, match="another one"):
+        file_kb.archive(5, archive_url)
+    assert rows_of(archive_url) == before
+    assert file_kb.revision == 6
+
+
+def test_an_archive_that_was_written_to_is_left_alone(
+    file_kb: KnowledgeBase, archive_url: str, connect: Connect
+) -> None:
+    count(file_kb, 6)
+    file_kb.archive(4, archive_url)
+    with connect(archive_url, knowledge_base="tiago") as archive:
+        archive.objects.save(PddlObjectDto(RB1.type, "rb2"))
+    with pytest.raises(ConflictError, match="written to it"):
+        file_kb.archive(6, archive_url)
+    assert file_kb.revision == 7
+
+
+def test_what_was_moved_before_must_be_where_the_rest_goes(
+    file_kb: KnowledgeBase, archive_url: str, tmp_path: Path
+) -> None:
+    count(file_kb, 6)
+    file_kb.archive(4, archive_url)
+    with pytest.raises(ConflictError, match="what ended up to revision 3 was moved to"):
+        file_kb.archive(6, target_url(tmp_path, "another.db"))
+    assert file_kb.archive(6, archive_url).upto == 5
+
+
+def test_nothing_is_removed_that_the_archive_has_lost(
+    file_kb: KnowledgeBase, file_url: str, archive_url: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    count(file_kb, 8)
+    before = rows_of(file_url)
+    with monkeypatch.context() as patch:
+        patch.setattr(archiving, "_move_all", never)
+        with pytest.raises(KeyboardInterrupt):
+            file_kb.archive(7, archive_url)
+    for damage in (
+        "UPDATE proposition_version SET since = since - 1 WHERE until = 5",
+        "UPDATE proposition SET text = '(value c n9)' WHERE text = '(value c n2)'",
+        "DELETE FROM proposition_argument WHERE position = 1 AND proposition_id IN"
+        " (SELECT id FROM proposition WHERE text = '(value c n3)')",
+        "DELETE FROM proposition_version WHERE until = 4",
+    ):
+        shutil.copy(archive_url.removeprefix("sqlite:///"), f"{file_url[10:]}.damaged")
+        with closing(sqlite3.connect(f"{file_url[10:]}.damaged")) as archive:
+            assert archive.execute(damage).rowcount > 0
+            archive.commit()
+        with pytest.raises(ConflictError, match="nothing was removed"):
+            file_kb.archive(7, f"{file_url}.damaged")
+        assert rows_of(file_url) == before
+    assert file_kb.archive(7, archive_url).revision == 9
+
+
+def test_an_archive_that_lost_what_holds_is_not_gone_on_with(
+    file_kb: KnowledgeBase, archive_url: str
+) -> None:
+    count(file_kb, 8)
+    file_kb.archive(4, archive_url)
+    with closing(sqlite3.connect(archive_url.removeprefix("sqlite:///"))) as archive:
+        archive.execute("DELETE FROM proposition_version WHERE until IS NULL")
+        archive.commit()
+    with pytest.raises(ConflictError, match="rows of proposition_version are missing"):
+        file_kb.archive(7, archive_url)
+
+
+def test_who_may_not_remove_is_told_before_anything_is_done(
+    server: Server, tmp_path: Path, connect: Connect
+) -> None:
+    url = server.new_database()
+    kant_sql.upgrade(url)
+    count(connect(url, knowledge_base="tiago"), 6)
+    with (
+        members(url, kant_sql.create_roles(url)) as own,
+        kant_sql.connect(own.writer, knowledge_base="tiago") as kb,
+        pytest.raises(ReadOnlyStoreError),
+    ):
+        kb.archive(5, target_url(tmp_path))
+    assert not (tmp_path / "archive.db").exists()

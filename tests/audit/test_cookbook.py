@@ -1,0 +1,36 @@
+"""The questions of `docs/audit.md` have the answers that it gives, on both databases."""
+
+from __future__ import annotations
+
+import re
+from itertools import pairwise
+
+import pytest
+
+from tests.audit.asking import Ask
+from tests.pages import Page
+
+PAGE = Page("audit.md")
+TITLES = re.findall(r"^\d+\. (.+)$", PAGE.text, re.MULTILINE)
+QUESTIONS = [
+    (question, answer)
+    for (language, question), (next_language, answer) in pairwise(PAGE.blocks)
+    if (language, next_language) == ("sql", "text")
+]
+
+
+def test_every_question_has_a_statement_and_an_answer() -> None:
+    assert len(TITLES) == len(QUESTIONS) == len(PAGE.of("sql")) >= 24
+
+
+@pytest.mark.parametrize(("question", "answer"), QUESTIONS, ids=TITLES)
+def test_a_question_has_the_answer_given(asked: Ask, question: str, answer: str) -> None:
+    assert asked(question) == answer.splitlines()
+
+
+@pytest.mark.parametrize("question", [question for question, _ in QUESTIONS], ids=TITLES)
+def test_a_question_is_one_statement_about_the_stable_views_alone(question: str) -> None:
+    assert ";" not in question
+    mentioned = set(re.findall(r"\b(?:FROM|JOIN) (\w+)", question))
+    assert mentioned
+    assert {name for name in mentioned if not name.startswith("audit_")} <= {"earlier", "later"}

@@ -1,0 +1,95 @@
+"""The views are as `docs/audit.md` describes them, and the same on both databases."""
+
+from __future__ import annotations
+
+import re
+
+import psycopg
+import pytest
+from sqlalchemy import make_url
+
+import kant_sql
+from tests.audit.asking import ask, rows_of
+from tests.pages import Page
+
+PAGE = Page("audit.md")
+
+
+def described() -> dict[str, list[str]]:
+    """The columns of each view that the page lists, with those that many views share."""
+    parts = re.split(r"^### ", PAGE.text, flags=re.MULTILINE)[1:]
+    listed = {
+        part.partition("\n")[0].strip("`"): re.findall(r"^\| ([`*]\w+[`*]) \|", part, re.MULTILINE)
+        for part in parts
+    }
+    interval, revision = listed.pop("The interval"), listed.pop("The revision")
+    shared = {"*interval*": interval, "*revision*": revision}
+    shared["*beginning*"] = interval[: interval.index("`until`")]
+    return {
+        view: [name.strip("`") for column in columns for name in shared.get(column, [column])]
+        for view, columns in listed.items()
+    }
+
+
+VIEWS = described()
+
+
+def columns_of(url: str, view: str) -> list[str]:
+    if make_url(url).get_backend_name() == "sqlite":
+        return [row[1] for row in rows_of(url, f"PRAGMA table_info({view})")]
+    with psycopg.connect(url) as connection:
+        cursor = connection.execute(f"SELECT * FROM {view} LIMIT 0".encode())
+        return [column.name for column in cursor.description or ()]
+
+
+def views_of(url: str) -> set[str]:
+    names = (
+        "SELECT name FROM sqlite_master WHERE type = 'view'"
+        if make_url(url).get_backend_name() == "sqlite"
+        else "SELECT viewname FROM pg_views WHERE schemaname = 'public'"
+    )
+    return {row[0] for row in rows_of(url, names)}
+
+
+def test_the_page_describes_every_view_and_no_other(story_url: str) -> None:
+    assert views_of(story_url) == VIEWS.keys()
+
+
+@pytest.mark.parametrize("view", VIEWS)
+def test_a_view_has_the_columns_described_in_their_order(story_url: str, view: str) -> None:
+    assert columns_of(story_url, view) == VIEWS[view]
+    assert VIEWS[view][0] == "knowledge_base"
+
+
+@pytest.mark.parametrize("view", VIEWS)
+def test_a_view_says_the_same_of_the_same_story_on_both_databases(
+    sqlite_story: str, postgresql_story: str, view: str
+) -> None:
+    # What is hashed is the same, so hashes are, too.
+    query = f"SELECT * FROM {view} WHERE knowledge_base = 'courier'"
+    lines = [sorted(ask(url, query)) for url in (sqlite_story, postgresql_story)]
+    assert lines[0] == lines[1]
+    assert lines[0] or view == "audit_archive"
+
+
+@pytest.mark.parametrize("view", VIEWS)
+def test_nothing_of_another_knowledge_base_is_mixed_in(story_url: str, view: str) -> None:
+    """The other one has but its own few names, of which the story has some, too."""
+    rows = ask(story_url, f"SELECT * FROM {view} WHERE knowledge_base = 'other'")
+    words = {word for row in rows for word in re.findall(r"\((?:robot_at|served) [^)]*\)", row)}
+    assert words <= {"(robot_at rb1 t2)", "(robot_at ?r0 - robot ?p1 - place)"}
+    numbers = {"audit_revision": 2, "audit_change": 7, "audit_fact": 2, "audit_goal": 1}
+    numbers |= {"audit_fact_argument": 4, "audit_object": 2, "audit_definition": 5}
+    assert len(rows) == numbers.get(view, 0)
+
+
+def test_each_change_is_a_line_of_the_revision(story_url: str) -> None:
+    """The view says what the library's own log says."""
+    with kant_sql.connect(story_url, knowledge_base="courier") as kb:
+        logged = sorted(
+            (entry.revision.number, change.sign, change.kind, change.text)
+            for entry in kb.log()
+            for change in entry.changes
+        )
+    query = "SELECT revision, sign, kind, text FROM audit_change WHERE knowledge_base = 'courier'"
+    assert sorted(rows_of(story_url, query)) == logged

@@ -1,0 +1,201 @@
+"""Questions to years of a fleet's past: how long they take, and how that grows.
+
+    python -m tests.benchmarks.asof [--changes 5000000] [--small 50000] [--backend sqlite]
+
+The stores have 10 knowledge bases; what is measured is asked of one of them, through the library
+and through the bare driver by the best SQL by hand on the same tables. Calls alternate; the table
+has medians. Aims: each question about one point in at most twice the time of the SQL by hand, and
+in less than 10 ms; a past state in a time that does not depend on how long ago it was.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable, Iterator, Sequence
+from datetime import datetime, timedelta
+from statistics import median
+from typing import Any
+
+import kant_sql
+from kant_sql.knowledge.past import forks_at
+from tests.benchmarks.support import Bare, alternate, bare, print_table, stores
+from tests.benchmarks.years import START, STEP, fill
+
+NAME = "robot5"
+REPEAT = 31
+AGES = {"lately": 0.99, "halfway": 0.5, "long ago": 0.01}
+MOMENT = timedelta(microseconds=1)
+Call = Callable[[], Any]
+Make = Callable[[int], Call]
+
+HELD = "fork IN ({forks}) AND since <= ? AND (until IS NULL OR until > ?)"
+STATE = (
+    "SELECT text FROM proposition WHERE kb_id = ? AND id IN (SELECT proposition_id"
+    " FROM proposition_version WHERE kb_id = ? AND predicate_id IN ({predicates}) AND " + HELD + ")"
+)
+ENDS = (
+    "SELECT {sign}, CASE WHEN p.is_goal THEN 'goal' ELSE 'fact' END, p.text"
+    " FROM proposition_version v JOIN proposition p ON p.kb_id = v.kb_id"
+    " AND p.id = v.proposition_id WHERE v.kb_id = ? AND v.{end} BETWEEN ? AND ?"
+    " UNION ALL SELECT {sign}, 'value', text FROM function_value_version"
+    " WHERE kb_id = ? AND {end} BETWEEN ? AND ?"
+)
+CHANGES = (
+    ENDS.format(sign="'+'", end="since") + " UNION ALL " + ENDS.format(sign="'-'", end="until")
+)
+VERSIONS = (
+    "SELECT v.since, s.committed_at, s.actor, s.reason, v.until, u.committed_at, u.actor, u.reason"
+    " FROM proposition p JOIN proposition_version v ON v.kb_id = p.kb_id"
+    " AND v.proposition_id = p.id JOIN revision s ON s.kb_id = v.kb_id AND s.number = v.since"
+    " LEFT JOIN revision u ON u.kb_id = v.kb_id AND u.number = v.until"
+    " WHERE p.kb_id = ? AND p.is_goal = false AND p.predicate_id = ? AND p.arguments = ?"
+)
+AT_TIME = (
+    "SELECT number FROM revision WHERE kb_id = ? AND committed_at <= ?"
+    " ORDER BY committed_at DESC, number DESC LIMIT 1"
+)
+
+
+class ByHand:
+    """The questions, as somebody asks them who writes the SQL for just this store."""
+
+    def __init__(self, store: Bare) -> None:
+        self.store = store
+        ((self.kb,),) = store.execute("SELECT id FROM knowledge_base WHERE name = ?", (NAME,))
+        self.ids = {
+            (kind, key): id_
+            for kind in ("object", "predicate")
+            for key, id_ in store.execute(f"SELECT key, id FROM {kind} WHERE kb_id = ?", (self.kb,))
+        }
+
+    def state(self, at: int, *predicates: str) -> list[Any]:
+        ids = [self.ids["predicate", name] for name in predicates]
+        forks = ", ".join(map(str, forks_at(at)))
+        sql = STATE.format(forks=forks, predicates=", ".join(map(str, ids)))
+        return self.store.execute(sql, (self.kb, self.kb, at, at))
+
+    def whole_state(self, at: int) -> list[Any]:
+        names = [key for kind, key in self.ids if kind == "predicate"]
+        return self.state(at, *names)
+
+    def versions(self, robot: str, place: str, only: str = "") -> list[Any]:
+        arguments = f"{self.ids['object', robot]} {self.ids['object', place]}"
+        values = (self.kb, self.ids["predicate", "robot_at"], arguments)
+        return self.store.execute(VERSIONS + only, values)
+
+    def changes(self, since: Any, until: Any) -> list[Any]:
+        ((low,),) = self.store.execute(AT_TIME, (self.kb, since))
+        ((high,),) = self.store.execute(AT_TIME, (self.kb, until))
+        values = (self.kb, low + 1, high)
+        return self.store.execute(CHANGES, values * 4)
+
+
+class Questions:
+    """The questions; the n-th time that one is asked, it is about another moment or element."""
+
+    def __init__(self, kb: kant_sql.KnowledgeBase, hand: ByHand, last: int) -> None:
+        self.kb = kb
+        self.hand = hand
+        self.last = last
+        self.held = [str(row[0]) for row in hand.state(last, "robot_at")]
+
+    def all(self) -> Iterator[tuple[str, Make, Make]]:
+        """Give name, and what answers: the library, and the SQL by hand."""
+        for name, answers in (("one predicate", self.predicate), ("everything", self.everything)):
+            for age, part in AGES.items():
+                yield f"state of {name}, {age}", *answers(max(int(self.last * part), REPEAT))
+        yield "history of one fact", self.history, self.history_by_hand
+        yield "blame of one fact", self.blame, self.blame_by_hand
+        yield "changes between two times, 100 revisions", self.log, self.changes_by_hand
+        yield "difference of states, 100 revisions apart", self.diff, self.changes_by_hand
+
+    def predicate(self, at: int) -> tuple[Make, Make]:
+        return (
+            lambda n: lambda: self.kb.at(at - n).propositions.get_by_predicate("robot_at"),
+            lambda n: lambda: self.hand.state(at - n, "robot_at"),
+        )
+
+    def everything(self, at: int) -> tuple[Make, Make]:
+        return (
+            lambda n: lambda: [*self.kb.at(at - n).propositions.get_all()],
+            lambda n: lambda: self.hand.whole_state(at - n),
+        )
+
+    def history(self, n: int) -> Call:
+        return lambda: self.kb.history(f"(robot_at robot1 wp{n})")
+
+    def history_by_hand(self, n: int) -> Call:
+        return lambda: self.hand.versions("robot1", f"wp{n}")
+
+    def blame(self, n: int) -> Call:
+        text = self.held[n % len(self.held)]
+        return lambda: self.kb.blame(text)
+
+    def blame_by_hand(self, n: int) -> Call:
+        _, robot, place = self.held[n % len(self.held)].strip("()").split()
+        return lambda: self.hand.versions(robot, place, " AND v.until IS NULL")
+
+    def window(self, n: int) -> tuple[datetime, datetime]:
+        """A time, and another 100 revisions later."""
+        since = START + (self.last // 2 + 10 * n) * STEP
+        return since + MOMENT, since + 100 * STEP
+
+    def log(self, n: int) -> Call:
+        since, until = self.window(n)
+        return lambda: list(self.kb.log(since, until))
+
+    def changes_by_hand(self, n: int) -> Call:
+        since, until = (
+            moment.isoformat(timespec="microseconds")[:26] + "Z" for moment in self.window(n)
+        )
+        return lambda: self.hand.changes(since, until)
+
+    def diff(self, n: int) -> Call:
+        first = self.last // 2 + 10 * n
+        return lambda: self.kb.diff(first, first + 100)
+
+
+def measure(url: str, last: int) -> Iterator[tuple[str, float, float]]:
+    """Give each question with the seconds of the library and of the SQL by hand."""
+    store = bare(url)
+    with kant_sql.connect(url, NAME) as kb:
+        for name, library, by_hand in Questions(kb, ByHand(store), last).all():
+            library(0)(), by_hand(0)()
+            taken = alternate(REPEAT, library, by_hand)
+            yield name, median(taken[0]), median(taken[1])
+    store.close()
+
+
+def run(backend: str, new: Callable[[], str], sizes: Sequence[int]) -> None:
+    found: dict[str, list[tuple[float, float]]] = {}
+    for changes in sizes:
+        url = new()
+        last = fill(url, changes)
+        for name, library, by_hand in measure(url, last):
+            found.setdefault(name, []).append((library, by_hand))
+    header = [f"{backend}, ms"]
+    for changes in sizes:
+        header += [f"{changes:,} changes", "by hand", "ratio"]
+    rows = []
+    for name, times in found.items():
+        row = [name]
+        for library, by_hand in times:
+            row += [f"{1e3 * library:.2f}", f"{1e3 * by_hand:.2f}", f"{library / by_hand:.2f}x"]
+        rows.append([*row, f"{times[-1][0] / times[0][0]:.2f}x"])
+    print_table("Questions to the past, median", [*header, "growth"], rows)
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
+    parser.add_argument("--changes", type=int, default=5_000_000, help="of the large store")
+    parser.add_argument("--small", type=int, default=50_000, help="of the small one")
+    parser.add_argument("--backend", choices=["sqlite", "postgresql"], action="append")
+    options = parser.parse_args(argv)
+    with stores(options.backend or ["sqlite", "postgresql"]) as places:
+        for backend, new in places.items():
+            run(backend, new, [options.small, options.changes])
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,73 @@
+"""Moments as people type them."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime, timedelta, timezone
+
+import pytest
+import typer
+from hypothesis import given
+from hypothesis import strategies as st
+
+from kant_sql.cli.times import parse_optional, parse_time, parse_when
+
+AGO = {
+    "2 hours ago": timedelta(hours=2),
+    "1 hour ago": timedelta(hours=1),
+    "an hour ago": timedelta(hours=1),
+    "A Week Ago": timedelta(weeks=1),
+    "90 s ago": timedelta(seconds=90),
+    "90s ago": timedelta(seconds=90),
+    "1.5 days ago": timedelta(days=1.5),
+    "5 min ago": timedelta(minutes=5),
+    " 30 minutes  ago ": timedelta(minutes=30),
+    "90 days ago": timedelta(days=90),
+}
+WRONG = [
+    *("", "ago", "two hours ago", "2 hours", "-2 hours ago", "2 months ago", "yesterday"),
+    *("2026-02-30", "2026-01-31T25:00", "9" * 5000, "999999999 weeks ago", "1e3 days ago"),
+]
+
+
+@pytest.mark.parametrize("text", AGO)
+def test_how_long_ago_is_a_time_in_utc(text: str) -> None:
+    before = datetime.now(UTC)
+    moment = parse_when(text)
+    after = datetime.now(UTC)
+    assert isinstance(moment, datetime)
+    assert before - AGO[text] <= moment <= after - AGO[text]
+    assert moment.utcoffset() == timedelta(0)
+
+
+@pytest.mark.parametrize("text", WRONG)
+def test_what_is_no_moment_is_refused_with_the_option_and_the_text(text: str) -> None:
+    with pytest.raises(typer.BadParameter) as caught:
+        parse_when(text, "--since")
+    assert caught.value.param_hint == "--since"
+    assert "neither a revision's number nor a time" in str(caught.value)
+
+
+@given(st.integers(-(10**12), 10**12))
+def test_digits_are_a_number(number: int) -> None:
+    assert parse_when(str(number)) == number
+
+
+@given(
+    st.datetimes(datetime(1, 1, 2), datetime(9999, 12, 30)),
+    st.integers(-14 * 60, 14 * 60).map(lambda minutes: timezone(timedelta(minutes=minutes))),
+)
+def test_a_time_in_iso_8601_keeps_its_moment(moment: datetime, zone: timezone) -> None:
+    assert parse_when(moment.replace(tzinfo=zone).isoformat()) == moment.replace(tzinfo=zone)
+    # Without a zone, it is in UTC.
+    assert parse_when(moment.isoformat()) == moment.replace(tzinfo=UTC)
+
+
+def test_a_number_is_no_time_where_only_a_time_will_do() -> None:
+    with pytest.raises(typer.BadParameter, match="'12' is a number, not a time"):
+        parse_time("12", "--before")
+    assert parse_time("2026-01-31T09:30:00+01:00", "--before").hour == 8
+
+
+def test_an_option_that_was_not_given_has_no_moment() -> None:
+    assert parse_optional(None, "--since") is None
+    assert parse_optional("3", "--since") == 3

@@ -1,0 +1,113 @@
+"""`kant-sql watch`: the revisions, as they come."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import pytest
+
+import kant_sql
+from tests.cli.running import CHILD_TIMEOUT, one_line, run, start
+from tests.worlds import waypoint
+
+
+def documents(*words: str) -> list[dict[str, Any]]:
+    """What `watch --json` writes until its time is over: a document on each line."""
+    result = run("watch", *words, "--json", "--timeout", "0")
+    assert result.exit_code == 0, result.stderr
+    return [json.loads(line) for line in result.stdout.splitlines()]
+
+
+@contextmanager
+def watching(*words: str) -> Iterator[subprocess.Popen[bytes]]:
+    """Watch in a process of its own, which is gone at the end."""
+    process = start("watch", *words)
+    try:
+        yield process
+    finally:
+        process.kill()
+        process.communicate()
+
+
+def next_document(process: subprocess.Popen[bytes]) -> dict[str, Any]:
+    """Wait for the next line."""
+    assert process.stdout is not None
+    document: dict[str, Any] = json.loads(process.stdout.readline())
+    return document
+
+
+def save(url: str, number: int) -> None:
+    with kant_sql.connect(url, "tiago", "elsewhere") as kb:
+        kb.objects.save(waypoint(number))
+
+
+def test_it_begins_after_a_revision_and_is_the_log_turned_round(store: str) -> None:
+    log = run("log", store, "--json").stdout.splitlines()
+    assert documents(store, "--after", "0") == [json.loads(line) for line in log[::-1]]
+    assert [entry["number"] for entry in documents(store, "--after", "2")] == [3]
+    assert documents(store, "--after", "3") == documents(store) == []
+    texts = run("log", store).stdout.rstrip("\n").split("\n\n")
+    written = run("watch", store, "--after", "0", "--timeout", "0").stdout
+    assert written.rstrip("\n").split("\n\n") == texts[::-1]
+
+
+def test_a_pipe_gets_each_revision_at_once(own_store: str) -> None:
+    with watching(own_store, "--json", "--after", "2") as process:
+        assert next_document(process)["number"] == 3
+        for number in (4, 5):
+            save(own_store, number)
+            entry = next_document(process)
+            assert (entry["number"], entry["actor"]) == (number, "elsewhere")
+            assert entry["changes"] == [
+                {"sign": "+", "kind": "object", "text": f"wp{number} - wp"},
+            ]
+        assert process.poll() is None
+
+
+def test_it_ends_by_itself_when_time_is_over(own_store: str) -> None:
+    with watching(own_store, "--timeout", "0.1") as process:
+        assert process.wait(CHILD_TIMEOUT) == 0
+        assert process.communicate() == (b"", b"")
+
+
+def test_ctrl_c_ends_it_without_a_word(own_store: str) -> None:
+    with watching(own_store, "--json", "--after", "2") as process:
+        assert next_document(process)["number"] == 3
+        process.send_signal(signal.SIGINT)
+        assert process.wait(CHILD_TIMEOUT) == 130
+        assert process.stderr is not None
+        assert process.stderr.read() == b""
+
+
+def test_it_ends_when_nobody_reads_any_more(own_store: str) -> None:
+    with watching(own_store, "--after", "2") as process:
+        assert process.stdout is not None
+        assert process.stdout.readline().startswith(b"revision 3  ")
+        process.stdout.close()
+        process.stdout = None
+        assert process.wait(CHILD_TIMEOUT) == 0
+        assert process.stderr is not None
+        assert process.stderr.read() == b""
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "said"),
+    [
+        (["--after", "4"], 1, "no revision 4"),
+        (["--after", "-1"], 2, "--after"),
+        (["--after", "now"], 2, "--after"),
+        (["--timeout", "-1"], 2, "--timeout"),
+        (["--timeout", "nan"], 2, "--timeout"),
+        (["--timeout", "soon"], 2, "--timeout"),
+        (["--kb", "other"], 1, "'tiago'"),
+    ],
+)
+def test_what_cannot_be_is_refused(store: str, words: list[str], code: int, said: str) -> None:
+    result = run("watch", store, *words)
+    assert result.exit_code == code
+    assert said in one_line(result.stderr)

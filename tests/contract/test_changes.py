@@ -1,0 +1,228 @@
+"""`kb.changes`: a feed that can be resumed, ordered and without gaps."""
+
+from __future__ import annotations
+
+import contextlib
+from itertools import islice, pairwise, product
+from typing import Any
+
+import pytest
+from sqlalchemy import make_url
+
+from kant_sql import KnowledgeBase, PddlObjectDto, StoreIntegrityError, UnknownRevisionError
+from kant_sql.errors import ArchivedError
+from kant_sql.history import following, pages
+from kant_sql.history.revisions import LogEntry
+from tests.conftest import Connect
+from tests.pages import opened
+from tests.statements import count
+from tests.workers import change, in_processes
+from tests.worlds import ROBOT, WP2, robot_at, waypoint
+
+# The head, the revisions, the changes.
+PAGE_STATEMENTS = 3
+
+
+def write(kb: KnowledgeBase, number: int) -> None:
+    """Make so many revisions more."""
+    first = kb.revision
+    for place in range(first, first + number):
+        kb.objects.save(waypoint(1000 + place))
+
+
+def numbers(entries: Any) -> list[int]:
+    return [entry.revision.number for entry in entries]
+
+
+@pytest.fixture
+def small_pages(monkeypatch: pytest.MonkeyPatch) -> int:
+    """Pages of three revisions."""
+    monkeypatch.setattr(following, "PAGE", 3)
+    return 3
+
+
+def test_revisions_come_oldest_first_with_what_they_changed(kb: KnowledgeBase) -> None:
+    kb.propositions.save(robot_at())
+    with kb.transaction("executive", "navigation finished", source={"step": 3}):
+        kb.propositions.delete(robot_at())
+        kb.propositions.save(robot_at(place=WP2))
+    feed = list(kb.changes())
+    assert feed == list(kb.log())[::-1]
+    assert numbers(feed) == [1, 2]
+    assert feed[1].revision.reason == "navigation finished"
+    assert [f"{sign} {kind} {text}" for sign, kind, text in feed[1].changes] == [
+        "+ fact (robot_at rb1 wp2)",
+        "+ object wp2 - wp",
+        "- fact (robot_at rb1 wp1)",
+    ]
+
+
+@pytest.mark.usefixtures("small_pages")
+def test_it_is_resumed_anywhere_and_limited_to_any_number(kb: KnowledgeBase) -> None:
+    write(kb, 7)
+    everything = [1, 2, 3, 4, 5, 6, 7]
+    for after, limit in product(range(8), [None, 0, 1, 2, 3, 4, 6, 7, 8, 100]):
+        assert numbers(kb.changes(after, limit)) == everything[after:][:limit]
+
+
+@pytest.mark.usefixtures("small_pages")
+def test_it_goes_on_to_the_head_as_it_is_when_it_comes_there(kb: KnowledgeBase) -> None:
+    write(kb, 2)
+    feed = kb.changes()
+    assert numbers(islice(feed, 1)) == [1]
+    write(kb, 5)
+    # The first page ended at what was the head.
+    assert numbers(feed) == [2, 3, 4, 5, 6, 7]
+
+
+def test_what_never_was_written_to_has_no_changes(kb: KnowledgeBase) -> None:
+    assert list(kb.changes()) == []
+    assert list(kb.changes(0, 5)) == []
+
+
+def test_what_is_no_revision_is_refused_at_once(kb: KnowledgeBase) -> None:
+    write(kb, 2)
+    wrong: list[Any] = [3, 2**63, 2**70, -1, True, "1", 1.0, None]
+    for after in wrong:
+        with pytest.raises(UnknownRevisionError, match=r"revision"):
+            kb.changes(after)
+
+
+def test_a_view_of_the_past_ends_where_it_looks(kb: KnowledgeBase) -> None:
+    write(kb, 5)
+    then = kb.at(3)
+    assert numbers(then.changes()) == [1, 2, 3]
+    assert numbers(then.changes(2)) == [3]
+    assert numbers(then.changes(3)) == []
+    with pytest.raises(UnknownRevisionError, match="has no revision 4: it is at 3"):
+        then.changes(4)
+
+
+def test_within_a_transaction_it_tells_what_is_committed(kb: KnowledgeBase) -> None:
+    write(kb, 2)
+    with kb.transaction():
+        kb.propositions.save(robot_at())
+        assert len(kb.propositions.get_all()) == 1
+        assert numbers(kb.changes(1)) == [2]
+    assert numbers(kb.changes(1)) == [2, 3]
+
+
+def test_other_knowledge_bases_have_feeds_of_their_own(url: str, connect: Connect) -> None:
+    if url == "sqlite://":
+        pytest.skip("each store in memory has one knowledge base")
+    one, other = connect(url, knowledge_base="one"), connect(url, knowledge_base="other")
+    write(one, 2)
+    write(other, 3)
+    write(one, 1)
+    assert numbers(one.changes()) == numbers(other.changes()) == [1, 2, 3]
+    assert {change.text for entry in one.changes(2) for change in entry.changes} == {"wp1002 - wp"}
+
+
+def test_what_other_processes_write_is_seen(shared_url: str, connect: Connect) -> None:
+    kb = connect(shared_url, knowledge_base="tiago")
+    write(kb, 1)
+    assert numbers(kb.changes(1)) == []
+    in_processes((change, shared_url, _write_two))
+    assert [(entry.revision.number, entry.revision.actor) for entry in kb.changes(1)] == [
+        (2, "elsewhere"),
+        (3, "elsewhere"),
+    ]
+
+
+def _write_two(kb: KnowledgeBase) -> None:
+    write(kb, 2)
+
+
+# What it costs.
+
+
+def test_nothing_new_costs_one_statement(kb: KnowledgeBase) -> None:
+    write(kb, 3)
+    assert count(lambda: list(kb.changes(3))) == 1
+
+
+def test_a_page_costs_three_statements_however_many_rows_it_has(kb: KnowledgeBase) -> None:
+    for size in (1, 40):
+        for number in range(size):
+            robots = (PddlObjectDto(ROBOT, f"r{size}_{number}_{other}") for other in range(size))
+            kb.propositions.save_all(map(robot_at, robots))
+        # And the head once more, which has not moved.
+        assert count(lambda: list(kb.changes())) == PAGE_STATEMENTS + 1
+
+
+@pytest.mark.usefixtures("small_pages")
+def test_pages_cost_three_statements_each(kb: KnowledgeBase) -> None:
+    write(kb, 12)
+    assert count(lambda: list(kb.changes())) == 4 * PAGE_STATEMENTS + 1
+    assert count(lambda: list(islice(kb.changes(), 3))) == PAGE_STATEMENTS
+
+
+def test_a_page_ends_early_when_its_revisions_changed_much(
+    kb: KnowledgeBase, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for number in range(6):
+        kb.objects.save_all(waypoint(10 * number + other) for other in range(1 + number % 4))
+    whole = list(kb.log())[::-1]
+    sizes: list[int] = []
+
+    def read_page(*arguments: Any) -> list[LogEntry]:
+        page = pages.read_page(*arguments)
+        sizes.append(sum(len(entry.changes) for entry in page[:-1]))
+        return page
+
+    monkeypatch.setattr(following, "read_page", read_page)
+    for bound in (1, 2, 5, 9):
+        monkeypatch.setattr(pages, "PAGE_CHANGES", bound)
+        sizes.clear()
+        assert list(kb.changes()) == whole
+        assert list(kb.changes(2, 3)) == whole[2:5]
+        assert max(sizes) <= bound
+
+
+# What must never be passed over in silence.
+
+
+def test_a_missing_revision_is_an_error_and_no_gap(shared_url: str, connect: Connect) -> None:
+    kb = connect(shared_url, knowledge_base="tiago")
+    write(kb, 6)
+    _execute(shared_url, "DELETE FROM revision WHERE number = 4")
+    assert numbers(kb.changes(4)) == [5, 6]
+    with pytest.raises(StoreIntegrityError, match="revision 4 is missing"):
+        list(kb.changes(1))
+
+
+def test_a_missing_last_revision_is_an_error(shared_url: str, connect: Connect) -> None:
+    kb = connect(shared_url, knowledge_base="tiago")
+    write(kb, 3)
+    _execute(shared_url, "DELETE FROM revision WHERE number = 3")
+    with pytest.raises(StoreIntegrityError, match="revision 3 is missing"):
+        list(kb.changes(2))
+
+
+@pytest.mark.usefixtures("small_pages")
+def test_what_was_archived_is_refused_also_on_the_way(shared_url: str, connect: Connect) -> None:
+    kb = connect(shared_url, knowledge_base="tiago")
+    write(kb, 9)
+    feed = kb.changes()
+    assert numbers(islice(feed, 3)) == [1, 2, 3]
+    _execute(
+        shared_url,
+        "INSERT INTO archive (kb_id, id, since, revision, target, versions, text, rest)"
+        " VALUES (1, 999, 9, 5, 'sqlite:///old.db', 3, 'archive', 'x')",
+    )
+    _execute(shared_url, "UPDATE head SET archived_revision = 5")
+    with pytest.raises(ArchivedError, match=r"up to revision 5.*sqlite:///old\.db"):
+        list(feed)
+    with pytest.raises(ArchivedError, match="begin after that one"):
+        kb.changes(4)
+    assert numbers(kb.changes(5)) == [6, 7, 8, 9]
+    assert all(one + 1 == other for one, other in pairwise(numbers(kb.changes(5))))
+
+
+def _execute(url: str, sql: str) -> None:
+    """Change a store behind the library's back."""
+    with opened(url) as store:
+        if make_url(url).get_backend_name() == "postgresql":
+            with contextlib.suppress(Exception):
+                store.execute("SET session_replication_role = replica", {})
+        store.execute(sql, {})

@@ -1,0 +1,147 @@
+"""The difference of two states: what holds at one and not at the other."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from datetime import UTC, datetime, timedelta
+from decimal import Decimal
+from typing import Any
+
+import pytest
+
+from kant_sql import (
+    KnowledgeBase,
+    PddlFunctionDto,
+    PddlObjectDto,
+    PddlTypeDto,
+    UnknownRevisionError,
+)
+from kant_sql.dto.formula import Comparison, Metric
+from tests.language import fuel, load, number
+from tests.reading import undone
+from tests.statements import count
+from tests.worlds import RB1, ROBOT, WAYPOINT, WP1, WP2, navigation, robot_at, waypoint
+
+BATTERY = PddlFunctionDto("battery", [ROBOT])
+STORY: list[Callable[[KnowledgeBase], object]] = [
+    lambda kb: kb.propositions.save(robot_at()),
+    lambda kb: kb.actions.save(navigation()),
+    lambda kb: kb.propositions.save_all([robot_at(is_goal=True), robot_at(RB1, WP2)]),
+    lambda kb: kb.function_values.set(BATTERY, [RB1], Decimal("10.0")),
+    lambda kb: kb.propositions.delete(robot_at()),
+    lambda kb: kb.function_values.set(BATTERY, [RB1], 5),
+    lambda kb: kb.types.save(PddlTypeDto("robot", parent=PddlTypeDto("machine")), cascade=True),
+    lambda kb: kb.propositions.save(robot_at()),
+    lambda kb: kb.types.delete_all(),
+    lambda kb: kb.propositions.save(robot_at()),
+    lambda kb: kb.function_values.set(BATTERY, [RB1], 10),
+    lambda kb: kb.objects.save(PddlObjectDto(WAYPOINT, "wp3")),
+]
+
+
+def lines(kb: KnowledgeBase, a: Any, b: Any) -> list[str]:
+    return [" ".join(change) for change in kb.diff(a, b)]
+
+
+def state(kb: KnowledgeBase) -> set[tuple[str, str]]:
+    """Kind and text of all that holds, from what each revision changed."""
+    held: set[tuple[str, str]] = set()
+    for entry in reversed(list(kb.log())):
+        held -= {(kind, text) for sign, kind, text in entry.changes if sign == "-"}
+        held |= {(kind, text) for sign, kind, text in entry.changes if sign == "+"}
+    return held
+
+
+@pytest.fixture
+def told(fresh_kb: KnowledgeBase) -> KnowledgeBase:
+    for step in STORY:
+        step(fresh_kb)
+    assert fresh_kb.revision == len(STORY)
+    return fresh_kb
+
+
+def test_it_is_the_difference_of_any_two_states(told: KnowledgeBase) -> None:
+    states = [state(told.at(revision)) for revision in range(len(STORY) + 1)]
+    for a, here in enumerate(states):
+        for b, there in enumerate(states):
+            expected = [("+", *each) for each in there - here]
+            expected += [("-", *each) for each in here - there]
+            assert [tuple(change) for change in told.diff(a, b)] == sorted(expected)
+
+
+def test_what_came_and_went_in_between_is_no_difference(fresh_kb: KnowledgeBase) -> None:
+    fresh_kb.propositions.save(robot_at())
+    for _ in range(3):
+        fresh_kb.propositions.save(robot_at(RB1, WP2))
+        fresh_kb.propositions.delete(robot_at(RB1, WP2))
+        fresh_kb.propositions.delete(robot_at())
+        fresh_kb.propositions.save(robot_at())
+    assert lines(fresh_kb, 1, fresh_kb.revision) == ["+ object wp2 - wp"]
+    assert lines(fresh_kb, fresh_kb.revision, 1) == ["- object wp2 - wp"]
+
+
+def test_a_value_is_a_difference_by_what_is_written(told: KnowledgeBase) -> None:
+    assert lines(told, 4, 6) == [
+        "+ value (= (battery rb1) 5)",
+        "- fact (robot_at rb1 wp1)",
+        "- value (= (battery rb1) 10.0)",
+    ]
+
+
+def test_formulas_have_the_kind_of_their_section(fresh_kb: KnowledgeBase) -> None:
+    start = load(fresh_kb)
+    fresh_kb.goals.save(Comparison(">", fuel(), number("2")))
+    fresh_kb.metric.set(Metric("minimize", fuel()))
+    assert lines(fresh_kb, start, fresh_kb.revision) == [
+        "+ goal (> (fuel t1) 2)",
+        "+ metric (:metric minimize (fuel t1))",
+    ]
+
+
+def test_times_name_states(told: KnowledgeBase) -> None:
+    moments = [revision.committed_at for revision in told.revisions()]
+    before = moments[0] - timedelta(microseconds=1)
+    assert told.diff(before, moments[-1]) == told.diff(0, len(STORY))
+    assert told.diff(moments[-1], before) == told.diff(len(STORY), 0)
+
+
+@pytest.mark.parametrize(
+    "when",
+    [len(STORY) + 1, -1, True, None, "3", datetime(2026, 1, 31), datetime.max.replace(tzinfo=UTC)],
+)
+def test_a_state_that_is_not_there_is_refused(told: KnowledgeBase, when: Any) -> None:
+    for a, b in ((when, 1), (1, when)):
+        with pytest.raises(UnknownRevisionError):
+            told.diff(a, b)
+
+
+def test_of_nothing_there_is_no_difference(fresh_kb: KnowledgeBase) -> None:
+    assert fresh_kb.diff(0, 0) == []
+    fresh_kb.types.save(ROBOT)
+    assert fresh_kb.diff(1, 1) == []
+    assert lines(fresh_kb, 0, 1) == ["+ type robot"]
+
+
+def test_a_view_of_the_past_compares_what_it_knows(told: KnowledgeBase) -> None:
+    assert told.at(5).diff(2, 5) == told.diff(2, 5)
+    with pytest.raises(UnknownRevisionError):
+        told.at(5).diff(2, 6)
+
+
+def test_what_is_not_committed_is_no_state(told: KnowledgeBase) -> None:
+    expected = told.diff(0, len(STORY))
+    with undone(told):
+        told.types.delete_all()
+        told.propositions.get_all()
+        assert told.diff(0, len(STORY)) == expected
+
+
+def test_statements_do_not_grow(kb: KnowledgeBase) -> None:
+    kb.propositions.save(robot_at())
+    taken = set()
+    for size in (1, 200):
+        kb.propositions.save_all(robot_at(RB1, waypoint(each)) for each in range(size))
+        kb.propositions.delete(robot_at(RB1, WP1))
+        taken.add(count(lambda: kb.diff(1, kb.revision)))
+    # `kb.revision`, each of the two states, and what is different.
+    assert taken == {4}

@@ -1,0 +1,298 @@
+"""The log: by time, by actor, by element; newest first, in pages, in constant memory."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterable, Iterator
+from datetime import UTC, datetime, timedelta
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from kant_sql import (
+    InvalidKnowledgeError,
+    KnowledgeBase,
+    PddlFunctionDto,
+    PddlPropositionDto,
+    ReadOnlyError,
+    UnknownRevisionError,
+)
+from kant_sql.dto.formula import Comparison
+from kant_sql.errors import ArchivedError
+from kant_sql.history import LogEntry
+from tests.conftest import Connect
+from tests.language import fuel, load, number
+from tests.statements import count
+from tests.worlds import RB1, ROBOT, ROBOT_AT, WP1, WP2, robot_at, waypoint
+
+PAGES = {"LOG_PAGE": 3, "LOG_CHANGES": 4}
+BATTERY = PddlFunctionDto("battery", [ROBOT])
+
+
+def numbers(entries: Iterator[LogEntry]) -> list[int]:
+    return [entry.revision.number for entry in entries]
+
+
+def lines(entries: Iterator[LogEntry]) -> list[tuple[int, list[str]]]:
+    told = ((entry.revision.number, entry.changes) for entry in entries)
+    return [(number, [" ".join(change) for change in changes]) for number, changes in told]
+
+
+@pytest.fixture
+def told(fresh_kb: KnowledgeBase) -> KnowledgeBase:
+    """Ten revisions: a robot goes to and fro, and its battery drains; a driver writes a third."""
+    fresh_kb.propositions.save(robot_at())
+    for step in range(2, 11):
+        with fresh_kb.transaction(actor="driver" if step % 3 == 0 else None):
+            here, there = (WP1, WP2) if step % 2 == 0 else (WP2, WP1)
+            fresh_kb.propositions.delete(robot_at(RB1, here))
+            fresh_kb.propositions.save(robot_at(RB1, there))
+            fresh_kb.function_values.set(BATTERY, [RB1], 100 - step)
+    return fresh_kb
+
+
+@pytest.fixture(params=[False, True], ids=["one page", "many pages"])
+def paged(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    if request.param:
+        for name, value in PAGES.items():
+            monkeypatch.setattr(f"kant_sql.history.log.{name}", value)
+        monkeypatch.setattr("kant_sql.history.element_changes.VERSION_PAGE", 2)
+
+
+@pytest.mark.usefixtures("paged")
+def test_entries_come_newest_first_with_all_that_changed(told: KnowledgeBase) -> None:
+    entries = list(told.log())
+    assert [entry.revision for entry in entries] == told.revisions()[::-1]
+    assert lines(iter(entries[:1])) == [
+        (
+            10,
+            [
+                "+ fact (robot_at rb1 wp2)",
+                "+ value (= (battery rb1) 90)",
+                "- fact (robot_at rb1 wp1)",
+                "- value (= (battery rb1) 91)",
+            ],
+        )
+    ]
+    for entry in entries:
+        assert list(entry.changes) == sorted(entry.changes)
+        assert set(entry.changes) == set(
+            told.diff(entry.revision.number - 1, entry.revision.number)
+        )
+
+
+BOUNDS: list[tuple[dict[str, Any], Iterable[int]]] = [
+    ({}, range(10, 0, -1)),
+    ({"limit": 0}, []),
+    ({"limit": -1}, []),
+    ({"limit": 4}, [10, 9, 8, 7]),
+    ({"limit": 99}, range(10, 0, -1)),
+    ({"since": 8}, [10, 9, 8]),
+    ({"since": 0}, range(10, 0, -1)),
+    ({"until": 2}, [2, 1]),
+    ({"until": 0}, []),
+    ({"since": 4, "until": 6}, [6, 5, 4]),
+    ({"since": 6, "until": 4}, []),
+    ({"since": 2, "until": 9, "limit": 2}, [9, 8]),
+    ({"actor": "driver"}, [9, 6, 3]),
+    ({"actor": "driver", "limit": 2}, [9, 6]),
+    ({"actor": "driver", "since": 4, "until": 8}, [6]),
+    ({"actor": "test"}, [10, 8, 7, 5, 4, 2, 1]),
+    ({"actor": "Driver"}, []),
+    ({"actor": ""}, []),
+    ({"element": "wp2"}, [2]),
+    ({"element": robot_at(RB1, WP1)}, range(10, 0, -1)),
+    ({"element": robot_at(RB1, WP1), "actor": "driver"}, [9, 6, 3]),
+    ({"element": robot_at(RB1, WP1), "actor": "driver", "limit": 1}, [9]),
+    ({"element": "(battery rb1)", "limit": 3}, [10, 9, 8]),
+    ({"element": "(battery rb1)", "since": 3, "until": 5}, [5, 4, 3]),
+    ({"element": robot_at(RB1, WP1, is_goal=True)}, []),
+    ({"element": "nobody"}, []),
+]
+
+
+@pytest.mark.usefixtures("paged")
+def test_each_bound_and_filter(told: KnowledgeBase) -> None:
+    for options, expected in BOUNDS:
+        assert numbers(told.log(**options)) == list(expected), options
+
+
+@pytest.mark.usefixtures("paged")
+def test_of_an_element_only_its_own_changes_are_told(told: KnowledgeBase) -> None:
+    at_wp1 = lines(told.log(element=robot_at(RB1, WP1)))
+    assert at_wp1 == [
+        (step, [f"{'-' if step % 2 == 0 else '+'} fact (robot_at rb1 wp1)"])
+        for step in range(10, 0, -1)
+    ]
+    battery = lines(told.log(element="(= (BATTERY rb1) 0)", since=9))
+    assert battery == [
+        (10, ["+ value (= (battery rb1) 90)", "- value (= (battery rb1) 91)"]),
+        (9, ["+ value (= (battery rb1) 91)", "- value (= (battery rb1) 92)"]),
+    ]
+
+
+def test_what_several_things_are_called_is_told_together(fresh_kb: KnowledgeBase) -> None:
+    fresh_kb.propositions.save(robot_at())
+    fresh_kb.propositions.save(robot_at(is_goal=True))
+    fresh_kb.propositions.delete(robot_at())
+    assert lines(fresh_kb.log(element="(robot_at rb1 wp1)")) == [
+        (3, ["- fact (robot_at rb1 wp1)"]),
+        (2, ["+ goal (robot_at rb1 wp1)"]),
+        (1, ["+ fact (robot_at rb1 wp1)"]),
+    ]
+
+
+def test_a_formula_is_an_element(fresh_kb: KnowledgeBase) -> None:
+    load(fresh_kb)
+    goal = Comparison(">", fuel(), number("2.50"))
+    fresh_kb.goals.save(goal)
+    fresh_kb.goals.delete(goal)
+    expected = [(3, ["- goal (> (fuel t1) 2.50)"]), (2, ["+ goal (> (fuel t1) 2.50)"])]
+    assert lines(fresh_kb.log(element=goal)) == expected
+    assert lines(fresh_kb.log(element="( > (FUEL T1)\n2.5 )")) == expected
+
+
+def test_times_bound_it_inclusively(told: KnowledgeBase) -> None:
+    revisions = told.revisions()
+    tick = timedelta(microseconds=1)
+    for revision in revisions:
+        moment = revision.committed_at
+        since = [each.number for each in revisions if each.committed_at >= moment]
+        until = [each.number for each in revisions if each.committed_at <= moment]
+        assert numbers(told.log(since=moment)) == since[::-1]
+        assert numbers(told.log(until=moment)) == until[::-1]
+        assert numbers(told.log(until=moment - tick)) == list(range(since[0] - 1, 0, -1))
+        assert numbers(told.log(since=moment + tick)) == list(range(10, until[-1], -1))
+    assert numbers(told.log(since=datetime.min.replace(tzinfo=UTC))) == list(range(10, 0, -1))
+    assert numbers(told.log(until=datetime.min.replace(tzinfo=UTC))) == []
+
+
+def test_a_bound_that_is_not_there_is_refused_at_once(told: KnowledgeBase) -> None:
+    tomorrow = datetime.now(UTC) + timedelta(days=1)
+    unknown: list[Any] = [11, -1, True, "3", datetime(2026, 1, 31), tomorrow]
+    for bound, when in itertools.product(("since", "until"), unknown):
+        with pytest.raises(UnknownRevisionError):
+            told.log(**{bound: when})
+
+
+def test_an_element_that_is_none_is_refused_at_once(told: KnowledgeBase) -> None:
+    with pytest.raises(InvalidKnowledgeError):
+        told.log(element="(robot_at rb1")
+
+
+def test_a_view_of_the_past_knows_nothing_later(told: KnowledgeBase) -> None:
+    then = told.at(4)
+    assert numbers(then.log()) == [4, 3, 2, 1]
+    assert numbers(then.log(limit=1, actor="driver")) == [3]
+    assert lines(then.log(element=robot_at(RB1, WP1), limit=1)) == [
+        (4, ["- fact (robot_at rb1 wp1)"])
+    ]
+    assert then.at(told.revisions()[-1].committed_at).revision == 4
+    for call in (then.at, lambda when: then.log(until=when), then.restore):
+        with pytest.raises((UnknownRevisionError, ReadOnlyError)):
+            call(5)
+
+
+def test_it_is_of_the_moment_when_it_was_asked_for(told: KnowledgeBase) -> None:
+    entries = told.log()
+    told.objects.save(waypoint(9))
+    assert numbers(entries) == list(range(10, 0, -1))
+
+
+def test_an_open_transaction_is_not_in_it(told: KnowledgeBase) -> None:
+    with told.transaction():
+        told.objects.save(waypoint(9))
+        told.propositions.get_all()
+        assert numbers(told.log(limit=1)) == [10]
+        assert numbers(told.log(element="wp9")) == []
+
+
+@pytest.mark.usefixtures("paged")
+def test_a_page_ends_with_the_revision_that_has_very_many_changes(fresh_kb: KnowledgeBase) -> None:
+    for start in range(0, 40, 10):
+        fresh_kb.objects.save_all(waypoint(each) for each in range(start, start + 10))
+        fresh_kb.objects.save(waypoint(start + 100))
+    entries = list(fresh_kb.log())
+    assert numbers(iter(entries)) == list(range(8, 0, -1))
+    assert [len(entry.changes) for entry in entries] == [1, 10, 1, 10, 1, 10, 1, 11]
+
+
+def test_pages_are_read_as_they_are_asked_for(
+    told: KnowledgeBase, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("kant_sql.history.log.LOG_PAGE", 2)
+    entries: Iterator[LogEntry] = told.log()
+    assert count(lambda: next(entries)) == 2
+    assert count(lambda: next(entries)) == 0
+    assert count(lambda: next(entries)) == 2
+    by_actor = told.log(actor="driver")
+    assert count(lambda: next(by_actor)) == 2
+
+
+def test_statements_do_not_grow_with_what_changed(kb: KnowledgeBase) -> None:
+    taken = set()
+    for size in (1, 60):
+        kb.propositions.save_all(
+            PddlPropositionDto(ROBOT_AT, [RB1, waypoint(each)]) for each in range(size)
+        )
+        for _ in range(size):
+            kb.propositions.delete(robot_at(RB1, waypoint(0)))
+            kb.propositions.save(robot_at(RB1, waypoint(0)))
+        counts = (
+            count(lambda: list(kb.log())),
+            count(lambda: list(kb.log(actor="test"))),
+            count(lambda: list(kb.log(since=1, until=2))),
+            count(lambda: list(kb.log(element=robot_at(RB1, waypoint(0))))),
+        )
+        taken.add(counts)
+    assert taken == {(3, 3, 3, 5)}
+
+
+def test_an_element_that_changed_once_costs_no_walk_through_the_log(
+    told: KnowledgeBase, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("kant_sql.history.log.LOG_PAGE", 1)
+    assert count(lambda: list(told.log(element="wp2"))) == 4
+
+
+@pytest.mark.usefixtures("paged")
+def test_an_element_s_log_agrees_with_the_whole_log(told: KnowledgeBase) -> None:
+    text = "(robot_at rb1 wp1)"
+    for low, high in itertools.combinations_with_replacement(range(1, 11, 2), 2):
+        whole = [
+            (number, [line for line in of_revision if line.endswith(text)])
+            for number, of_revision in lines(told.log(since=low, until=high))
+        ]
+        own = lines(told.log(since=low, until=high, element=text))
+        assert own == [entry for entry in whole if entry[1]]
+
+
+def test_it_ends_where_versions_were_moved_to_an_archive(
+    shared_url: str, connect: Connect, tmp_path: Path
+) -> None:
+    kb = connect(shared_url, actor="test")
+    for _ in range(2):
+        kb.propositions.save(robot_at())
+        kb.propositions.delete(robot_at())
+    kb.propositions.save(robot_at(RB1, WP2))
+    kb.archive(3, f"sqlite:///{tmp_path / 'archive.db'}")
+    whole: dict[str, Any]
+    for whole, complete in (
+        ({"until": 5}, [5, 4, 3]),
+        ({"until": 5, "actor": "test"}, [5, 4, 3]),
+        ({"element": robot_at()}, [4, 3]),
+        ({"element": "nobody"}, []),
+    ):
+        assert numbers(kb.log(since=3, **whole)) == complete
+        assert numbers(kb.log(limit=len(complete), **whole)) == complete
+        entries = kb.log(**whole)
+        assert numbers(islice(entries, len(complete))) == complete
+        with pytest.raises(ArchivedError, match=r"ask the one in sqlite:///.*archive\.db$"):
+            next(entries)
+    assert numbers(kb.log(actor="nobody")) == []
+    assert [each.since.number for each in kb.history(robot_at())] == [3]
+    for call in (lambda: kb.diff(1, 5), lambda: kb.restore(1)):
+        with pytest.raises(ArchivedError):
+            call()

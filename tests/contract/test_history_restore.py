@@ -1,0 +1,362 @@
+"""Restoring: the state becomes what it was, as a new revision that can be undone as well."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Iterator
+from datetime import UTC, datetime, timedelta
+from decimal import Decimal
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import kant_sql
+from kant_sql import (
+    KantSqlError,
+    KnowledgeBase,
+    PddlFunctionDto,
+    PddlObjectDto,
+    PddlTypeDto,
+    ReadOnlyError,
+    UnknownRevisionError,
+)
+from kant_sql.dto.formula import Comparison, Derived, Exists, Metric, Modal, Not, TimedLiteral
+from kant_sql.pddl import write
+from kant_sql.pddl.document import Domain, Problem
+from tests.chain import check_chain
+from tests.conftest import Connect, Server
+from tests.documents import domains_and_problems
+from tests.hunting import HUNT, hunting
+from tests.language import IDLE, PLACE, TRUCK, P, T, again, at, fuel, load, number
+from tests.programs import Program, programs, run
+from tests.reading import beside, last_changes, undone
+from tests.statements import count
+from tests.worlds import RB1, ROBOT, WAYPOINT, WP1, WP2, navigation, robot_at, waypoint
+
+BATTERY = PddlFunctionDto("battery", [ROBOT])
+AT_DOCK = PddlFunctionDto("dock", [ROBOT], value_types=[WAYPOINT])
+REACHABLE = Derived("reachable", (PLACE,), Exists((TRUCK,), at(T, P)))
+_numbers = itertools.count(1)
+
+DAOS = (
+    "types",
+    "objects",
+    "predicates",
+    "functions",
+    "function_values",
+    "propositions",
+    "actions",
+    "processes",
+    "events",
+    "derived_predicates",
+    "timed_initial_literals",
+    "initial_literals",
+    "goals",
+    "constraints",
+    "domain_constraints",
+)
+
+
+def text_of(call: Callable[[], str]) -> str:
+    """What a call gives, or why it gives nothing."""
+    try:
+        return call()
+    except KantSqlError as error:
+        return type(error).__name__
+
+
+def everything(kb: KnowledgeBase) -> dict[str, str]:
+    """All that a knowledge base can be asked for."""
+    told = {dao: repr(getattr(kb, dao).get_all()) for dao in DAOS}
+    told["metric"] = repr(kb.metric.get())
+    told["domain"], told["problem"] = text_of(kb.domain_pddl), text_of(kb.problem_pddl)
+    return told
+
+
+def check_is_as_at(kb: KnowledgeBase, revision: int) -> None:
+    """Check that the present is what a revision was, for this process and for others."""
+    wanted = everything(kb.at(revision))
+    assert everything(kb) == wanted
+    assert everything(again(kb)) == wanted
+    assert kb.diff(revision, kb.revision) == []
+
+
+STORY: list[Callable[[KnowledgeBase], object]] = [
+    load,
+    lambda kb: kb.propositions.save_all([robot_at(), robot_at(is_goal=True), robot_at(RB1, WP2)]),
+    lambda kb: kb.function_values.set(BATTERY, [RB1], Decimal("10.0")),
+    lambda kb: kb.function_values.set(AT_DOCK, [RB1], WP1),
+    lambda kb: kb.actions.save(navigation()),
+    lambda kb: kb.goals.save(Comparison(">", fuel(), number("2.50"))),
+    lambda kb: kb.metric.set(Metric("minimize", fuel())),
+    lambda kb: kb.constraints.save(Modal("always", (), (IDLE,))),
+    lambda kb: kb.timed_initial_literals.save(TimedLiteral(number("5"), at())),
+    lambda kb: kb.initial_literals.save(Not(IDLE)),
+    lambda kb: kb.derived_predicates.save(REACHABLE),
+    lambda kb: kb.function_values.set(BATTERY, [RB1], 10),
+    lambda kb: kb.function_values.set(BATTERY, [RB1], 3),
+    lambda kb: kb.function_values.set(BATTERY, [RB1], 10),
+    lambda kb: kb.propositions.delete(robot_at()),
+    lambda kb: kb.types.save(PddlTypeDto("robot", parent=PddlTypeDto("machine")), cascade=True),
+    lambda kb: kb.objects.delete(WP1),
+    lambda kb: kb.metric.set(Metric("maximize", fuel())),
+    lambda kb: kb.types.delete_all(),
+    lambda kb: kb.propositions.save(robot_at()),
+    lambda kb: kb.objects.save(PddlObjectDto(WAYPOINT, "rb2")),
+]
+
+
+def tell(kb: KnowledgeBase) -> KnowledgeBase:
+    for step in STORY:
+        step(kb)
+    return kb
+
+
+def test_any_state_comes_back_and_goes_again(fresh_kb: KnowledgeBase) -> None:
+    tell(fresh_kb)
+    head = fresh_kb.revision
+    assert head >= len(STORY) - 2
+    for revision in range(head, -1, -1):
+        made = fresh_kb.restore(revision)
+        assert made == (None if revision == head else fresh_kb.revision)
+        check_is_as_at(fresh_kb, revision)
+        if revision % 4 == 0:
+            fresh_kb.restore(head)
+            check_is_as_at(fresh_kb, head)
+
+
+def test_it_is_a_revision_like_any_other(fresh_kb: KnowledgeBase) -> None:
+    fresh_kb.propositions.save(robot_at())
+    fresh_kb.propositions.delete(robot_at())
+    assert fresh_kb.restore(1) == 3
+    assert fresh_kb.restore(2, reason="a mistake", actor="operator") == 4
+    assert fresh_kb.restore(3, reason="") == 5
+    said = [(each.actor, each.reason) for each in fresh_kb.revisions()[2:]]
+    assert said == [("test", "restored revision 1"), ("operator", "a mistake"), ("test", "")]
+    assert last_changes(fresh_kb) == ["+ fact (robot_at rb1 wp1)"]
+    assert [each.since.number for each in fresh_kb.history(robot_at())] == [1, 3, 5]
+
+
+def test_what_is_so_already_makes_no_revision(fresh_kb: KnowledgeBase) -> None:
+    assert fresh_kb.restore(0) is None
+    fresh_kb.propositions.save(robot_at())
+    fresh_kb.propositions.save(robot_at(RB1, WP2))
+    fresh_kb.propositions.delete(robot_at(RB1, WP2))
+    fresh_kb.objects.delete(WP2)
+    assert fresh_kb.restore(4) is None
+    assert fresh_kb.restore(1) is None
+    assert fresh_kb.revision == 4
+
+
+def test_a_value_comes_back_as_it_was_written(fresh_kb: KnowledgeBase) -> None:
+    for value in (Decimal("10.0"), 5, 10):
+        fresh_kb.function_values.set(BATTERY, [RB1], value)
+    assert fresh_kb.restore(1) == 4
+    check_is_as_at(fresh_kb, 1)
+    fresh_kb.function_values.unset(BATTERY, [RB1])
+    assert fresh_kb.restore(3) == 6
+    check_is_as_at(fresh_kb, 3)
+    # And is known to be that: the next one writes what is not so.
+    assert fresh_kb.function_values.set(BATTERY, [RB1], 10) is False
+
+
+def test_a_time_names_a_state(fresh_kb: KnowledgeBase) -> None:
+    fresh_kb.propositions.save(robot_at())
+    fresh_kb.propositions.save(robot_at(RB1, WP2))
+    first = fresh_kb.revisions()[0].committed_at
+    fresh_kb.restore(first - timedelta(microseconds=1))
+    check_is_as_at(fresh_kb, 0)
+    assert fresh_kb.revisions()[-1].reason == "restored revision 0"
+
+
+@pytest.mark.parametrize(
+    "when", [2, -1, None, "1", datetime(2026, 1, 31), datetime.max.replace(tzinfo=UTC)]
+)
+def test_a_state_that_is_not_there_is_refused(fresh_kb: KnowledgeBase, when: Any) -> None:
+    fresh_kb.propositions.save(robot_at())
+    with pytest.raises(UnknownRevisionError):
+        fresh_kb.restore(when)
+    assert fresh_kb.revision == 1
+
+
+def test_the_past_cannot_be_restored_within_the_past(fresh_kb: KnowledgeBase) -> None:
+    fresh_kb.propositions.save(robot_at())
+    with pytest.raises(ReadOnlyError):
+        fresh_kb.at(1).restore(0)
+
+
+def test_within_a_transaction_it_is_a_part_of_it(fresh_kb: KnowledgeBase) -> None:
+    fresh_kb.propositions.save(robot_at())
+    fresh_kb.function_values.set(BATTERY, [RB1], 5)
+    fresh_kb.propositions.delete(robot_at())
+    with fresh_kb.transaction(actor="operator", reason="more than that"):
+        fresh_kb.propositions.save(robot_at(RB1, WP2))
+        fresh_kb.function_values.set(BATTERY, [RB1], 6)
+        fresh_kb.propositions.get_all()
+        fresh_kb.objects.save(waypoint(7))
+        assert fresh_kb.restore(2) is None
+        assert fresh_kb.propositions.get_all() == [robot_at()]
+        fresh_kb.objects.save(waypoint(8))
+    assert fresh_kb.revision == 4
+    assert fresh_kb.revisions()[-1].reason == "more than that"
+    assert [" ".join(each) for each in fresh_kb.diff(2, 4)] == ["+ object wp8 - wp"]
+
+
+def test_within_a_transaction_it_undoes_what_that_has_done(fresh_kb: KnowledgeBase) -> None:
+    tell(fresh_kb)
+    head = fresh_kb.revision
+    with fresh_kb.transaction():
+        fresh_kb.types.delete_all()
+        fresh_kb.propositions.get_all()
+        fresh_kb.propositions.save(robot_at(RB1, WP2, is_goal=True))
+        fresh_kb.restore(head)
+    assert fresh_kb.revision == head
+    check_is_as_at(fresh_kb, head)
+
+
+def test_it_is_undone_with_the_transaction_that_it_is_part_of(fresh_kb: KnowledgeBase) -> None:
+    tell(fresh_kb)
+    before, head = everything(fresh_kb), fresh_kb.revision
+    with undone(fresh_kb):
+        fresh_kb.restore(2)
+        assert fresh_kb.propositions.get_all()
+    with fresh_kb.transaction():
+        with undone(fresh_kb):
+            fresh_kb.restore(5)
+        assert everything(fresh_kb) == before
+    assert (everything(fresh_kb), fresh_kb.revision) == (before, head)
+
+
+@pytest.mark.parametrize("spill_at", [1, 7, 10_000])
+def test_many_facts_are_written_as_they_come(
+    fresh_kb: KnowledgeBase, monkeypatch: pytest.MonkeyPatch, spill_at: int
+) -> None:
+    monkeypatch.setattr("kant_sql.propositions.SPILL_AT", spill_at)
+    monkeypatch.setattr("kant_sql.dao.base.BATCH", 5)
+    facts = [robot_at(RB1, waypoint(each), each % 2 == 0) for each in range(20)]
+    fresh_kb.propositions.save_all(facts)
+    fresh_kb.propositions.delete_all()
+    fresh_kb.propositions.save_all(facts[5:10])
+    fresh_kb.propositions.save_all(robot_at(RB1, waypoint(each)) for each in range(40, 60))
+    for revision in (1, 2, 4, 3, 0):
+        fresh_kb.restore(revision)
+        check_is_as_at(fresh_kb, revision)
+    with fresh_kb.transaction():
+        fresh_kb.restore(4)
+        fresh_kb.restore(1)
+        fresh_kb.restore(2)
+        fresh_kb.propositions.save(facts[0])
+        fresh_kb.restore(3)
+    check_is_as_at(fresh_kb, 3)
+
+
+def test_other_processes_go_on_from_it(shared_url: str, connect: Connect) -> None:
+    one, other = connect(shared_url), connect(shared_url)
+    one.propositions.save(robot_at())
+    other.propositions.save(robot_at(RB1, WP2))
+    one.restore(0)
+    assert other.propositions.get_all() == []
+    assert other.propositions.save(robot_at())
+    one.restore(2)
+    assert other.propositions.insert(robot_at(RB1, WP2)) is False
+    assert other.propositions.delete(robot_at())
+    assert one.propositions.get_all() == [robot_at(RB1, WP2)]
+
+
+def test_the_chain_covers_it(shared_url: str, connect: Connect) -> None:
+    kb = tell(connect(shared_url))
+    for revision in (3, 9, 0, 12):
+        kb.restore(revision)
+    assert check_chain(shared_url)
+
+
+@pytest.mark.parametrize("size", [10, 1_000])
+def test_statements_do_not_grow_with_facts(kb: KnowledgeBase, size: int) -> None:
+    kb.propositions.save_all(robot_at(RB1, waypoint(each)) for each in range(size))
+    kb.propositions.save_all(robot_at(RB1, waypoint(each), True) for each in range(size))
+    kb.propositions.delete_all()
+    assert count(lambda: kb.restore(1)) <= 12
+    assert count(lambda: kb.restore(2)) <= 12
+
+
+# Any history.
+
+
+@pytest.fixture(scope="module")
+def stores(server: Server, tmp_path_factory: pytest.TempPathFactory) -> Iterator[list[str]]:
+    """A database of each kind, in which each example has a knowledge base of its own."""
+    on_server = server.new_database()
+    kant_sql.upgrade(on_server)
+    file: Path = tmp_path_factory.mktemp("restored") / "store.db"
+    _FIRST[:] = [kant_sql.connect(url) for url in ("sqlite://", f"sqlite:///{file}", on_server)]
+    yield [f"sqlite:///{file}", on_server]
+    for kb in _FIRST:
+        kb.close()
+
+
+_FIRST: list[KnowledgeBase] = []
+
+
+def everywhere(check: Callable[[KnowledgeBase], None]) -> None:
+    name = f"example {next(_numbers)}"
+    for first in _FIRST:
+        check(beside(first, name))
+
+
+TIGHT = {
+    "kant_sql.propositions.SPILL_AT": 1,
+    "kant_sql.dao.base.BATCH": 2,
+    "kant_sql.backends.sqlite_session.FETCH_SIZE": 1,
+    "kant_sql.backends.postgresql_session.COPY_FROM_ROWS": 2,
+}
+
+
+def check_program(kb: KnowledgeBase, program: Program, places: list[float]) -> None:
+    processes = [kb, again(kb)]
+    for process, step in program.steps:
+        run(processes[process], step)
+    head = kb.revision
+    for place in (*places, 1.0):
+        revision = round(place * head)
+        processes[revision % 2].restore(revision)
+        check_is_as_at(kb, revision)
+        assert everything(processes[1]) == everything(kb)
+
+
+@pytest.mark.timeout(0 if HUNT else 300)
+def test_any_state_of_any_program_is_restored(stores: list[str]) -> None:
+    @hunting(12)
+    @given(programs(), st.lists(st.floats(0, 1), min_size=1, max_size=3))
+    def restored(program: Program, places: list[float]) -> None:
+        with pytest.MonkeyPatch.context() as patch:
+            for name, value in TIGHT.items() if program.is_tight else ():
+                patch.setattr(name, value)
+            everywhere(lambda kb: check_program(kb, program, places))
+
+    restored()
+    for url in stores:
+        assert check_chain(url)
+
+
+@pytest.mark.timeout(0 if HUNT else 300)
+@pytest.mark.usefixtures("stores")
+def test_any_documents_are_restored() -> None:
+    @hunting(4)
+    @given(domains_and_problems(repeats=True), domains_and_problems())
+    def restored(first: tuple[Domain, Problem], second: tuple[Domain, Problem]) -> None:
+        def check(kb: KnowledgeBase) -> None:
+            for domain, problem in (first, second):
+                with kb.transaction():
+                    kb.load_domain(write(domain))
+                    kb.load_problem(write(problem))
+            for revision in (1, kb.revision, 0, 1):
+                kb.restore(revision)
+                check_is_as_at(kb, revision)
+            assert kb.domain_pddl() == write(first[0])
+
+        everywhere(check)
+
+    restored()

@@ -1,0 +1,347 @@
+"""The versions of an element: when it held, and who asserted and retracted it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from kant_sql import (
+    InvalidKnowledgeError,
+    KnowledgeBase,
+    PddlActionDto,
+    PddlConditionEffectDto,
+    PddlFunctionDto,
+    PddlFunctionValueDto,
+    PddlObjectDto,
+    PddlPredicateDto,
+    PddlPropositionDto,
+    PddlTypeDto,
+)
+from kant_sql.dto.formula import (
+    And,
+    Atom,
+    Comparison,
+    Constant,
+    Derived,
+    Equal,
+    Exists,
+    Fluent,
+    Metric,
+    Modal,
+    Not,
+    TimedLiteral,
+    Variable,
+)
+from tests.conftest import Connect
+from tests.language import HUB, IDLE, PLACE, T1, TRUCK, P, T, again, at, fuel, home, load, number
+from tests.reading import beside, undone
+from tests.statements import count
+from tests.worlds import RB1, ROBOT, ROBOT_AT, WAYPOINT, WP1, WP2, navigation, robot_at, waypoint
+
+BATTERY = PddlFunctionDto("battery", [ROBOT])
+Told = list[tuple[str, str, int, int | None]]
+
+
+def told(kb: KnowledgeBase, element: Any) -> Told:
+    """Kind, text, first revision and the one that ended it, of each version."""
+    return [
+        (each.kind, each.text, each.since.number, None if each.until is None else each.until.number)
+        for each in kb.history(element)
+    ]
+
+
+@pytest.fixture
+def kb_with_past(fresh_kb: KnowledgeBase) -> KnowledgeBase:
+    """A robot that goes, a battery that drains, and definitions that change."""
+    kb = fresh_kb
+    kb.propositions.save(robot_at())  # 1
+    kb.propositions.save(robot_at(is_goal=True))  # 2
+    with kb.transaction(actor="driver", reason="off it goes", source={"step": 3}):
+        kb.propositions.delete(robot_at())  # 3
+        kb.propositions.save(robot_at(RB1, WP2))
+    kb.function_values.set(BATTERY, [RB1], 90)  # 4
+    kb.function_values.set(BATTERY, [RB1], 80)  # 5
+    kb.propositions.save(robot_at())  # 6
+    kb.types.save(PddlTypeDto("wp", parent=PddlTypeDto("place")), cascade=True)  # 7
+    kb.actions.save(navigation())  # 8
+    kb.objects.delete(WP1)  # 9
+    return kb
+
+
+def test_a_fact_has_a_version_for_each_time_that_it_held(kb_with_past: KnowledgeBase) -> None:
+    versions = kb_with_past.history(robot_at())
+    revisions = kb_with_past.revisions()
+    assert [(each.since, each.until) for each in versions] == [
+        (revisions[0], revisions[2]),
+        (revisions[5], revisions[6]),
+    ]
+    assert {(each.kind, each.text) for each in versions} == {("fact", "(robot_at rb1 wp1)")}
+    ended = versions[0].until
+    assert ended is not None
+    assert (ended.actor, ended.reason, ended.source) == ("driver", "off it goes", {"step": 3})
+
+
+def test_fact_and_goal_are_two_elements(kb_with_past: KnowledgeBase) -> None:
+    fact, goal = "(robot_at rb1 wp1)", robot_at(is_goal=True)
+    assert told(kb_with_past, robot_at()) == [("fact", fact, 1, 3), ("fact", fact, 6, 7)]
+    assert told(kb_with_past, goal) == [("goal", fact, 2, 7)]
+    assert told(kb_with_past, fact) == [
+        ("fact", fact, 1, 3),
+        ("goal", fact, 2, 7),
+        ("fact", fact, 6, 7),
+    ]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "(robot_at rb1 wp2)",
+        "(ROBOT_AT Rb1 wP2)",
+        "  ( robot_at\n rb1\twp2 ) ",
+        Atom("Robot_At", (Constant("rb1"), Constant("WP2"))),
+        PddlPropositionDto(
+            PddlPredicateDto("ROBOT_AT"), [PddlObjectDto(ROBOT, "RB1"), PddlObjectDto(ROBOT, "WP2")]
+        ),
+    ],
+    ids=["as stored", "spelled otherwise", "blanks", "a formula", "a DTO of names alone"],
+)
+def test_any_spelling_finds_it(kb_with_past: KnowledgeBase, text: Any) -> None:
+    assert told(kb_with_past, text) == [("fact", "(robot_at rb1 wp2)", 3, 7)]
+
+
+@pytest.mark.parametrize(
+    "element",
+    [
+        "(battery rb1)",
+        "(= (battery rb1) 90)",
+        "(= (BATTERY RB1) 12345)",
+        PddlFunctionValueDto(BATTERY, [RB1], 7),
+        PddlFunctionValueDto(BATTERY, [RB1]),
+        Fluent("battery", (Constant("rb1"),)),
+    ],
+    ids=str,
+)
+def test_of_a_fluent_all_its_values_are_told(kb_with_past: KnowledgeBase, element: Any) -> None:
+    assert told(kb_with_past, element) == [
+        ("value", "(= (battery rb1) 90)", 4, 5),
+        ("value", "(= (battery rb1) 80)", 5, None),
+    ]
+
+
+def test_each_kind_of_definition_has_versions(kb_with_past: KnowledgeBase) -> None:
+    kb = kb_with_past
+    assert told(kb, WAYPOINT) == [("type", "wp", 1, 7), ("type", "wp - place", 7, None)]
+    assert told(kb, WP1) == [("object", "wp1 - wp", 1, 9)]
+    assert told(kb, BATTERY) == [("function", "(battery ?r0 - robot)", 4, None)]
+    assert told(kb, ROBOT_AT) == [("predicate", "(robot_at ?r0 - robot ?w1 - wp)", 1, None)]
+    action = PddlActionDto("NAVIGATION")
+    assert [(entry[0], *entry[2:]) for entry in told(kb, action)] == [("action", 8, None)]
+
+
+def test_a_name_stands_for_all_definitions_of_it(fresh_kb: KnowledgeBase) -> None:
+    fresh_kb.types.save(PddlTypeDto("home"))
+    fresh_kb.objects.save(PddlObjectDto(ROBOT, "Home"))
+    fresh_kb.predicates.save(PddlPredicateDto("home", [ROBOT]))
+    fresh_kb.functions.save(PddlFunctionDto("HOME"))
+    fresh_kb.actions.save(PddlActionDto("home", durative=False))
+    fresh_kb.objects.delete(PddlObjectDto(ROBOT, "home"))
+    assert [entry[0:1] + entry[2:] for entry in told(fresh_kb, "hOmE")] == [
+        ("type", 1, None),
+        ("object", 2, 6),
+        ("predicate", 3, None),
+        ("function", 4, None),
+        ("action", 5, None),
+    ]
+
+
+def test_the_text_of_any_change_finds_what_it_is_of(fresh_kb: KnowledgeBase) -> None:
+    load(fresh_kb)
+    fresh_kb.propositions.save(robot_at(is_goal=True))
+    fresh_kb.actions.save_all([navigation(), PddlActionDto("wait", durative=False)])
+    fresh_kb.goals.save(Comparison(">", fuel(), number("2.50")))
+    fresh_kb.goals.save(Equal(home(), HUB))
+    fresh_kb.timed_initial_literals.save(TimedLiteral(number("5"), at()))
+    fresh_kb.initial_literals.save(Not(IDLE))
+    fresh_kb.constraints.save(Modal("always", (), (IDLE,)))
+    fresh_kb.domain_constraints.save(Modal("sometime", (), (IDLE,)))
+    fresh_kb.metric.set(Metric("minimize", fuel()))
+    fresh_kb.derived_predicates.save(Derived("reachable", (PLACE,), Exists((TRUCK,), at(T, P))))
+    kinds = set()
+    for entry in fresh_kb.log():
+        for _, kind, text in entry.changes:
+            kinds.add(kind)
+            if text in ("(idle)", "(total-cost)"):
+                # Without parameters it is written like the fact, or the fluent, and means that.
+                assert told(fresh_kb, text) == []
+                continue
+            for spelled in (text, text.upper()):
+                found = told(fresh_kb, spelled)
+                assert (kind, text, entry.revision.number, None) in found, spelled
+    assert len(kinds) == 15
+
+
+FORMULAS: list[tuple[Any, list[str]]] = [
+    (Comparison(">", fuel(), number("2.5")), ["goal"]),
+    ("(> (Fuel t1) 2.500)", ["goal"]),
+    (Not(IDLE), ["initial", "goal"]),
+    ("(not (idle))", ["initial", "goal"]),
+    (And((Not(IDLE), Comparison(">", fuel(), number("2.50")))), ["goal", "initial", "goal"]),
+    ("(and (and) (not (idle)))", ["initial", "goal"]),
+    (Comparison(">", fuel(), number("3")), []),
+    ("(and)", []),
+    ("(not (nowhere))", []),
+    (at(T1, home()), []),
+]
+
+
+def test_a_formula_is_found_in_whatever_section(fresh_kb: KnowledgeBase) -> None:
+    load(fresh_kb)
+    fresh_kb.goals.save(Comparison(">", fuel(), number("2.50")))
+    fresh_kb.initial_literals.save(Not(IDLE))
+    fresh_kb.goals.save(Not(IDLE))
+    fresh_kb.goals.delete_all()
+    for formula, kinds in FORMULAS:
+        found = told(fresh_kb, formula)
+        assert [entry[0] for entry in found] == kinds
+        assert all(entry[3] == 5 for entry in found if entry[0] == "goal")
+
+
+def test_an_equation_may_be_a_value_and_a_goal(fresh_kb: KnowledgeBase) -> None:
+    load(fresh_kb)
+    fresh_kb.goals.save(Comparison("=", fuel(), number("7")))
+    assert told(fresh_kb, "(= (fuel t1) 7)") == [
+        ("value", "(= (fuel t1) 7.50)", 1, None),
+        ("goal", "(= (fuel t1) 7)", 2, None),
+    ]
+
+
+NEVER: list[Any] = [
+    "nobody",
+    "(robot_at rb1 nowhere)",
+    "(robot_at wp1 rb1)",
+    "(robot_at rb1)",
+    "(robot_at)",
+    "(nothing)",
+    "(battery wp1)",
+    "(= (battery wp1) 3)",
+    "(nothing ?x - place)",
+    "nobody - robot",
+    "(robot_at \ud800 wp1)",
+    PddlTypeDto("nothing"),
+    PddlObjectDto(ROBOT, "robot"),
+    PddlObjectDto(ROBOT, "\ud800"),
+    PddlObjectDto(ROBOT, ""),
+    robot_at(RB1, waypoint(77)),
+    PddlFunctionValueDto(PddlFunctionDto("robot_at"), [RB1, WP1]),
+    PddlPropositionDto(PddlPredicateDto("battery"), [RB1]),
+    Constant("nobody"),
+]
+
+
+def test_what_never_was_has_no_version(kb_with_past: KnowledgeBase) -> None:
+    for element in NEVER:
+        assert kb_with_past.history(element) == []
+        assert kb_with_past.blame(element) is None
+        assert list(kb_with_past.log(element=element)) == []
+
+
+REFUSED: list[Any] = [
+    None,
+    3,
+    b"rb1",
+    ["rb1"],
+    ("robot_at", "rb1"),
+    "",
+    "  ",
+    "two words",
+    "?x",
+    "(",
+    ")",
+    "()",
+    "(())",
+    "((robot_at) rb1)",
+    "(robot_at rb1 wp1",
+    "(robot_at rb1 wp1))",
+    "(robot_at rb1 wp1) (robot_at rb1 wp2)",
+    "a\0b",
+    Variable("x"),
+    PddlConditionEffectDto(ROBOT_AT, [RB1, WP1]),
+    PddlTypeDto,
+]
+
+
+def test_what_is_no_element_is_refused(kb_with_past: KnowledgeBase) -> None:
+    for element in REFUSED:
+        for call in (kb_with_past.history, kb_with_past.blame):
+            with pytest.raises(InvalidKnowledgeError, match=r"give a DTO of a type, .* or a name"):
+                call(element)
+
+
+WRONG: list[Any] = [
+    PddlTypeDto(3),  # type: ignore[arg-type]
+    PddlPropositionDto("robot_at", [RB1]),  # type: ignore[arg-type]
+    PddlPropositionDto(ROBOT_AT, ["rb1"]),  # type: ignore[list-item]
+    PddlFunctionValueDto("battery", [RB1]),  # type: ignore[arg-type]
+    PddlFunctionValueDto(BATTERY, ["rb1"]),  # type: ignore[list-item]
+]
+
+
+def test_a_dto_of_the_wrong_things_is_refused(kb_with_past: KnowledgeBase) -> None:
+    for dto in WRONG:
+        with pytest.raises(InvalidKnowledgeError):
+            kb_with_past.history(dto)
+
+
+def test_names_that_are_gone_are_still_known_to_a_newcomer(kb_with_past: KnowledgeBase) -> None:
+    kb_with_past.types.delete_all()
+    newcomer = again(kb_with_past)
+    assert told(newcomer, robot_at())[0] == ("fact", "(robot_at rb1 wp1)", 1, 3)
+    assert told(newcomer, "rb1") == [("object", "rb1 - robot", 1, 10)]
+
+
+def test_a_view_of_the_past_knows_nothing_later(kb_with_past: KnowledgeBase) -> None:
+    fact = "(robot_at rb1 wp1)"
+    assert told(kb_with_past.at(2), robot_at()) == [("fact", fact, 1, None)]
+    assert told(kb_with_past.at(3), robot_at()) == [("fact", fact, 1, 3)]
+    assert told(kb_with_past.at(6), robot_at()) == [("fact", fact, 1, 3), ("fact", fact, 6, None)]
+    assert told(kb_with_past.at(0), robot_at()) == []
+    assert told(kb_with_past.at(4), "(battery rb1)") == [("value", "(= (battery rb1) 90)", 4, None)]
+
+
+def test_what_is_not_committed_is_not_told(kb_with_past: KnowledgeBase) -> None:
+    before = told(kb_with_past, "rb1")
+    with undone(kb_with_past):
+        kb_with_past.objects.delete(RB1)
+        kb_with_past.objects.get_all()
+        assert told(kb_with_past, "rb1") == before
+
+
+def test_of_an_empty_knowledge_base_nothing_is_told(fresh_kb: KnowledgeBase) -> None:
+    assert fresh_kb.history("rb1") == []
+    assert fresh_kb.blame(robot_at()) is None
+
+
+def test_knowledge_bases_are_apart(common_url: str, fresh_kb: KnowledgeBase) -> None:
+    fresh_kb.propositions.save(robot_at())
+    other = beside(fresh_kb, "another one")
+    assert other.history(robot_at()) == []
+
+
+def test_statements_do_not_grow_with_versions(kb: KnowledgeBase, connect: Connect) -> None:
+    load(kb)
+    taken = set()
+    for times in (1, 40):
+        for each in range(times):
+            kb.propositions.save(robot_at())
+            kb.propositions.delete(robot_at())
+            kb.function_values.set("fuel", ["t1"], each)
+            kb.goals.save(Comparison(">", fuel(), number(str(each))))
+        counts = tuple(
+            count(lambda element=element: kb.history(element))  # type: ignore[misc]
+            for element in (robot_at(), "(robot_at rb1 wp1)", "rb1", "(fuel t1)")
+        )
+        taken.add((*counts, count(lambda: kb.history(Comparison(">", fuel(), number("0"))))))
+    assert len(kb.history(robot_at())) == 41
+    # The names, what they make together, the versions, their revisions; of a formula, all texts.
+    assert taken == {(4, 4, 3, 4, 3)}

@@ -1,0 +1,196 @@
+"""A recorded plan gives, byte for byte, what its planner was given, whatever happened since.
+
+KANT_SQL_TEST_EXAMPLES=1000 hunts for longer, each time from another seed.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+from dataclasses import replace
+
+import pytest
+from hypothesis import given
+
+import kant_sql
+from kant_sql import KnowledgeBase
+from kant_sql.errors import PlanError
+from kant_sql.pddl import write
+from kant_sql.pddl.document import Domain, Problem
+from kant_sql.planning import Plan, problem_hash
+from kant_sql.plans import RecordedPlan
+from tests.documents import domains_and_problems
+from tests.hunting import HUNT, hunting
+from tests.missions import PROBLEM, TOUR, arrive, begin, plan_of, recorded
+from tests.reading import beside, rows
+
+Texts = tuple[str, str]
+Documents = tuple[Domain, Problem]
+FOREIGN = "; von Hand, für 🤖\r\n(define (problem p)\t(:domain tour)\n\n(:goal (and)))"
+KEPT = "SELECT domain_pddl, problem_pddl FROM plan WHERE kb_id = :kb ORDER BY id"
+
+
+def newcomer(kb: KnowledgeBase) -> KnowledgeBase:
+    """The same knowledge base, of which nothing is known yet."""
+    return beside(kb, kb.factory._store.name)  # type: ignore[attr-defined]
+
+
+def texts_of(kb: KnowledgeBase) -> Texts:
+    return kb.domain_pddl(), kb.problem_pddl()
+
+
+def given_to(plan: RecordedPlan) -> Texts:
+    return plan.domain_pddl(), plan.problem_pddl()
+
+
+def found_in(kb: KnowledgeBase, plan_id: int) -> RecordedPlan:
+    plan = kb.plans.get(plan_id)
+    assert plan is not None
+    return plan
+
+
+def test_what_the_store_writes_is_not_kept_but_written_again(fresh_kb: KnowledgeBase) -> None:
+    begin(fresh_kb)
+    texts = texts_of(fresh_kb)
+    plans = [
+        fresh_kb.plans.record(TOUR),
+        fresh_kb.plans.record(TOUR, domain_pddl=texts[0], problem_pddl=texts[1]),
+    ]
+    fresh_kb.load_problem(PROBLEM.replace("(at rb1 wp1)", "(at rb1 wp2)"))
+    fresh_kb.objects.delete_all()
+    fresh_kb.actions.delete_all()
+    assert texts_of(fresh_kb) != texts
+    for plan in plans:
+        assert plan.problem_hash == problem_hash(*texts)
+        assert given_to(plan) == given_to(found_in(newcomer(fresh_kb), plan.id)) == texts
+    assert rows(fresh_kb, KEPT) == [(None, None)] * 2
+
+
+def test_what_the_store_does_not_write_is_kept(fresh_kb: KnowledgeBase) -> None:
+    begin(fresh_kb)
+    domain, problem = texts_of(fresh_kb)
+    plans = {
+        (domain, FOREIGN): fresh_kb.plans.record(TOUR, problem_pddl=FOREIGN),
+        (FOREIGN, problem): fresh_kb.plans.record(TOUR, domain_pddl=FOREIGN),
+        ("", "."): fresh_kb.plans.record(TOUR, domain_pddl="", problem_pddl="."),
+    }
+    assert rows(fresh_kb, KEPT) == [(None, FOREIGN), (FOREIGN, None), ("", ".")]
+    for texts, plan in plans.items():
+        assert plan.problem_hash == problem_hash(*texts)
+        assert given_to(plan) == given_to(found_in(newcomer(fresh_kb), plan.id)) == texts
+        (line,) = next(fresh_kb.at(plan.recorded_in).log(limit=1)).changes
+        for role, text, written in zip(
+            ("domain", "problem"), texts, (domain, problem), strict=True
+        ):
+            shown = "null" if text == written else f'"{problem_hash(text, "")}"'
+            assert f":{role}-pddl {shown} " in line.text
+
+
+def test_a_plan_in_a_transaction_gives_it_too(fresh_kb: KnowledgeBase) -> None:
+    begin(fresh_kb)
+    texts = texts_of(fresh_kb)
+    with fresh_kb.transaction():
+        arrive(fresh_kb, "wp2")
+        plan = fresh_kb.plans.record(TOUR, problem_pddl=FOREIGN)
+        assert given_to(plan) == (texts[0], FOREIGN)
+        assert given_to(fresh_kb.plans.record(TOUR)) == texts
+
+
+def test_a_text_that_is_not_the_one_given_is_never_passed_off_as_it(
+    fresh_kb: KnowledgeBase, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plan = recorded(fresh_kb)
+    kept = fresh_kb.plans.record(TOUR, domain_pddl="a", problem_pddl="b")
+    monkeypatch.setattr("kant_sql.documents.exchange.write_domain", lambda domain: "(define)")
+    for read in (plan.domain_pddl, plan.problem_pddl):
+        with pytest.raises(
+            PlanError, match=f"plan {plan.id}: what the store holds of its"
+        ) as caught:
+            read()
+        assert plan.problem_hash in str(caught.value)
+    assert given_to(kept) == ("a", "b")
+
+
+@pytest.fixture
+def planner(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A planner that takes no time and knows one plan."""
+    monkeypatch.setattr("kant_sql.documents.methods.solve", lambda *_: plan_of(*TOUR.steps[3:]))
+
+
+@pytest.mark.usefixtures("planner")
+def test_a_plan_knows_what_it_was_made_from(fresh_kb: KnowledgeBase) -> None:
+    begin(fresh_kb)
+    plan, texts = fresh_kb.plan(), texts_of(fresh_kb)
+    assert (plan.revision, plan.problem_hash) == (1, problem_hash(*texts))
+    arrive(fresh_kb, "wp2")
+    made = fresh_kb.plans.record(plan)
+    assert (made.revision, given_to(made)) == (1, texts)
+    assert fresh_kb.at(1).plan().problem_hash == made.problem_hash
+    with pytest.raises(PlanError, match="are not what the planner was given, by its SHA-256"):
+        fresh_kb.plans.record(plan, problem_pddl=FOREIGN)
+
+
+@pytest.mark.usefixtures("planner")
+def test_a_plan_of_what_is_not_committed_is_recorded_with_its_texts(
+    fresh_kb: KnowledgeBase,
+) -> None:
+    begin(fresh_kb)
+    with fresh_kb.transaction():
+        arrive(fresh_kb, "wp2")
+        plan, texts = fresh_kb.plan(), texts_of(fresh_kb)
+        with pytest.raises(PlanError, match="was not given the state of revision 1, but what an"):
+            fresh_kb.plans.record(plan)
+        made = fresh_kb.plans.record(plan, domain_pddl=texts[0], problem_pddl=texts[1])
+    assert (made.revision, given_to(made)) == (1, texts)
+    assert rows(fresh_kb, KEPT) == [(None, texts[1])]
+
+
+_numbers = itertools.count(1)
+_FIRST: list[KnowledgeBase] = []
+
+
+@pytest.fixture
+def stores(one_memory: KnowledgeBase, one_file: str, one_database: str) -> Iterator[None]:
+    """A store of each kind, in which each example has a knowledge base of its own."""
+    _FIRST[:] = [one_memory, kant_sql.connect(one_file), kant_sql.connect(one_database)]
+    yield
+    for kb in _FIRST[1:]:
+        kb.close()
+
+
+def load(kb: KnowledgeBase, documents: Documents) -> None:
+    with kb.transaction():
+        kb.load_domain(write(documents[0]))
+        kb.load_problem(write(documents[1]))
+
+
+def episode(kb: KnowledgeBase, states: list[Documents]) -> None:
+    """Plan in each state, and check in the end what was given in each."""
+    plan = Plan((), "hand", "")
+    begun: list[tuple[int, Texts]] = []
+    made: list[tuple[Texts, RecordedPlan]] = []
+    for documents in states:
+        load(kb, documents)
+        texts = texts_of(kb)
+        begun.append((kb.revision, texts))
+        made.append((texts, kb.plans.record(plan)))
+        kb.propositions.delete_all()
+    for revision, texts in begun:
+        late = replace(plan, revision=revision)
+        made.append((texts, kb.plans.record(late, domain_pddl=texts[0], problem_pddl=texts[1])))
+    for texts, one in made:
+        assert given_to(one) == given_to(found_in(newcomer(kb), one.id)) == texts
+    assert {*rows(kb, KEPT)} == {(None, None)}
+
+
+@pytest.mark.usefixtures("stores")
+@pytest.mark.timeout(0 if HUNT else 300)
+def test_nothing_that_comes_later_changes_what_a_planner_was_given() -> None:
+    @hunting(5)
+    @given(domains_and_problems(repeats=True), domains_and_problems())
+    def hold(first: Documents, second: Documents) -> None:
+        name = f"planned {next(_numbers)}"
+        for kb in _FIRST:
+            episode(beside(kb, name), [first, second, first])
+
+    hold()

@@ -1,0 +1,123 @@
+"""Roles on PostgreSQL: nobody but the owner can change what is past."""
+
+from __future__ import annotations
+
+import psycopg
+import pytest
+
+from tests.rights import TABLES, Members, contents, mutations, refused, rows_of
+
+EVERY_ROLE = pytest.mark.parametrize("role", range(6))
+
+
+def test_each_table_holds_something_to_lose(role_store: str) -> None:
+    assert [name for name, rows in contents(role_store).items() if len(rows) < 2] == []
+
+
+@EVERY_ROLE
+def test_nobody_changes_or_removes_what_is_written(
+    role: int, role_store: str, role_users: Members, limited_users: Members
+) -> None:
+    before = contents(role_store)
+    with psycopg.connect([*role_users, *limited_users][role], autocommit=True) as connection:
+        for table in TABLES:
+            for statement in mutations(table):
+                # Of a writer's statements, those may pass that find no row they are for.
+                if not refused(connection, statement):
+                    assert role % 3 == 0, statement
+                    assert rows_of(role_store, table.name) == before[table.name], statement
+    assert contents(role_store) == before
+
+
+# What a writer could try within a transaction; `{kb}` is the knowledge base's id.
+ATTACKS = {
+    "open again what has ended": """
+        UPDATE proposition_version SET until = NULL WHERE until IS NOT NULL""",
+    "let it have ended at another time": """
+        UPDATE proposition_version SET until = until + 1 WHERE until IS NOT NULL""",
+    "let something end in the last revision": """
+        UPDATE proposition_version SET until = revision FROM head
+        WHERE until IS NULL AND head.kb_id = proposition_version.kb_id AND since < revision""",
+    "assert something in the last revision": """
+        INSERT INTO proposition_version (kb_id, proposition_id, since, until, predicate_id, is_goal)
+        SELECT v.kb_id, proposition_id, revision, NULL, predicate_id, is_goal
+        FROM proposition_version AS v JOIN head ON head.kb_id = v.kb_id
+        WHERE until < revision""",
+    "add a time at which it held": """
+        INSERT INTO proposition_version (kb_id, proposition_id, since, until, predicate_id, is_goal)
+        SELECT kb_id, proposition_id, 1, since, predicate_id, is_goal
+        FROM proposition_version WHERE since > 1""",
+    "hide what holds from past states": "UPDATE proposition_version SET fork = 1",
+    "hide what ended from past states": """
+        UPDATE proposition_version SET until = NULL, fork = fork + 1 WHERE until IS NOT NULL""",
+    "add an argument to a fact": """
+        INSERT INTO proposition_argument
+        SELECT kb_id, proposition_id, 7, min(object_id) FROM proposition_argument GROUP BY 1, 2""",
+    "add an argument to the step of a plan": """
+        INSERT INTO plan_step_argument
+        SELECT kb_id, plan_id, position, 7, object_id FROM plan_step_argument""",
+    "add a term to a definition": """
+        INSERT INTO action_term (kb_id, action_id, since, section, position, term, parameter)
+        SELECT kb_id, action_id, since, section, position, 7, 0 FROM action_term WHERE term = 0""",
+    "say that a step of a plan was running then": """
+        INSERT INTO revision_plan_step
+        SELECT kb_id, number, 9001, 0 FROM revision WHERE number <> 2""",
+    "leave a hole in the revisions": """
+        INSERT INTO revision (kb_id, number, committed_at, form, hash)
+        SELECT kb_id, revision + 2, now(), 2, 'hash' FROM head""",
+    "move the head on without a revision": "UPDATE head SET revision = revision + 1",
+    "give the head another hash": "UPDATE head SET hash = 'hash'",
+    "give out ids again": "UPDATE head SET next_id = 1",
+    "lower the head, to delete what is behind it": """
+        UPDATE head SET revision = 0, definition_revision = 0;
+        DELETE FROM proposition_version""",
+    "say that all was archived": "UPDATE head SET archived_revision = revision",
+    "record an archive": """
+        INSERT INTO archive (kb_id, id, since, revision, target, versions, rest, text)
+        SELECT kb_id, next_id, revision + 1, 1, 'x', 1, 'x', 'x' FROM head""",
+    "take the policies away": "SET row_security = off; DELETE FROM proposition_version",
+    "delete by a view": "DELETE FROM audit_revision",
+    "be another": "SET SESSION AUTHORIZATION postgres",
+    "take the rights": "GRANT ALL ON proposition_version TO kant_sql_writer",
+    "take a wider role": "GRANT postgres TO current_user",
+}
+
+
+@pytest.mark.parametrize("attack", ATTACKS.values(), ids=ATTACKS)
+def test_a_writer_cannot(
+    attack: str, role_store: str, role_users: Members, limited_users: Members
+) -> None:
+    before = contents(role_store)
+    for url in (role_users.writer, limited_users.writer):
+        with psycopg.connect(url, autocommit=True) as connection:
+            refused(connection, attack)
+    assert contents(role_store) == before
+
+
+def test_to_begin_a_revision_brings_no_past_row_within_reach(
+    role_store: str, role_users: Members
+) -> None:
+    with (
+        psycopg.connect(role_users.writer) as connection,
+        connection.transaction(force_rollback=True),
+    ):
+        connection.execute(
+            "INSERT INTO revision (kb_id, number, committed_at, form, hash) "
+            "SELECT kb_id, revision + 1, now(), 2, 'hash' FROM head"
+        )
+        assert connection.execute("DELETE FROM proposition_version").rowcount == 0
+
+
+def test_policies_are_what_stops_these_attacks(role_store: str) -> None:
+    """The owner, who has no policies, could do what they say."""
+    done = []
+    with psycopg.connect(role_store) as owner:
+        for name, attack in ATTACKS.items():
+            with owner.transaction(force_rollback=True):
+                try:
+                    owner.execute("SET CONSTRAINTS ALL DEFERRED")
+                    owner.execute(attack.encode())
+                    done.append(name)
+                except psycopg.Error:
+                    pass
+    assert len(done) >= len(ATTACKS) - 6, set(ATTACKS) - set(done)

@@ -1,0 +1,242 @@
+"""Roles on PostgreSQL: for what each is meant for, its rights are enough."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import psycopg
+import pytest
+
+import kant_sql
+from kant_sql import (
+    KnowledgeBase,
+    PddlFunctionDto,
+    PddlFunctionValueDto,
+    PddlObjectDto,
+    PddlPredicateDto,
+    PddlPropositionDto,
+    PddlTypeDto,
+    ReadOnlyStoreError,
+    propositions,
+)
+from kant_sql.predicate_views import update_views
+from tests.chain import check_chain
+from tests.conftest import Connect, Server
+from tests.missions import arrive, recorded
+from tests.reading import state, undone
+from tests.rights import (
+    MINE,
+    MINE_ID,
+    OTHER,
+    TABLES,
+    Members,
+    contents,
+    fill,
+    members,
+    named,
+    query,
+    refused,
+    rows_of,
+    views,
+)
+from tests.worlds import RB1, ROBOT, WAYPOINT, WP1, WP2, navigation, robot_at, waypoint
+
+BATTERY = PddlFunctionDto("battery", [ROBOT])
+
+
+# Writers.
+
+
+def program(kb: KnowledgeBase, patch: pytest.MonkeyPatch) -> None:
+    """Write in every way."""
+    plan = recorded(kb)
+    assert kb.plans.set_status(plan.steps[0], "started")
+    with kb.transaction(plan_step=plan.steps[0]):
+        arrive(kb, "wp2")
+        assert kb.plans.set_status(plan.steps[0], "succeeded")
+    change(kb, patch)
+    kb.restore(kb.revision - 2, "by mistake")
+
+
+def change(kb: KnowledgeBase, patch: pytest.MonkeyPatch) -> None:
+    """Change facts and definitions, and take that back before and after it was written."""
+    fill(kb)
+    kb.actions.save(navigation())
+    kb.propositions.save(robot_at())
+    kb.function_values.save(PddlFunctionValueDto(BATTERY, [RB1], 80))
+    with kb.transaction():
+        kb.propositions.save(robot_at(place=WP2))
+        kb.propositions.delete(robot_at())
+        kb.function_values.save(PddlFunctionValueDto(BATTERY, [RB1], 70))
+        kb.predicates.save(PddlPredicateDto("near", [WAYPOINT, WAYPOINT]))
+        state(kb)
+        # What was written is taken back: rows of this revision go, what it has closed is opened.
+        kb.propositions.delete(robot_at(place=WP2))
+        kb.propositions.save(robot_at())
+        kb.function_values.save(PddlFunctionValueDto(BATTERY, [RB1], 80))
+        kb.predicates.update(PddlPredicateDto("near", [WAYPOINT, ROBOT]))
+        kb.types.save(PddlTypeDto("drone", parent=ROBOT))
+        state(kb)
+        kb.types.delete(PddlTypeDto("drone"))
+        kb.propositions.save(robot_at(place=WP2))
+    with undone(kb):
+        kb.propositions.delete_all()
+        state(kb)
+    kb.predicates.update(PddlPredicateDto("near", [ROBOT, ROBOT]))
+    near = PddlPredicateDto("near", [ROBOT, ROBOT])
+    kb.propositions.save(PddlPropositionDto(near, [RB1, RB1]))
+    kb.predicates.update(PddlPredicateDto("near", [WAYPOINT]), cascade=True)
+    kb.objects.delete(PddlObjectDto(WAYPOINT, "wp2"))
+    with patch.context() as tight:
+        # As if there were many more: they are written and forgotten, and some taken back later.
+        tight.setattr(propositions, "SPILL_AT", 500)
+        with kb.transaction():
+            kb.propositions.save_all(robot_at(place=waypoint(number)) for number in range(1_500))
+            for number in range(0, 1_500, 30):
+                kb.propositions.delete(robot_at(place=waypoint(number)))
+    kb.propositions.delete_all()
+
+
+def test_a_writer_can_do_all_that_the_library_does(
+    server: Server, connect: Connect, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    url = server.new_database()
+    kant_sql.upgrade(url)
+    owned = connect(url, knowledge_base="owned")
+    program(owned, monkeypatch)
+    roles = kant_sql.create_roles(url)
+    with members(url, roles) as own:
+        written = connect(own.writer, knowledge_base="written")
+        program(written, monkeypatch)
+        assert state(written) == state(owned)
+        assert written.problem_pddl() == owned.problem_pddl()
+        assert [entry.changes for entry in written.log()] == [e.changes for e in owned.log()]
+        assert written.verify().is_intact
+        assert check_chain(url) == {"owned": owned.revision, "written": owned.revision}
+        program(connect(own.writer, knowledge_base="owned"), monkeypatch)
+        written.close()
+
+
+def test_a_limited_writer_can_do_so_in_its_knowledge_base_only(
+    role_store: str, limited_users: Members, connect: Connect, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kb = connect(limited_users.writer, knowledge_base=MINE)
+    before = query(role_store, f"SELECT count(*) FROM proposition WHERE kb_id <> {MINE_ID}")
+    with undone(kb):
+        change(kb, monkeypatch)
+    kb.propositions.save(robot_at(place=WP1))
+    assert query(role_store, f"SELECT count(*) FROM proposition WHERE kb_id <> {MINE_ID}") == before
+    for name in (OTHER, "a new one"):
+        # It is not there, for this user; and there is none to be made.
+        other = connect(limited_users.writer, knowledge_base=name)
+        assert other.revision == 0
+        with pytest.raises(ReadOnlyStoreError, match="permission denied for table knowledge_base"):
+            other.propositions.save(robot_at())
+    with psycopg.connect(limited_users.writer, autocommit=True) as connection:
+        for statement in (
+            "INSERT INTO object SELECT 2, 1000000, 'o', 'o'",
+            "INSERT INTO revision (kb_id, number, committed_at, form, hash) "
+            "SELECT 2, 1 + max(number), now(), 2, 'hash' FROM revision",
+            "UPDATE object_version SET kb_id = 2",
+        ):
+            assert refused(connection, statement), statement
+
+
+# Readers.
+
+
+def readings(kb: KnowledgeBase) -> list[Any]:
+    """What the library can read."""
+    then = kb.at(2)
+    return [
+        state(kb),
+        state(then),
+        kb.revision,
+        kb.domain_pddl(),
+        then.problem_pddl(),
+        [(entry.revision, entry.changes) for entry in kb.log()],
+        [str(dto) for dto in kb.function_values.get_all()],
+        [str(dto) for dto in kb.propositions.get_by_predicate("at")],
+        kb.objects.get("t1"),
+        kb.diff(1, 2),
+        kb.history("t1"),
+        kb.blame("(at t1 p2)"),
+        [entry.revision for entry in kb.changes(after=1)],
+        kb.watch(after=0, timeout=0),
+        kb.verify(),
+    ]
+
+
+def test_readers_read_all_that_the_library_reads_and_write_nothing(
+    role_store: str, role_users: Members, limited_users: Members, connect: Connect
+) -> None:
+    for url in (role_users.reader, limited_users.reader):
+        kb = connect(url, knowledge_base=MINE)
+        assert readings(kb) == readings(connect(role_store, knowledge_base=MINE))
+        with pytest.raises(ReadOnlyStoreError, match="permission denied"):
+            kb.propositions.save(robot_at())
+        with psycopg.connect(url, autocommit=True) as connection:
+            for table in TABLES:
+                statement = named("INSERT INTO {} SELECT * FROM {}", table.name, table.name)
+                assert refused(connection, statement), table.name
+
+
+def test_readers_see_all_rows_or_those_of_their_knowledge_base(
+    role_store: str, role_users: Members, limited_users: Members
+) -> None:
+    everything = contents(role_store)
+    mine = {name: [row for row in rows if row[0] == MINE_ID] for name, rows in everything.items()}
+    assert all(0 < len(mine[name]) < len(rows) for name, rows in everything.items())
+    for url in (role_users.reader, role_users.writer):
+        assert contents(url) == everything
+    for url in (limited_users.reader, limited_users.writer):
+        assert contents(url) == mine
+
+
+# Auditors.
+
+
+def test_auditors_read_views_and_no_table(role_store: str, role_users: Members) -> None:
+    for view in views(role_store):
+        assert rows_of(role_users.auditor, view) == rows_of(role_store, view)
+    for table in [*(table.name for table in TABLES), "kant_sql_version"]:
+        with pytest.raises(psycopg.errors.InsufficientPrivilege):
+            rows_of(role_users.auditor, table)
+
+
+def test_a_limited_auditor_reads_views_of_its_own(role_store: str, limited_users: Members) -> None:
+    schema = kant_sql.create_roles(role_store, MINE).schema
+    assert schema is not None
+    assert views(role_store, schema) == views(role_store)
+    for view in views(role_store):
+        with pytest.raises(psycopg.errors.InsufficientPrivilege):
+            rows_of(limited_users.auditor, view)
+        names = {row[0] for row in query(role_store, "SELECT knowledge_base FROM {}", view)}
+        assert names == {MINE, OTHER}
+        kb = f"SELECT name FROM knowledge_base WHERE id = {MINE_ID}"
+        wanted = query(role_store, f"SELECT * FROM {{}} WHERE knowledge_base = ({kb})", view)
+        found = query(limited_users.auditor, "SELECT * FROM {}.{}", schema, view)
+        assert sorted(map(str, found)) == sorted(map(str, wanted))
+
+
+def test_auditors_read_generated_views(server: Server, connect: Connect) -> None:
+    url = server.new_database()
+    kant_sql.upgrade(url)
+    for kb_name in (MINE, OTHER):
+        connect(url, knowledge_base=kb_name).propositions.save(robot_at())
+    all_roles, limited_roles = kant_sql.create_roles(url), kant_sql.create_roles(url, MINE)
+    made = [view for view in update_views(url) if view.kind == "fact"]
+    assert {view.knowledge_base for view in made} == {MINE, OTHER}
+    kant_sql.create_roles(url)
+    with members(url, all_roles) as all_users, members(url, limited_roles) as limited:
+        for view in made:
+            assert len(rows_of(url, view.name)) == 1
+            assert rows_of(all_users.auditor, view.name) == rows_of(url, view.name)
+            if view.knowledge_base == MINE:
+                assert rows_of(limited.auditor, view.name) == rows_of(url, view.name)
+            else:
+                with pytest.raises(psycopg.errors.InsufficientPrivilege):
+                    rows_of(limited.auditor, view.name)
+        # What auditors may read is not in the way of making them anew.
+        connect(url, knowledge_base=MINE).predicates.save(PddlPredicateDto("near", [WAYPOINT]))
+        update_views(url)

@@ -1,0 +1,99 @@
+"""Roles on PostgreSQL: how they are made, brought up to date, and kept through migrations."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import psycopg
+import pytest
+
+import kant_sql
+from kant_sql import KantSqlError, SchemaMissingError, StoreError
+from tests.conftest import Connect, Server
+from tests.pages import Page
+from tests.rights import MINE, Members, members, query
+from tests.worlds import robot_at
+
+
+def rights(url: str) -> list[tuple[Any, ...]]:
+    """All grants and policies of a database, and which tables have the latter in force."""
+    return [
+        *query(
+            url,
+            "SELECT relname, relrowsecurity, relacl::text FROM pg_class "
+            "WHERE relnamespace::regnamespace::text !~ '^pg_' ORDER BY 1, 3",
+        ),
+        *query(
+            url,
+            "SELECT attname, attacl::text, attrelid::regclass::text FROM pg_attribute "
+            "WHERE attacl IS NOT NULL ORDER BY 3, 1",
+        ),
+        *query(
+            url,
+            "SELECT tablename, policyname, roles::text, cmd, qual, with_check "
+            "FROM pg_policies ORDER BY 1, 2",
+        ),
+    ]
+
+
+def test_a_second_run_brings_rights_up_to_date(role_store: str, limited_users: Members) -> None:
+    before = rights(role_store)
+    assert not any("CREATE ROLE" in sql for sql in kant_sql.create_roles(role_store).statements)
+    assert rights(role_store) == before
+    with psycopg.connect(role_store) as owner:
+        owner.execute("GRANT DELETE, UPDATE (hash) ON revision TO kant_sql_writer")
+        owner.execute("GRANT SELECT ON revision TO kant_sql_auditor")
+        owner.execute("DROP POLICY kant_sql_read ON head")
+    assert rights(role_store) != before
+    kant_sql.create_roles(role_store, dry_run=True)
+    assert rights(role_store) != before
+    kant_sql.create_roles(role_store)
+    assert rights(role_store) == before
+
+
+def test_rights_survive_migrations(server: Server, connect: Connect) -> None:
+    url = server.new_database()
+    kant_sql.upgrade(url)
+    connect(url, knowledge_base=MINE).propositions.save(robot_at())
+    roles = kant_sql.create_roles(url, MINE)
+    kant_sql.create_roles(url)
+    before = rights(url)
+    kant_sql.upgrade(url)
+    assert rights(url) == before
+    kant_sql.downgrade(url, "0003")
+    kant_sql.upgrade(url)
+    assert rights(url) == before
+    with members(url, roles) as own:
+        connect(own.writer, knowledge_base=MINE).propositions.delete(robot_at())
+    kant_sql.downgrade(url, "base")
+    kant_sql.upgrade(url)
+    assert query(url, "SELECT polname FROM pg_policy") == []
+
+
+def test_what_cannot_be_done_is_refused_with_the_remedy(
+    server: Server, role_store: str, role_users: Members, shared_url: str
+) -> None:
+    if shared_url.startswith("sqlite"):
+        with pytest.raises(StoreError, match=r"SQLite has no roles.*\?mode=ro"):
+            kant_sql.create_roles(shared_url)
+        return
+    with pytest.raises(KantSqlError, match=r"no knowledge base 'tiagi'.*there are: .*'tiago'"):
+        kant_sql.create_roles(role_store, "tiagi")
+    with pytest.raises(SchemaMissingError):
+        kant_sql.create_roles(server.new_database())
+    with pytest.raises(StoreError, match=r"connect as the owner of the tables.*CREATEROLE"):
+        kant_sql.create_roles(role_users.reader)
+
+
+def test_the_statements_of_the_page_run(server: Server, connect: Connect) -> None:
+    url = server.new_database()
+    kant_sql.upgrade(url)
+    connect(url, knowledge_base="tiago").propositions.save(robot_at())
+    roles = kant_sql.create_roles(url, "tiago")
+    page = Page("roles.md")
+    assert all(name in page.text for name in roles[:4] if name is not None)
+    with psycopg.connect(url) as owner, owner.transaction(force_rollback=True):
+        blocks = page.of("sql")
+        assert len(blocks) == 2
+        for block in blocks:
+            owner.execute(block.encode())

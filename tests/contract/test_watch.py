@@ -1,0 +1,297 @@
+"""`kb.watch`: waits until there is news, whoever makes it."""
+
+from __future__ import annotations
+
+import math
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+from typing import Any
+
+import pytest
+
+from kant_sql import KnowledgeBase, ReadOnlyError, StoreIntegrityError, UnknownRevisionError
+from kant_sql.backends import Session, postgresql, postgresql_session, postgresql_waiting
+from kant_sql.errors import InvalidTimeoutError, KantSqlError
+from kant_sql.history import watching
+from tests.conftest import Connect
+from tests.disturbing import on_file, on_server, terminate
+from tests.statements import count
+from tests.watching import (
+    Waiting,
+    fork_beside_a_watching_thread,
+    open_files,
+    waiting,
+    write_many,
+)
+from tests.workers import PATIENCE, in_processes
+from tests.worlds import waypoint
+
+
+def save(kb: KnowledgeBase, number: int) -> None:
+    assert kb.objects.insert(waypoint(number))
+
+
+@pytest.fixture
+def only_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Who waits does not look by itself: it has to be told."""
+    monkeypatch.setattr(watching, "LOOK_EVERY", 10 * PATIENCE)
+
+
+# What there is to know already.
+
+
+def test_what_is_new_already_is_told_at_once(kb: KnowledgeBase) -> None:
+    for number in range(3):
+        save(kb, number)
+    assert [kb.watch(after) for after in (0, 1, 2)] == [3, 3, 3]
+    assert kb.watch(0, timeout=0) == kb.watch(2, timeout=1e9) == kb.watch(2, timeout=math.inf) == 3
+
+
+def test_when_time_is_over_there_is_no_news(kb: KnowledgeBase) -> None:
+    for _ in range(2):
+        for timeout in (0, 0.0, 0.01):
+            assert kb.watch(timeout=timeout) is None
+            assert kb.watch(kb.revision, timeout=timeout) is None
+        save(kb, kb.revision)
+
+
+def test_to_look_once_costs_one_statement(kb: KnowledgeBase) -> None:
+    save(kb, 1)
+    assert count(lambda: kb.watch(1, timeout=0)) == 1
+    assert count(lambda: kb.watch(0)) == 1
+
+
+# What is refused.
+
+
+def test_a_revision_that_is_not_there_yet_is_refused(kb: KnowledgeBase) -> None:
+    save(kb, 1)
+    wrong: list[Any] = [2, 2**70, -1, True, "1", 1.0]
+    for after in wrong:
+        with pytest.raises(UnknownRevisionError, match="revision"):
+            kb.watch(after, timeout=0)
+
+
+def test_a_time_that_is_none_is_refused(kb: KnowledgeBase) -> None:
+    wrong: list[Any] = [-1, -0.001, math.nan, -math.inf, "1", True]
+    for timeout in wrong:
+        with pytest.raises(InvalidTimeoutError, match="no time to wait"):
+            kb.watch(timeout=timeout)
+
+
+def test_on_the_past_there_is_nothing_to_wait_for(kb: KnowledgeBase) -> None:
+    save(kb, 1)
+    save(kb, 2)
+    with pytest.raises(ReadOnlyError, match="nothing new comes"):
+        kb.at(1).watch(timeout=0)
+
+
+def test_within_a_transaction_it_would_wait_for_itself(kb: KnowledgeBase) -> None:
+    with kb.transaction():
+        save(kb, 1)
+        with pytest.raises(ReadOnlyError, match="transaction"):
+            kb.watch(timeout=0)
+    assert kb.watch(0) == 1
+
+
+# News.
+
+
+@pytest.mark.usefixtures("only_told")
+def test_who_waits_is_told_of_each_revision(kb: KnowledgeBase) -> None:
+    save(kb, 0)
+    for revision in (2, 3, 4):
+        with waiting(kb, revision - 1) as call:
+            save(kb, revision)
+            assert call.result() == revision
+
+
+@pytest.mark.usefixtures("only_told")
+def test_without_a_revision_it_waits_for_the_next(kb: KnowledgeBase) -> None:
+    save(kb, 0)
+    with waiting(kb) as call:
+        with kb.transaction():
+            save(kb, 1)
+            save(kb, 2)
+        assert call.result() == 2
+
+
+def test_the_first_revision_of_all_is_news(kb: KnowledgeBase) -> None:
+    with waiting(kb) as call:
+        save(kb, 0)
+        assert call.result() == 1
+
+
+@pytest.mark.usefixtures("only_told")
+def test_what_changes_nothing_is_no_news(kb: KnowledgeBase) -> None:
+    save(kb, 0)
+    with waiting(kb) as call:
+        kb.objects.save(waypoint(0))
+        with suppress(ZeroDivisionError), kb.transaction():
+            save(kb, 1)
+            raise ZeroDivisionError
+        assert kb.revision == 1
+        save(kb, 2)
+        assert call.result() == 2
+
+
+@pytest.mark.usefixtures("only_told")
+def test_other_processes_make_news(shared_url: str, connect: Connect) -> None:
+    kb = connect(shared_url, knowledge_base="tiago")
+    save(kb, 0)
+    with waiting(kb) as call:
+        in_processes((write_many, shared_url, 1, 1))
+        assert call.result() == 2
+
+
+@on_file
+@pytest.mark.usefixtures("only_told")
+def test_who_may_only_read_can_wait(shared_url: str, connect: Connect) -> None:
+    kb = connect(shared_url, knowledge_base="tiago")
+    save(kb, 0)
+    with waiting(connect(f"{shared_url}?mode=ro", knowledge_base="tiago")) as call:
+        save(kb, 1)
+        assert call.result() == 2
+
+
+def test_other_knowledge_bases_make_none(shared_url: str, connect: Connect) -> None:
+    kb, other = (connect(shared_url, knowledge_base=name) for name in ("tiago", "other"))
+    save(kb, 0)
+    with waiting(kb, timeout=0.2) as call:
+        save(other, 1)
+        save(other, 2)
+        assert call.result() is None
+
+
+@pytest.mark.usefixtures("only_told")
+def test_many_threads_wait_and_leave_the_connections_to_who_works(
+    url: str, connect: Connect, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(postgresql, "POOL_SIZE", 1)
+    monkeypatch.setattr(postgresql, "MAX_CONNECTIONS", 2)
+    kb = connect(url, knowledge_base="tiago")
+    save(kb, 0)
+    calls = [Waiting(kb, 1, None) for _ in range(5)]
+    for call in calls:
+        call.listens()
+    save(kb, 1)
+    assert [call.result() for call in calls] == [2] * 5
+
+
+def test_nothing_stays_open(shared_url: str, connect: Connect) -> None:
+    kb = connect(shared_url, knowledge_base="tiago")
+    save(kb, 0)
+    assert kb.watch(1, timeout=0.001) is None
+    before = open_files()
+    for number in range(5):
+        assert kb.watch(timeout=0.001) is None
+        with waiting(kb) as call:
+            save(kb, 1 + number)
+            call.result()
+    assert open_files() <= before + 1
+
+
+def test_every_revision_is_met_while_several_write(shared_url: str, connect: Connect) -> None:
+    kb = connect(shared_url, knowledge_base="tiago")
+    save(kb, 0)
+    with ThreadPoolExecutor(1) as pool:
+        writers = [(write_many, shared_url, 100 * writer, 20) for writer in (1, 2)]
+        running = pool.submit(in_processes, *writers)
+        seen: list[int] = []
+        while len(seen) < 41:
+            news = kb.watch(len(seen), timeout=PATIENCE)
+            assert news is not None
+            seen += [entry.revision.number for entry in kb.changes(len(seen))]
+            assert seen[-1] >= news
+        running.result(PATIENCE)
+    assert seen == list(range(1, 42))
+
+
+# What can go wrong.
+
+
+@on_server
+@pytest.mark.usefixtures("only_told")
+def test_lost_connections_are_made_anew(shared_url: str, connect: Connect) -> None:
+    kb = connect(shared_url, knowledge_base="tiago")
+    save(kb, 0)
+    with waiting(kb) as call:
+        for _ in range(3):
+            terminate(shared_url)
+        in_processes((write_many, shared_url, 1, 1))
+        assert call.result() == 2
+    assert kb.watch(2, timeout=0.01) is None
+
+
+@on_server
+def test_news_of_which_no_word_came_is_found(
+    shared_url: str, connect: Connect, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(postgresql_session, "channel", lambda _: "elsewhere")
+    kb = connect(shared_url, knowledge_base="tiago")
+    save(kb, 0)
+    with waiting(kb) as call:
+        save(kb, 1)
+        assert call.result() == 2
+
+
+@on_server
+@pytest.mark.usefixtures("only_told")
+def test_a_standby_that_cannot_be_listened_to_is_looked_at(
+    shared_url: str, connect: Connect, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    refusal = "kant_sql; DO $$ BEGIN RAISE SQLSTATE '25006'; END $$"
+    monkeypatch.setattr(postgresql_waiting, "channel", lambda _: refusal)
+    kb = connect(shared_url, knowledge_base="tiago")
+    save(kb, 0)
+    with waiting(kb) as call:
+        save(kb, 1)
+        assert call.result() == 2
+
+
+@on_server
+def test_a_notification_that_fails_does_not_undo_what_is_committed(
+    shared_url: str, connect: Connect, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    too_long = "x" * 9_000
+    monkeypatch.setattr(postgresql_session, "channel", lambda kb: f"kant_sql_{kb}, '{too_long}'")
+    kb = connect(shared_url, knowledge_base="tiago")
+    save(kb, 0)
+    with kb.transaction():
+        save(kb, 1)
+    assert [str(dto) for dto in kb.objects.get_all()] == ["wp0 - wp", "wp1 - wp"]
+    assert kb.revision == 2
+
+
+@on_server
+def test_a_commit_that_is_refused_is_no_notification_that_failed(
+    shared_url: str, connect: Connect, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kb = connect(shared_url, knowledge_base="tiago")
+    save(kb, 0)
+    commit = Session.commit
+
+    def commit_too_much(session: Session, changed: int | None = None) -> None:
+        session._execute(
+            "INSERT INTO archive (kb_id, id, since, revision, target, versions, rest, text)"
+            " VALUES (1, 999, 999, 1, 'x', 0, 'x', 'x')"
+        )
+        commit(session, changed)
+
+    monkeypatch.setattr(Session, "commit", commit_too_much)
+    with pytest.raises(StoreIntegrityError, match="nothing was written"):
+        save(kb, 1)
+    assert kb.revision == 1
+
+
+def test_a_fork_beside_a_thread_that_waits_is_survived(shared_url: str) -> None:
+    in_processes((fork_beside_a_watching_thread, shared_url))
+
+
+def test_who_waits_for_a_store_in_memory_sees_that_it_is_closed(connect: Connect) -> None:
+    kb = connect("sqlite://", knowledge_base="tiago")
+    save(kb, 0)
+    with waiting(kb) as call:
+        kb.close()
+        with pytest.raises(KantSqlError):
+            call.result()

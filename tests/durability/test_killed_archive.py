@@ -1,0 +1,111 @@
+"""`kill -9` of who archives, at any moment: nothing is lost, nothing is there twice."""
+
+from __future__ import annotations
+
+import itertools
+import os
+import random
+import signal
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+import kant_sql
+from kant_sql import KnowledgeBase
+from kant_sql.archive import replicating
+from kant_sql.backends import Session
+from tests import counter
+from tests.archiving import (
+    Rows,
+    intact,
+    rows_of,
+    states,
+    target_url,
+    versions_after,
+    versions_of,
+    versions_upto,
+)
+from tests.conftest import Connect
+from tests.workers import PATIENCE, PROCESSES
+from tests.worlds import robot_at, waypoint
+
+COUNTED, BULK = 30, 20
+# So many statements are enough for several steps, and for all that comes behind the last.
+MOST = 200
+
+
+def live(kb: KnowledgeBase) -> int:
+    """Give a knowledge base a history; give the revision that it is archived up to."""
+    counter.start(kb)
+    for number in range(COUNTED):
+        counter.increment(kb, 1)
+        if number % 10 == 0:
+            kb.propositions.save_all(
+                robot_at(place=waypoint(BULK * number + n)) for n in range(BULK)
+            )
+        if number % 10 == 5:
+            for n in range(BULK // 2):
+                kb.objects.delete(waypoint(BULK * (number - 5) + n))
+    return kb.revision - COUNTED // 3
+
+
+def archive_and_die(here: str, there: str, before: int, statements: int) -> None:
+    """Archive in small steps, and be killed behind so many statements."""
+    left = itertools.count(statements, -1)
+
+    def counting(execute: Callable[..., None]) -> Callable[..., None]:
+        def execute_and_die(*arguments: object) -> None:
+            execute(*arguments)
+            if next(left) == 0:
+                os.kill(os.getpid(), signal.SIGKILL)
+
+        return execute_and_die
+
+    setattr(Session, "_execute", counting(Session._execute))  # noqa: B010
+    replicating.ROWS, replicating.FIRST_REVISIONS = 30, 2
+    with kant_sql.connect(here, "tiago") as kb:
+        kb.archive(before, there)
+
+
+def check(here: str, there: str, before: Rows, upto: int) -> bool:
+    """Check the store and its archive after a kill; tell whether all of it was done."""
+    left, moved = versions_of(rows_of(here)), versions_of(rows_of(there))
+    is_done = left != versions_of(before)
+    if is_done:
+        assert left == versions_after(before, upto)
+        assert moved == versions_upto(before, upto)
+    else:
+        with kant_sql.connect(there, "tiago") as archive:
+            at = archive.revision
+        assert at <= upto
+        assert moved == versions_upto(before, at)
+    return is_done
+
+
+@pytest.mark.slow
+def test_a_killed_archive_is_gone_on_with(
+    shared_url: str, tmp_path: Path, connect: Connect
+) -> None:
+    kb = connect(shared_url, knowledge_base="tiago")
+    upto = live(kb)
+    head, before = kb.revision, rows_of(shared_url)
+    then = states(kb, range(head + 1))
+    there, kills, is_done = target_url(tmp_path), 0, False
+    kant_sql.upgrade(there)
+    while not is_done:
+        arguments = (shared_url, there, upto + 1, random.randrange(MOST))
+        process = PROCESSES.Process(target=archive_and_die, args=arguments, daemon=True)
+        process.start()
+        process.join(PATIENCE)
+        assert process.exitcode in (0, -signal.SIGKILL)
+        kills += process.exitcode != 0
+        is_done = check(shared_url, there, before, upto)
+    assert kills > 0
+    assert kb.archive(upto + 1, there).revision is None
+    assert kb.revision == head + 1
+    with kant_sql.connect(there, "tiago") as archive:
+        assert states(archive, range(upto + 1)) == {r: then[r] for r in range(upto + 1)}
+    assert states(kb, range(upto, head + 1)) == {r: then[r] for r in range(upto, head + 1)}
+    intact(shared_url)
+    intact(there)

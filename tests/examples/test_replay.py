@@ -1,0 +1,40 @@
+"""A mission that failed is replayed from the store: what was known, and what each step caused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import kant_sql
+from tests.chain import check_chain
+from tests.examples.running import run
+
+REPLAYED = """\
+  (:goal (and
+    (checked kitchen)
+    (checked lab)
+  ))
+)
+
+0 (move rb1 hall kitchen) succeeded
+    4: + (at rb1 kitchen)
+    4: - (at rb1 hall)
+1 (check rb1 kitchen) succeeded
+    6: + (checked kitchen)
+2 (move rb1 kitchen lab) failed
+    8: - (open lab)
+3 (check rb1 lab) aborted
+"""
+
+
+def test_it_tells_what_the_planner_was_given_and_what_each_step_caused(tmp_path: Path) -> None:
+    url = f"sqlite:///{tmp_path / 'rounds.db'}"
+    done = run("replay.py", url)
+    assert (done.returncode, done.stderr) == (0, "")
+    first, given = done.stdout.split("\n", 1)
+    assert first.endswith("was made from revision 1 by the night planner. It was given")
+    assert given.endswith(REPLAYED)
+    assert check_chain(url) == {"rounds": 10}
+    with kant_sql.connect(url, knowledge_base="rounds") as kb:
+        (plan,) = kb.plans.get_all()
+        assert given.startswith(plan.problem_pddl())
+        assert kb.at(1).problem_pddl() == plan.problem_pddl() != kb.problem_pddl()

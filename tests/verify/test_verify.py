@@ -1,0 +1,74 @@
+"""What verification says of stores that nobody has tampered with, and anchors."""
+
+from __future__ import annotations
+
+import pytest
+
+from kant_sql import KnowledgeBase, PddlTypeDto
+from kant_sql.canonical import Metadata, revision_hash
+from kant_sql.errors import ReadOnlyError
+from tests.conftest import Connect
+from tests.pages import opened
+from tests.statements import recorded
+from tests.worlds import WP2, robot_at, waypoint
+
+
+def test_a_history_of_form_1_and_2_is_intact(shared_url: str, connect: Connect) -> None:
+    kb = connect(shared_url, knowledge_base="tiago")
+    kb.types.save(PddlTypeDto("robot"))
+    (entry,) = kb.log()
+    said = entry.revision.committed_at.isoformat(timespec="microseconds")[:26] + "Z"
+    metadata = Metadata(None, None, None)
+    old = revision_hash(None, "tiago", 1, said, metadata, entry.changes, form=1)
+    with opened(shared_url) as store:
+        store.execute("UPDATE revision SET form = 1, hash = :old", {"old": old})
+        store.execute("UPDATE head SET hash = :old", {"old": old})
+    kb.types.save(PddlTypeDto("wp"))
+    verification = kb.verify()
+    assert (verification.findings, verification.revisions, verification.changes) == ((), 2, 2)
+
+
+def test_verifying_tells_how_far_it_is(kb: KnowledgeBase) -> None:
+    assert kb.verify().is_intact
+    for _ in range(3):
+        kb.propositions.save(robot_at())
+        kb.propositions.save(robot_at(place=WP2))
+        kb.propositions.delete_all()
+    told: list[tuple[int, int]] = []
+    verification = kb.verify(progress=lambda done, whole: told.append((done, whole)))
+    assert verification.is_intact
+    assert told == sorted(told)
+    assert told[-1][0] == told[-1][1] > kb.revision
+
+
+def test_the_number_of_statements_does_not_grow(kb: KnowledgeBase) -> None:
+    counts = []
+    for number in range(3):
+        kb.propositions.save_all(robot_at(place=waypoint(10 * number + each)) for each in range(10))
+        kb.propositions.delete_all()
+        with recorded() as statements:
+            assert kb.verify().is_intact
+        counts.append(len(statements))
+    assert counts[0] == counts[1] == counts[2]
+
+
+def test_an_open_transaction_is_refused(kb: KnowledgeBase) -> None:
+    with kb.transaction(), pytest.raises(ReadOnlyError, match="end it first"):
+        kb.verify()
+
+
+def test_an_anchor_names_all_knowledge_bases(shared_url: str, connect: Connect) -> None:
+    first_kb, second = (connect(shared_url, knowledge_base=name) for name in ("tiago", "pepper"))
+    assert first_kb.anchor().heads == ()
+    first_kb.propositions.save(robot_at())
+    second.propositions.save(robot_at())
+    anchor = first_kb.anchor()
+    assert [head.knowledge_base for head in anchor.heads] == ["tiago", "pepper"]
+    assert anchor.heads[0].hash == first_kb.revisions()[-1].hash
+    first_kb.propositions.delete_all()
+    assert first_kb.verify(anchor).is_intact
+    gone = connect(shared_url, knowledge_base="nao")
+    assert gone.verify(anchor).is_intact
+    absent = anchor._replace(heads=(anchor.heads[0]._replace(knowledge_base="nao"),))
+    (finding,) = gone.verify(absent).findings
+    assert finding.message == "there is no knowledge base 'nao' any more"
