@@ -34,10 +34,16 @@ ATOM = (
     "SELECT id FROM proposition"
     " WHERE kb_id = ? AND is_goal = ? AND predicate_id = ? AND arguments = ?"
 )
-RETRACT = (
-    "UPDATE proposition_version SET until = ?"
-    " WHERE kb_id = ? AND proposition_id = ? AND until IS NULL"
+# What differs between the revisions before `since` and before `until`, and all bits below.
+BITS = "SELECT (since - 1 | (? - 1)) - (since - 1 & (? - 1)) AS bits"
+for _shift in (1, 2, 4, 8, 16, 32):
+    BITS = f"SELECT bits | (bits >> {_shift}) AS bits FROM ({BITS}) AS bits_{_shift}"
+RETRACT_FACTS = (
+    "UPDATE proposition_version SET until = ?,"
+    f" fork = (SELECT ? - 1 - ((? - 1) & (bits >> 1)) FROM ({BITS}) AS bits)"
+    " WHERE kb_id = ? AND until IS NULL"
 )
+RETRACT = RETRACT_FACTS + " AND proposition_id = ?"
 RETRACT_ALL = "UPDATE {}_version SET until = ? WHERE kb_id = ? AND until IS NULL"
 LIVE = "SELECT text FROM {}_version WHERE kb_id = ? AND until IS NULL"
 LIVE_ATOMS = (
@@ -138,7 +144,7 @@ class Bare:
     def delete_proposition(self, dto: PddlPropositionDto) -> None:
         """Let a fact or a goal hold no more."""
         id_, _, text = self.atom(dto)
-        if self.run(RETRACT, (self.number, self.kb, id_)).rowcount:
+        if self.run(RETRACT, (*[self.number] * 5, self.kb, id_)).rowcount:
             self.changes.append(("-", "goal" if dto.is_goal else "fact", text))
 
     def atom(self, dto: PddlPropositionDto) -> tuple[int, int, str]:
@@ -266,7 +272,7 @@ class Bare:
         """Let nothing hold."""
         live = self.run(LIVE_ATOMS, (self.kb,)).fetchall()
         self.changes += [("-", "goal" if is_goal else "fact", text) for is_goal, text in live]
-        self.run(RETRACT_ALL.format("proposition"), (self.number, self.kb))
+        self.run(RETRACT_FACTS, (*[self.number] * 5, self.kb))
 
     def delete_all(self, kind: str) -> None:
         """Undefine all elements of a kind."""

@@ -46,9 +46,11 @@ def test_json_lines_say_all_of_each_revision(store: str) -> None:
         {
             "number": revision.number,
             "committed_at": revision.committed_at.isoformat(timespec="microseconds")[:26] + "Z",
+            "observed_at": None,
             "actor": revision.actor,
             "reason": revision.reason,
             "source": revision.source,
+            "plan_step": None,
             "hash": revision.hash,
             "changes": [
                 {"sign": change.sign, "kind": change.kind, "text": change.text}
