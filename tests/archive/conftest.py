@@ -6,7 +6,6 @@ from pathlib import Path
 
 import pytest
 
-import kant_sql
 from kant_sql import KnowledgeBase
 from tests.archiving import (
     target_url,
@@ -19,8 +18,7 @@ def any_archive_url(request: pytest.FixtureRequest, tmp_path: Path) -> str:
     """The URL of a store that can become an archive, on each backend in turn."""
     if request.param == "sqlite-file":
         return target_url(tmp_path)
-    new: str = request.getfixturevalue("server").new_database()
-    kant_sql.upgrade(new)
+    new: str = request.getfixturevalue("server").new_store()
     return new
 
 

@@ -149,8 +149,7 @@ def test_an_archive_that_lost_what_holds_is_not_gone_on_with(
 def test_who_may_not_remove_is_told_before_anything_is_done(
     server: Server, tmp_path: Path, connect: Connect
 ) -> None:
-    url = server.new_database()
-    kant_sql.upgrade(url)
+    url = server.new_store()
     count(connect(url, knowledge_base="tiago"), 6)
     with (
         members(url, kant_sql.create_roles(url)) as own,

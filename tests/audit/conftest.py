@@ -20,8 +20,7 @@ def sqlite_story(tmp_path_factory: pytest.TempPathFactory) -> str:
 @pytest.fixture(scope="session")
 def postgresql_story(server: Server) -> str:
     """The URL of the store on PostgreSQL."""
-    url = server.new_database()
-    kant_sql.upgrade(url)
+    url = server.new_store()
     return _recorded(url)
 
 
@@ -62,9 +61,7 @@ def sqlite_scratch(tmp_path_factory: pytest.TempPathFactory) -> str:
 @pytest.fixture(scope="session")
 def postgresql_scratch(server: Server) -> str:
     """The URL of such a store on PostgreSQL."""
-    url = server.new_database()
-    kant_sql.upgrade(url)
-    return url
+    return server.new_store()
 
 
 @pytest.fixture(params=["sqlite", "postgresql"])

@@ -8,6 +8,7 @@ import pytest
 
 import kant_sql
 from kant_sql import PddlObjectDto, PddlTypeDto
+from tests.conftest import make_store_url
 from tests.worlds import ROBOT, WP2, navigation, robot_at
 
 BACKENDS = ("sqlite-file", "postgresql")
@@ -22,8 +23,7 @@ def new_database(request: pytest.FixtureRequest, folder: Path) -> str:
 
 
 def write_history(url: str) -> None:
-    """Make a store with one knowledge base, tiago, of three revisions."""
-    kant_sql.upgrade(url)
+    """Give a store one knowledge base, tiago, of three revisions."""
     with kant_sql.connect(url, knowledge_base="tiago", actor="perception") as kb:
         kb.propositions.save(robot_at())
         with kb.transaction("executive", "navigation finished", source={"step": 3}):
@@ -44,16 +44,17 @@ def new_url(request: pytest.FixtureRequest, tmp_path: Path) -> str:
 @pytest.fixture(scope="session", params=BACKENDS)
 def store(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> str:
     """The URL of a store with history, which no test changes."""
-    url = new_database(request, tmp_path_factory.mktemp("store"))
+    url = make_store_url(request, request.param, tmp_path_factory.mktemp("store"))
     write_history(url)
     return url
 
 
-@pytest.fixture
-def own_store(new_url: str) -> str:
+@pytest.fixture(params=BACKENDS)
+def own_store(request: pytest.FixtureRequest, tmp_path: Path) -> str:
     """The URL of a store with history, which the test may change."""
-    write_history(new_url)
-    return new_url
+    url = make_store_url(request, request.param, tmp_path)
+    write_history(url)
+    return url
 
 
 @pytest.fixture

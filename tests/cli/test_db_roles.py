@@ -22,8 +22,7 @@ ROLES = {
 @pytest.fixture
 def url(server: Server) -> str:
     """The URL of a store on the server with the knowledge base tiago."""
-    url = server.new_database()
-    kant_sql.upgrade(url)
+    url = server.new_store()
     with kant_sql.connect(url, knowledge_base="tiago") as kb:
         kb.propositions.save(robot_at())
     return url

@@ -20,9 +20,7 @@ _numbers = itertools.count(1)
 @pytest.fixture(scope="session")
 def one_database(server: Server) -> str:
     """The URL of one PostgreSQL database for many tests: to make one takes longer than a test."""
-    url = server.new_database()
-    kant_sql.upgrade(url)
-    return url
+    return server.new_store()
 
 
 @pytest.fixture(scope="session")

@@ -33,8 +33,7 @@ _numbers = itertools.count(1)
 @pytest.fixture(scope="module")
 def stores(server: Server, tmp_path_factory: pytest.TempPathFactory) -> Iterator[list[str]]:
     """One knowledge base in a database of each kind, beside which each example has its own."""
-    on_server = server.new_database()
-    kant_sql.upgrade(on_server)
+    on_server = server.new_store()
     file: Path = tmp_path_factory.mktemp("documents") / "store.db"
     opened = [kant_sql.connect(url) for url in ("sqlite://", f"sqlite:///{file}", on_server)]
     _FIRST[:] = opened

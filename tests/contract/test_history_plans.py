@@ -37,8 +37,7 @@ def store(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFacto
         url = f"sqlite:///{tmp_path_factory.mktemp('asked') / 'store.db'}"
     else:
         server: Server = request.getfixturevalue("server")
-        url = server.new_database()
-        kant_sql.upgrade(url)
+        url = server.new_store()
         with psycopg.connect(url, autocommit=True) as connection:
             for table in ("proposition", "proposition_version", "revision", "object"):
                 connection.execute(f"ALTER TABLE {table} SET (autovacuum_enabled = off)".encode())

@@ -288,8 +288,7 @@ def test_statements_do_not_grow_with_facts(kb: KnowledgeBase, size: int) -> None
 @pytest.fixture(scope="module")
 def stores(server: Server, tmp_path_factory: pytest.TempPathFactory) -> Iterator[list[str]]:
     """A database of each kind, in which each example has a knowledge base of its own."""
-    on_server = server.new_database()
-    kant_sql.upgrade(on_server)
+    on_server = server.new_store()
     file: Path = tmp_path_factory.mktemp("restored") / "store.db"
     _FIRST[:] = [kant_sql.connect(url) for url in ("sqlite://", f"sqlite:///{file}", on_server)]
     yield [f"sqlite:///{file}", on_server]

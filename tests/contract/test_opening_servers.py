@@ -104,8 +104,7 @@ def test_a_user_without_rights_is_told_so_and_reads_with_the_right_to_read(
 
 
 def test_a_server_that_only_reads_says_so(server: Server, connect: Connect) -> None:
-    url = server.new_database()
-    kant_sql.upgrade(url)
+    url = server.new_store()
     connect(url).propositions.save(robot_at())
     name = make_url(url).database
     execute(url, f"ALTER DATABASE {name} SET default_transaction_read_only = on")

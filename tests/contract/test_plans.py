@@ -100,8 +100,7 @@ def subject(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFac
         url = f"sqlite:///{tmp_path_factory.mktemp('plans') / 'store.db'}"
     else:
         server: Server = request.getfixturevalue("server")
-        url = server.new_database()
-        kant_sql.upgrade(url)
+        url = server.new_store()
         keep_without_statistics(url)
     fill(url)
     if name == AFTER:

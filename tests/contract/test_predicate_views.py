@@ -84,8 +84,7 @@ def empty_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def empty_database(server: Server) -> str:
     """The name of a database with the tables, to be copied."""
-    url = server.new_database()
-    kant_sql.upgrade(url)
+    url = server.new_store()
     return str(make_url(url).database)
 
 

@@ -13,7 +13,6 @@ from typing import Any
 import pytest
 from hypothesis import HealthCheck, given, settings
 
-import kant_sql
 from kant_sql import (
     KnowledgeBase,
     PddlActionDto,
@@ -59,8 +58,7 @@ class SharedFactory(SqlDaoFactory):
 
 @pytest.fixture(scope="module")
 def stores(server: Server, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stores]:
-    on_server = server.new_database()
-    kant_sql.upgrade(on_server)
+    on_server = server.new_store()
     file: Path = tmp_path_factory.mktemp("properties") / "store.db"
     opened = Stores({"memory": "sqlite://", "file": f"sqlite:///{file}", "server": on_server})
     yield opened

@@ -100,8 +100,7 @@ def change(kb: KnowledgeBase, patch: pytest.MonkeyPatch) -> None:
 def test_a_writer_can_do_all_that_the_library_does(
     server: Server, connect: Connect, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    url = server.new_database()
-    kant_sql.upgrade(url)
+    url = server.new_store()
     owned = connect(url, knowledge_base="owned")
     program(owned, monkeypatch)
     roles = kant_sql.create_roles(url)
@@ -220,8 +219,7 @@ def test_a_limited_auditor_reads_views_of_its_own(role_store: str, limited_users
 
 
 def test_auditors_read_generated_views(server: Server, connect: Connect) -> None:
-    url = server.new_database()
-    kant_sql.upgrade(url)
+    url = server.new_store()
     for kb_name in (MINE, OTHER):
         connect(url, knowledge_base=kb_name).propositions.save(robot_at())
     all_roles, limited_roles = kant_sql.create_roles(url), kant_sql.create_roles(url, MINE)

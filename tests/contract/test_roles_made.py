@@ -52,8 +52,7 @@ def test_a_second_run_brings_rights_up_to_date(role_store: str, limited_users: M
 
 
 def test_rights_survive_migrations(server: Server, connect: Connect) -> None:
-    url = server.new_database()
-    kant_sql.upgrade(url)
+    url = server.new_store()
     connect(url, knowledge_base=MINE).propositions.save(robot_at())
     roles = kant_sql.create_roles(url, MINE)
     kant_sql.create_roles(url)
@@ -86,8 +85,7 @@ def test_what_cannot_be_done_is_refused_with_the_remedy(
 
 
 def test_the_statements_of_the_page_run(server: Server, connect: Connect) -> None:
-    url = server.new_database()
-    kant_sql.upgrade(url)
+    url = server.new_store()
     connect(url, knowledge_base="tiago").propositions.save(robot_at())
     roles = kant_sql.create_roles(url, "tiago")
     page = Page("roles.md")

@@ -12,7 +12,6 @@ from typing import Any
 import psycopg
 import pytest
 
-import kant_sql
 from kant_sql import KnowledgeBase
 from tests.conftest import Connect, Server
 from tests.statements import READS, fact, fill, is_bracket, recorded
@@ -100,8 +99,7 @@ def test_on_sqlite_the_log_has_what_the_database_runs(tmp_path: Path, connect: C
 def test_on_postgresql_the_log_has_what_the_driver_is_given(
     server: Server, connect: Connect
 ) -> None:
-    url = server.new_database()
-    kant_sql.upgrade(url)
+    url = server.new_store()
     fill(connect(url), 10)
     with seen_by_psycopg() as seen, recorded() as logged:
         work_on(connect(url))

@@ -6,11 +6,15 @@ import os
 import shlex
 import subprocess
 import sys
+import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from sybil import Document, Example, Sybil
 from sybil.parsers.markdown import CodeBlockParser, PythonCodeBlockParser
+
+from tests.docs.forking import commands
 
 ROOT = Path(__file__).parents[2]
 DOCUMENTS = [*sorted(ROOT.glob("*.md")), *sorted((ROOT / "docs").glob("*.md"))]
@@ -35,11 +39,7 @@ def check_command(command: str, expected: str) -> None:
         # The tests are what make runs: only see that it has the target.
         subprocess.run([*shlex.split(command), "-n"], cwd=ROOT, check=True, capture_output=True)
         return
-    scripts = Path(sys.executable).parent
-    environment = {**os.environ, "PATH": f"{scripts}{os.pathsep}{os.environ['PATH']}"}
-    done = subprocess.run(
-        command, shell=True, capture_output=True, text=True, env=environment, check=False
-    )
+    done = subprocess.run(command, shell=True, capture_output=True, text=True, check=False)
     assert done.returncode == 0, f"$ {command}\n{done.stdout}{done.stderr}"
     if expected.strip():
         assert done.stdout.strip() == expected.strip(), command
@@ -53,10 +53,19 @@ def parse(path: Path) -> Document:
     return sybil.parse(path)
 
 
+@pytest.fixture(scope="session")
+def command_folder() -> Iterator[Path]:
+    # A short path: a socket's path ends at about 100 characters.
+    with tempfile.TemporaryDirectory(prefix="kantdocs") as folder, commands(Path(folder)) as found:
+        yield found
+
+
 @pytest.fixture
-def empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command_folder: Path) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.delenv("KANT_SQL_URL", raising=False)
+    monkeypatch.setenv("PATH", str(Path(sys.executable).parent), prepend=os.pathsep)
+    monkeypatch.setenv("PATH", str(command_folder), prepend=os.pathsep)
 
 
 @pytest.mark.usefixtures("empty_folder")

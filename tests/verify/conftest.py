@@ -6,7 +6,6 @@ from collections.abc import Iterator
 
 import pytest
 
-import kant_sql
 from tests.conftest import Server
 from tests.verify.bare import Bare, bare_store
 from tests.verify.story import write_story
@@ -21,8 +20,7 @@ def bare(
     url = f"sqlite:///{folder / 'story.db'}"
     if request.param == "postgresql":
         server: Server = request.getfixturevalue("server")
-        url = server.new_database()
-        kant_sql.upgrade(url)
+        url = server.new_store()
     write_story(url, f"sqlite:///{folder / 'archive.db'}")
     with bare_store(url) as store:
         yield store
