@@ -181,14 +181,14 @@ def test_many_threads_wait_and_leave_the_connections_to_who_works(
 def test_nothing_stays_open(shared_url: str, connect: Connect) -> None:
     kb = connect(shared_url, knowledge_base="tiago")
     save(kb, 0)
-    assert kb.watch(1, timeout=0.001) is None
     before = open_files()
-    for number in range(5):
+    for number in range(20):
         assert kb.watch(timeout=0.001) is None
         with waiting(kb) as call:
             save(kb, 1 + number)
             call.result()
-    assert open_files() <= before + 1
+    # The pools keep what was in use at once: a few connections, of some files each.
+    assert open_files() < before + 20
 
 
 def test_every_revision_is_met_while_several_write(shared_url: str, connect: Connect) -> None:
