@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections import Counter
 from datetime import datetime, timedelta
 from typing import NamedTuple
@@ -22,13 +21,14 @@ from ..archive import (
 )
 from ..backends import Session, create_backend
 from ..errors import ReadOnlyError
+from ..knowledge.archive import archive_text
 from ..knowledge.changes import ARCHIVE, ASSERTED, Change
 from ..knowledge.rows import table_of
 from ..store import Store
 from ..tables import ArchiveRow
 from ..transaction import Transaction
-from .checkpoints import rest_digest
-from .findings import Progress
+from ..verification.checkpoints import rest_digest
+from ..verification.findings import Progress
 from .revisions import revision_at
 
 # So many versions leave in one transaction, as far as whole revisions allow: others wait for it.
@@ -51,23 +51,6 @@ class Archived(NamedTuple):
     versions: dict[str, int]
     target: str
     revision: int | None
-
-
-def archive_text(id_: int, revision: int, target: str, versions: int, rest: str) -> str:
-    """Write an archive record in canonical form.
-
-    Args:
-        id_: its id.
-        revision: what ended up to this revision was moved.
-        target: where to.
-        versions: how many versions.
-        rest: the hash of what is left of the revisions up to there.
-
-    Returns:
-        The text.
-    """
-    to = json.dumps(target, ensure_ascii=False)
-    return f'(archive {id_} :upto {revision} :to {to} :versions {versions} :rest "{rest}")'
 
 
 def archive(

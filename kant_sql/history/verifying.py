@@ -12,11 +12,11 @@ from ..errors import ReadOnlyError, StoreError
 from ..knowledge.loading import KB
 from ..knowledge.rows import KIND_TABLES
 from ..store import Store
-from .anchors import Anchor, AnchoredHead
-from .checking_chain import Chain, check_chain
-from .checking_definitions import DefinitionCheck
-from .checking_facts import FactCheck
-from .checking_head import (
+from ..verification.chain import Chain, check_chain
+from ..verification.definitions import DefinitionCheck
+from ..verification.facts import FactCheck
+from ..verification.findings import Finding, Progress, Report
+from ..verification.head import (
     Archive,
     check_head,
     check_rows_of,
@@ -24,10 +24,10 @@ from .checking_head import (
     read_archives,
     read_next_id,
 )
-from .checking_records import PlanCheck
-from .checking_strays import check_strays
-from .findings import Finding, Progress, Report
-from .naming import ObjectFunctions, check_names
+from ..verification.naming import ObjectFunctions, check_names
+from ..verification.records import PlanCheck
+from ..verification.strays import check_strays
+from .anchors import Anchor, AnchoredHead
 
 __all__ = ["Finding", "Progress", "Verification", "verify", "verify_session"]
 

@@ -7,9 +7,9 @@ from collections.abc import Iterator
 import pytest
 
 from kant_sql.history.anchors import AnchoredHead
-from kant_sql.history.archiving import archive_text
-from kant_sql.history.checkpoints import rest_digest, stream_chain
-from kant_sql.history.findings import LISTED, Finding
+from kant_sql.knowledge.archive import archive_text
+from kant_sql.verification.checkpoints import rest_digest, stream_chain
+from kant_sql.verification.findings import LISTED, Finding
 from tests.verify.bare import TABLES, Bare
 from tests.verify.story import NAME
 
@@ -259,7 +259,7 @@ def test_many_findings_are_counted(bare: Bare) -> None:
 
 
 def test_many_wrong_revisions_are_counted(bare: Bare, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("kant_sql.history.checking_chain.EXPLAINED", 2)
+    monkeypatch.setattr("kant_sql.verification.chain.EXPLAINED", 2)
     bare.run("UPDATE knowledge_base SET name = 'elsewhere'")
     messages = [each.message for each in bare.findings()]
     assert (

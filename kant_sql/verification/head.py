@@ -13,6 +13,7 @@ from sqlalchemy import (
 )
 
 from ..backends import Query, Row, Session
+from ..knowledge.archive import archive_text
 from ..knowledge.loading import KB
 from ..knowledge.rows import KIND_TABLES, table_of
 from ..tables import (
@@ -23,8 +24,7 @@ from ..tables import (
     PlanRow,
     PropositionRow,
 )
-from .archiving import archive_text
-from .checking_chain import Chain
+from .chain import Chain
 from .checkpoints import moment_text
 from .findings import Report
 
