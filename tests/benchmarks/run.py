@@ -9,7 +9,10 @@ import importlib.util
 import sys
 from pathlib import Path
 
-BENCHMARKS = ("coffee_shop", "bulk", "history", "reading", "documents", "footprint", "verifying")
+BENCHMARKS = (
+    *("coffee_shop", "bulk", "history", "asof", "verifying"),
+    *("reading", "documents", "footprint"),
+)
 
 
 def main(argv: list[str]) -> int:
