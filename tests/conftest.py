@@ -19,7 +19,9 @@ import pytest
 from sqlalchemy import make_url
 
 import kant_sql
-from kant_sql import KnowledgeBase
+from kant_sql import KnowledgeBase, schema
+from kant_sql.backends import Backend
+from kant_sql.backends.sqlite import SqliteBackend
 
 # A busy machine must not fail a test for being slow.
 hypothesis.settings.register_profile(
@@ -27,6 +29,16 @@ hypothesis.settings.register_profile(
 )
 hypothesis.settings.load_profile("patient")
 
+# Databases that no test uses any more need no vacuum.
+DURABLE = {"fsync": "on", "autovacuum": "off"}
+# A power cut loses data; a killed process or server does not.
+FAST = {
+    "fsync": "off",
+    "autovacuum": "off",
+    "full_page_writes": "off",
+    "max_wal_size": "4GB",
+    "checkpoint_timeout": "1h",
+}
 BACKENDS = ("sqlite-file", "sqlite-memory", "postgresql")
 _numbers = itertools.count(1)
 
@@ -47,10 +59,8 @@ class Server:
         self._server: Any = get_server(folder, cleanup_mode="stop")
         self.url = make_url(self._server.get_uri()).set(drivername="postgresql")
         with psycopg.connect(self._server.get_uri(), autocommit=True) as connection:
-            # Without it a power cut loses data, a killed process or server does not.
-            connection.execute(f"ALTER SYSTEM SET fsync = {'on' if fsync else 'off'}")
-            # It would look at hundreds of databases in turn that no test uses any more.
-            connection.execute("ALTER SYSTEM SET autovacuum = off")
+            for name, value in (DURABLE if fsync else FAST).items():
+                connection.execute(f"ALTER SYSTEM SET {name} = '{value}'".encode())
             connection.execute("SELECT pg_reload_conf()")
 
     def drop(self) -> None:
@@ -111,6 +121,28 @@ def _migrated_file() -> bytes:
         path = Path(folder, "store.db")
         kant_sql.connect(f"sqlite:///{path}").close()
         return path.read_bytes()
+
+
+@pytest.fixture(scope="session", autouse=True)
+def memory_stores_are_copies() -> Iterator[None]:
+    """Let a new store in memory be a copy of one that was migrated, which takes a tenth second."""
+    migrate, images = schema._upgrade, dict[str, bytes]()
+
+    def upgrade(backend: Backend, revision: str) -> None:
+        if not (isinstance(backend, SqliteBackend) and backend.in_memory and revision == "head"):
+            migrate(backend, revision)
+            return
+        pooled = backend.engine.raw_connection()
+        driver: Any = pooled.driver_connection
+        if revision not in images:
+            migrate(backend, revision)
+            images[revision] = driver.serialize()
+        else:
+            driver.deserialize(images[revision])
+        pooled.close()
+
+    with mock.patch.object(schema, "_upgrade", upgrade):
+        yield
 
 
 def new_file_store(path: Path) -> str:
