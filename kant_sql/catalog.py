@@ -33,9 +33,7 @@ def knowledge_bases(url: str) -> list[str]:
         SchemaError: the tables are missing, outdated or too new; the message names the remedy.
         StoreError: the database cannot be opened.
     """
-    check(url)
-    with closing(create_backend(url)) as backend, backend.open_session() as session:
-        return [row[0] for row in session.rows(_NAMES)]
+    return _read_names(url, _NAMES)
 
 
 def every_name(url: str) -> list[str]:
@@ -52,6 +50,10 @@ def every_name(url: str) -> list[str]:
         SchemaError: the tables are missing, outdated or too new; the message names the remedy.
         StoreError: the database cannot be opened.
     """
+    return _read_names(url, _EVERY_NAME)
+
+
+def _read_names(url: str, query: Query) -> list[str]:
     check(url)
     with closing(create_backend(url)) as backend, backend.open_session() as session:
-        return [row[0] for row in session.rows(_EVERY_NAME)]
+        return [row[0] for row in session.rows(query)]

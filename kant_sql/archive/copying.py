@@ -10,6 +10,7 @@ from sqlalchemy import BigInteger, ColumnElement, Table, bindparam, select, upda
 
 from ..backends import Query, Row, in_rows
 from ..errors import ConflictError
+from ..knowledge.changes import LOW, in_range
 from ..knowledge.loading import KB
 from ..knowledge.past import fork
 from ..knowledge.rows import table_of
@@ -20,13 +21,11 @@ from .parts import (
     ARCHIVE,
     ATOMS,
     BELOW_PLANS,
-    LOW,
     PARTS,
     PLAN,
     Part,
     children_of,
     references,
-    within,
 )
 
 _REVISION, _PLAN_STEP = table_of(RevisionRow), table_of(RevisionPlanStepRow)
@@ -54,7 +53,7 @@ def _all_of(table: Table, *condition: ColumnElement[bool]) -> Query:
 @cache
 def _asserted(table: Table) -> Query:
     """Give what revisions of the range asserted, of a table with `since`."""
-    statement = select(*columns_of(table)).where(table.c.kb_id == KB, within(table.c.since))
+    statement = select(*columns_of(table)).where(table.c.kb_id == KB, in_range(table.c.since))
     return Query(statement)
 
 
@@ -65,7 +64,7 @@ def _closed(part: Part) -> Query:
     owner = (version[name] for name in part.owner)
     return Query(
         select(*owner, version.since, version.until).where(
-            version.kb_id == KB, within(version.until), version.since < LOW
+            version.kb_id == KB, in_range(version.until), version.since < LOW
         )
     )
 
@@ -87,18 +86,18 @@ def _close(part: Part) -> Query:
 
 @cache
 def _children(part: Part, child: Table) -> Query:
-    held = children_of(part, child, within(part.version.c.since))
-    return _all_of(child, *held[1:], within(child.c.since))
+    held = children_of(part, child, in_range(part.version.c.since))
+    return _all_of(child, *held[1:], in_range(child.c.since))
 
 
 @cache
 def _below_plans(table: Table) -> Query:
-    plans = select(PLAN.c.id).where(PLAN.c.kb_id == KB, within(PLAN.c.since))
+    plans = select(PLAN.c.id).where(PLAN.c.kb_id == KB, in_range(PLAN.c.since))
     return _all_of(table, in_rows(table.c.plan_id, plans))
 
 
-_REVISIONS = _all_of(_REVISION, within(_REVISION.c.number))
-_STEPS = _all_of(_PLAN_STEP, within(_PLAN_STEP.c.number))
+_REVISIONS = _all_of(_REVISION, in_range(_REVISION.c.number))
+_STEPS = _all_of(_PLAN_STEP, in_range(_PLAN_STEP.c.number))
 
 
 class Copy:

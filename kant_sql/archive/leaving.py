@@ -20,9 +20,10 @@ from sqlalchemy import (
 
 from ..backends import Query, Session, in_rows
 from ..errors import ConflictError
+from ..knowledge.changes import in_range
 from ..knowledge.loading import KB
 from .converting import converted
-from .parts import ATOMS, PARTS, Atoms, Part, children_of, references, text_of, within
+from .parts import ATOMS, PARTS, Atoms, Part, children_of, references, text_of
 
 _MODULUS = 2**256
 
@@ -47,7 +48,7 @@ class Leaving(NamedTuple):
 
 
 def _ended(part: Part) -> tuple[ColumnElement[bool], ...]:
-    return part.version.c.kb_id == KB, within(part.version.c.until)
+    return part.version.c.kb_id == KB, in_range(part.version.c.until)
 
 
 _COUNT = Query(
@@ -138,7 +139,7 @@ class _Statement(NamedTuple):
 def _statements(part: Part) -> tuple[tuple[Table, _Statement], ...]:
     """Give what reads the rows that leave, of each table."""
     found = [(part.version, _read(part.version, *_ended(part)))]
-    ended = within(part.version.c.until)
+    ended = in_range(part.version.c.until)
     found += [(child, _read(child, *children_of(part, child, ended))) for child in part.children]
     if part.atoms is not None:
         found += list(_atom_statements(part, part.atoms))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from sqlalchemy import BigInteger, ColumnElement, Select, Table, bindparam, select
+from sqlalchemy import ColumnElement, Select, Table, select
 
 from ..backends import in_rows
 from ..knowledge.loading import KB
@@ -22,9 +22,6 @@ from ..tables import (
     PropositionRow,
     PropositionVersionRow,
 )
-
-LOW: ColumnElement[int] = bindparam("low", type_=BigInteger)
-HIGH: ColumnElement[int] = bindparam("high", type_=BigInteger)
 
 
 class Atoms(NamedTuple):
@@ -80,18 +77,6 @@ PARTS = (
 IDENTITIES = {*(kind.identity for kind in KIND_TABLES.values()), *ATOMS}
 PLAN, ARCHIVE = table_of(PlanRow), table_of(ArchiveRow)
 BELOW_PLANS = table_of(PlanStepRow), table_of(PlanStepArgumentRow)
-
-
-def within(column: Any) -> ColumnElement[bool]:
-    """Tell whether a column is a revision of the range from `low` to `high`.
-
-    Args:
-        column: the column.
-
-    Returns:
-        The condition.
-    """
-    return column.between(LOW, HIGH)  # type: ignore[no-any-return]
 
 
 def children_of(

@@ -9,11 +9,12 @@ from sqlalchemy import BigInteger, bindparam, delete, select, update
 
 from ..backends import Query, Session, in_list
 from ..errors import StoreError
+from ..knowledge.changes import in_range
 from ..knowledge.loading import KB
 from ..tables import HeadRow, ObjectRow, ObjectVersionRow
 from .converting import batches
 from .leaving import Leaving
-from .parts import PARTS, Atoms, Part, children_of, within
+from .parts import PARTS, Atoms, Part, children_of
 
 # No knowledge base has this id.
 _NONE = -1
@@ -34,7 +35,7 @@ _GONE_OBJECTS = Query(select(ObjectRow.id).where(ObjectRow.kb_id == KB, ~_OBJECT
 @cache
 def _ended(part: Part) -> tuple[Query, ...]:
     """Give what removes the versions that ended in the range, after what is below them."""
-    ended = within(part.version.c.until)
+    ended = in_range(part.version.c.until)
     below = (
         delete(child).where(*children_of(part, child, ended)) for child in reversed(part.children)
     )

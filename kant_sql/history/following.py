@@ -16,7 +16,7 @@ from ..store import Store
 from ..tables import HeadRow
 from ..view import archive_of, vanished
 from .pages import PAGE, read_page
-from .revisions import LogEntry
+from .revisions import LogEntry, refuse_unknown
 
 _HEAD = Query(select(HeadRow.revision, HeadRow.archived_revision).where(HeadRow.kb_id == KB))
 
@@ -119,20 +119,3 @@ def check_number(after: int) -> None:
     """
     if isinstance(after, bool) or not isinstance(after, int) or after < 0:
         raise UnknownRevisionError(f"{after!r} is no revision's number; begin after 0 for all")
-
-
-def refuse_unknown(name: str, after: int, head: int) -> None:
-    """Refuse a revision that a knowledge base has not come to.
-
-    Args:
-        name: the knowledge base's name.
-        after: the revision.
-        head: the last revision.
-
-    Raises:
-        UnknownRevisionError: it comes later.
-    """
-    if after > head:
-        raise UnknownRevisionError(
-            f"knowledge base {name!r} has no revision {after}: it is at {head}"
-        )

@@ -20,6 +20,8 @@ from ..tables import HeadRow, RevisionRow
 from .bounds import find_bounds
 from .element_changes import changed_revisions
 from .elements import sought
+from .pages import PAGE as LOG_PAGE
+from .pages import PAGE_CHANGES as LOG_CHANGES
 from .revisions import (
     LARGEST,
     OLDEST_FIRST,
@@ -29,11 +31,6 @@ from .revisions import (
     make_revision,
     refuse_archived,
 )
-
-# So many revisions at a time are read together with their changes, but no more once they have so
-# many changes.
-LOG_PAGE = 500
-LOG_CHANGES = 50_000
 
 _Changes = dict[int, tuple[Change, ...]]
 

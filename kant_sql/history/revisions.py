@@ -167,9 +167,23 @@ def _revision_of_number(store: Store, when: int, as_state: bool) -> int:
 def _check_number(store: Store, when: int, head: int) -> None:
     if isinstance(when, bool) or not isinstance(when, int):
         raise UnknownRevisionError(f"{when!r} is neither a revision's number nor a time")
-    if not 0 <= when <= head:
+    refuse_unknown(store.name, when, head)
+
+
+def refuse_unknown(name: str, number: int, head: int) -> None:
+    """Refuse a revision that a knowledge base has not come to.
+
+    Args:
+        name: the knowledge base's name.
+        number: the revision; 0 is before the first.
+        head: the last revision.
+
+    Raises:
+        UnknownRevisionError: there is none of that number.
+    """
+    if not 0 <= number <= head:
         raise UnknownRevisionError(
-            f"knowledge base {store.name!r} has no revision {when}: it is at {head}"
+            f"knowledge base {name!r} has no revision {number}: it is at {head}"
         )
 
 

@@ -15,7 +15,8 @@ from ..errors import (
     StoreUnreachableError,
 )
 from ..store import Store
-from .following import Place, check_number, read_place, refuse_unknown
+from .following import Place, check_number, read_place
+from .revisions import refuse_unknown
 
 # News of which no word came, as when a writer was killed right after its commit, waits so long.
 LOOK_EVERY = 1.0

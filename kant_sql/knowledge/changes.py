@@ -28,11 +28,14 @@ __all__ = [
     "ASSERTED",
     "FACT",
     "GOAL",
+    "HIGH",
+    "LOW",
     "PLAN",
     "PLAN_STEP",
     "RETRACTED",
     "VALUE",
     "Change",
+    "in_range",
     "stream_change_rows",
     "stream_changes",
     "stream_changes_of",
@@ -41,6 +44,8 @@ __all__ = [
 
 ASSERTED, RETRACTED = "+", "-"
 PLAN, PLAN_STEP, ARCHIVE = "plan", "plan step", "archive"
+LOW: ColumnElement[int] = bindparam("low", type_=BigInteger)
+HIGH: ColumnElement[int] = bindparam("high", type_=BigInteger)
 
 
 class Change(NamedTuple):
@@ -58,10 +63,16 @@ class Change(NamedTuple):
     text: str
 
 
-def _in_range(column: Any) -> ColumnElement[bool]:
-    low: Any = bindparam("low", type_=BigInteger)
-    high: Any = bindparam("high", type_=BigInteger)
-    return column.between(low, high)  # type: ignore[no-any-return]
+def in_range(column: Any) -> ColumnElement[bool]:
+    """Tell whether a column is a revision of the range from `low` to `high`.
+
+    Args:
+        column: the column.
+
+    Returns:
+        The condition.
+    """
+    return column.between(LOW, HIGH)  # type: ignore[no-any-return]
 
 
 def _end(table: Any, column: Any, retracted: str, kind: Any, text: Any, within: Any) -> Select[Any]:
@@ -82,9 +93,8 @@ def _both_ends(version: Any, kind: Any, text: Any, within: Any) -> list[Select[A
 
 def _not_ended(version: Any, kind: Any, text: Any, within: Any) -> list[Select[Any]]:
     """Give what was asserted in the range, and retracted in no revision of it."""
-    high: Any = bindparam("high", type_=BigInteger)
     asserted = _end(version, version.since, "0", kind, text, within)
-    return [asserted.where(or_(version.until.is_(None), version.until > high))]
+    return [asserted.where(or_(version.until.is_(None), version.until > HIGH))]
 
 
 def _selects(within: Any, ends: Any = _both_ends) -> list[Select[Any]]:
@@ -106,9 +116,9 @@ def _among(column: Any) -> ColumnElement[bool]:
 
 
 _ORDER = ("retracted", "kind", "text")
-_CHANGES = Query(union_all(*_selects(_in_range)).order_by("revision", *_ORDER))
-_NEWEST_FIRST = Query(union_all(*_selects(_in_range)).order_by(desc("revision"), *_ORDER))
-_LEFT = Query(union_all(*_selects(_in_range, _not_ended)).order_by("revision", *_ORDER))
+_CHANGES = Query(union_all(*_selects(in_range)).order_by("revision", *_ORDER))
+_NEWEST_FIRST = Query(union_all(*_selects(in_range)).order_by(desc("revision"), *_ORDER))
+_LEFT = Query(union_all(*_selects(in_range, _not_ended)).order_by("revision", *_ORDER))
 _OF_NUMBERS = Query(union_all(*_selects(_among)).order_by(desc("revision"), *_ORDER))
 
 
