@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import resource
 import signal
 from collections.abc import Callable, Iterator
@@ -14,7 +13,6 @@ import kant_sql
 from kant_sql import ConnectionLostError, KnowledgeBase, PddlObjectDto, StoreError
 from tests import counter
 from tests.chain import check_chain
-from tests.conftest import Server
 from tests.workers import PATIENCE, PROCESSES
 from tests.worlds import RB1, ROBOT, ROBOT_AT, navigation, robot_at, waypoint
 
@@ -104,23 +102,6 @@ def check_all(kb: KnowledgeBase, url: str, acknowledged: list[Acknowledged]) -> 
     number = counter.number_of(fact for fact in facts if fact.predicate.name == "value")
     assert number == counter.number_of(fact for fact in facts if fact.predicate.name == "copy")
     assert check_chain(url) == {"tiago": len(there)}
-
-
-def kill_server(server: Server) -> None:
-    """Kill a PostgreSQL server with all of its processes at once, as a crash does."""
-    postmaster = server._server.get_postmaster_info().process
-    processes = [postmaster, *postmaster.children(recursive=True)]
-    for process in processes:
-        with suppress(ProcessLookupError):
-            os.kill(process.pid, signal.SIGKILL)
-    for process in processes:
-        process.wait(PATIENCE)
-
-
-def restart_server(server: Server) -> None:
-    """Start a server again that was killed; it repairs its files from its log."""
-    with server._server._lock:
-        server._server.ensure_postgres_running()
 
 
 def fill_disk(url: str) -> tuple[int, int]:

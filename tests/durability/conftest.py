@@ -10,21 +10,21 @@ from pathlib import Path
 import pytest
 
 import kant_sql
-from tests.conftest import Server
+from tests.mortal import MortalServer
 
 
 @pytest.fixture(scope="session")
-def mortal_server() -> Iterator[Server]:
-    """A server of these tests' own, which keeps its promises as in earnest."""
+def mortal_server() -> Iterator[MortalServer]:
+    """A server of these tests' own."""
     folder = Path(tempfile.mkdtemp(prefix="kantpg"))
-    running = Server(folder, fsync=True)
+    running = MortalServer(folder)
     yield running
-    running._server.cleanup()
+    running.stop()
     shutil.rmtree(folder, ignore_errors=True)
 
 
 @pytest.fixture
-def mortal_url(mortal_server: Server) -> str:
+def mortal_url(mortal_server: MortalServer) -> str:
     """The URL of an empty store on it."""
     url = mortal_server.new_database()
     kant_sql.upgrade(url)

@@ -12,16 +12,9 @@ import pytest
 from kant_sql import ConnectionLostError, KnowledgeBase, retry
 from tests import counter
 from tests.chain import check_chain
-from tests.conftest import Connect, Server
-from tests.crashing import (
-    Acknowledged,
-    all_told,
-    check_all,
-    kill_server,
-    killed_later,
-    restart_server,
-    write_for_ever,
-)
+from tests.conftest import Connect
+from tests.crashing import Acknowledged, all_told, check_all, killed_later, write_for_ever
+from tests.mortal import MortalServer
 from tests.worlds import waypoint
 
 KILLS = 2
@@ -29,7 +22,7 @@ KILLS = 2
 
 @pytest.mark.slow
 def test_a_killed_server_loses_nothing_that_was_acknowledged(
-    mortal_server: Server, mortal_url: str, connect: Connect
+    mortal_server: MortalServer, mortal_url: str, connect: Connect
 ) -> None:
     kb = connect(mortal_url, knowledge_base="tiago")
     counter.start(kb)
@@ -38,16 +31,16 @@ def test_a_killed_server_loses_nothing_that_was_acknowledged(
         with killed_later(write_for_ever, mortal_url) as told:
             assert told.poll(30)
             time.sleep(random.uniform(0, 0.3))
-            kill_server(mortal_server)
+            mortal_server.kill()
         acknowledged += all_told(told)
-        restart_server(mortal_server)
+        mortal_server.restart()
         check_all(kb, mortal_url, acknowledged)
     assert len(acknowledged) > KILLS
 
 
 @pytest.mark.slow
 def test_clients_survive_a_killed_server_and_do_everything_once(
-    mortal_server: Server,
+    mortal_server: MortalServer,
     mortal_url: str,
     connect: Connect,
     monkeypatch: pytest.MonkeyPatch,
@@ -62,8 +55,8 @@ def test_clients_survive_a_killed_server_and_do_everything_once(
         try:
             for _ in range(KILLS):
                 time.sleep(random.uniform(0.2, 0.4))
-                kill_server(mortal_server)
-                restart_server(mortal_server)
+                mortal_server.kill()
+                mortal_server.restart()
             time.sleep(0.2)
         finally:
             done.set()

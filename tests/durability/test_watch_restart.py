@@ -12,8 +12,8 @@ from pathlib import Path
 import pytest
 
 from kant_sql import ConnectionLostError, KantSqlError, KnowledgeBase, retry
-from tests.conftest import Connect, Server
-from tests.crashing import kill_server, restart_server
+from tests.conftest import Connect
+from tests.mortal import MortalServer
 from tests.watching import LAST, follow, open_files, waiting, write_many
 from tests.workers import PATIENCE, PROCESSES, in_processes
 from tests.worlds import waypoint
@@ -80,20 +80,20 @@ def test_a_follower_that_is_killed_again_and_again_meets_every_revision(
 
 @pytest.mark.slow
 def test_who_waits_survives_a_server_that_is_killed_and_restarted(
-    mortal_server: Server, mortal_url: str, connect: Connect
+    mortal_server: MortalServer, mortal_url: str, connect: Connect
 ) -> None:
     kb = connect(mortal_url, knowledge_base="tiago")
     kb.objects.save(waypoint(0))
     with waiting(kb) as call:
-        kill_server(mortal_server)
-        restart_server(mortal_server)
+        mortal_server.kill()
+        mortal_server.restart()
         in_processes((write_many, mortal_url, 1, 1))
         assert call.result() == 2
     before = open_files()
     with waiting(kb) as call:
         for _ in range(2):
-            kill_server(mortal_server)
-            restart_server(mortal_server)
+            mortal_server.kill()
+            mortal_server.restart()
         in_processes((write_many, mortal_url, 2, 1))
         assert call.result() == 3
     assert open_files() <= before + 1
@@ -101,7 +101,7 @@ def test_who_waits_survives_a_server_that_is_killed_and_restarted(
 
 @pytest.mark.slow
 def test_a_server_that_is_gone_when_time_is_over_is_an_error(
-    mortal_server: Server,
+    mortal_server: MortalServer,
     mortal_url: str,
     connect: Connect,
     monkeypatch: pytest.MonkeyPatch,
@@ -109,20 +109,20 @@ def test_a_server_that_is_gone_when_time_is_over_is_an_error(
     monkeypatch.setattr(retry, "RETRY_FOR", 0.2)
     kb = connect(mortal_url, knowledge_base="tiago")
     kb.objects.save(waypoint(0))
-    kill_server(mortal_server)
+    mortal_server.kill()
     try:
         for timeout in (0, 0.1):
             with pytest.raises(KantSqlError, match=r"no connection|was lost"):
                 kb.watch(1, timeout)
     finally:
-        restart_server(mortal_server)
+        mortal_server.restart()
     monkeypatch.setattr(retry, "RETRY_FOR", PATIENCE)
     assert kb.watch(1, timeout=0) is None
 
 
 @pytest.mark.slow
 def test_a_follower_meets_every_revision_while_the_server_is_killed(
-    mortal_server: Server,
+    mortal_server: MortalServer,
     mortal_url: str,
     connect: Connect,
     tmp_path: Path,
@@ -135,8 +135,8 @@ def test_a_follower_meets_every_revision_while_the_server_is_killed(
     with follower(mortal_url, tmp_path) as told:
         for _ in range(2):
             _write_for(0.2, kb, lambda: next(written))
-            kill_server(mortal_server)
-            restart_server(mortal_server)
+            mortal_server.kill()
+            mortal_server.restart()
         _write_for(0.1, kb, lambda: next(written))
         with kb.transaction(reason=LAST):
             kb.objects.save(waypoint(9999))
