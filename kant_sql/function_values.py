@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
-from .backends import Query, Row
+from .backends import Row
 from .dto.pddl_function_value_dto import value_text
 from .fluents import Fluent, FluentCache, FluentKey, FluentValue, HeldValue, read_value, version_row
 from .knowledge.changes import ASSERTED, RETRACTED, VALUE, Change
-from .knowledge.function_value import CLOSE, FIND, OPEN, REOPEN, UNMAKE, VERSIONS
+from .knowledge.function_value import FIND, OPEN, VERSIONS
 from .knowledge.rows import table_of
 from .tables import FunctionValueArgumentRow, FunctionValueRow
 
@@ -223,7 +223,8 @@ class PendingFunctionValues:
         kb, number, session = transaction.kb_id, transaction.number, transaction.session
         self._write_identities()
         inserts: list[Row] = []
-        updates: dict[Query, list[dict[str, Any]]] = {}
+        closed: list[int] = []
+        unmade: list[int] = []
         reopened: list[int] = []
         for id_, now in self.pending.items():
             origin = self._origin[id_]
@@ -231,19 +232,18 @@ class PendingFunctionValues:
             if now == before:
                 continue
             if before is not None and before == origin:
-                updates.setdefault(CLOSE, []).append({"kb": kb, "id": id_, "at": number})
+                closed.append(id_)
             elif before is not None:
-                updates.setdefault(UNMAKE, []).append({"kb": kb, "id": id_})
+                unmade.append(id_)
             if now is not None and now == origin:
                 reopened.append(id_)
             elif now is not None:
                 inserts.append(version_row(kb, number, self._fluents[id_], now))
             self._written[id_] = now
-        for query, rows in updates.items():
-            session.run_many(query, rows)
-        if reopened:
-            session.run(REOPEN, kb=kb, at=number, ids=session.list_value(reopened))
-        session.insert(VERSIONS, inserts)
+        session.run_for(VERSIONS.close, closed, kb=kb, at=number)
+        session.run_for(VERSIONS.unmake, unmade, kb=kb)
+        session.run_for(VERSIONS.reopen, reopened, kb=kb, at=number)
+        session.insert(VERSIONS.table, inserts)
         self.pending.clear()
 
     def _write_identities(self) -> None:

@@ -6,10 +6,9 @@ from collections.abc import Collection, Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 from .atoms import ABSENT, Atom, AtomCache, AtomKey, Status, open_status
-from .backends import Query
 from .knowledge.changes import ASSERTED, FACT, GOAL, RETRACTED, Change
 from .knowledge.past import HOLDS_NOW
-from .knowledge.proposition import CLOSE, CLOSED_HERE, FIND, OPEN, REOPEN, UNMAKE, VERSIONS
+from .knowledge.proposition import CLOSED_HERE, FIND, OPEN, VERSIONS
 from .knowledge.rows import table_of
 from .tables import PropositionArgumentRow, PropositionRow
 
@@ -219,7 +218,8 @@ class PendingPropositions:
         kb, number, session = transaction.kb_id, transaction.number, transaction.session
         self._write_identities()
         inserts: list[tuple[Any, ...]] = []
-        updates: dict[Query, list[dict[str, Any]]] = {}
+        closed: list[int] = []
+        unmade: list[int] = []
         reopened: list[int] = []
         asserted = Status(number, True)
         for id_, wanted in self.pending.items():
@@ -231,19 +231,15 @@ class PendingPropositions:
                 inserts.append((kb, id_, number, None, key.predicate_id, key.is_goal, HOLDS_NOW))
                 self._status[id_] = asserted
             elif status.since == number:
-                updates.setdefault(UNMAKE, []).append({"kb": kb, "id": id_})
+                unmade.append(id_)
                 self._status[id_] = ABSENT
             else:
-                if wanted:
-                    reopened.append(id_)
-                else:
-                    updates.setdefault(CLOSE, []).append({"kb": kb, "id": id_, "at": number})
+                (reopened if wanted else closed).append(id_)
                 self._status[id_] = Status(status.since, wanted)
-        for query, rows in updates.items():
-            session.run_many(query, rows)
-        if reopened:
-            session.run(REOPEN, kb=kb, at=number, ids=session.list_value(reopened))
-        session.insert(VERSIONS, inserts)
+        session.run_for(VERSIONS.close, closed, kb=kb, at=number)
+        session.run_for(VERSIONS.unmake, unmade, kb=kb)
+        session.run_for(VERSIONS.reopen, reopened, kb=kb, at=number)
+        session.insert(VERSIONS.table, inserts)
         self.pending.clear()
 
     def _write_identities(self) -> None:

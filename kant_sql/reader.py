@@ -176,6 +176,18 @@ class Reader:
         """
         return self._apart(lambda session: work(session, self._find(session)))
 
+    def glance(self, work: Callable[[Session, int | None], T]) -> T:
+        """Read tables without a transaction: each statement sees what is committed as it begins.
+
+        Args:
+            work: reads with the session, as for `look`, with one statement, or with several of
+                which it does not matter what is committed in between.
+
+        Returns:
+            What `work` returns.
+        """
+        return self._outside(lambda session: work(session, self._find(session)))
+
     def look_once(self, work: Callable[[Session, int | None], T]) -> T:
         """Read tables with one statement, as committed, and do not try again what fails.
 

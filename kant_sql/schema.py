@@ -246,6 +246,9 @@ def _migrate_once(backend: Backend, run: Callable[[Config], None]) -> None:
             config.attributes["connection"] = connection
             run(config)
     except CommandError as error:
+        version = _current(backend)
+        if version is not None and version not in VERSIONS:
+            _judge(backend, version)
         raise SchemaError(f"{backend.label}: {error}") from error
     except DBAPIError as error:
         driver_error = error.orig if isinstance(error.orig, Exception) else error

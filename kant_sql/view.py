@@ -110,7 +110,8 @@ def refuse_archived(session: Session, kb_id: int, at: int, archived: int) -> Non
     Raises:
         ArchivedError: a part of it was moved to an archive.
     """
-    if at < archived:
+    # Before the first revision there was nothing that could have been moved.
+    if 0 < at < archived:
         raise ArchivedError(
             f"a part of what the knowledge base was at revision {at} was moved to an archive: ask "
             f"the one in {archive_of(session, kb_id, at)}"

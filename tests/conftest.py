@@ -20,8 +20,7 @@ from sqlalchemy import make_url
 
 import kant_sql
 from kant_sql import KnowledgeBase, schema
-from kant_sql.backends import Backend
-from kant_sql.backends.sqlite import SqliteBackend
+from tests.replaying import Migrations
 
 # A busy machine must not fail a test for being slow.
 hypothesis.settings.register_profile(
@@ -39,8 +38,24 @@ FAST = {
     "max_wal_size": "4GB",
     "checkpoint_timeout": "1h",
 }
+UPGRADE = schema._upgrade
+ROOM = 6 << 30
 BACKENDS = ("sqlite-file", "sqlite-memory", "postgresql")
 _numbers = itertools.count(1)
+
+
+def _folder_in_memory() -> Path | None:
+    """A folder that no disk is waited for, when there is room for all that the tests leave."""
+    folder = Path("/dev/shm")
+    if os.access(folder, os.W_OK) and shutil.disk_usage(folder).free > ROOM:
+        return folder
+    return None
+
+
+IN_MEMORY = _folder_in_memory()
+if IN_MEMORY is not None:
+    # Where pytest makes `tmp_path`.
+    os.environ.setdefault("PYTEST_DEBUG_TEMPROOT", str(IN_MEMORY))
 
 
 class Server:
@@ -70,6 +85,12 @@ class Server:
         self._server.cleanup()
         os.kill(pid, signal.SIGQUIT)
 
+    def drop_database(self, url: str) -> None:
+        """Drop what a test has used, so that not all of them are kept at the same time."""
+        name = make_url(url).database
+        with psycopg.connect(self._server.get_uri(), autocommit=True) as connection:
+            connection.execute(f'DROP DATABASE IF EXISTS "{name}" WITH (FORCE)'.encode())
+
     def new_database(self) -> str:
         """Create an empty database and give its URL."""
         return self._create("template1")
@@ -85,14 +106,16 @@ class Server:
     def _create(self, template: str) -> str:
         name = f"test_{os.getpid()}_{next(_numbers)}"
         with psycopg.connect(self._server.get_uri(), autocommit=True) as connection:
-            connection.execute(f'CREATE DATABASE "{name}" TEMPLATE "{template}"'.encode())
+            connection.execute(
+                f'CREATE DATABASE "{name}" TEMPLATE "{template}" STRATEGY file_copy'.encode()
+            )
         return self.url.set(database=name).render_as_string(hide_password=False)
 
 
 @pytest.fixture(scope="session")
 def server() -> Iterator[Server]:
     # A short path: a socket's path ends at about 100 characters.
-    folder = Path(tempfile.mkdtemp(prefix="kantpg"))
+    folder = Path(tempfile.mkdtemp(prefix="kantpg", dir=IN_MEMORY))
     running = Server(folder)
     yield running
     running.drop()
@@ -124,24 +147,16 @@ def _migrated_file() -> bytes:
 
 
 @pytest.fixture(scope="session", autouse=True)
-def memory_stores_are_copies() -> Iterator[None]:
-    """Let a new store in memory be a copy of one that was migrated, which takes a tenth second."""
-    migrate, images = schema._upgrade, dict[str, bytes]()
+def replayed_migrations() -> Iterator[None]:
+    """Let what makes a store take as long as the database needs."""
+    with mock.patch.object(schema, "_upgrade", Migrations().upgrade):
+        yield
 
-    def upgrade(backend: Backend, revision: str) -> None:
-        if not (isinstance(backend, SqliteBackend) and backend.in_memory and revision == "head"):
-            migrate(backend, revision)
-            return
-        pooled = backend.engine.raw_connection()
-        driver: Any = pooled.driver_connection
-        if revision not in images:
-            migrate(backend, revision)
-            images[revision] = driver.serialize()
-        else:
-            driver.deserialize(images[revision])
-        pooled.close()
 
-    with mock.patch.object(schema, "_upgrade", upgrade):
+@pytest.fixture
+def real_migrations() -> Iterator[None]:
+    """Let Alembic make stores."""
+    with mock.patch.object(schema, "_upgrade", UPGRADE):
         yield
 
 
@@ -158,7 +173,9 @@ def make_store_url(request: pytest.FixtureRequest, backend: str, tmp_path: Path)
     if backend == "sqlite-memory":
         return "sqlite://"
     if backend == "postgresql":
-        new: str = request.getfixturevalue("server").new_store()
+        server: Server = request.getfixturevalue("server")
+        new = server.new_store()
+        request.addfinalizer(lambda: server.drop_database(new))
         return new
     extra = _extra_urls()[int(backend.removeprefix("extra-"))]
     kant_sql.downgrade(extra, "base")

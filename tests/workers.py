@@ -16,9 +16,10 @@ from typing import Any
 import kant_sql
 from kant_sql import KnowledgeBase
 from tests import counter
+from tests.warm import MODULES
 
 PROCESSES = multiprocessing.get_context("forkserver")
-PROCESSES.set_forkserver_preload([__name__])
+PROCESSES.set_forkserver_preload([__name__, *MODULES])
 PATIENCE = 60
 
 Call = tuple[Any, ...]

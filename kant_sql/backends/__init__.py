@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from .backend import Backend
-from .query import Query, StoreClock, StorePlace, first_rows, in_list, in_rows
+from .cursor import Row
+from .query import IdsQuery, Query, StoreClock, StorePlace, first_rows, in_list, in_rows
 from .registry import backend_name, create_backend, dialect_name, roles_set_aside
 from .roles import Roles
-from .session import Row, Session
+from .session import Session
 from .waiting import Listener
 
 __all__ = [
     "Backend",
+    "IdsQuery",
     "Listener",
     "Query",
     "Roles",

@@ -26,6 +26,7 @@ class Backend(ABC):
     Attributes:
         sessions: the sessions that are open, each with the thread that uses it.
         has_answered: whether there is a server that has answered before, and may come back.
+        closings: how often its connections were closed on purpose.
         when_forked: what is called in a child process before anything else is done there.
         no_roles: why there are no roles, and what to do instead; None where there are.
         revision_comes_last: whether the row of a revision is written when nothing else of it is to
@@ -34,6 +35,7 @@ class Backend(ABC):
     """
 
     has_answered = False
+    closings = 0
     no_roles: str | None = None
     revision_comes_last = False
     begin_read: str
@@ -117,6 +119,7 @@ class Backend(ABC):
 
     def close(self) -> None:
         """Close all connections."""
+        self.closings += 1
         self.engine.dispose()
 
     def forked(self) -> None:

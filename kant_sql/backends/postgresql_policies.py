@@ -1,7 +1,8 @@
 """What roles may do with the rows of a table on PostgreSQL: grants, and policies beside them.
 
 A grant says which table and column, a policy which rows. The bound of all policies for writing is
-the last revision that has a row: a writer can only add to that table, so the bound never goes back.
+the last revision that has a row: a writer can only add to that table, so the bound never goes back;
+and the head's revision, read with its lock, for a statement sees that table as it was at its start.
 Rows of a later revision are those of the transaction that is being made, which nobody else has
 seen; a writer may take these back, and no others.
 """
@@ -21,6 +22,9 @@ ALWAYS = "true"
 HEAD_COLUMNS = ("revision", "definition_revision", "next_id", "hash", "committed_at")
 # What an archive leaves behind is written by the tables' owner, who alone can delete.
 NOT_WRITTEN = frozenset({"archive"})
+# A time far ahead would be that of all later revisions, too, for times never go back. A writer
+# counts the time since its transaction began, during which the server's clock may be put right.
+_NOW = "clock_timestamp() + interval '1 minute'"
 # What there is one of for each knowledge base: there is nothing to add for who has only one.
 FOR_ALL_ONLY = frozenset({"knowledge_base", "head"})
 
@@ -61,8 +65,9 @@ def writer_rights(table: Table, names: Names) -> Iterator[Right]:
     if "until" in table.c:
         # An open row may be closed, and what this transaction has closed may be opened again.
         columns = tuple(name for name in ("until", "fork") if name in table.c)
-        using = f"{mine}.until IS NULL OR {mine}.until > {last}"
-        yield Right("update", columns, using, _closable(table, mine, last))
+        past = f"{last} AND {mine}.until > {_locked_head('revision', mine, names)}"
+        using = f"{mine}.until IS NULL OR {mine}.until > {past}"
+        yield Right("update", columns, using, _closable(table, mine, past))
     if "since" in table.primary_key.columns:
         yield Right("delete", using=f"{mine}.since > {last}")
 
@@ -89,22 +94,32 @@ def _last_revision(mine: str, names: Names) -> str:
     return f"(SELECT coalesce(max(r.number), 0) FROM {revision} AS r WHERE r.kb_id = {mine}.kb_id)"
 
 
+def _locked_head(column: str, mine: str, names: Names) -> str:
+    """Read the head as it is now: after its lock, and not as it was when the statement began.
+
+    A statement that takes its time would else think its own what others have committed meanwhile.
+    """
+    head = f"{names.relation('head')} AS h WHERE h.kb_id = {mine}.kb_id"
+    return f"(SELECT h.{column} FROM {head} FOR NO KEY UPDATE)"
+
+
 def _insertable(table: Table, mine: str, last: str, names: Names) -> str:
     """Give the condition that a new row adds nothing to what is past."""
     if table.name in FOR_ALL_ONLY:
         return ALWAYS
     if table.name == "revision":
-        return f"{mine}.number = 1 + {last}"
-    head = f"FROM {names.relation('head')} AS h WHERE h.kb_id = {mine}.kb_id)"
+        head = f"{names.relation('head')} AS h WHERE h.kb_id = {mine}.kb_id"
+        latest = f"greatest({_NOW}, (SELECT h.committed_at FROM {head}))"
+        return f"{mine}.number = 1 + {last} AND {mine}.committed_at <= {latest}"
+    revision = _locked_head("revision", mine, names)
     if table.name == "revision_plan_step":
-        return f"{mine}.number > (SELECT h.revision {head}"
-    if "until" in table.c:
-        return f"{mine}.since > {last} AND {_open(table, mine)}"
+        return f"{mine}.number > {revision}"
     if "since" in table.c:
-        return f"{mine}.since > {last}"
+        is_new = f"{mine}.since > {last} AND {mine}.since > {revision}"
+        return f"{is_new} AND {_open(table, mine)}" if "until" in table.c else is_new
     # An identity, or a part of one: new ones only.
     owner = [*table.primary_key.columns][1].name
-    return f"{mine}.{names.quote(owner)} >= (SELECT h.next_id {head}"
+    return f"{mine}.{names.quote(owner)} >= {_locked_head('next_id', mine, names)}"
 
 
 def _open(table: Table, mine: str) -> str:

@@ -28,9 +28,16 @@ _COLUMNS = text(
     "JOIN pg_attribute AS a ON a.attrelid = c.oid AND a.attnum > 0 AND NOT a.attisdropped "
     "WHERE n.nspname = :schema AND c.relkind = 'r' GROUP BY c.relname"
 )
-_VIEWS = text(
-    "SELECT c.relname FROM pg_class AS c JOIN pg_namespace AS n ON n.oid = c.relnamespace "
-    "WHERE n.nspname = :schema AND c.relkind = 'v' ORDER BY c.relname"
+# Found by what they show, for the knowledge base that they are of may be gone.
+_OWN_VIEWS = text(
+    "SELECT DISTINCT n.nspname, c.relname FROM pg_depend AS d "
+    "JOIN pg_class AS shown ON shown.oid = d.refobjid AND shown.relkind = 'v' "
+    "JOIN pg_namespace AS s ON s.oid = shown.relnamespace "
+    "JOIN pg_rewrite AS r ON r.oid = d.objid AND d.classid = 'pg_rewrite'::regclass "
+    "JOIN pg_class AS c ON c.oid = r.ev_class AND c.relname = shown.relname "
+    "JOIN pg_namespace AS n ON n.oid = c.relnamespace "
+    "WHERE d.refclassid = 'pg_class'::regclass AND s.nspname = :schema "
+    f"AND n.nspname <> :schema AND starts_with(n.nspname, '{PREFIX}') ORDER BY 1, 2"
 )
 # The column tells them from what somebody else has called so.
 _AUDIT_VIEWS = text(
@@ -61,11 +68,17 @@ class RoleMaker:
         self._views = [row[0] for row in self._query(_AUDIT_VIEWS)]
         self._generated = generated_views(connection)
         self._old = [(row[0], row[1]) for row in self._query(_POLICIES)]
+        self._own = [(row[0], row[1]) for row in self._query(_OWN_VIEWS)]
 
     @property
     def in_force(self) -> bool:
         """Whether roles were made in this database before."""
         return bool(self._old)
+
+    @property
+    def is_in_the_way(self) -> bool:
+        """Whether there is anything that keeps tables or views from being changed."""
+        return bool(self._old or self._own)
 
     @property
     def has_tables(self) -> bool:
@@ -78,9 +91,8 @@ class RoleMaker:
         Returns:
             The scopes.
         """
-        known = {name for _, name in self._old}
-        made = [scope for scope in self._all_scopes() if f"{PREFIX}{READ}{scope.suffix}" in known]
-        return [Scope(), *made]
+        known = self._known_suffixes()
+        return [Scope(), *(scope for scope in self._all_scopes() if scope.suffix in known)]
 
     def scope(self, knowledge_base: str | None) -> Scope:
         """Find a scope.
@@ -105,11 +117,11 @@ class RoleMaker:
             )
         return scopes[knowledge_base]
 
-    def withdraw(self, scopes: Iterable[Scope]) -> Iterator[str]:
+    def withdraw(self) -> Iterator[str]:
         """Give the statements that remove policies and auditors' own views.
 
-        Args:
-            scopes: the scopes.
+        What was made for a knowledge base that is gone, or is called otherwise now, is made no
+        more: another may have its id.
 
         Yields:
             The statements.
@@ -118,10 +130,16 @@ class RoleMaker:
         yield f"LOCK TABLE {self._names.relation('head')}"
         for table, policy in self._old:
             yield f"DROP POLICY {self._names.quote(policy)} ON {self._names.relation(table)}"
-        for scope in scopes:
-            views = [row[0] for row in self._query(_VIEWS, scope.schema)] if scope.schema else []
-            if views:
-                yield f"DROP VIEW {self._listed(views, scope.schema)}"
+        if self._own:
+            own = (self._names.relation(view, schema) for schema, view in self._own)
+            yield f"DROP VIEW {', '.join(own)}"
+        there = {scope.suffix for scope in self._all_scopes()}
+        for suffix in sorted(self._known_suffixes() - there - {""}):
+            gone = {f"{PREFIX}{right}{suffix}" for right in ("writer", "reader", "auditor")}
+            roles = sorted(gone & self._roles())
+            if roles:
+                named = ", ".join(map(self._names.quote, roles))
+                yield f"REVOKE ALL ON TABLE {self._listed(self._relations())} FROM {named}"
 
     def make(self, scopes: Iterable[Scope]) -> Iterator[str]:
         """Give the statements that make roles, their grants and their policies.
@@ -132,7 +150,7 @@ class RoleMaker:
         Yields:
             The statements.
         """
-        existing = {row[0] for row in self._connection.execute(_ROLE_NAMES)}
+        existing = self._roles()
         for table in self._tables:
             yield f"ALTER TABLE {self._names.relation(table.name)} ENABLE ROW LEVEL SECURITY"
         for scope in scopes:
@@ -154,14 +172,18 @@ class RoleMaker:
         writer, reader, auditor = map(quote, roles[:3])
         everyone = f"{writer}, {reader}, {auditor}"
         tables = [*(table.name for table in self._tables), *self._version]
-        yield f"GRANT USAGE ON SCHEMA {quote(self._names.schema)} TO {everyone}"
         all_views = [*self._views, *sorted(self._generated)]
-        yield f"REVOKE ALL ON TABLE {listed([*tables, *all_views])} FROM {everyone}"
+        yield f"GRANT USAGE ON SCHEMA {quote(self._names.schema)} TO {everyone}"
+        yield f"REVOKE ALL ON TABLE {listed(self._relations())} FROM {everyone}"
         yield f"GRANT SELECT ON TABLE {listed(tables)} TO {writer}, {reader}"
         # A view shows what its owner sees: all knowledge bases, or the one that it was made for.
         views = all_views if scope.kb_id is None else self._generated_of(scope.kb_id)
         if views:
             yield f"GRANT SELECT ON TABLE {listed(views)} TO {everyone}"
+        if scope.kb_id is not None:
+            # Else a function of the asker's own could be shown rows before they are left out.
+            relations = map(self._names.relation, views)
+            yield from (f"ALTER VIEW {view} SET (security_barrier)" for view in relations)
         granted: defaultdict[str, list[str]] = defaultdict(list)
         for table in self._tables:
             for right in writer_rights(table, self._names):
@@ -195,12 +217,23 @@ class RoleMaker:
             for kb_id, name in self._connection.execute(_KNOWLEDGE_BASES):
                 yield Scope(name, kb_id)
 
-    def _listed(self, relations: Iterable[str], schema: str | None = None) -> str:
-        return ", ".join(self._names.relation(name, schema) for name in relations)
+    def _known_suffixes(self) -> set[str]:
+        """Give the suffixes of the scopes for which roles were made before."""
+        reading = f"{PREFIX}{READ}"
+        return {name.removeprefix(reading) for _, name in self._old if name.startswith(reading)}
 
-    def _query(self, query: Any, schema: str | None = None) -> list[Any]:
-        parameters = {"schema": schema or self._names.schema}
-        return [*self._connection.execute(query, parameters)]
+    def _roles(self) -> set[str]:
+        return {row[0] for row in self._connection.execute(_ROLE_NAMES)}
+
+    def _relations(self) -> list[str]:
+        tables = [*(table.name for table in self._tables), *self._version]
+        return [*tables, *self._views, *sorted(self._generated)]
+
+    def _listed(self, relations: Iterable[str]) -> str:
+        return ", ".join(map(self._names.relation, relations))
+
+    def _query(self, query: Any) -> list[Any]:
+        return [*self._connection.execute(query, {"schema": self._names.schema})]
 
 
 def _as_it_is(table: Table, columns: Sequence[str]) -> Table:
@@ -229,7 +262,7 @@ def make_roles(connection: Connection, knowledge_base: str | None, dry_run: bool
     scopes = maker.scopes()
     if wanted not in scopes:
         scopes.append(wanted)
-    statements = [*maker.withdraw(scopes), *maker.make(scopes)]
+    statements = [*maker.withdraw(), *maker.make(scopes)]
     if not dry_run:
         _run(connection, statements)
     return wanted.roles(statements)
@@ -249,13 +282,11 @@ def roles_set_aside(connection: Connection) -> Iterator[None]:
     """
     maker = RoleMaker(connection)
     scopes = maker.scopes() if maker.in_force else []
-    if not scopes:
-        yield
-        return
-    _run(connection, maker.withdraw(scopes))
+    if maker.is_in_the_way:
+        _run(connection, maker.withdraw())
     yield
     after = RoleMaker(connection)
-    if after.has_tables:
+    if scopes and after.has_tables:
         _run(connection, after.make(scopes))
 
 

@@ -7,15 +7,17 @@ from collections.abc import Iterator, Sequence
 from datetime import UTC, datetime
 from typing import Any
 
-from sqlalchemy import Table
+from sqlalchemy import Table, bindparam, literal_column, select
 from sqlalchemy.ext.compiler import compiles
 
 from ..errors import ConnectionLostError, StoreError, StoreIntegrityError
+from .cursor import Row
 from .postgresql_waiting import channel
-from .query import InList, InRows, Query, StoreClock, StorePlace, unnest_text
-from .session import FETCH_SIZE, Row, Session, logger
+from .query import IdsQuery, InList, InRows, Query, RowsOfIds, StoreClock, StorePlace, unnest_text
+from .session import FETCH_SIZE, Session, logger
 
 COPY_FROM_ROWS = 50
+LIST_FROM_IDS = 10
 REPLAN_FROM_ROWS = 2_500
 # One advisory lock for all who migrate one database: the ASCII codes of "kant_sql".
 MIGRATION_LOCK = 0x6B616E745F73716C
@@ -33,6 +35,15 @@ def _in_list(element: InList, compiler: Any, **options: Any) -> str:
 def _in_rows(element: InRows, compiler: Any, **options: Any) -> str:
     column, rows = (compiler.process(clause, **options) for clause in element.clauses)
     return f"{column} = ANY(ARRAY{rows})"
+
+
+@compiles(RowsOfIds, "postgresql")
+def _rows_of_ids(element: RowsOfIds, compiler: Any, **options: Any) -> str:
+    rows = select(literal_column("found.ctid")).where(*element.conditions).scalar_subquery()
+    return (
+        f"ctid = ANY(ARRAY(SELECT {compiler.process(rows, **options)} "
+        f"FROM unnest({compiler.process(bindparam('ids'), **options)}) AS wanted (id)))"
+    )
 
 
 @compiles(StoreClock, "postgresql")
@@ -74,6 +85,13 @@ class PostgresqlSession(Session):
                     copy.write_row(row)
         except self.backend.driver_errors as error:
             raise self.backend.translate(error) from error
+
+    def run_for(self, query: IdsQuery, ids: Sequence[int], **parameters: Any) -> None:
+        """Run a statement for each of some ids: many of them at once."""
+        if len(ids) < LIST_FROM_IDS:
+            super().run_for(query, ids, **parameters)
+        else:
+            self.run(query.listed, ids=self.list_value(ids), **parameters)
 
     def replan(self) -> None:
         """Let the server plan anew what it checks for each row."""

@@ -7,6 +7,7 @@ bases would wait for each other.
 
 from __future__ import annotations
 
+import selectors
 import time
 from typing import TYPE_CHECKING, Any
 
@@ -19,6 +20,10 @@ if TYPE_CHECKING:
 UNTOLD_PAUSE = 0.1
 # "Read-only": a standby that follows another server lets nobody listen.
 _STANDBY = "25006"
+# It has no file of its own, which the child of a fork would keep open.
+_Selector: type[selectors.BaseSelector] = getattr(
+    selectors, "PollSelector", selectors.SelectSelector
+)
 
 
 def channel(kb_id: int) -> str:
@@ -52,9 +57,7 @@ class PostgresqlListener(Listener):
             if self._pooled is None:
                 self._listen(kb_id)
             else:
-                connection = self._pooled.driver_connection
-                for _ in connection.notifies(timeout=seconds, stop_after=1):
-                    pass
+                self._hear(self._pooled.driver_connection, seconds)
         except self._backend.driver_errors as error:
             self._drop()
             self._is_deaf = getattr(error, "sqlstate", None) == _STANDBY
@@ -65,6 +68,14 @@ class PostgresqlListener(Listener):
         engine = self._backend.listening
         self._pool, self._pooled = engine.pool, self._backend.take(engine)
         self._pooled.driver_connection.execute(f"LISTEN {channel(kb_id)}")
+
+    def _hear(self, connection: Any, seconds: float) -> None:
+        # The driver's own wait begins anew with each signal that the process gets, and may not end.
+        with _Selector() as selector:
+            selector.register(connection, selectors.EVENT_READ)
+            if selector.select(seconds):
+                for _ in connection.notifies(timeout=0):
+                    pass
 
     def _drop(self) -> None:
         pooled, self._pooled = self._pooled, None

@@ -6,18 +6,23 @@ is compiled to its text when it is first used, and the text goes to the driver w
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from datetime import datetime
 from functools import cache
-from typing import Any
+from typing import Any, TypeVar
 
 from sqlalchemy import (
     Boolean,
     ColumnElement,
+    CompoundSelect,
+    Delete,
     Dialect,
+    FromClause,
     Select,
     String,
     Table,
     Text,
+    Update,
     bindparam,
     literal_column,
 )
@@ -26,6 +31,11 @@ from sqlalchemy.sql.expression import Executable
 from sqlalchemy.sql.functions import FunctionElement
 
 from ..tables.types import UtcTime
+
+_Rows = TypeVar("_Rows", Select[Any], CompoundSelect[Any])
+
+# Gives what must be true of the rows of a table.
+Conditions = Callable[[FromClause], tuple[ColumnElement[bool], ...]]
 
 
 class Query:
@@ -79,6 +89,34 @@ class InRows(FunctionElement[bool]):
     _is_implicitly_boolean = True
 
 
+class RowsOfIds(ColumnElement[bool]):
+    """The row is one that is found for an id of the list parameter `ids`.
+
+    Each id is looked for by itself. That the column is among the list would say the same; but
+    before PostgreSQL has statistics it may read all rows that fulfil the other conditions.
+
+    Attributes:
+        found: the table, under another name.
+        conditions: what must be true of a row that is found for the id `wanted.id`.
+    """
+
+    inherit_cache = False
+    type = Boolean()
+    _is_implicitly_boolean = True
+
+    def __init__(self, table: FromClause, id_: ColumnElement[int], conditions: Conditions) -> None:
+        """Say what is looked for.
+
+        Args:
+            table: the table.
+            id_: its column of the ids.
+            conditions: gives what must be true of its rows besides.
+        """
+        self.found = table.alias("found")
+        wanted = self.found.c[str(id_.key)] == literal_column("wanted.id")
+        self.conditions = (*conditions(self.found), wanted)
+
+
 class StoreClock(FunctionElement[datetime]):
     """The store's own clock; NULL where the store has none finer than a millisecond."""
 
@@ -121,7 +159,7 @@ def in_rows(column: ColumnElement[Any] | Any, rows: Select[Any]) -> ColumnElemen
     return InRows(column, rows.correlate(None).scalar_subquery())
 
 
-def first_rows(rows: Select[Any], number: ColumnElement[int]) -> Select[Any]:
+def first_rows(rows: _Rows, number: ColumnElement[Any]) -> _Rows:
     """Take only the first rows of a query.
 
     Args:
@@ -133,6 +171,29 @@ def first_rows(rows: Select[Any], number: ColumnElement[int]) -> Select[Any]:
     """
     # Said, for SQLAlchemy would else write it for SQLite as a constant.
     return rows.limit(number).offset(literal_column("0"))
+
+
+class IdsQuery:
+    """A change of the rows of some ids, as a statement for one of them and one for a list.
+
+    `Session.run_for` takes the one that its database is quicker at.
+    """
+
+    __slots__ = ("each", "listed")
+
+    def __init__(
+        self, change: Update | Delete, id_: ColumnElement[int], conditions: Conditions
+    ) -> None:
+        """Make both statements.
+
+        Args:
+            change: what is changed of the rows, whichever they are.
+            id_: the column of the ids, each of which has one such row at most.
+            conditions: gives what must be true of the rows of the table besides.
+        """
+        table = change.table
+        self.each = Query(change.where(*conditions(table), id_ == bindparam("id")))
+        self.listed = Query(change.where(RowsOfIds(table, id_, conditions)))
 
 
 @cache

@@ -7,12 +7,12 @@ import threading
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
 from datetime import UTC, datetime
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 from sqlalchemy import PoolProxiedConnection, Table
 
-from ..errors import ForkedError
-from .query import Query, insert_text
+from .cursor import AbandonedCursor, Cursor, Row
+from .query import IdsQuery, Query, insert_text
 
 if TYPE_CHECKING:
     from .backend import Backend
@@ -20,36 +20,7 @@ if TYPE_CHECKING:
 # Every statement is logged here at DEBUG, which is also how the tests count them.
 logger = logging.getLogger("kant_sql.sql")
 
-Row = tuple[Any, ...]
 FETCH_SIZE = 5_000
-
-
-class Cursor(Protocol):
-    """What this module needs of a driver's cursor (PEP 249)."""
-
-    rowcount: int
-
-    def execute(self, sql: str, parameters: Any = ..., /) -> Any:
-        """Run a statement."""
-
-    def executemany(self, sql: str, parameters: Any, /) -> Any:
-        """Run a statement for each set of parameters."""
-
-    def fetchall(self) -> list[Row]:
-        """Give all rows that are left."""
-
-    def fetchmany(self, size: int = ..., /) -> list[Row]:
-        """Give the next rows."""
-
-
-class _Abandoned:
-    """The cursor of a session whose connection is another process's."""
-
-    def __getattr__(self, name: str) -> Any:
-        raise ForkedError(
-            "this process was forked within a transaction, which is its parent's: nothing of it is "
-            "written from here; begin another one"
-        )
 
 
 class Session(ABC):
@@ -128,6 +99,16 @@ class Session(ABC):
             self._execute_many(query.text(self.backend.dialect), parameters)
             return self._cursor.rowcount
         return 0
+
+    def run_for(self, query: IdsQuery, ids: Sequence[int], **parameters: Any) -> None:
+        """Run a statement for each of some ids.
+
+        Args:
+            query: the statement.
+            ids: the ids.
+            **parameters: the value of each of its other parameters.
+        """
+        self.run_many(query.each, [{"id": id_, **parameters} for id_ in ids])
 
     def define(self, statement: str) -> None:
         """Run a statement that creates or drops something, given as text.
@@ -220,7 +201,7 @@ class Session(ABC):
     def abandon(self) -> None:
         """Use the connection no more: this process was forked from the one that it belongs to."""
         self.is_abandoned = True
-        self._cursor = _Abandoned()
+        self._cursor = AbandonedCursor()
 
     def now(self, raw: Any) -> datetime:
         """Read the value of `StoreClock`.

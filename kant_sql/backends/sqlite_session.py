@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Sequence
-from contextlib import closing
+from contextlib import suppress
 from datetime import datetime
 from typing import TYPE_CHECKING, Any
 
@@ -12,8 +12,9 @@ from sqlalchemy.ext.compiler import compiles
 
 from ..canonical import time_text
 from ..tables.types import text_time
+from .cursor import Row
 from .query import InList, InRows, Query, StoreClock, StorePlace
-from .session import FETCH_SIZE, Row, Session, logger
+from .session import FETCH_SIZE, Session, logger
 
 if TYPE_CHECKING:
     from .sqlite import SqliteBackend
@@ -57,12 +58,15 @@ class SqliteSession(Session):
         logger.debug("%s", sql)
         cursor: Any = self._cursor if self.is_abandoned else self._pooled.cursor()
         try:
-            with closing(cursor):
-                cursor.execute(sql, parameters)
-                while rows := cursor.fetchmany(FETCH_SIZE):
-                    yield from rows
+            cursor.execute(sql, parameters)
+            while rows := cursor.fetchmany(FETCH_SIZE):
+                yield from rows
         except self.backend.driver_errors as error:
             raise self.backend.translate(error) from error
+        finally:
+            # After Ctrl-C this may be given up when the connection is closed already.
+            with suppress(*self.backend.driver_errors):
+                cursor.close()
 
     def replan(self) -> None:
         """Do nothing: there are no plans but those of a statement that is run."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Annotated
+
 import typer
 
 from ..catalog import knowledge_bases
@@ -9,10 +11,15 @@ from ..knowledge_base import connect
 from .stores import Url
 
 
-def anchor(url: Url) -> None:
-    """Write the heads of all knowledge bases as one small JSON document, to keep elsewhere.
+def anchor(
+    url: Url,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="As without it: one JSON document.")
+    ] = False,
+) -> None:
+    """Write where all knowledge bases stand, to keep elsewhere.
 
-    'kant-sql verify --anchor FILE' compares a store with it.
+    That is one small JSON document. 'kant-sql verify --anchor FILE' compares a store with it.
     """
     # That tells what is wrong with the store, and creates nothing.
     names = knowledge_bases(url)

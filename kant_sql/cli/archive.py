@@ -42,7 +42,10 @@ def archive(
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document.")] = False,
 ) -> None:
-    """Move what ended before a time into another store, which then answers for it."""
+    """Move what ended before a time into another store.
+
+    That store then answers for it.
+    """
     when = parse_when(before, "--before")
     with open_to_read(url, kb) as (name, knowledge_base), bar(name) as told:
         done = knowledge_base.archive(when, to, dry_run, reason, actor, told)

@@ -31,7 +31,10 @@ def check(
     ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document.")] = False,
 ) -> None:
-    """Tell all errors and warnings in PDDL files; exit with 1 when there are errors."""
+    """Tell all errors and warnings in PDDL files.
+
+    Ends with 1 when there are errors.
+    """
     report = check_files([_source(file) for file in files])
     errors = sum(finding.is_error or strict for finding in report.findings)
     if as_json:

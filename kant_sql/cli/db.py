@@ -18,7 +18,10 @@ db = typer.Typer(help="Create, migrate and check the tables.", rich_markup_mode=
 
 @db.command()
 def upgrade(url: Url) -> None:
-    """Create the tables, or bring them to this version's; what is stored survives."""
+    """Create the tables, or bring them up to date.
+
+    What is stored survives.
+    """
     schema.upgrade(url)
     _write_version(url)
 
@@ -52,14 +55,17 @@ def current(url: Url) -> None:
 
 @db.command()
 def check(url: Url) -> None:
-    """Exit with 1 when migrations are pending or the tables are missing."""
+    """Exit with 1 when the tables are missing or not up to date."""
     schema.check(url)
     _write_version(url)
 
 
 @db.command()
 def sql(url: Url) -> None:
-    """Write the SQL that creates the tables; only the URL's dialect matters."""
+    """Write the SQL that creates the tables.
+
+    Only the URL's dialect matters.
+    """
     schema.upgrade_sql(url, sys.stdout)
 
 
@@ -80,7 +86,7 @@ def roles(
     ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document.")] = False,
 ) -> None:
-    """Create the roles of a PostgreSQL database, or bring them up to date."""
+    """Create the roles of PostgreSQL, or bring them up to date."""
     made = create_roles(url, kb, dry_run)
     if as_json:
         document = made._asdict()

@@ -27,7 +27,7 @@ def diff(
     kb: Name = None,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document.")] = False,
 ) -> None:
-    """Write what holds at B and not at A (+), and at A and not at B (-)."""
+    """Write what holds at B and not at A (+), or the reverse (-)."""
     url, (a, b) = split_url(words, _USAGE, "sqlite:///robot.db 12 '2 hours ago'")
     first, second = parse_when(a, "A"), parse_when(b, "B")
     with open_to_read(url, kb) as (name, knowledge_base):

@@ -33,12 +33,15 @@ def history(
         bool, typer.Option("--json", help="JSON Lines: one document for each version.")
     ] = False,
 ) -> None:
-    """Write when an element held, oldest first: who asserted and who retracted it, and why."""
+    """Write when an element held, and who and why at both ends.
+
+    The oldest time comes first.
+    """
     url, (element,) = split_url(words, _USAGE, _EXAMPLE)
     with open_state(url, kb, at) as (name, state):
         versions = state.history(element)
         if not versions:
-            raise _unknown(name, element, "never was one")
+            raise _unknown(name, element, "never was there; see: kant-sql log")
         printer = Printer()
         for position, version in enumerate(versions):
             if as_json:

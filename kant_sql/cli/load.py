@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from typing import Annotated
 
 import typer
+from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from ..catalog import knowledge_bases
 from ..documents import Mode
@@ -17,6 +18,7 @@ from ..knowledge_base import KnowledgeBase, connect
 from ..pddl import PddlWarning
 from .files import Inputs, read_inputs
 from .output import Printer, printable
+from .progress import progress_console
 from .stores import DEFAULT_NAME, URL_VARIABLE, choose, split_url
 
 _USAGE = "[URL] FILE..."
@@ -58,7 +60,7 @@ def load(
         str | None, typer.Option(metavar="TEXT", show_default=False, help="Why.")
     ] = None,
 ) -> None:
-    """Load a domain, a problem or both: all of it in one revision, or nothing."""
+    """Load a domain, a problem or both, in one revision or not at all."""
     url, paths = split_url(words, _USAGE, _EXAMPLE)
     inputs = read_inputs(paths)
     if not inputs.domains:
@@ -122,14 +124,12 @@ def _counts(entry: LogEntry, sign: str) -> str:
 @contextmanager
 def _progress() -> Iterator[Callable[[str, int], None]]:
     """Show in a terminal what is being loaded, and for how long already."""
-    if not sys.stderr.isatty():
+    console = progress_console()
+    if console is None:
         yield lambda kind, size: None
         return
-    from rich.console import Console
-    from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
-
     columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
+    with Progress(*columns, console=console, transient=True) as progress:
         task = progress.add_task("loading", total=None)
 
         def show(kind: str, size: int) -> None:

@@ -39,7 +39,7 @@ def log(
         bool, typer.Option("--json", help="JSON Lines: one document for each revision.")
     ] = False,
 ) -> None:
-    """Write the revisions, newest first: when, who, why, and what each changed."""
+    """Write the revisions, newest first: when, who, why and what."""
     bounds = parse_optional(since, "--since"), parse_optional(until, "--until")
     with open_to_read(url, kb) as (_, knowledge_base):
         printer = Printer()

@@ -13,11 +13,15 @@ from rich.table import Table
 from rich.text import Text
 
 # What would steer a terminal, or what some reader takes for the end of a line.
-_CONTROLS = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
+_STEERING = r"\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069\ud800-\udfff]"
+_CONTROLS = re.compile(rf"[\x00-\x1f{_STEERING}")
+_CONTROLS_BUT_SPACE = re.compile(rf"[\x00-\x08\x0b-\x1f{_STEERING}")
 _GAP = "  "
 _TAB = "  "
 # Rich takes a second for 10,000 rows, which nobody reads in a box.
 _BOXED_ROWS = 5_000
+# Rich leaves out what it has no place for, all of it where COLUMNS is 0.
+_LEAST_WIDTH = 40
 
 
 def printable(text: str) -> str:
@@ -29,7 +33,23 @@ def printable(text: str) -> str:
     Returns:
         The text, with its control characters as in a JSON string.
     """
-    return _CONTROLS.sub(lambda match: json.dumps(match[0])[1:-1], text)
+    return _CONTROLS.sub(_escaped, text)
+
+
+def printable_lines(text: str) -> str:
+    """Write a text that may have several lines, so that it cannot steer a terminal.
+
+    Args:
+        text: the text.
+
+    Returns:
+        The text, with its control characters but tabs and the ends of lines as in a JSON string.
+    """
+    return _CONTROLS_BUT_SPACE.sub(_escaped, text)
+
+
+def _escaped(match: re.Match[str]) -> str:
+    return json.dumps(match[0])[1:-1]
 
 
 def json_text(value: object) -> str:
@@ -57,11 +77,14 @@ def write_json(value: object) -> None:
 class Printer:
     """Writes for people: with styles and boxes in a terminal, plain text anywhere else.
 
-    No text is ever cut off, and none is read as markup.
+    No text is ever cut off, and none is read as markup or steers a terminal: who changed a store
+    without the library may have put anything into it.
     """
 
     def __init__(self) -> None:
         self._console = Console(highlight=False) if sys.stdout.isatty() else None
+        if self._console is not None:
+            self._console.width = max(self._console.width, _LEAST_WIDTH)
 
     def line(self, text: str = "", style: str = "") -> None:
         """Write a line.
@@ -70,6 +93,7 @@ class Printer:
             text: the text; it may hold line breaks.
             style: its style in a terminal.
         """
+        text = printable_lines(text)
         if self._console is None:
             sys.stdout.write(f"{text}\n")
         else:
@@ -87,6 +111,7 @@ class Printer:
         self.line(f"{title} ({len(rows)})", "bold")
         if not rows:
             return
+        rows = [[printable_lines(cell) for cell in row] for row in rows]
         if self._console is None or len(rows) > _BOXED_ROWS:
             _write_columns(columns, rows)
             return

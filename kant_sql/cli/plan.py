@@ -34,7 +34,10 @@ def plan(
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document.")] = False,
 ) -> None:
-    """Find a plan from the state to the goal, and write it in the format of the validator VAL."""
+    """Find a plan from the state to the goal.
+
+    It is written in the format of the validator VAL.
+    """
     with open_state(url, kb, at) as (name, state):
         found = state.plan(engine=engine, timeout=timeout)
     if as_json:

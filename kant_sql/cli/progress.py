@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
@@ -9,6 +10,17 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
 from .output import printable
+
+
+def progress_console() -> Console | None:
+    """Find the terminal that progress is shown on.
+
+    Returns:
+        Standard error, when it is a terminal on which something can move; else None. FORCE_COLOR,
+        which is often set where nobody looks, makes no terminal of a pipe.
+    """
+    console = Console(stderr=True)
+    return console if sys.stderr.isatty() and console.is_interactive else None
 
 
 @contextmanager
@@ -21,8 +33,8 @@ def bar(name: str) -> Iterator[Callable[[int, int], None] | None]:
     Yields:
         What is to be called with how much is done, and how much there is; None in a pipe.
     """
-    console = Console(stderr=True)
-    if not console.is_terminal:
+    console = progress_console()
+    if console is None:
         yield None
         return
     columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn())

@@ -33,7 +33,10 @@ def restore(
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document.")] = False,
 ) -> None:
-    """Make the state equal to a past one, as a new revision that can be undone the same way."""
+    """Make the state equal to a past one, as a new revision.
+
+    It can be undone the same way.
+    """
     url, (when,) = split_url(words, _USAGE, "sqlite:///robot.db 12")
     moment = parse_when(when, "REV|TIME")
     with open_to_read(url, kb) as (name, knowledge_base):

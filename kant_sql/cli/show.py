@@ -22,7 +22,7 @@ def show(
     at: At = None,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document.")] = False,
 ) -> None:
-    """Write all that is known: types, objects, facts, values, goals, actions and the rest."""
+    """Write all that is known: objects, facts, goals and the rest."""
     with open_state(url, kb, at) as (name, state):
         committed_at = _committed_at(state)
         if as_json:

@@ -124,7 +124,10 @@ def choose(name: str | None, names: Sequence[str]) -> str:
     if wanted in names:
         return wanted
     if not names:
-        raise KantSqlError("this store holds no knowledge base yet: nothing was ever written to it")
+        raise KantSqlError(
+            "this store holds no knowledge base yet: nothing was ever written to it; name another "
+            "store, or fill this one with: kant-sql load"
+        )
     listed = ", ".join(repr(other) for other in names[:_NAMES_SHOWN])
     more = f" and {len(names) - _NAMES_SHOWN} more" if len(names) > _NAMES_SHOWN else ""
     raise KantSqlError(

@@ -60,25 +60,6 @@ def parse_when(text: str, hint: str = "--at") -> int | datetime:
         ) from None
 
 
-def parse_time(text: str, hint: str) -> datetime:
-    """Read a time, where a revision's number would mean something else.
-
-    Args:
-        text: the time, as for `parse_when`.
-        hint: the option that it was given to, for the message.
-
-    Returns:
-        The time in UTC.
-
-    Raises:
-        typer.BadParameter: it is none.
-    """
-    when = parse_when(text, hint)
-    if isinstance(when, int):
-        raise typer.BadParameter(f"{text!r} is a number, not a time", param_hint=hint)
-    return when
-
-
 def parse_optional(text: str | None, hint: str) -> int | datetime | None:
     """Read what an option was given, if it was.
 

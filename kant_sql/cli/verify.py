@@ -36,9 +36,10 @@ def verify(
         bool, typer.Option("--json", help="JSON Lines: one document for each knowledge base.")
     ] = False,
 ) -> int:
-    """Recompute every hash from the tables, and compare what they say twice.
+    """Tell whether the history is what was written.
 
-    Writes what is wrong, the first revision first. Ends with 0 when nothing is, and else with 1.
+    Recomputes every hash from the tables, and compares what they say twice. Writes what is wrong,
+    the first revision first. Ends with 0 when nothing is, and else with 1.
     """
     if kb is not None and verify_all:
         raise typer.BadParameter("give --kb or --all, not both", param_hint="--all")
@@ -51,7 +52,7 @@ def verify(
         if as_json:
             write_json(_document(verification))
         else:
-            _write(printer, verification)
+            _write(printer, verification, anchored is not None)
     return 0 if is_intact else FAILED
 
 
@@ -67,7 +68,7 @@ def _chosen(url: str, name: str | None, verify_all: bool, anchor: Anchor | None)
     return [choose(name, names), *gone]
 
 
-def _write(printer: Printer, verification: Verification) -> None:
+def _write(printer: Printer, verification: Verification, has_anchor: bool) -> None:
     name = printable(verification.knowledge_base)
     counts = f"{verification.revisions} revisions, {verification.changes} changes"
     for finding in verification.findings:
@@ -80,6 +81,8 @@ def _write(printer: Printer, verification: Verification) -> None:
         printer.line(f"{name}: {findings} ({counts})", "bold red")
     for archive in verification.archives:
         printer.line(f"{name}: {printable(archive)}")
+    if has_anchor and verification.anchored is None:
+        printer.line(f"{name}: the anchor says nothing of it", "yellow")
 
 
 def _words(finding: Finding) -> str:

@@ -30,7 +30,7 @@ def views(
     ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document.")] = False,
 ) -> None:
-    """Make views with one relation per predicate, or bring them up to date."""
+    """Make views of the predicates, or bring them up to date."""
     changes = (drop_views if drop else update_views)(url, kb, dry_run)
     if as_json:
         write_json({"views": [_document(change, dry_run) for change in changes]})

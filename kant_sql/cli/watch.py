@@ -45,7 +45,7 @@ def watch(
         bool, typer.Option("--json", help="JSON Lines: one document for each revision.")
     ] = False,
 ) -> None:
-    """Write the revisions as they come, oldest first: when, who, why, and what each changed."""
+    """Write the revisions as they come: when, who, why and what."""
     deadline = math.inf if timeout is None else time.monotonic() + timeout
     with open_to_read(url, kb) as (_, knowledge_base):
         writer = _Writer(as_json)

@@ -64,8 +64,9 @@ class DtoBuilder:
         Returns:
             The DTO, a `PddlEitherTypeDto` for several.
         """
-        types = [self.type(id_) for id_ in ids]
-        return types[0] if len(types) == 1 else PddlEitherTypeDto(types)
+        if len(ids) == 1:
+            return self.type(ids[0])
+        return PddlEitherTypeDto([self.type(id_) for id_ in ids])
 
     def object(self, id_: int) -> PddlObjectDto:
         """Build an object.

@@ -6,7 +6,8 @@ from .anchors import Anchor, AnchoredHead, parse_anchor
 from .archiving import Archived
 from .interfaces import Element, History, When
 from .methods import HistoryMethods
-from .revisions import LogEntry, Revision, head_revision, revision_at, state_at
+from .moments import head_revision, revision_at, state_at
+from .revisions import LogEntry, Revision
 from .sql_history import SqlHistory
 from .verifying import Finding, Progress, Verification
 from .versions import Version

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from collections import Counter
 from typing import NamedTuple
 
 from sqlalchemy import literal_column, select
@@ -125,7 +126,7 @@ def parse_anchor(text: str | bytes) -> Anchor:
         )
     heads = tuple(_head(position, head) for position, head in enumerate(document["heads"]))
     names = [head.knowledge_base for head in heads]
-    double = next((name for name in names if names.count(name) > 1), None)
+    double = next((name for name, count in Counter(names).items() if count > 1), None)
     if double is not None:
         raise AnchorError(f"this anchor has two heads of knowledge base {double!r}; anchor anew")
     return Anchor(heads, str(document.get("made_at", "")))

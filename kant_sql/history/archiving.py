@@ -29,7 +29,7 @@ from ..tables import ArchiveRow
 from ..transaction import Transaction
 from ..verification.checkpoints import rest_digest
 from ..verification.findings import Progress
-from .revisions import revision_at
+from .moments import revision_at
 
 # So many versions leave in one transaction, as far as whole revisions allow: others wait for it.
 AT_ONCE = 200_000

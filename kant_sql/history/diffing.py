@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from itertools import groupby
 from typing import Any
 
 from sqlalchemy import (
@@ -17,11 +15,15 @@ from sqlalchemy import (
     union_all,
 )
 
-from ..backends import Query, Row, Session
+from ..backends import Query, Session
 from ..knowledge.changes import ASSERTED, RETRACTED, Change
 from ..knowledge.loading import KB
+from ..knowledge.rows import KIND_TABLES
 from ..knowledge.sources import SOURCES, Source
 from ..store import Store
+from ..tables import HeadRow
+from ..view import refuse_archived
+from .moments import When, states_at
 
 _BEFORE: ColumnElement[int] = bindparam("before", type_=BigInteger)
 _AFTER: ColumnElement[int] = bindparam("after", type_=BigInteger)
@@ -36,48 +38,56 @@ def _came_and_went(source: Source) -> list[Select[Any]]:
         or_(version.until.is_(None), version.until > _AFTER),
     )
     went = version.until.between(_FIRST, _AFTER), version.since <= _BEFORE
-    columns: tuple[Any, ...] = source.kind.label("kind"), source.text.label("text")
+    columns: tuple[Any, ...] = source.kind, source.text
     return [
-        select(*columns, literal_column(change).label("change")).where(
-            version.kb_id == KB, *conditions
-        )
+        select(literal_column(change), *columns).where(version.kb_id == KB, *conditions)
         for change, conditions in (("1", came), ("-1", went))
     ]
 
 
-_DIFFERENCES = Query(
-    union_all(*(part for source in SOURCES.values() for part in _came_and_went(source))).order_by(
-        "kind", "text"
-    )
-)
+def _differences(*names: str) -> Query:
+    # In the same statement: what was moved to an archive is not among the rest.
+    none: ColumnElement[str] = literal_column("''")
+    columns: tuple[Any, ...] = HeadRow.archived_revision, none, none
+    archived = select(*columns).where(HeadRow.kb_id == KB)
+    parts = [part for name in names for part in _came_and_went(SOURCES[name])]
+    return Query(union_all(archived, *parts))
 
 
-def diff(store: Store, a: int, b: int) -> list[Change]:
-    """Tell what knowledge is different between two states.
+# Whether definitions may be different, too.
+_DIFFERENCES = {
+    True: _differences(*SOURCES),
+    False: _differences(*(name for name in SOURCES if name not in KIND_TABLES)),
+}
+
+
+def diff(store: Store, a: When, b: When, upto: int | None = None) -> list[Change]:
+    """Tell what knowledge is different between two states; `History.diff` says all of it.
 
     Args:
         store: the store.
-        a: a revision.
+        a: a revision's number, or an aware time.
         b: another.
+        upto: the revision that a view of the past looks at; None for the head.
 
     Returns:
         The changes that lead from one to the other, sorted.
     """
-    before, after = sorted((a, b))
-    forwards = before == a
+    states, stand = states_at(store, (a, b), upto)
+    before, after = sorted(states)
+    came, went = (ASSERTED, RETRACTED) if before == states[0] else (RETRACTED, ASSERTED)
 
     def work(session: Session, kb_id: int | None) -> list[Change]:
         if kb_id is None or before == after:
             return []
+        query = _DIFFERENCES[before < stand.redefined]
         bounds = {"before": before, "first": before + 1, "after": after}
-        return sorted(_differing(session.stream(_DIFFERENCES, kb=kb_id, **bounds), forwards))
+        rows = session.rows(query, kb=kb_id, **bounds)
+        net: dict[tuple[str, str], int] = {}
+        for change, kind, text in rows:
+            # What came and went is the same on both sides, in another version.
+            net[kind, text] = net.get((kind, text), 0) + change
+        refuse_archived(session, kb_id, before, net.pop(("", ""), 0))
+        return sorted(Change(came if net[key] > 0 else went, *key) for key in net if net[key])
 
-    return store.look(work)
-
-
-def _differing(rows: Iterable[Row], forwards: bool) -> Iterator[Change]:
-    """Leave out what came and went: it is the same on both sides, in another version."""
-    for (kind, text), same in groupby(rows, key=lambda row: (row[0], row[1])):
-        change = sum(row[2] for row in same)
-        if change:
-            yield Change(ASSERTED if (change > 0) == forwards else RETRACTED, kind, text)
+    return store.glance(work)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from functools import partial
 from typing import NamedTuple
@@ -16,7 +15,7 @@ from ..store import Store
 from ..tables import HeadRow
 from ..view import archive_of, vanished
 from .pages import PAGE, read_page
-from .revisions import LogEntry, refuse_unknown
+from .revisions import LogEntry, at_most, refuse_unknown
 
 _HEAD = Query(select(HeadRow.revision, HeadRow.archived_revision).where(HeadRow.kb_id == KB))
 
@@ -50,12 +49,12 @@ def read_changes(
         The entries. The first page is read, so that what is wrong with `after` is known at once.
     """
     check_number(after)
-    left = math.inf if limit is None else max(limit, 0)
+    left = at_most(limit)
     return _following(store, after, left, upto, _read_page(store, after, min(left, PAGE), upto))
 
 
 def _following(
-    store: Store, after: int, left: float, upto: int | None, page: list[LogEntry]
+    store: Store, after: int, left: int, upto: int | None, page: list[LogEntry]
 ) -> Iterator[LogEntry]:
     size = PAGE
     while page:
@@ -67,12 +66,12 @@ def _following(
         page = _read_page(store, after, min(left, size), upto)
 
 
-def _read_page(store: Store, after: int, size: float, upto: int | None) -> list[LogEntry]:
+def _read_page(store: Store, after: int, size: int, upto: int | None) -> list[LogEntry]:
     return store.look(partial(_page, name=store.name, after=after, size=size, upto=upto))
 
 
 def _page(
-    session: Session, kb_id: int | None, name: str, after: int, size: float, upto: int | None
+    session: Session, kb_id: int | None, name: str, after: int, size: int, upto: int | None
 ) -> list[LogEntry]:
     _, head, archived = read_place(session, kb_id)
     head = head if upto is None else upto

@@ -13,11 +13,11 @@ from sqlalchemy import BigInteger, ColumnElement, bindparam, select
 from ..backends import Query, Session, first_rows, in_list
 from ..dto.dto import Dto
 from ..dto.formula import Node
-from ..knowledge.changes import Change, stream_changes_of, stream_latest
+from ..knowledge.changes import Change, few_changes, stream_changes_of, stream_latest
 from ..knowledge.loading import KB
 from ..store import Store
 from ..tables import HeadRow, RevisionRow
-from .bounds import find_bounds
+from .bounds import Bounds, find_bounds
 from .element_changes import changed_revisions
 from .elements import sought
 from .pages import PAGE as LOG_PAGE
@@ -28,6 +28,7 @@ from .revisions import (
     REVISIONS,
     LogEntry,
     Revision,
+    at_most,
     make_revision,
     refuse_archived,
 )
@@ -40,6 +41,7 @@ _LATEST = (
     .where(RevisionRow.number.between(bindparam("low"), bindparam("high")))
     .order_by(RevisionRow.number.desc())
 )
+_NEWEST_FIRST = Query(_LATEST)
 _SIZE: ColumnElement[int] = bindparam("size", type_=BigInteger)
 _OF_ALL = Query(first_rows(_LATEST, _SIZE))
 _OF_ACTOR = Query(first_rows(_LATEST.where(RevisionRow.actor == bindparam("actor")), _SIZE))
@@ -57,11 +59,13 @@ class _Page(NamedTuple):
         entries: the entries.
         archived: what ended up to this revision was moved to an archive.
         next: the revision from which on the next page is to be read; 0 when there is none.
+        size: of how many revisions it is to be, where that follows from this page; else None.
     """
 
     entries: list[LogEntry]
     archived: int = 0
     next: int = 0
+    size: int | None = None
 
 
 def read_revisions(
@@ -78,10 +82,8 @@ def read_revisions(
     Returns:
         The revisions.
     """
-    high = LARGEST if upto is None else upto
-    after = max(after, 0)
-    if limit is not None:
-        high = min(high, after + limit)
+    after = min(max(after, 0), LARGEST - 1)
+    high = min(LARGEST if upto is None else upto, after + at_most(limit))
 
     def work(session: Session, kb_id: int | None) -> list[Revision]:
         if kb_id is None:
@@ -89,7 +91,7 @@ def read_revisions(
         rows = session.rows(OLDEST_FIRST, kb=kb_id, low=after + 1, high=high)
         return [make_revision(session, row) for row in rows]
 
-    return store.look(work)
+    return store.glance(work)
 
 
 def read_log(
@@ -116,12 +118,12 @@ def read_log(
         The entries.
     """
     wanted = None if element is None else sought(element)
-    low, high = find_bounds(store, since, until, upto)
-    most = None if limit is None else max(0, limit)
+    bounds = find_bounds(store, since, until, upto)
+    most = None if limit is None else at_most(limit)
     if wanted is None:
-        return islice(_complete(store, _pages(store, low, high, actor, most)), most)
-    changed = changed_revisions(store, wanted, low, high)
-    return islice(_complete(store, _pages_of(store, changed, actor, most), low), most)
+        return islice(_complete(store, _pages(store, bounds, actor, most)), most)
+    changed = changed_revisions(store, wanted, bounds.low, bounds.high)
+    return islice(_complete(store, _pages_of(store, changed, actor, most), bounds.low), most)
 
 
 def _complete(store: Store, pages: Iterator[_Page], low: int | None = None) -> Iterator[LogEntry]:
@@ -132,28 +134,49 @@ def _complete(store: Store, pages: Iterator[_Page], low: int | None = None) -> I
     archived = None
     for page in pages:
         archived = page.archived
+        if page.entries and page.entries[-1].revision.number > archived:
+            yield from page.entries
+            continue
         for entry in page.entries:
             if entry.revision.number <= archived:
-                refuse_archived(store, entry.revision.number - 1)
+                refuse_archived(store, max(1, entry.revision.number - 1))
             yield entry
     if low is not None and (archived is None or low <= archived):
-        refuse_archived(store, low - 1)
+        refuse_archived(store, max(1, low - 1))
 
 
-def _pages(
-    store: Store, low: int, high: int, actor: str | None, limit: int | None
-) -> Iterator[_Page]:
+def _pages(store: Store, bounds: Bounds, actor: str | None, limit: int | None) -> Iterator[_Page]:
+    low, high, redefined = bounds
     size = most = LOG_PAGE if limit is None else min(LOG_PAGE, limit)
     while high >= low and size:
-        work = partial(_page, low=low, high=high, actor=actor, size=size)
-        page = store.look(work)
+        first, page = max(low, high - size + 1), None
+        if actor is None:
+            page = store.glance(partial(_small_page, low=first, high=high, redefined=redefined))
+        if page is None:
+            page = store.look(partial(_page, low=low, high=high, size=size, actor=actor))
         yield page
-        high, size = page.next, min(most, 2 * len(page.entries))
+        high, size = page.next, most if page.size is None else min(most, page.size)
+
+
+def _small_page(
+    session: Session, kb_id: int | None, low: int, high: int, redefined: int
+) -> _Page | None:
+    """Read a page with two statements, if it has few changes."""
+    if kb_id is None:
+        return _Page([])
+    changes = few_changes(session, kb_id, low, high, low <= redefined)
+    if changes is None:
+        return None
+    # After the changes: what was moved to an archive before they were read, is said here.
+    rows = session.rows(_NEWEST_FIRST, kb=kb_id, low=low, high=high)
+    entries = [LogEntry(make_revision(session, row), changes.get(row[0], ())) for row in rows]
+    return _Page(entries, rows[0][-1] if rows else 0, low - 1)
 
 
 def _page(
-    session: Session, kb_id: int | None, low: int, high: int, actor: str | None, size: int
+    session: Session, kb_id: int | None, low: int, high: int, size: int, actor: str | None
 ) -> _Page:
+    """Read a page with three statements, of one state."""
     if kb_id is None:
         return _Page([])
     asked: dict[str, Any] = {"kb": kb_id, "low": low, "high": high, "size": size}
@@ -170,12 +193,12 @@ def _page(
         lines = stream_changes_of(session, kb_id, numbers)
     changes, last = _collect(lines, numbers[-1])
     entries = [
-        LogEntry(make_revision(session, row[:-1]), changes.get(row[0], ()))
+        LogEntry(make_revision(session, row), changes.get(row[0], ()))
         for row in rows
         if row[0] >= last
     ]
     is_end = len(numbers) < size and last == numbers[-1]
-    return _Page(entries, rows[0][-1], 0 if is_end else last - 1)
+    return _Page(entries, rows[0][-1], 0 if is_end else last - 1, 2 * len(entries))
 
 
 def _collect(lines: Iterator[tuple[int, Change]], last: int) -> tuple[_Changes, int]:
@@ -206,7 +229,7 @@ def _page_of(session: Session, kb_id: int | None, changes: _Changes, actor: str 
         return _Page([])
     numbers = session.list_value([*changes])
     rows = session.rows(_NUMBERED, kb=kb_id, numbers=numbers)
-    revisions: list[Revision] = [make_revision(session, row[:-1]) for row in rows]
+    revisions: list[Revision] = [make_revision(session, row) for row in rows]
     entries = [
         LogEntry(revision, changes[revision.number])
         for revision in revisions

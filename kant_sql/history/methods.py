@@ -101,7 +101,8 @@ class HistoryMethods:
             UnknownRevisionError: the knowledge base has not come to `after` yet.
             ReadOnlyError: this is a view of the past, or the thread has a transaction open.
             InvalidTimeoutError: `timeout` is negative, or no number.
-            StoreError: time ran out while the store could not be reached.
+            StoreError: time ran out while the store could not be reached, or the knowledge base
+                was closed meanwhile.
         """
         return self._history.watch(after, timeout)
 
@@ -226,7 +227,7 @@ class HistoryMethods:
             to: the other store's URL, on either dialect; a new SQLite file is created. It holds
                 nothing of this knowledge base but what was archived before.
             dry_run: only count.
-            reason: why; `restored revision 12` when not given.
+            reason: why.
             actor: who does it; the knowledge base's actor when not given.
             progress: called with the number of revisions that the other store has, and is to have.
 

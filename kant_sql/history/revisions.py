@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any
 
-from sqlalchemy import Text, and_, bindparam, cast, literal_column, select
+from sqlalchemy import ColumnElement, Text, and_, bindparam, cast, select
 
-from ..backends import Query, Row, Session, first_rows, in_list
+from ..backends import Query, Row, Session, in_list
 from ..errors import UnknownRevisionError
 from ..knowledge.changes import Change
 from ..knowledge.loading import KB
@@ -19,23 +19,27 @@ from ..tables import HeadRow, RevisionPlanStepRow, RevisionRow
 from ..view import refuse_archived as refuse_archived_state
 
 LARGEST = 2**63 - 1
-# What is earlier in another zone cannot be said in UTC.
+# What is earlier or later in another zone cannot be said in UTC.
 FIRST_MOMENT = datetime.min.replace(tzinfo=UTC)
+LAST_MOMENT = datetime.max.replace(tzinfo=UTC)
 LARGEST_EXACT = 2**53 - 1
+# A database may plan a list parameter as if it had ten values. For a shorter one it finds a plan of
+# its own cheaper, so it makes one at each call, which takes longer than all the rest of it.
+PLANNED_LIST = 11
 
+_OWN: tuple[Any, ...] = (
+    RevisionRow.number,
+    RevisionRow.committed_at,
+    RevisionRow.actor,
+    RevisionRow.reason,
+    # As text: what a driver makes of a JSON string looks like JSON, and is none.
+    cast(RevisionRow.source, Text),
+    RevisionRow.hash,
+    RevisionRow.observed_at,
+)
+_STEP: tuple[Any, ...] = RevisionPlanStepRow.plan_id, RevisionPlanStepRow.position
 REVISIONS = (
-    select(
-        RevisionRow.number,
-        RevisionRow.committed_at,
-        RevisionRow.actor,
-        RevisionRow.reason,
-        # As text: what a driver makes of a JSON string looks like JSON, and is none.
-        cast(RevisionRow.source, Text),
-        RevisionRow.hash,
-        RevisionRow.observed_at,
-        RevisionPlanStepRow.plan_id,
-        RevisionPlanStepRow.position,
-    )
+    select(*_OWN, *_STEP)
     .outerjoin(
         RevisionPlanStepRow,
         and_(
@@ -49,20 +53,7 @@ _RANGE = REVISIONS.where(RevisionRow.number.between(bindparam("low"), bindparam(
 OLDEST_FIRST = Query(_RANGE.order_by(RevisionRow.number))
 NEWEST_FIRST = Query(_RANGE.order_by(RevisionRow.number.desc()))
 _NUMBERED = Query(REVISIONS.where(in_list(RevisionRow.number, "numbers")))
-_HEAD = Query(
-    select(HeadRow.revision, HeadRow.committed_at, HeadRow.archived_revision).where(
-        HeadRow.kb_id == KB
-    )
-)
-# By the index of times: the largest number would be looked for from the head on.
-_AT_TIME = Query(
-    first_rows(
-        select(RevisionRow.number)
-        .where(RevisionRow.kb_id == KB, RevisionRow.committed_at <= bindparam("moment"))
-        .order_by(RevisionRow.committed_at.desc(), RevisionRow.number.desc()),
-        literal_column("1"),
-    )
-)
+_ARCHIVED = Query(select(HeadRow.archived_revision).where(HeadRow.kb_id == KB))
 
 
 @dataclass(frozen=True)
@@ -103,71 +94,23 @@ class LogEntry:
     changes: tuple[Change, ...]
 
 
-def head_revision(store: Store) -> int:
-    """Read the number of the last revision.
+def at_most(limit: int | None) -> int:
+    """Tell how many entries a caller wants.
 
     Args:
-        store: the store.
+        limit: at most so many; None for all.
 
     Returns:
-        The number; 0 before the first revision.
-    """
-    transaction = store.current()
-    if transaction is not None:
-        return transaction.head.revision
-
-    def work(session: Session, kb_id: int | None) -> int:
-        row = None if kb_id is None else session.first(_HEAD, kb=kb_id)
-        return 0 if row is None else int(row[0])
-
-    return store.look(work)
-
-
-def revision_at(store: Store, when: int | datetime, upto: int | None = None) -> int:
-    """Find the revision that held at a time, or check a revision's number.
-
-    Args:
-        store: the store.
-        when: a revision's number, or an aware time.
-        upto: the revision that a view of the past looks at, which knows no later one; None for
-            the head.
-
-    Returns:
-        The number; 0 before the first revision.
+        The number, which a column can hold.
 
     Raises:
-        UnknownRevisionError: the knowledge base has not come to it yet, or the time has no zone.
+        TypeError: it is no number.
     """
-    if isinstance(when, datetime):
-        found = _revision_at_time(store, when)
-        return found if upto is None else min(found, upto)
-    if upto is None:
-        return _revision_of_number(store, when, False)
-    _check_number(store, when, upto)
-    return when
-
-
-def _revision_of_number(store: Store, when: int, as_state: bool) -> int:
-    """Check a revision's number, with one statement, and whether its state is in this store."""
-
-    def work(session: Session, kb_id: int | None) -> int:
-        row = None if kb_id is None else session.first(_HEAD, kb=kb_id)
-        _check_number(store, when, 0 if row is None else row[0])
-        if row is not None and kb_id is not None and as_state:
-            refuse_archived_state(session, kb_id, when, row[2])
-        return when
-
-    transaction = store.current()
-    if transaction is not None:
-        # What it has made itself is no revision yet, in memory neither.
-        _check_number(store, when, transaction.head.revision)
-    return store.look(work)
-
-
-def _check_number(store: Store, when: int, head: int) -> None:
-    if isinstance(when, bool) or not isinstance(when, int):
-        raise UnknownRevisionError(f"{when!r} is neither a revision's number nor a time")
-    refuse_unknown(store.name, when, head)
+    if limit is None:
+        return LARGEST
+    if isinstance(limit, bool) or not isinstance(limit, int):
+        raise TypeError(f"a limit is a whole number, or None for all; this is {limit!r}")
+    return max(0, min(limit, LARGEST))
 
 
 def refuse_unknown(name: str, number: int, head: int) -> None:
@@ -187,28 +130,6 @@ def refuse_unknown(name: str, number: int, head: int) -> None:
         )
 
 
-def state_at(store: Store, when: int | datetime, upto: int | None = None) -> int:
-    """Find the revision that held at a time, and make sure that its state is in this store.
-
-    Args:
-        store: the store.
-        when: a revision's number, or an aware time.
-        upto: the revision that a view of the past looks at; None for the head.
-
-    Returns:
-        The number; 0 before the first revision.
-
-    Raises:
-        UnknownRevisionError: the knowledge base has not come to it yet, or the time has no zone.
-        ArchivedError: a part of that state was moved to an archive.
-    """
-    if not isinstance(when, datetime) and upto is None:
-        return _revision_of_number(store, when, True)
-    revision = revision_at(store, when, upto)
-    refuse_archived(store, revision)
-    return revision
-
-
 def refuse_archived(store: Store, revision: int) -> None:
     """Refuse to read a state of which a part was moved elsewhere.
 
@@ -221,37 +142,30 @@ def refuse_archived(store: Store, revision: int) -> None:
     """
 
     def work(session: Session, kb_id: int | None) -> None:
-        head = None if kb_id is None else session.first(_HEAD, kb=kb_id)
+        head = None if kb_id is None else session.first(_ARCHIVED, kb=kb_id)
         if kb_id is not None and head is not None:
-            refuse_archived_state(session, kb_id, revision, head[2])
+            refuse_archived_state(session, kb_id, revision, head[0])
 
     store.look(work)
 
 
-def _revision_at_time(store: Store, when: datetime) -> int:
-    if when.utcoffset() is None:
-        raise UnknownRevisionError(f"the time {when.isoformat()} has no zone; give one, as UTC")
+def revision_of(number: ColumnElement[int]) -> tuple[ColumnElement[Any], ...]:
+    """Give what `make_revision` reads, of the revision that a column of another query names.
 
-    def work(session: Session, kb_id: int | None) -> int:
-        now = store.clock(session)
-        # The clock may have gone back since the last revision.
-        if when > now and when > _last_time(session, kb_id):
-            raise UnknownRevisionError(
-                f"the time {when.isoformat()} is in the future: the store's clock says "
-                f"{now.isoformat()}"
-            )
-        if kb_id is None:
-            return 0
-        moment = session.from_time(max(when, FIRST_MOMENT))
-        row = session.first(_AT_TIME, kb=kb_id, moment=moment)
-        return 0 if row is None else int(row[0])
+    Args:
+        number: the column; the query has few rows.
 
-    return store.look(work)
-
-
-def _last_time(session: Session, kb_id: int | None) -> datetime:
-    row = None if kb_id is None else session.first(_HEAD, kb=kb_id)
-    return FIRST_MOMENT if row is None or row[1] is None else session.to_time(row[1])
+    Returns:
+        The columns, each a subquery: before statistics, a join could be of all with all.
+    """
+    return tuple(
+        select(column)
+        .where(of.kb_id == KB, of.number == number)
+        .correlate_except(of)
+        .scalar_subquery()
+        for of, columns in ((RevisionRow, _OWN), (RevisionPlanStepRow, _STEP))
+        for column in columns
+    )
 
 
 def read_numbered(session: Session, kb_id: int, numbers: Collection[int]) -> dict[int, Revision]:
@@ -267,7 +181,9 @@ def read_numbered(session: Session, kb_id: int, numbers: Collection[int]) -> dic
     """
     if not numbers:
         return {}
-    rows = session.rows(_NUMBERED, kb=kb_id, numbers=session.list_value([*numbers]))
+    listed = [*numbers]
+    listed += listed[-1:] * (PLANNED_LIST - len(listed))
+    rows = session.rows(_NUMBERED, kb=kb_id, numbers=session.list_value(listed))
     return {row[0]: make_revision(session, row) for row in rows}
 
 
@@ -278,7 +194,7 @@ def _number(text: str) -> int | float:
 
 
 def make_revision(session: Session, row: Row) -> Revision:
-    """Make a revision of a row of `OLDEST_FIRST` or `NEWEST_FIRST`.
+    """Make a revision of a row that begins with the columns of `REVISIONS`.
 
     Args:
         session: the session that the row is from.
@@ -287,9 +203,20 @@ def make_revision(session: Session, row: Row) -> Revision:
     Returns:
         The revision.
     """
-    number, committed_at, actor, reason, source, digest, seen, plan_id, position = row
+    number, committed_at, actor, reason, source, digest, seen, plan_id, position, *_ = row
     value: Any = None if source is None else json.loads(source, parse_int=_number)
     observed_at = None if seen is None else session.to_time(seen)
-    step = None if plan_id is None else (plan_id, position)
-    moment = session.to_time(committed_at)
-    return Revision(number, moment, actor, reason, value, digest, observed_at, step)
+    revision = object.__new__(Revision)
+    # As its `__init__` would, which goes about each attribute of a frozen class by itself and takes
+    # twice as long: a log has many.
+    revision.__dict__.update(
+        number=number,
+        committed_at=session.to_time(committed_at),
+        actor=actor,
+        reason=reason,
+        source=value,
+        hash=digest,
+        observed_at=observed_at,
+        plan_step=None if plan_id is None else (plan_id, position),
+    )
+    return revision

@@ -12,8 +12,9 @@ from .diffing import diff
 from .following import read_changes
 from .interfaces import Element, History, When
 from .log import read_log, read_revisions
+from .moments import state_at
 from .restoring import restore
-from .revisions import LogEntry, Revision, state_at
+from .revisions import LogEntry, Revision
 from .verifying import Progress, Verification, verify
 from .versions import Version, blame, read_versions
 from .watching import watch
@@ -47,8 +48,7 @@ class SqlHistory(SqlDao, History):
 
     def diff(self, a: When, b: When) -> list[Change]:
         """Tell what is different between two states."""
-        earlier, later = (state_at(self._store, when, self._at) for when in (a, b))
-        return diff(self._store, earlier, later)
+        return diff(self._store, a, b, self._at)
 
     def history(self, element: Element) -> list[Version]:
         """Tell when an element held, and who asserted and retracted it."""

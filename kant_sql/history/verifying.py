@@ -5,12 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import NamedTuple
 
-from sqlalchemy import select
-
-from ..backends import Query, Session
+from ..backends import Session
 from ..errors import ReadOnlyError, StoreError
-from ..knowledge.loading import KB
-from ..knowledge.rows import KIND_TABLES
 from ..store import Store
 from ..verification.chain import Chain, check_chain
 from ..verification.definitions import DefinitionCheck
@@ -31,8 +27,6 @@ from .anchors import Anchor, AnchoredHead
 
 __all__ = ["Finding", "Progress", "Verification", "verify", "verify_session"]
 
-_ACTIONS = KIND_TABLES["action"].identity.c
-_ACTION_NAMES = Query(select(_ACTIONS.id, _ACTIONS.name).where(_ACTIONS.kb_id == KB))
 _WRONG_VALUES = (ArithmeticError, AttributeError, LookupError, TypeError, ValueError)
 # How often progress is told.
 _TOLD = 200
@@ -47,6 +41,7 @@ class Verification(NamedTuple):
         changes: how many changes were hashed.
         findings: what is wrong, the first revision first.
         archives: what was moved elsewhere, and where to, in words.
+        anchored: the revision that was compared with an anchor; None when none was.
     """
 
     knowledge_base: str
@@ -54,6 +49,7 @@ class Verification(NamedTuple):
     changes: int
     findings: tuple[Finding, ...]
     archives: tuple[str, ...] = ()
+    anchored: int | None = None
 
     @property
     def is_intact(self) -> bool:
@@ -110,7 +106,7 @@ def verify_session(
     if kb_id is None:
         if anchored is not None:
             report.add(1, "knowledge_base", f"there is no knowledge base {name!r} any more")
-        return Verification(name, 0, 0, report.findings())
+        return Verification(name, 0, 0, report.findings(), anchored=_number(anchored))
     return _Verifier(session, kb_id, name, report, progress).run(anchored)
 
 
@@ -143,8 +139,14 @@ class _Verifier:
         if anchored is not None:
             _check_anchor(anchored, chain, report)
         self._tell(self._last + self._ids)
-        told = tuple(_archive_words(archive) for archive in self._archives)
-        return Verification(self._name, chain.revisions, chain.changes, report.findings(), told)
+        return Verification(
+            self._name,
+            chain.revisions,
+            chain.changes,
+            report.findings(),
+            tuple(_archive_words(archive) for archive in self._archives),
+            _number(anchored),
+        )
 
     def _check_chain(self, wanted: frozenset[int]) -> None:
         own = self._session, self._kb_id
@@ -159,12 +161,10 @@ class _Verifier:
         own = self._session, self._kb_id
         names = check_names(*own, self._report)
         functions = ObjectFunctions(*own)
-        rows = self._session.rows(_ACTION_NAMES, kb=self._kb_id)
-        actions: dict[int, str] = dict(rows)
         for check in (
-            DefinitionCheck(*own, names, functions, self._report),
-            FactCheck(*own, names, self._report, self._tick_rows),
-            PlanCheck(*own, names, actions, self._report),
+            DefinitionCheck(*own, names.held, functions, self._report),
+            FactCheck(*own, names, functions, self._report, self._tick_rows),
+            PlanCheck(*own, names, self._report),
         ):
             _guarded(self._session, self._report, check.run)
 
@@ -201,6 +201,10 @@ def _guarded(session: Session, report: Report, check: Callable[[], None]) -> Non
         report.add(None, None, fault)
 
 
+def _number(anchored: AnchoredHead | None) -> int | None:
+    return None if anchored is None else anchored.revision
+
+
 def _check_anchor(anchored: AnchoredHead, chain: Chain, report: Report) -> None:
     number, at = anchored.revision, anchored.committed_at
     if number in chain.hashes:
@@ -225,5 +229,6 @@ def _check_anchor(anchored: AnchoredHead, chain: Chain, report: Report) -> None:
 def _archive_words(archive: Archive) -> str:
     return (
         f"{archive.versions} versions that ended up to revision {archive.revision} were moved to "
-        f"{archive.target} in revision {archive.since}"
+        f"{archive.target} in revision {archive.since}: verify that store as well, for of what was "
+        "changed up to there this one has a part only"
     )

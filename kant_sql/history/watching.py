@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 import time
 from contextlib import closing
 
@@ -12,6 +13,7 @@ from ..errors import (
     InvalidTimeoutError,
     ReadOnlyError,
     StoreBusyError,
+    StoreError,
     StoreUnreachableError,
 )
 from ..store import Store
@@ -21,6 +23,7 @@ from .revisions import refuse_unknown
 # News of which no word came, as when a writer was killed right after its commit, waits so long.
 LOOK_EVERY = 1.0
 FIRST_PAUSE, LONGEST_PAUSE = 0.02, 0.5
+_PASSING = (StoreBusyError, ConnectionLostError, StoreUnreachableError)
 
 
 def watch(
@@ -67,8 +70,8 @@ def _seconds(timeout: float | None) -> float:
             f"{timeout!r} is no time to wait; give seconds from 0 on, or None to wait for as long "
             "as it takes"
         )
-    # An integer can be larger than all of these.
-    return min(timeout, math.inf)
+    # A larger integer is not added to a time.
+    return float(min(timeout, sys.float_info.max))
 
 
 class _Watch:
@@ -82,6 +85,7 @@ class _Watch:
         self._after = after
         self._deadline = deadline
         self._pause = FIRST_PAUSE
+        self._closings = store.backend.closings
 
     def wait(self) -> int | None:
         """Wait until there is news, or time is over.
@@ -90,6 +94,7 @@ class _Watch:
             The last revision, or None.
         """
         while True:
+            self._refuse_closed()
             place = None
             try:
                 place = self._listener.look(self._look)
@@ -99,12 +104,23 @@ class _Watch:
                     return None
                 self._listener.wait(place.kb_id, min(self._left(), LOOK_EVERY))
                 self._pause = FIRST_PAUSE
-            except (StoreBusyError, ConnectionLostError, StoreUnreachableError) as error:
+            except StoreError as error:
+                self._refuse_closed()
+                if not isinstance(error, _PASSING):
+                    raise
                 if place is None and self._left() <= 0:
                     # Whether there is news is not known: as any other call, try for a while.
                     place = self._store.look(read_place)
                     return place.head if self._is_news(place) else None
                 self._recover(error)
+
+    def _refuse_closed(self) -> None:
+        backend = self._store.backend
+        if backend.closings != self._closings:
+            raise StoreError(
+                f"{backend.label}: knowledge base {self._store.name!r} was closed while this call "
+                "waited for news of it; connect again to go on"
+            )
 
     def _look(self) -> Place:
         return self._store.look_once(read_place)

@@ -17,11 +17,11 @@ from sqlalchemy import (
     union_all,
 )
 
-from ..backends import Query, Row, Session, in_list
+from ..backends import Query, Row, Session, first_rows, in_list
 from ..tables import ArchiveRow, PlanRow, PlanStepVersionRow
 from .loading import KB
-from .rows import table_of
-from .sources import FACT, GOAL, SOURCES, VALUE
+from .rows import KIND_TABLES, table_of
+from .sources import FACT, GOAL, PROPOSITION, SOURCES, VALUE
 
 __all__ = [
     "ARCHIVE",
@@ -35,6 +35,7 @@ __all__ = [
     "RETRACTED",
     "VALUE",
     "Change",
+    "few_changes",
     "in_range",
     "stream_change_rows",
     "stream_changes",
@@ -44,6 +45,8 @@ __all__ = [
 
 ASSERTED, RETRACTED = "+", "-"
 PLAN, PLAN_STEP, ARCHIVE = "plan", "plan step", "archive"
+# What is read at once, and sorted in memory.
+FEW = 5_000
 LOW: ColumnElement[int] = bindparam("low", type_=BigInteger)
 HIGH: ColumnElement[int] = bindparam("high", type_=BigInteger)
 
@@ -97,18 +100,34 @@ def _not_ended(version: Any, kind: Any, text: Any, within: Any) -> list[Select[A
     return [asserted.where(or_(version.until.is_(None), version.until > HIGH))]
 
 
-def _selects(within: Any, ends: Any = _both_ends) -> list[Select[Any]]:
-    """Give what was asserted and retracted in the revisions for which `within(column)` is true."""
+def _definitions(within: Any, ends: Any = _both_ends) -> list[Select[Any]]:
+    """Give what was asserted and retracted of what is defined."""
+    return [
+        part
+        for name in KIND_TABLES
+        for source in [SOURCES[name]]
+        for part in ends(source.version, source.kind, source.text, within)
+    ]
+
+
+def _others(within: Any, ends: Any = _both_ends) -> list[Select[Any]]:
+    """Give what was asserted and retracted of what is no definition."""
     selects = []
-    for source in SOURCES.values():
+    for name in (VALUE, PROPOSITION):
+        source = SOURCES[name]
         selects += ends(source.version, source.kind, source.text, within)
     step = table_of(PlanStepVersionRow).c
     selects += ends(step, literal_column(f"'{PLAN_STEP}'"), step.text, within)
     for mapped, kind in ((PlanRow, PLAN), (ArchiveRow, ARCHIVE)):
         record = table_of(mapped).c
-        name: ColumnElement[str] = literal_column(f"'{kind}'")
-        selects.append(_end(record, record.since, "0", name, record.text, within))
+        name_of_kind: ColumnElement[str] = literal_column(f"'{kind}'")
+        selects.append(_end(record, record.since, "0", name_of_kind, record.text, within))
     return selects
+
+
+def _selects(within: Any, ends: Any = _both_ends) -> list[Select[Any]]:
+    """Give what was asserted and retracted in the revisions for which `within(column)` is true."""
+    return [*_definitions(within, ends), *_others(within, ends)]
 
 
 def _among(column: Any) -> ColumnElement[bool]:
@@ -119,6 +138,12 @@ _ORDER = ("retracted", "kind", "text")
 _CHANGES = Query(union_all(*_selects(in_range)).order_by("revision", *_ORDER))
 _NEWEST_FIRST = Query(union_all(*_selects(in_range)).order_by(desc("revision"), *_ORDER))
 _LEFT = Query(union_all(*_selects(in_range, _not_ended)).order_by("revision", *_ORDER))
+# Unsorted: SQLite would merge its parts pair by pair, which takes longer than all else.
+_SIZE: ColumnElement[int] = literal_column(str(FEW + 1))
+_FEW = {
+    redefined: Query(first_rows(union_all(*selects), _SIZE))
+    for redefined, selects in ((True, _selects(in_range)), (False, _others(in_range)))
+}
 _OF_NUMBERS = Query(union_all(*_selects(_among)).order_by(desc("revision"), *_ORDER))
 
 
@@ -184,6 +209,36 @@ def stream_latest(
         The revision's number and the change, within a revision in the order of the hash.
     """
     return _lines(session.stream(_NEWEST_FIRST, kb=kb_id, low=low, high=high))
+
+
+def few_changes(
+    session: Session, kb_id: int, low: int, high: int, redefined: bool
+) -> dict[int, tuple[Change, ...]] | None:
+    """Read what a range of revisions changed, if that is not much, with one statement.
+
+    Args:
+        session: the session.
+        kb_id: the knowledge base.
+        low: the first revision.
+        high: the last revision.
+        redefined: whether one of them may have changed a definition.
+
+    Returns:
+        The changes of each revision that has some, in the order of the hash; None when there are
+        more than are read at once.
+    """
+    rows = session.rows(_FEW[redefined], kb=kb_id, low=low, high=high)
+    if len(rows) > FEW:
+        return None
+    rows.sort()
+    changes: dict[int, list[Change]] = {}
+    last, of_last = 0, list[Change]()
+    for number, retracted, kind, text in rows:
+        if number != last:
+            last, of_last = number, []
+            changes[number] = of_last
+        of_last.append(Change(RETRACTED if retracted else ASSERTED, kind, text))
+    return {number: tuple(of_number) for number, of_number in changes.items()}
 
 
 def stream_changes_of(

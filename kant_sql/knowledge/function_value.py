@@ -4,24 +4,14 @@ from __future__ import annotations
 
 from typing import Any
 
-from sqlalchemy import (
-    BigInteger,
-    ColumnElement,
-    bindparam,
-    delete,
-    literal_column,
-    null,
-    select,
-    update,
-)
+from sqlalchemy import bindparam, select
 
 from ..backends import Query, in_list
 from ..tables import FunctionValueRow, FunctionValueVersionRow
 from .loading import KB
-from .past import HOLDS_NOW, Fork
-from .rows import table_of
+from .past import IntervalTable
 
-VERSIONS = table_of(FunctionValueVersionRow)
+VERSIONS = IntervalTable(FunctionValueVersionRow, "function_value_id")
 
 
 def _open_version(column: Any) -> Any:
@@ -53,21 +43,4 @@ OPEN = Query(
     select(FunctionValueRow.id, *VALUE_COLUMNS).where(
         FunctionValueRow.kb_id == KB, in_list(FunctionValueRow.id, "ids")
     )
-)
-# By the index of what is open, which has one row of each id.
-_THE_OPEN = (
-    VERSIONS.c.kb_id == bindparam("kb"),
-    VERSIONS.c.function_value_id == bindparam("id"),
-    VERSIONS.c.until.is_(None),
-)
-_AT: ColumnElement[int] = bindparam("at", type_=BigInteger)
-CLOSE = Query(
-    update(VERSIONS).where(*_THE_OPEN).values(until=_AT, fork=Fork(VERSIONS.c.since, _AT))
-)
-UNMAKE = Query(delete(VERSIONS).where(*_THE_OPEN))
-REOPEN = Query(
-    update(VERSIONS)
-    .where(VERSIONS.c.kb_id == bindparam("kb"))
-    .where(VERSIONS.c.until == bindparam("at"), in_list(VERSIONS.c.function_value_id, "ids"))
-    .values(until=null(), fork=literal_column(str(HOLDS_NOW)))
 )

@@ -12,18 +12,31 @@ from __future__ import annotations
 
 from typing import Any
 
-from sqlalchemy import BigInteger, ColumnElement, and_, select
+from sqlalchemy import (
+    BigInteger,
+    ColumnElement,
+    FromClause,
+    and_,
+    bindparam,
+    delete,
+    literal_column,
+    null,
+    select,
+    update,
+)
 from sqlalchemy.ext.compiler import compiles
 from sqlalchemy.sql.functions import FunctionElement
 
-from ..backends import Session, in_list, in_rows
+from ..backends import IdsQuery, Session, in_list, in_rows
 from ..tables import (
+    Base,
     FunctionRow,
     FunctionValueVersionRow,
     PredicateRow,
     PropositionVersionRow,
 )
 from .loading import KB, held_at
+from .rows import table_of
 
 # What still holds is kept here: its last revision is yet to come.
 HOLDS_NOW = 0
@@ -48,6 +61,36 @@ def _fork(element: Fork, compiler: Any, **options: Any) -> str:
     for shift in (1, 2, 4, 8, 16, 32):
         bits = f"SELECT bits | (bits >> {shift}) AS bits FROM ({bits}) AS bits_{shift}"
     return f"(SELECT {last} - ({last} & (bits >> 1)) FROM ({bits}) AS bits)"
+
+
+class IntervalTable:
+    """A version table of intervals, and the changes that those of some ids can see.
+
+    All of them take the parameter `kb`; `at` is the number of the revision that is being made.
+    """
+
+    def __init__(self, mapped: type[Base], id_column: str) -> None:
+        self.table = table = table_of(mapped)
+        columns, at = table.c, bindparam("at", type_=BigInteger)
+
+        def is_open(version: FromClause) -> tuple[ColumnElement[bool], ...]:
+            # By the index of what is open, which has one row of each id.
+            return version.c.kb_id == KB, version.c.until.is_(None)
+
+        def ends_here(version: FromClause) -> tuple[ColumnElement[bool], ...]:
+            return version.c.kb_id == KB, version.c.until == at
+
+        self.close = IdsQuery(
+            update(table).values(until=at, fork=Fork(columns.since, at)),
+            columns[id_column],
+            is_open,
+        )
+        self.unmake = IdsQuery(delete(table), columns[id_column], is_open)
+        self.reopen = IdsQuery(
+            update(table).values(until=null(), fork=literal_column(str(HOLDS_NOW))),
+            columns[id_column],
+            ends_here,
+        )
 
 
 def fork(since: int, until: int | None) -> int:

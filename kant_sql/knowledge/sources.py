@@ -60,6 +60,7 @@ def _proposition() -> Source:
     text = (
         select(atom.text)
         .where(atom.kb_id == version.kb_id, atom.id == version.proposition_id)
+        .correlate(table_of(PropositionVersionRow))
         .scalar_subquery()
     )
     return Source(atom, version, version.proposition_id, kind, text)

@@ -29,6 +29,8 @@ def check_steps(definitions: Definitions, revision: int, plan: Plan) -> tuple[St
     Raises:
         PlanError: a step does not go with that state.
     """
+    if not isinstance(plan.steps, tuple | list):
+        raise PlanError(f"the plan has the steps {plan.steps!r:.80}, expected a tuple")
     return tuple(
         _StepReader(definitions, revision, position, step).read()
         for position, step in enumerate(plan.steps)

@@ -147,7 +147,7 @@ class SqlPlanDao(SqlDao, PlanDao):
 
     def get(self, id_: int) -> RecordedPlan | None:
         """Read a plan."""
-        if not isinstance(id_, int) or not 0 < id_ <= LARGEST:
+        if isinstance(id_, bool) or not isinstance(id_, int) or not 0 < id_ <= LARGEST:
             return None
         plans = self._read(id_)
         return plans[0] if plans else None

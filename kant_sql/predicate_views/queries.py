@@ -1,10 +1,12 @@
 """What a generated view selects.
 
 Nothing is joined: each column that is not of the version itself is a subquery for one row. Joins of
-this many tables ran for minutes on 3,000 facts where PostgreSQL had no statistics. Each subquery
-sorts its one row, which makes PostgreSQL find it by the index that sorts so, the primary key. Where
-it takes a table for small, it would as soon take another that begins with `kb_id`, and read all of
-the knowledge base each time.
+this many tables ran for minutes on 3,000 facts where PostgreSQL had no statistics. With statistics
+they would let a condition on an argument begin at the object (on 100,000 versions 20 ms instead of
+500 ms); without, it took 10 s, and all of the view twice its time. SQLite gains nothing by them.
+Each subquery sorts its one row, which makes PostgreSQL find it by the index that sorts so, the
+primary key. Where it takes a table for small, it would as soon take another that begins with
+`kb_id`, and read all of the knowledge base each time.
 
 Readers see this text, so it is written for them. Nothing in it is anybody's words: ids are numbers,
 and names of columns are identifiers.

@@ -131,6 +131,9 @@ class _Pass:
             )
         if not link.is_readable:
             add(number, "revision", "a time is not written as the library writes times")
+        # Both are hashed as no source at all is, which is NULL.
+        if link.metadata.source in ("", "null"):
+            add(number, "revision", "an empty source is not written as the library writes it")
         # Texts of this form sort as the moments do.
         if self.last is not None and link.committed_at < self.last.committed_at:
             add(number, "revision", "it was committed before the revision before it")

@@ -159,6 +159,9 @@ def _link(session: Session, row: Row) -> Link:
     step = None if plan_id is None else (plan_id, position)
     try:
         committed_at, observed_at = moment_text(session, at), _moment(session, seen)
+        if isinstance(at, str):
+            # It is hashed as it stands, so it must be nothing but a time.
+            _moment(session, at)
     except (TypeError, ValueError):
         metadata = Metadata(actor, reason, source, None, step)
         return Link(number, "", metadata, form, digest, False)

@@ -14,7 +14,9 @@ from ..knowledge.assembling import Part, assemble
 from ..knowledge.definitions import KINDS, Definitions
 from ..knowledge.document import DocumentDefinition
 from ..knowledge.formula import FormulaDefinition, formula_name
+from ..knowledge.function import FunctionDefinition
 from ..knowledge.loading import KB
+from ..knowledge.predicate import PredicateDefinition
 from ..knowledge.rows import KIND_TABLES
 from ..tables import Base
 from .findings import Report
@@ -22,6 +24,7 @@ from .merging import in_order, side
 from .naming import ObjectFunctions
 from .rebuilding import definition_text
 from .tree_shapes import tree_fault
+from .wording import document_fault, formula_fault, is_end, parameter_fault
 
 # What breaks where rows make no definition.
 UNREADABLE = (ArithmeticError, AttributeError, LookupError, TypeError, ValueError, KantSqlError)
@@ -166,8 +169,9 @@ class DefinitionCheck:
 
     def _check_interval(self, version: Table, before: Row | None, row: Row) -> None:
         owner, since, until = row[:3]
-        if until is not None and until <= since:
-            self._report.add(until, version.name, f"{_shown(row, version)} ends before it begins")
+        if until is not None and not is_end(until, since):
+            message = f"{_shown(row, version)} ends before it begins, or in no revision"
+            self._report.add(until, version.name, message)
         if before is not None and before[0] == owner and (before[2] is None or before[2] > since):
             self._report.add(
                 since, version.name, f"{_shown(row, version)} overlaps the version before it"
@@ -193,20 +197,28 @@ class DefinitionCheck:
 
     def _meaning(self, kind: str, definition: Any, name: str, since: int) -> str | None:
         """Compare what the rows say with the text."""
+        fault = self._own_fault(definition, name, since)
+        if fault is not None:
+            return fault
+        text = definition_text(self._names, kind, definition)
+        return None if text == definition.text else f"its rows say '{' '.join(text.split()):.200}'"
+
+    def _own_fault(self, definition: Any, name: str, since: int) -> str | None:
+        """Find what the text leaves out."""
         if isinstance(definition, FormulaDefinition):
             if formula_name(definition.section, definition.text) != name:
                 return "its name is not the hash of its section and its text"
-            fault = self._tree_fault(definition.tree, (), since)
-            if fault is not None:
-                return fault
-        if isinstance(definition, DocumentDefinition) and definition.name != name:
-            return f"a {definition.name} is called {name!r}"
+            return formula_fault(definition) or self._tree_fault(definition.tree, (), since)
+        if isinstance(definition, DocumentDefinition):
+            if definition.name != name:
+                return f"a {definition.name} is called {name!r}"
+            return document_fault(definition)
         if isinstance(definition, ActionDefinition):
-            fault = self._action_fault(definition, since)
-            if fault is not None:
-                return fault
-        text = definition_text(self._names, kind, definition)
-        return None if text == definition.text else f"its rows say '{' '.join(text.split()):.200}'"
+            parameters = parameter_fault(definition.parameters)
+            return parameters or self._action_fault(definition, since)
+        if isinstance(definition, PredicateDefinition | FunctionDefinition):
+            return parameter_fault(definition.parameters)
+        return None
 
     def _action_fault(self, action: ActionDefinition, since: int) -> str | None:
         if action.duration and action.kind != "durative-action":

@@ -10,8 +10,6 @@ from sqlalchemy import func, literal_column, select
 from ..backends import Query, Row, Session
 from ..dto.atom_dto import atom_text
 from ..dto.pddl_function_value_dto import value_text
-from ..knowledge.definitions import Definitions
-from ..knowledge.elements import Elements
 from ..knowledge.loading import KB
 from ..knowledge.past import fork
 from ..knowledge.rows import table_of
@@ -25,6 +23,7 @@ from ..tables import (
 )
 from .findings import Report
 from .merging import in_order, side
+from .naming import Names, ObjectFunctions
 
 _ATOM, _FLUENT = table_of(PropositionRow).c, table_of(FunctionValueRow).c
 _ATOM_ARGUMENT = table_of(PropositionArgumentRow).c
@@ -91,16 +90,6 @@ _DOUBLE_ATOMS = _doubles(_ATOM, _ATOM.is_goal, _ATOM.predicate_id, _ATOM.argumen
 _DOUBLE_FLUENTS = _doubles(_FLUENT, _FLUENT.function_id, _FLUENT.arguments)
 
 
-class _Names:
-    """Gives names by id; what has none is shown as such."""
-
-    def __init__(self, elements: Elements[Any]) -> None:
-        self._known: dict[int | None, str] = {each.id: each.name for each in elements}
-
-    def __getitem__(self, id_: int | None) -> str:
-        return self._known.get(id_, f"?{id_}")
-
-
 class FactCheck:
     """Compares interned propositions and fluents, and their versions, with what they are of."""
 
@@ -108,7 +97,8 @@ class FactCheck:
         self,
         session: Session,
         kb_id: int,
-        names: Definitions,
+        names: Names,
+        object_functions: ObjectFunctions,
         report: Report,
         tick: Callable[[int], None],
     ) -> None:
@@ -118,6 +108,7 @@ class FactCheck:
             session: the session, in a transaction.
             kb_id: the knowledge base.
             names: the names of predicates, functions and objects.
+            object_functions: tells which functions have objects for values.
             report: takes what is wrong.
             tick: called with the id of each proposition that is checked.
         """
@@ -125,9 +116,10 @@ class FactCheck:
         self._kb_id = kb_id
         self._report = report
         self._tick = tick
-        self._predicates = _Names(names.predicates)
-        self._functions = _Names(names.functions)
-        self._objects = _Names(names.objects)
+        self._predicates = names.known["predicate"]
+        self._functions = names.known["function"]
+        self._objects = names.known["object"]
+        self._object_functions = object_functions
 
     def run(self) -> None:
         """Check all of them."""
@@ -203,6 +195,9 @@ class FactCheck:
 
     def _is_value_right(self, row: Row, version: Row) -> bool:
         value, number, object_id, text = version[5:]
+        # Else a number could be made an object that is called so.
+        if (object_id is not None) != (row[1] in self._object_functions.at(version[1])):
+            return False
         if object_id is not None:
             name = self._objects[object_id]
             return value is None and number is None and value_text(row[3], name) == text
@@ -220,7 +215,8 @@ class FactCheck:
 
 
 def _has_its_kind(row: Row, version: Row) -> bool:
-    return bool(version[5] == row[4])
+    # SQLite takes any number for true, and the queries only 1.
+    return version[5] == row[4] and row[4] in (False, True)
 
 
 def _is_nearest(number: float, value: str) -> bool:

@@ -41,6 +41,8 @@ _READ_HEAD = Query(
         _HEAD.archived_revision,
     ).where(_HEAD.kb_id == KB)
 )
+# By itself, for this is read before anything is checked: no other column may be in its way.
+_HOW_FAR = Query(select(_HEAD.revision, _HEAD.next_id).where(_HEAD.kb_id == KB))
 _SELF = table_of(KnowledgeBaseRow).alias("self").c
 _NAMES_OF_IT = select(_SELF.name).where(_SELF.id == KB)
 _OWN = Query(
@@ -183,9 +185,9 @@ def read_next_id(session: Session, kb_id: int) -> tuple[int, int]:
     Returns:
         The last revision, and the id that the next element gets.
     """
-    head = session.first(_READ_HEAD, kb=kb_id) or (0,) * 3
+    head = session.first(_HOW_FAR, kb=kb_id) or (0, 0)
     # Whatever stands there is looked at later: this only tells how much there is to do.
-    revision, next_id = (each if isinstance(each, int) else 0 for each in (head[0], head[2]))
+    revision, next_id = (each if isinstance(each, int) else 0 for each in head)
     return max(revision, 0), max(next_id, 0)
 
 

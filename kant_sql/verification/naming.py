@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections import defaultdict
 from collections.abc import Callable, Iterator
-from typing import Any
+from typing import Any, NamedTuple
 
 from sqlalchemy import func, literal_column, select
 
@@ -21,12 +22,17 @@ from ..knowledge.rows import KIND_TABLES, table_of
 from ..knowledge.type import TypeDefinition
 from ..tables import FunctionTypeRow, FunctionVersionRow
 from .findings import Report
+from .wording import is_word
 
 
 def _identities(kind: str) -> Query:
-    identity = KIND_TABLES[kind].identity.c
+    tables = KIND_TABLES[kind]
+    identity, version = tables.identity.c, tables.version.table.c
+    versions = select(version.since).where(
+        version.kb_id == identity.kb_id, version[f"{kind}_id"] == identity.id
+    )
     return Query(
-        select(identity.id, identity.name, identity.key)
+        select(identity.id, identity.name, identity.key, versions.exists())
         .where(identity.kb_id == KB)
         .order_by(identity.id)
     )
@@ -70,7 +76,28 @@ _NAMED: dict[str, Callable[[int, str], Any]] = {
 }
 
 
-def check_names(session: Session, kb_id: int, report: Report) -> Definitions:
+class NamesById(dict[int, str]):
+    """What the elements of one kind are called; what has no name is shown as such."""
+
+    def __missing__(self, id_: int) -> str:
+        """Give what no name is."""
+        return f"?{id_}"
+
+
+class Names(NamedTuple):
+    """What ids are called.
+
+    Attributes:
+        known: those of each kind.
+        held: definitions of which only names are known: of what has a version, for a definition
+            can refer to nothing else.
+    """
+
+    known: dict[str, NamesById]
+    held: Definitions
+
+
+def check_names(session: Session, kb_id: int, report: Report) -> Names:
     """Check the identities of all kinds, and give their names.
 
     Args:
@@ -79,23 +106,29 @@ def check_names(session: Session, kb_id: int, report: Report) -> Definitions:
         report: takes what is wrong.
 
     Returns:
-        Definitions of which only names are known.
+        The names.
     """
+    known: dict[str, NamesById] = {}
     made: list[Elements[Any]] = []
     for kind in KINDS:
         for key, first, second in session.rows(_DOUBLES[kind], kb=kb_id):
             report.add(None, kind, f"{kind} {key!r} has two rows, {first} and {second}")
         make = _NAMED.get(kind)
+        names = NamesById()
         base: dict[int, Any] = {}
-        for id_, name, key in session.stream(_IDENTITIES[kind], kb=kb_id):
+        for id_, name, key, is_held in session.stream(_IDENTITIES[kind], kb=kb_id):
             if fold(name) != key:
                 report.add(None, kind, f"{kind} {id_}, {name!r}, has the key {key!r}")
             if kind == "document" and name not in (DOMAIN, PROBLEM):
                 report.add(None, kind, f"there is no document {name!r}")
-            if make is not None:
+            if not is_word(name):
+                report.add(None, kind, f"no {kind} can be called {name!r}")
+            names[id_] = name
+            if make is not None and is_held:
                 base[id_] = make(id_, name)
+        known[kind] = names
         made.append(Elements(base=base))
-    return Definitions(*made)
+    return Names(known, Definitions(*made))
 
 
 class ObjectFunctions:
@@ -123,9 +156,9 @@ class ObjectFunctions:
         Returns:
             Their ids; of a function whose version of then was moved elsewhere, as it was next.
         """
-        epoch = max((since for since in self._sinces if since <= revision), default=0)
+        epoch = bisect_right(self._sinces, revision)
         if epoch not in self._known:
-            self._known[epoch] = frozenset(self._at(epoch))
+            self._known[epoch] = frozenset(self._at(revision))
         return self._known[epoch]
 
     def _at(self, revision: int) -> Iterator[int]:

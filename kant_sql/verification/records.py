@@ -10,7 +10,7 @@ from typing import Any
 from sqlalchemy import select
 
 from ..backends import Query, Row, Session
-from ..knowledge.definitions import Definitions
+from ..dto.atom_dto import atom_text
 from ..knowledge.loading import KB
 from ..knowledge.plan import PlanDefinition, StepDefinition, plan_rows, status_text
 from ..knowledge.rows import table_of
@@ -24,6 +24,8 @@ from ..tables import (
 )
 from .findings import Report
 from .merging import Side, in_order, side
+from .naming import Names
+from .wording import is_decimal, is_end
 
 _PLAN, _STEP = table_of(PlanRow).c, table_of(PlanStepRow).c
 _ARGUMENT, _VERSION = table_of(PlanStepArgumentRow).c, table_of(PlanStepVersionRow).c
@@ -87,8 +89,7 @@ class PlanCheck:
         self,
         session: Session,
         kb_id: int,
-        names: Definitions,
-        actions: dict[int, str],
+        names: Names,
         report: Report,
     ) -> None:
         """Make it.
@@ -96,14 +97,12 @@ class PlanCheck:
         Args:
             session: the session, in a transaction.
             kb_id: the knowledge base.
-            names: the names of objects.
-            actions: the names of actions.
+            names: the names of actions and objects.
             report: takes what is wrong.
         """
         self._session = session
         self._kb_id = kb_id
-        self._objects = names.objects
-        self._actions = actions
+        self._actions, self._objects = names.known["action"], names.known["object"]
         self._report = report
 
     def run(self) -> None:
@@ -151,23 +150,21 @@ class PlanCheck:
         for step in definition.steps:
             if step.text != self._step_text(step):
                 yield "plan_step", f"'{step.text}' is not what its action and arguments say"
-            if "" in (step.start, step.duration):
-                yield "plan_step", f"'{step.text}' has an empty time"
+            if not all(each is None or is_decimal(each) for each in (step.start, step.duration)):
+                yield "plan_step", f"'{step.text}' has a time that is no number"
         domain, problem = definition.domain_pddl, definition.problem_pddl
         if domain is not None and problem is not None:
             digest = sha256(f"{domain}{problem}".encode()).hexdigest()
             if digest != definition.problem_hash:
                 yield "plan", "problem_hash is not that of the texts that are kept"
-        if definition.value == "" or definition.text != plan[11]:
+        if definition.value is not None and not is_decimal(definition.value):
+            yield "plan", f"its value {definition.value!r} is no number"
+        if definition.text != plan[11]:
             yield "plan", "its columns and its steps are not what its text says"
 
     def _step_text(self, step: StepDefinition) -> str:
-        names = [self._name(id_) for id_ in step.object_ids]
-        return f"({' '.join([self._actions.get(step.action_id, f'?{step.action_id}'), *names])})"
-
-    def _name(self, id_: int) -> str:
-        found = self._objects.get(id_)
-        return f"?{id_}" if found is None else found.name
+        names = [self._objects[id_] for id_ in step.object_ids]
+        return atom_text(self._actions[step.action_id], names)
 
     def _check_versions(self, plan: Row, versions: list[Row]) -> None:
         before: Row | None = None
@@ -178,8 +175,8 @@ class PlanCheck:
                 fault = "is of a step that the plan does not have"
             elif text != status_text((plan_id, position), status):
                 fault = f"has the status {status!r}"
-            elif until is not None and until <= since:
-                fault = "ends before it begins"
+            elif until is not None and not is_end(until, since):
+                fault = "ends before it begins, or in no revision"
             elif (
                 before is not None
                 and before[1] == position

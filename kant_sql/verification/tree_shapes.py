@@ -3,21 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Sequence
-from decimal import Decimal, InvalidOperation
 from math import inf
 
 from ..dto.formula import ARITHMETIC, ASSIGNMENTS, COMPARISONS, MODALS, TIMES
 from ..dto.name import fold
-from ..dto.number import decimal_text
-from ..errors import InvalidKnowledgeError
 from ..knowledge import tree as kinds
 from ..knowledge.predicate import ParameterDefinition
 from ..knowledge.tree import Node, Term, Tree
+from .wording import is_decimal, is_word, parameter_fault
 
 _BINDERS = (kinds.FORALL, kinds.EXISTS, kinds.DERIVED)
 _LEAVES = (kinds.PREDICATE, kinds.FUNCTION, kinds.NUMBER, kinds.VARIABLE, kinds.TIME)
 _NUMBERS = (kinds.NUMBER, kinds.AT)
 _DURATION = "?duration"
+# There, the text of each assignment is that of an equality.
+_AT_A_TIME = (kinds.PREDICATE, kinds.NOT, ASSIGNMENTS[0])
 # How many parts a node has: at least, and at most.
 _PARTS: dict[str, tuple[float, float]] = {
     **dict.fromkeys((*_LEAVES, kinds.IS_VIOLATED, "total-time"), (0, 0)),
@@ -83,14 +83,16 @@ class _Shape:
         if node.variables and operator not in _BINDERS:
             return f"{operator} binds no variables"
         if operator in _NUMBERS:
-            return None if _is_decimal(value) else f"{value!r} is no number"
+            return None if is_decimal(value) else f"{value!r} is no number"
         if operator == kinds.VARIABLE:
             return None if value is not None and fold(value) == _DURATION else "it is no ?duration"
         if operator == kinds.IS_VIOLATED:
-            return None if value else "it names no preference"
+            return None if value and is_word(value) else f"{value!r} is no preference"
         if value is not None and operator != kinds.PREFERENCE:
             return f"{operator} has no value"
-        return None
+        if value is not None and not is_word(value):
+            return f"no preference can be called {value!r}"
+        return parameter_fault(node.variables)
 
     def _parts(self, node: Node) -> str | None:
         values = {term.child for term in node.terms}
@@ -101,6 +103,8 @@ class _Shape:
             given += len(node.terms)
         if not least <= given <= most:
             return f"{node.operator} has {given} parts"
+        if node.operator == kinds.AT and parts[0].operator not in _AT_A_TIME:
+            return f"{parts[0].operator} happens at no time"
         if node.operator == kinds.DERIVED:
             count = len(node.variables)
             head = tuple(Term(quantifier=0, variable=each) for each in range(count))
@@ -170,13 +174,6 @@ class _Shape:
                 return node.position
             above = node.parent
         return None
-
-
-def _is_decimal(value: str | None) -> bool:
-    try:
-        return value is not None and decimal_text(Decimal(value)) == value
-    except (InvalidOperation, InvalidKnowledgeError):
-        return False
 
 
 def tree_fault(

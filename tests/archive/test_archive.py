@@ -74,13 +74,28 @@ def test_what_is_archived_is_refused_with_the_place_where_it_is(
 ) -> None:
     count(kb, 6)
     assert kb.archive(5, archive_url).upto == 4
-    for revision in (0, 1, 3):
+    for revision in (1, 3):
         with pytest.raises(ArchivedError, match="archive"):
             kb.at(revision)
     assert counter.read(kb.at(4)) == 3
     assert counter.read(kb) == 5
     assert kb.revision == 7
     assert [revision.number for revision in kb.revisions()] == [1, 2, 3, 4, 5, 6, 7]
+
+
+def test_before_the_first_revision_there_was_nothing_to_archive(
+    kb: KnowledgeBase, archive_url: str
+) -> None:
+    count(kb, 6)
+    changes = kb.diff(0, kb.revision)
+    assert kb.archive(5, archive_url).upto == 4
+    assert kb.at(0).objects.get_all() == []
+    assert [each for each in kb.diff(0, kb.revision) if each.kind != "archive"] == changes
+    with pytest.raises(ArchivedError, match="archive"):
+        list(kb.log())
+    kb.restore(0)
+    assert kb.diff(0, kb.revision) == []
+    assert kb.verify().is_intact
 
 
 def test_counting_changes_nothing_and_creates_nothing(
@@ -134,6 +149,16 @@ def test_the_revision_says_who_archived_and_why(file_kb: KnowledgeBase, archive_
     (change,) = entry.changes
     assert (change.sign, change.kind) == ("+", "archive")
     assert ":upto 4 " in change.text
+
+
+def test_verification_says_what_is_where(file_kb: KnowledgeBase, archive_url: str) -> None:
+    count(file_kb, 6)
+    assert file_kb.archive(5, archive_url).revision == 7
+    verification = file_kb.verify()
+    assert verification.is_intact
+    (said,) = verification.archives
+    place = f"that ended up to revision 4 were moved to {archive_url} in revision 7: verify that"
+    assert place in said
 
 
 def test_progress_is_told(file_kb: KnowledgeBase, archive_url: str) -> None:

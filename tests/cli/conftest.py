@@ -57,10 +57,10 @@ def own_store(request: pytest.FixtureRequest, tmp_path: Path) -> str:
     return url
 
 
-@pytest.fixture
-def sqlite_store(tmp_path: Path) -> str:
-    """The URL of an SQLite store whose log and state fill more than a pipe."""
-    url = f"sqlite:///{tmp_path / 'large.db'}"
+@pytest.fixture(scope="session")
+def sqlite_store(tmp_path_factory: pytest.TempPathFactory) -> str:
+    """The URL of an SQLite store whose log and state fill more than a pipe; no test changes it."""
+    url = f"sqlite:///{tmp_path_factory.mktemp('large') / 'large.db'}"
     with kant_sql.connect(url) as kb:
         kb.propositions.save_all(
             robot_at(place=PddlObjectDto(WP2.type, f"a_place_with_a_long_name_{number}"))

@@ -2,25 +2,40 @@
 
 from __future__ import annotations
 
+import functools
 import os
 import subprocess
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
+from typer.main import get_command
 from typer.testing import CliRunner, Result
 
 from kant_sql.cli.main import app
+from tests.warm import MODULES, python
 
 ROOT = Path(__file__).parents[2]
-COMMAND = [sys.executable, "-m", "kant_sql.cli.main"]
+# As it is started in earnest, for what the start matters to: most tests need just a `command()`.
+PROGRAM = [sys.executable, "-m", "kant_sql.cli.main"]
 CHILD_TIMEOUT = 60
+
+
+_commands = functools.cache(get_command)
 
 
 def run(*words: str, url: str | None = None) -> Result:
     """Run `kant-sql` in this process, with `url` as the default URL."""
-    return CliRunner().invoke(app, list(words), env={"KANT_SQL_URL": url})
+    # Left alone, it makes the commands anew from their functions, which takes as long as they do.
+    with mock.patch("typer.testing._get_command", _commands):
+        return CliRunner().invoke(app, list(words), env={"KANT_SQL_URL": url})
+
+
+def command() -> list[str]:
+    """What `kant-sql` is as a process of its own."""
+    return [str(python(*MODULES)), "-m", "kant_sql.cli.main"]
 
 
 def environment(**variables: str) -> dict[str, str]:
@@ -30,11 +45,11 @@ def environment(**variables: str) -> dict[str, str]:
 
 
 def child(
-    *words: str, command: Sequence[str] = COMMAND, cwd: Path = ROOT, **variables: str
+    *words: str, program: Sequence[str] = (), cwd: Path = ROOT, **variables: str
 ) -> subprocess.CompletedProcess[str]:
-    """Run `kant-sql`, or another command, as a process of its own."""
+    """Run `kant-sql`, or another program, as a process of its own."""
     return subprocess.run(
-        [*command, *words],
+        [*(program or command()), *words],
         capture_output=True,
         text=True,
         encoding="utf-8",
@@ -45,10 +60,10 @@ def child(
     )
 
 
-def start(*words: str, **options: Any) -> subprocess.Popen[bytes]:
+def start(*words: str, program: Sequence[str] = (), **options: Any) -> subprocess.Popen[bytes]:
     """Start `kant-sql` as a process of its own, and leave it running."""
     options = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, **options}
-    return subprocess.Popen([*COMMAND, *words], env=environment(), **options)
+    return subprocess.Popen([*(program or command()), *words], env=environment(), **options)
 
 
 def one_line(error: str) -> str:

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import json
+import shlex
 import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from tests.cli.running import CHILD_TIMEOUT, COMMAND, child, one_line, run
+from tests.cli.running import CHILD_TIMEOUT, PROGRAM, child, command, one_line, run
 
 FILES = Path(__file__).parent / "files"
 DOMAIN, PROBLEM = str(FILES / "delivery.pddl"), str(FILES / "coffee.pddl")
@@ -145,7 +145,7 @@ def test_a_file_may_hold_several(here: Path) -> None:
 
 def test_a_hyphen_is_standard_input() -> None:
     done = subprocess.run(
-        [*COMMAND, "check", "-", PROBLEM],
+        [*command(), "check", "-", PROBLEM],
         input=Path(DOMAIN).read_bytes() + b")",
         capture_output=True,
         timeout=CHILD_TIMEOUT,
@@ -160,8 +160,8 @@ def test_a_hyphen_is_standard_input() -> None:
 
 
 def test_standard_input_that_cannot_be_read_is_one_line() -> None:
-    for command in ("check -", "load sqlite:// -"):
-        done = child("-c", f"'{sys.executable}' -m kant_sql.cli.main {command} <&-", command=["sh"])
+    for words in ("check -", "load sqlite:// -"):
+        done = child("-c", f"{shlex.join(PROGRAM)} {words} <&-", program=["sh"])
         assert one_line(done.stderr) == "kant-sql: <stdin>: Bad file descriptor"
         assert (done.returncode, done.stdout) == (1, "")
 

@@ -15,7 +15,16 @@ import pytest
 import kant_sql
 from kant_sql import PddlTypeDto
 from kant_sql.cli.errors import without_passwords
-from tests.cli.running import CHILD_TIMEOUT, COMMAND, child, one_line, run, start
+from tests.cli.running import (
+    CHILD_TIMEOUT,
+    PROGRAM,
+    child,
+    command,
+    environment,
+    one_line,
+    run,
+    start,
+)
 from tests.worlds import robot_at
 
 SECRET = "hunter2"
@@ -129,13 +138,16 @@ def test_no_message_repeats_a_password_of_the_command_line(url: str) -> None:
 
 def test_errors_of_a_process_are_one_line_and_no_traceback(tmp_path: Path) -> None:
     for words, code in ((["show", f"sqlite:///{tmp_path / 'missing.db'}"], 1), (["nonsense"], 2)):
-        done = child(*words)
+        done = child(*words, program=PROGRAM)
         one_line(done.stderr)
         assert (done.returncode, done.stdout) == (code, "")
 
 
 def test_the_version_is_that_of_the_package() -> None:
-    assert child("--version").stdout == f"kant-sql {importlib.metadata.version('kant-sql')}\n"
+    assert (
+        child("--version", program=PROGRAM).stdout
+        == f"kant-sql {importlib.metadata.version('kant-sql')}\n"
+    )
 
 
 @pytest.mark.parametrize("words", [[], ["db"], ["check"], *WITH_URL])
@@ -160,7 +172,7 @@ def test_a_reader_that_stops_reading_ends_the_command_quietly(
 
 
 def test_ctrl_c_ends_the_command_without_a_traceback(sqlite_store: str) -> None:
-    process = start("log", sqlite_store)
+    process = start("log", sqlite_store, program=PROGRAM)
     assert process.stdout is not None
     assert process.stderr is not None
     # From here on it waits for a reader: the pipe is full.
@@ -183,8 +195,8 @@ def test_output_that_cannot_be_written_is_an_error(sqlite_store: str) -> None:
 
 @pytest.mark.parametrize("words", [["--help"], ["show"], ["log", "--json"]])
 def test_closed_output_is_no_error(words: list[str], sqlite_store: str) -> None:
-    line = shlex.join([*COMMAND, *words, *([] if "--help" in words else [sqlite_store])])
-    done = child("-c", f"{line} >&-", command=["sh"])
+    line = shlex.join([*PROGRAM, *words, *([] if "--help" in words else [sqlite_store])])
+    done = child("-c", f"{line} >&-", program=["sh"])
     assert (done.returncode, done.stderr) == (0, "")
 
 
@@ -193,12 +205,8 @@ def in_terminal(*words: str, width: int) -> str:
     import pty
 
     controller, terminal = pty.openpty()
-    variables = {"TERM": "xterm", "COLUMNS": str(width), "PYTHONIOENCODING": "utf-8"}
-    process = subprocess.Popen(
-        [sys.executable, "-m", "kant_sql.cli.main", *words],
-        stdout=terminal,
-        env={**os.environ, **variables},
-    )
+    variables = environment(TERM="xterm", COLUMNS=str(width))
+    process = subprocess.Popen([*command(), *words], stdout=terminal, env=variables)
     os.close(terminal)
     output = b""
     try:
@@ -232,4 +240,4 @@ def test_a_terminal_gets_boxes_and_styles_and_data_is_never_markup(tmp_path: Pat
 def test_importing_the_library_imports_neither_drivers_nor_alembic_nor_the_command_line() -> None:
     heavy = ["typer", "click", "rich", "alembic", "psycopg", "kant_sql.cli"]
     program = f"import sys, kant_sql; print([name for name in {heavy} if name in sys.modules])"
-    assert child(command=[sys.executable, "-c", program]).stdout == "[]\n"
+    assert child(program=[sys.executable, "-c", program]).stdout == "[]\n"

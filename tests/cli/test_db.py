@@ -13,7 +13,10 @@ import pytest
 import kant_sql
 from kant_sql import schema
 from tests.cli.running import child, one_line, run
+from tests.warm import MODULES, python
 from tests.worlds import robot_at
+
+pytestmark = pytest.mark.usefixtures("real_migrations")
 
 HEAD = schema.VERSIONS[-1]
 ALEMBIC = [sys.executable, "-m", "alembic"]
@@ -59,9 +62,16 @@ def test_check_fails_while_migrations_are_pending(
 def test_tables_of_a_newer_version_are_refused(new_url: str) -> None:
     run("db", "upgrade", new_url)
     run_sql(new_url, f"UPDATE {schema.VERSION_TABLE} SET version_num = '9999'")
-    for words in (["show"], ["log"], ["db", "check"], ["db", "upgrade"]):
-        result = run(*words, new_url)
-        assert "9999" in one_line(result.stderr)
+    for words in (
+        ["show"],
+        ["log"],
+        ["db", "check"],
+        ["db", "upgrade"],
+        ["db", "downgrade", "base"],
+    ):
+        result = run(*words, url=new_url)
+        assert "version 9999" in one_line(result.stderr)
+        assert "install a newer kant-sql" in result.stderr
         assert result.exit_code == 1
 
 
@@ -126,15 +136,15 @@ def test_the_offline_sql_needs_no_server() -> None:
 def test_plain_alembic_migrates_from_a_clone(new_url: str) -> None:
     option = ["-x", f"url={new_url}"]
     for command, version in ((["upgrade", "head"], HEAD), (["downgrade", "base"], None)):
-        done = child(*command, command=ALEMBIC, KANT_SQL_URL=new_url)
+        done = child(*command, program=ALEMBIC, KANT_SQL_URL=new_url)
         assert (done.returncode, schema.current(new_url)) == (0, version), done.stderr
     for command, version in ((["upgrade", "head"], HEAD), (["downgrade", "base"], None)):
-        done = child(*option, *command, command=ALEMBIC)
+        done = child(*option, *command, program=[str(python(*MODULES)), "-m", "alembic"])
         assert (done.returncode, schema.current(new_url)) == (0, version), done.stderr
 
 
 def test_plain_alembic_without_a_url_says_how_to_give_one() -> None:
-    done = child("upgrade", "head", command=ALEMBIC)
+    done = child("upgrade", "head", program=ALEMBIC)
     assert "set KANT_SQL_URL, or run alembic -x url=URL" in done.stderr
     assert done.returncode != 0
     assert "Traceback" not in done.stderr

@@ -8,7 +8,7 @@ import pytest
 
 import kant_sql
 from kant_sql.pddl import read, read_domain, read_problem
-from tests.cli.running import CHILD_TIMEOUT, child, one_line, run, start
+from tests.cli.running import CHILD_TIMEOUT, PROGRAM, child, one_line, run, start
 from tests.worlds import WP2, robot_at
 
 FILES = Path(__file__).parent / "files"
@@ -90,7 +90,15 @@ def test_pddl_is_utf_8_whatever_the_locale(tmp_path: Path) -> None:
     url = f"sqlite:///{tmp_path / 'names.db'}"
     with kant_sql.connect(url) as kb:
         kb.types.save(kant_sql.PddlTypeDto("机器人"))
-    done = child("dump", url, "--domain", PYTHONIOENCODING="ascii", PYTHONUTF8="0", LC_ALL="C")
+    done = child(
+        "dump",
+        url,
+        "--domain",
+        program=PROGRAM,
+        PYTHONIOENCODING="ascii",
+        PYTHONUTF8="0",
+        LC_ALL="C",
+    )
     assert "    机器人 - object\n" in done.stdout
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import hashlib
 import io
 import os
+import shlex
 import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -14,7 +14,7 @@ import pytest
 
 import kant_sql
 from kant_sql.pddl import read_domain, read_problem
-from tests.cli.running import CHILD_TIMEOUT, COMMAND, child, environment, one_line, run
+from tests.cli.running import CHILD_TIMEOUT, PROGRAM, child, command, environment, one_line, run
 
 FILES = Path(__file__).parent / "files"
 DOMAIN, PROBLEM = str(FILES / "delivery.pddl"), str(FILES / "coffee.pddl")
@@ -123,7 +123,7 @@ def test_errors_in_a_file_with_both_have_their_place(
 def test_a_hyphen_is_standard_input(url: str) -> None:
     text = Path(DOMAIN).read_bytes() + Path(PROBLEM).read_bytes()
     done = subprocess.run(
-        [*COMMAND, "load", url, "-"],
+        [*command(), "load", url, "-"],
         input=text,
         capture_output=True,
         timeout=CHILD_TIMEOUT,
@@ -301,7 +301,7 @@ def test_a_path_that_is_no_unicode_text_is_kept_readable(url: str, tmp_path: Pat
     except OSError:
         pytest.skip("this file system has only names that are Unicode text")
     done = subprocess.run(
-        [*(os.fsencode(word) for word in [*COMMAND, "load", url]), path],
+        [*(os.fsencode(word) for word in [*PROGRAM, "load", url]), path],
         capture_output=True,
         env=environment(),
         timeout=CHILD_TIMEOUT,
@@ -318,7 +318,7 @@ def test_a_terminal_shows_what_is_going_on_and_a_pipe_does_not(url: str) -> None
     assert child("load", url, DOMAIN).stderr == ""
     controller, terminal = pty.openpty()
     process = subprocess.Popen(
-        [*COMMAND, "load", url, PROBLEM],
+        [*command(), "load", url, PROBLEM],
         stdout=subprocess.PIPE,
         stderr=terminal,
         env=environment(TERM="xterm"),
@@ -337,9 +337,6 @@ def test_a_terminal_shows_what_is_going_on_and_a_pipe_does_not(url: str) -> None
 
 
 def test_nothing_is_shown_without_standard_error(url: str) -> None:
-    done = child(
-        "-c",
-        f"'{sys.executable}' -m kant_sql.cli.main load '{url}' '{DOMAIN}' 2>&-",
-        command=["sh"],
-    )
+    line = shlex.join([*PROGRAM, "load", url, DOMAIN])
+    done = child("-c", f"{line} 2>&-", program=["sh"])
     assert done.returncode == 0

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 import kant_sql
-from tests.cli.running import child, one_line, run
+from tests.cli.running import PROGRAM, child, one_line, run
 from tests.worlds import robot_at
 
 NEWEST_BUT_ONE = """\
@@ -96,6 +96,6 @@ def test_output_that_cannot_take_all_letters_escapes_them(tmp_path: Path) -> Non
     url = f"sqlite:///{tmp_path / 'letters.db'}"
     with kant_sql.connect(url, actor="Zoë") as kb:
         kb.propositions.save(robot_at())
-    assert r"actor: Zo\xeb" in child("log", url, PYTHONIOENCODING="ascii").stdout
-    done = child("log", url, "--json", PYTHONIOENCODING="ascii")
+    assert r"actor: Zo\xeb" in child("log", url, program=PROGRAM, PYTHONIOENCODING="ascii").stdout
+    done = child("log", url, "--json", program=PROGRAM, PYTHONIOENCODING="ascii")
     assert json.loads(done.stdout)["actor"] == "Zoë"

@@ -41,6 +41,8 @@ def test_the_log_is_bounded_by_revisions_and_times(store: str) -> None:
     assert numbers(store, "--until", "2") == [2, 1]
     assert numbers(store, "--since", time_text(second), "--until", time_text(second)) == [2]
     assert numbers(store, "--since", "a day ago") == [3, 2, 1]
+    assert numbers(store, "--limit", "2") == [3, 2]
+    assert numbers(store, "--limit", "9" * 30) == [3, 2, 1]
     assert first <= third
 
 
@@ -110,7 +112,7 @@ def test_blame_names_who_asserted_what_holds(store: str) -> None:
     ("words", "message"),
     [
         (("blame", "wp9"), "'wp9' in knowledge base 'tiago': it does not hold"),
-        (("history", "(robot_at rb1 nowhere)"), "it never was one"),
+        (("history", "(robot_at rb1 nowhere)"), "it never was there; see: kant-sql log"),
         (("diff", "1", "9"), "has no revision 9: it is at 3"),
         (("restore", "9"), "has no revision 9: it is at 3"),
         (("log", "--since", "2999-01-01T00:00:00Z"), "is in the future"),

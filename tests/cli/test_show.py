@@ -74,7 +74,7 @@ def test_the_whole_state_is_shown_as_plain_text_in_a_pipe(store: str) -> None:
 
 def test_an_installed_script_does_the_same(store: str) -> None:
     script = Path(sys.executable).parent / "kant-sql"
-    assert child("show", store, command=[str(script)]).stdout == child("show", store).stdout
+    assert child("show", store, program=[str(script)]).stdout == child("show", store).stdout
 
 
 def test_json_says_all_of_the_state(store: str) -> None:

@@ -9,7 +9,7 @@ import typer
 from hypothesis import given
 from hypothesis import strategies as st
 
-from kant_sql.cli.times import parse_optional, parse_time, parse_when
+from kant_sql.cli.times import parse_optional, parse_when
 
 AGO = {
     "2 hours ago": timedelta(hours=2),
@@ -60,12 +60,6 @@ def test_a_time_in_iso_8601_keeps_its_moment(moment: datetime, zone: timezone) -
     assert parse_when(moment.replace(tzinfo=zone).isoformat()) == moment.replace(tzinfo=zone)
     # Without a zone, it is in UTC.
     assert parse_when(moment.isoformat()) == moment.replace(tzinfo=UTC)
-
-
-def test_a_number_is_no_time_where_only_a_time_will_do() -> None:
-    with pytest.raises(typer.BadParameter, match="'12' is a number, not a time"):
-        parse_time("12", "--before")
-    assert parse_time("2026-01-31T09:30:00+01:00", "--before").hour == 8
 
 
 def test_an_option_that_was_not_given_has_no_moment() -> None:

@@ -12,8 +12,9 @@ from typing import Any
 import pytest
 
 import kant_sql
+from kant_sql import PddlTypeDto
 from tests.cli.conftest import write_history
-from tests.cli.running import COMMAND, child, environment, one_line, run
+from tests.cli.running import child, command, environment, one_line, run
 from tests.pages import opened
 from tests.worlds import robot_at
 
@@ -69,6 +70,7 @@ def test_json_says_all_of_it(own_file: str) -> None:
         "changes": 13,
         "is_intact": False,
         "archives": [],
+        "anchored": None,
     }
     assert (finding["revision"], finding["table"]) == (None, "head")
     assert finding["message"].startswith("next_id is 1, and ")
@@ -134,6 +136,17 @@ def test_a_knowledge_base_that_is_anchored_and_gone_is_a_finding(
     assert "there is no knowledge base 'pepper' any more" in result.stdout
 
 
+def test_what_an_anchor_says_nothing_of_is_said(own_file: str, tmp_path: Path) -> None:
+    file = anchor_file(own_file, tmp_path)
+    with kant_sql.connect(own_file, "newer") as kb:
+        kb.types.save(PddlTypeDto("late"))
+    lines = run("verify", own_file, "--all", "--anchor", str(file)).stdout.splitlines()
+    assert lines[-1] == "newer: the anchor says nothing of it"
+    assert sum("anchor" in line for line in lines) == 1
+    documents = run("verify", own_file, "--all", "--anchor", str(file), "--json").stdout
+    assert [json.loads(line)["anchored"] for line in documents.splitlines()] == [3, None]
+
+
 def test_an_empty_store_has_an_empty_anchor(new_url: str, tmp_path: Path) -> None:
     kant_sql.upgrade(new_url)
     file = anchor_file(new_url, tmp_path)
@@ -175,6 +188,12 @@ def test_an_anchor_that_names_a_knowledge_base_twice_is_refused(
     assert "two heads of knowledge base 'tiago'" in error
 
 
+def test_an_anchor_is_json_with_the_option_and_without(own_file: str) -> None:
+    documents = [json.loads(run("anchor", own_file, *more).stdout) for more in ([], ["--json"])]
+    assert documents[0]["heads"] == documents[1]["heads"]
+    assert documents[1]["heads"][0]["revision"] == 3
+
+
 def test_a_file_that_is_not_there_is_named(own_file: str) -> None:
     result = run("verify", own_file, "--anchor", "nowhere.json")
     assert result.exit_code == 2
@@ -183,14 +202,14 @@ def test_a_file_that_is_not_there_is_named(own_file: str) -> None:
 
 def test_nothing_is_created(tmp_path: Path) -> None:
     url = f"sqlite:///{tmp_path / 'none.db'}"
-    for command in ("verify", "anchor"):
-        assert run(command, url).exit_code == 1
+    for name in ("verify", "anchor"):
+        assert run(name, url).exit_code == 1
     assert [*tmp_path.iterdir()] == []
 
 
 def test_a_terminal_shows_how_far_it_is(sqlite_store: str) -> None:
     ours, theirs = pty.openpty()
-    words = [*COMMAND, "verify", sqlite_store]
+    words = [*command(), "verify", sqlite_store]
     variables = environment(TERM="xterm-256color", COLUMNS="80")
     with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=theirs, env=variables) as process:
         os.close(theirs)

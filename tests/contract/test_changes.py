@@ -226,3 +226,19 @@ def _execute(url: str, sql: str) -> None:
             with contextlib.suppress(Exception):
                 store.execute("SET session_replication_role = replica", {})
         store.execute(sql, {})
+
+
+@pytest.mark.parametrize("limit", ["1", 1.5, True])
+def test_a_limit_is_a_whole_number(kb: KnowledgeBase, limit: Any) -> None:
+    kb.objects.save(waypoint(0))
+    for call in (kb.changes, kb.revisions, kb.log):
+        with pytest.raises(TypeError, match="whole number, or None for all"):
+            list(call(limit=limit))
+
+
+def test_a_limit_and_a_place_may_be_larger_than_any_number(kb: KnowledgeBase) -> None:
+    kb.objects.save(waypoint(0))
+    for call in (kb.changes, kb.revisions, kb.log):
+        assert len(list(call(limit=10**30))) == 1
+        assert list(call(limit=-1)) == []
+    assert kb.revisions(after=2**70) == []

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterable, Iterator
 from datetime import UTC, datetime, timedelta
+from functools import partial
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -53,9 +54,11 @@ def told(fresh_kb: KnowledgeBase) -> KnowledgeBase:
     return fresh_kb
 
 
-@pytest.fixture(params=[False, True], ids=["one page", "many pages"])
+@pytest.fixture(params=["one page", "many pages", "pages of many changes"])
 def paged(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
-    if request.param:
+    if request.param == "pages of many changes":
+        monkeypatch.setattr("kant_sql.knowledge.changes.FEW", 3)
+    if request.param != "one page":
         for name, value in PAGES.items():
             monkeypatch.setattr(f"kant_sql.history.log.{name}", value)
         monkeypatch.setattr("kant_sql.history.element_changes.VERSION_PAGE", 2)
@@ -240,14 +243,16 @@ def test_statements_do_not_grow_with_what_changed(kb: KnowledgeBase) -> None:
         for _ in range(size):
             kb.propositions.delete(robot_at(RB1, waypoint(0)))
             kb.propositions.save(robot_at(RB1, waypoint(0)))
+        times = [revision.committed_at for revision in kb.revisions(limit=2)]
         counts = (
             count(lambda: list(kb.log())),
             count(lambda: list(kb.log(actor="test"))),
             count(lambda: list(kb.log(since=1, until=2))),
+            count(partial(lambda since, until: list(kb.log(since, until)), *times)),
             count(lambda: list(kb.log(element=robot_at(RB1, waypoint(0))))),
         )
         taken.add(counts)
-    assert taken == {(3, 3, 3, 5)}
+    assert taken == {(3, 3, 3, 3, 5)}
 
 
 def test_an_element_that_changed_once_costs_no_walk_through_the_log(

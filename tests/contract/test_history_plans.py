@@ -74,11 +74,11 @@ def rows_touched(url: str, statement: Statement) -> int:
 def test_it_looks_at_the_rows_of_what_is_asked(store: str, name: str) -> None:
     call, most = ASKED[name]
     for statement in statements(store, call):
-        if "object.key" in statement.sql or "revision.number = ANY" in statement.sql:
+        if "key = ANY" in statement.sql or "revision.number = ANY" in statement.sql:
             # Of so few rows PostgreSQL reads all, before it has statistics; of more, it does not.
             continue
         if store.startswith("sqlite"):
-            steps = explain(store, statement)
-            assert not [step for step in steps if "SCAN" in step and "_version" in step], steps
+            steps = [step for step in explain(store, statement) if "_version" in step]
+            assert not [each for each in steps if "SCAN" in each or "(kb_id=?)" in each], steps
         elif statement.sql.startswith("SELECT") and "kb" in statement.parameters:
             assert rows_touched(store, statement) <= most, statement.sql

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from datetime import UTC, datetime, timedelta
 from decimal import Decimal
 from pathlib import Path
@@ -24,6 +24,7 @@ from kant_sql import (
     UnknownRevisionError,
 )
 from kant_sql.dto.formula import Comparison, Derived, Exists, Metric, Modal, Not, TimedLiteral
+from kant_sql.knowledge.changes import Change
 from kant_sql.pddl import write
 from kant_sql.pddl.document import Domain, Problem
 from tests.chain import check_chain
@@ -323,6 +324,26 @@ def check_program(kb: KnowledgeBase, program: Program, places: list[float]) -> N
         processes[revision % 2].restore(revision)
         check_is_as_at(kb, revision)
         assert everything(processes[1]) == everything(kb)
+    check_differences(kb, [round(place * head) for place in places])
+
+
+def check_differences(kb: KnowledgeBase, revisions: list[int]) -> None:
+    """Check that the difference of two states makes the one of the other."""
+    states: list[frozenset[Change]] = [frozenset()]
+    for entry in kb.changes():
+        states.append(changed(states[-1], entry.changes))
+    way = [0, *revisions, kb.revision]
+    for a, b in (*itertools.pairwise(way), *itertools.pairwise(way[::-1])):
+        assert changed(states[a], kb.diff(a, b)) == states[b]
+
+
+def changed(state: frozenset[Change], changes: Sequence[Change]) -> frozenset[Change]:
+    """A state with what came and without what went, of which nothing was there already."""
+    came = {change for change in changes if change.sign == "+"}
+    went = {change._replace(sign="+") for change in changes if change.sign == "-"}
+    assert went <= state
+    assert not came & state
+    return (state - went) | came
 
 
 @pytest.mark.timeout(0 if HUNT else 300)

@@ -7,9 +7,11 @@ import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import closing
 from pathlib import Path
+from typing import Any
 
 import psycopg
 import pytest
+from sqlalchemy import select
 
 import kant_sql
 from kant_sql import (
@@ -22,13 +24,16 @@ from kant_sql import (
     StoreUnreachableError,
     schema,
 )
-from kant_sql.backends import Session
+from kant_sql.backends import Query, Session, create_backend
 from kant_sql.backends.sqlite import SqliteBackend
+from kant_sql.tables import KnowledgeBaseRow
 from tests import opening
 from tests.chain import check_chain
 from tests.conftest import Connect, Server
 from tests.workers import in_processes
 from tests.worlds import robot_at
+
+pytestmark = pytest.mark.usefixtures("real_migrations")
 
 
 def sqlite_url(path: Path, query: str = "") -> str:
@@ -290,3 +295,23 @@ def test_processes_that_create_knowledge_bases_at_once_leave_one_of_each_name(
         *[(opening.connect_and_write, shared_url, n, name) for n, name in enumerate(names)]
     )
     assert check_chain(shared_url) == {"same": 3, f"other {round_}": 1}
+
+
+# The end.
+
+
+def test_rows_that_are_given_up_after_the_end_of_their_connection_are_no_error(
+    shared_url: str, connect: Connect
+) -> None:
+    connect(shared_url, knowledge_base="tiago").propositions.save(robot_at())
+    backend = create_backend(shared_url)
+    session = backend.session()
+    session.begin(write=False)
+    rows: Any = session.stream(Query(select(KnowledgeBaseRow.name)))
+    assert next(rows)[0] == "tiago"
+    # As after Ctrl-C: what was being read is forgotten last.
+    connection: Any = session._pooled.driver_connection
+    connection.close()
+    rows.close()
+    session._pooled.invalidate()
+    backend.close()

@@ -23,6 +23,8 @@ from kant_sql import (
 from tests.conftest import Connect, Server
 from tests.worlds import robot_at
 
+pytestmark = pytest.mark.usefixtures("real_migrations")
+
 PASSWORD = "p@ss/w:rd"
 PROMPTLY = 5.0
 

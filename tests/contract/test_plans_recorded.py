@@ -69,7 +69,7 @@ def test_a_plan_is_read_as_it_was_recorded(fresh_kb: KnowledgeBase) -> None:
     newcomer = beside(kb, kb.factory._store.name)  # type: ignore[attr-defined]
     assert newcomer.plans.get(made.id) == made == kb.plans.get(made.id)
     assert newcomer.plans.get_all() == [made]
-    for strange in (made.id + 1, made.id - 1, 0, -1, 10**30, "1", None):
+    for strange in (made.id + 1, made.id - 1, 0, -1, 10**30, "1", None, True):
         assert newcomer.plans.get(strange) is None  # type: ignore[arg-type]
 
 
@@ -179,6 +179,9 @@ def test_what_cannot_be_kept_is_refused(fresh_kb: KnowledgeBase) -> None:
     assert "domain_pddl" in refuses(fresh_kb, TOUR, domain_pddl="\0")
     assert "problem_pddl" in refuses(fresh_kb, TOUR, problem_pddl="\udfff")
     assert "a Plan of kant_sql, not 'a plan'" in refuses(fresh_kb, "a plan")
+    strange: list[Any] = [None, iter(STEPS)]
+    for steps in strange:
+        assert "expected a tuple" in refuses(fresh_kb, replace(TOUR, steps=steps))
 
 
 def test_a_plan_is_of_a_state_that_there_is(fresh_kb: KnowledgeBase) -> None:

@@ -515,7 +515,7 @@ def rows_read(node: dict[str, Any]) -> float:
 def test_postgresql_needs_no_statistics(
     server: Server, empty_database: str, connect: Connect
 ) -> None:
-    url, size = copied(server, empty_database), 2_000
+    url, size = copied(server, empty_database), 1_000
     tables = ask(url, "SELECT tablename FROM pg_tables WHERE schemaname = 'public'")
     for (table,) in tables:
         ask(url, f"ALTER TABLE {table} SET (autovacuum_enabled = off)")

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
+
 import psycopg
 import pytest
 
-from tests.rights import TABLES, Members, contents, mutations, refused, rows_of
+from tests.conftest import Connect
+from tests.rights import OTHER, TABLES, Members, contents, mutations, query, refused, rows_of
+from tests.workers import PATIENCE
+from tests.worlds import robot_at, waypoint
 
 EVERY_ROLE = pytest.mark.parametrize("role", range(6))
 
@@ -65,6 +70,9 @@ ATTACKS = {
     "leave a hole in the revisions": """
         INSERT INTO revision (kb_id, number, committed_at, form, hash)
         SELECT kb_id, revision + 2, now(), 2, 'hash' FROM head""",
+    "date a revision ahead": """
+        INSERT INTO revision (kb_id, number, committed_at, form, hash)
+        SELECT kb_id, revision + 1, now() + interval '1 day', 2, 'hash' FROM head""",
     "move the head on without a revision": "UPDATE head SET revision = revision + 1",
     "give the head another hash": "UPDATE head SET hash = 'hash'",
     "give out ids again": "UPDATE head SET next_id = 1",
@@ -106,6 +114,57 @@ def test_to_begin_a_revision_brings_no_past_row_within_reach(
             "SELECT kb_id, revision + 1, now(), 2, 'hash' FROM head"
         )
         assert connection.execute("DELETE FROM proposition_version").rowcount == 0
+
+
+# Each begins before a revision is committed, and finds out about it afterwards.
+LATE = {
+    "open again what another has ended": """
+        UPDATE proposition_version SET until = NULL, fork = 0 FROM {late}
+        WHERE kb_id = {kb}""",
+    "assert something in the revision of another": """
+        INSERT INTO proposition_version (kb_id, proposition_id, since, until, predicate_id, is_goal)
+        SELECT kb_id, min(proposition_id), {next}, NULL, min(predicate_id), false
+        FROM proposition_version, {late} WHERE kb_id = {kb} GROUP BY kb_id""",
+    "add an argument to the fact of another": """
+        INSERT INTO proposition_argument SELECT head.kb_id, next_id + 1, 9, object.id
+        FROM {late}, head JOIN object ON object.kb_id = head.kb_id AND object.key = 'rb1'
+        WHERE head.kb_id = {kb}""",
+    "add a type to the object of another": """
+        INSERT INTO object_type SELECT kb_id, next_id, {next}, 1, 1 FROM head, {late}
+        WHERE kb_id = {kb}""",
+}
+LOCK, OTHER_ID = 4711, 2
+WAIT = f"pg_advisory_xact_lock({LOCK}) AS l"
+
+
+@pytest.mark.parametrize("attack", LATE.values(), ids=LATE)
+def test_what_is_committed_while_a_statement_runs_is_out_of_its_reach(
+    attack: str, role_store: str, role_users: Members, connect: Connect
+) -> None:
+    kb = connect(role_store, knowledge_base=OTHER)
+    kb.propositions.save(robot_at())
+    before = len(kb.verify().findings)
+    values = {
+        "kb": OTHER_ID,
+        "next": kb.revision + 1,
+        "late": WAIT,
+    }
+    with (
+        psycopg.connect(role_store, autocommit=True) as owner,
+        psycopg.connect(role_users.writer, autocommit=True) as writer,
+        ThreadPoolExecutor() as pool,
+    ):
+        owner.execute(f"SELECT pg_advisory_lock({LOCK})".encode())
+        trying = pool.submit(refused, writer, attack.format_map(values))
+        waiting = "SELECT FROM pg_locks WHERE locktype = 'advisory' AND NOT granted"
+        while not query(role_store, waiting):
+            assert not trying.done()
+        with kb.transaction():
+            kb.propositions.delete(robot_at())
+            kb.propositions.save(robot_at(place=waypoint(kb.revision)))
+        owner.execute(f"SELECT pg_advisory_unlock({LOCK})".encode())
+        trying.result(PATIENCE)
+    assert len(kb.verify().findings) == before
 
 
 def test_policies_are_what_stops_these_attacks(role_store: str) -> None:

@@ -218,23 +218,40 @@ def test_a_limited_auditor_reads_views_of_its_own(role_store: str, limited_users
         assert sorted(map(str, found)) == sorted(map(str, wanted))
 
 
+def seen_by_a_function(url: str) -> list[int]:
+    """Each `since` that the server shows a function which costs less than the view's condition."""
+    seen: list[int] = []
+    with psycopg.connect(url) as connection:
+        connection.add_notice_handler(lambda notice: seen.append(int(notice.message_primary or 0)))
+        connection.execute(
+            "CREATE FUNCTION pg_temp.see(bigint) RETURNS boolean LANGUAGE plpgsql COST 1e-9 AS "
+            "$$ BEGIN RAISE NOTICE '%', $1; RETURN true; END $$"
+        )
+        for kind in ("indexscan", "bitmapscan", "indexonlyscan"):
+            connection.execute(f"SET enable_{kind} = off".encode())
+        connection.execute("SELECT FROM fact_robot_at WHERE pg_temp.see(since)")
+    return seen
+
+
 def test_auditors_read_generated_views(server: Server, connect: Connect) -> None:
     url = server.new_store()
     for kb_name in (MINE, OTHER):
         connect(url, knowledge_base=kb_name).propositions.save(robot_at())
+    connect(url, knowledge_base=OTHER).propositions.save(robot_at(place=WP2))
     all_roles, limited_roles = kant_sql.create_roles(url), kant_sql.create_roles(url, MINE)
     made = [view for view in update_views(url) if view.kind == "fact"]
     assert {view.knowledge_base for view in made} == {MINE, OTHER}
     kant_sql.create_roles(url)
     with members(url, all_roles) as all_users, members(url, limited_roles) as limited:
         for view in made:
-            assert len(rows_of(url, view.name)) == 1
+            assert len(rows_of(url, view.name)) == (1 if view.knowledge_base == MINE else 2)
             assert rows_of(all_users.auditor, view.name) == rows_of(url, view.name)
             if view.knowledge_base == MINE:
                 assert rows_of(limited.auditor, view.name) == rows_of(url, view.name)
             else:
                 with pytest.raises(psycopg.errors.InsufficientPrivilege):
                     rows_of(limited.auditor, view.name)
+        assert seen_by_a_function(limited.auditor) == [1]
         # What auditors may read is not in the way of making them anew.
         connect(url, knowledge_base=MINE).predicates.save(PddlPredicateDto("near", [WAYPOINT]))
         update_views(url)

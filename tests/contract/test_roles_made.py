@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import closing
 from typing import Any
 
 import psycopg
@@ -9,9 +10,10 @@ import pytest
 
 import kant_sql
 from kant_sql import KantSqlError, SchemaMissingError, StoreError
+from kant_sql.predicate_views import update_views
 from tests.conftest import Connect, Server
 from tests.pages import Page
-from tests.rights import MINE, Members, members, query
+from tests.rights import MINE, Members, members, query, refused
 from tests.worlds import robot_at
 
 
@@ -67,6 +69,26 @@ def test_rights_survive_migrations(server: Server, connect: Connect) -> None:
     kant_sql.downgrade(url, "base")
     kant_sql.upgrade(url)
     assert query(url, "SELECT polname FROM pg_policy") == []
+
+
+def test_what_was_made_for_a_knowledge_base_that_is_gone_is_for_no_other(
+    server: Server, connect: Connect
+) -> None:
+    url = server.new_store()
+    with closing(connect(url, knowledge_base="tiago")) as kb:
+        kb.propositions.save(robot_at())
+        update_views(url)
+    roles = kant_sql.create_roles(url, "tiago")
+    with members(url, roles) as own, psycopg.connect(url, autocommit=True) as owner:
+        owner.execute("UPDATE knowledge_base SET name = 'pepper'")
+        kant_sql.create_roles(url)
+        assert query(url, "SELECT FROM pg_views WHERE schemaname = 'kant_sql_tiago'") == []
+        for name in ("object", "fact_robot_at"):
+            for user in own:
+                with psycopg.connect(user, autocommit=True) as connection:
+                    assert refused(connection, f"SELECT FROM {name}"), (name, user)
+    # Nor is it in the way of a migration.
+    kant_sql.downgrade(url, "0003")
 
 
 def test_what_cannot_be_done_is_refused_with_the_remedy(

@@ -3,15 +3,23 @@
 from __future__ import annotations
 
 import math
+import signal
+import threading
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from typing import Any
 
 import pytest
 
-from kant_sql import KnowledgeBase, ReadOnlyError, StoreIntegrityError, UnknownRevisionError
+from kant_sql import (
+    KnowledgeBase,
+    ReadOnlyError,
+    StoreError,
+    StoreIntegrityError,
+    UnknownRevisionError,
+)
 from kant_sql.backends import Session, postgresql, postgresql_session, postgresql_waiting
-from kant_sql.errors import InvalidTimeoutError, KantSqlError
+from kant_sql.errors import InvalidTimeoutError
 from kant_sql.history import watching
 from tests.conftest import Connect
 from tests.disturbing import on_file, on_server, terminate
@@ -44,7 +52,9 @@ def test_what_is_new_already_is_told_at_once(kb: KnowledgeBase) -> None:
     for number in range(3):
         save(kb, number)
     assert [kb.watch(after) for after in (0, 1, 2)] == [3, 3, 3]
-    assert kb.watch(0, timeout=0) == kb.watch(2, timeout=1e9) == kb.watch(2, timeout=math.inf) == 3
+    assert kb.watch(0, timeout=0) == 3
+    for timeout in (1e9, 10**400, math.inf):
+        assert kb.watch(2, timeout) == 3
 
 
 def test_when_time_is_over_there_is_no_news(kb: KnowledgeBase) -> None:
@@ -288,10 +298,37 @@ def test_a_fork_beside_a_thread_that_waits_is_survived(shared_url: str) -> None:
     in_processes((fork_beside_a_watching_thread, shared_url))
 
 
-def test_who_waits_for_a_store_in_memory_sees_that_it_is_closed(connect: Connect) -> None:
-    kb = connect("sqlite://", knowledge_base="tiago")
+def test_who_waits_sees_that_it_is_closed(
+    kb: KnowledgeBase, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(watching, "LOOK_EVERY", 0.05)
     save(kb, 0)
     with waiting(kb) as call:
         kb.close()
-        with pytest.raises(KantSqlError):
+        with pytest.raises(StoreError, match="'tiago' was closed while this call waited"):
             call.result()
+
+
+def test_signals_do_not_make_it_wait_for_longer(kb: KnowledgeBase) -> None:
+    save(kb, 0)
+    over = threading.Event()
+
+    def disturb() -> None:
+        # Bounded, so that a call that they do keep waiting ends, too late.
+        for _ in range(200):
+            signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGUSR1)
+            if over.wait(0.02):
+                return
+        late.set()
+
+    late = threading.Event()
+    before = signal.signal(signal.SIGUSR1, lambda *_: None)
+    thread = threading.Thread(target=disturb)
+    thread.start()
+    try:
+        assert kb.watch(1, timeout=0.1) is None
+        assert not late.is_set()
+    finally:
+        over.set()
+        thread.join()
+        signal.signal(signal.SIGUSR1, before)

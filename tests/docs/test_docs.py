@@ -6,15 +6,13 @@ import os
 import shlex
 import subprocess
 import sys
-import tempfile
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from sybil import Document, Example, Sybil
 from sybil.parsers.markdown import CodeBlockParser, PythonCodeBlockParser
 
-from tests.docs.forking import commands
+from tests.warm import MODULES, python
 
 ROOT = Path(__file__).parents[2]
 DOCUMENTS = [*sorted(ROOT.glob("*.md")), *sorted((ROOT / "docs").glob("*.md"))]
@@ -54,10 +52,13 @@ def parse(path: Path) -> Document:
 
 
 @pytest.fixture(scope="session")
-def command_folder() -> Iterator[Path]:
-    # A short path: a socket's path ends at about 100 characters.
-    with tempfile.TemporaryDirectory(prefix="kantdocs") as folder, commands(Path(folder)) as found:
-        yield found
+def command_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("commands")
+    line = shlex.join([str(python(*MODULES)), "-m", "kant_sql.cli.main"])
+    command = folder / "kant-sql"
+    command.write_text(f'#!/bin/sh\nexec {line} "$@"\n')
+    command.chmod(0o755)
+    return folder
 
 
 @pytest.fixture

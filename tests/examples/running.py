@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import os
 import subprocess
-import sys
 from pathlib import Path
+
+from tests.warm import MODULES, python
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 
@@ -13,7 +14,7 @@ EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 def run(name: str, *arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:
     """Run an example to its end, away from the repository's root."""
     return subprocess.run(
-        [sys.executable, str(EXAMPLES / name), *arguments],
+        [python(*MODULES), str(EXAMPLES / name), *arguments],
         capture_output=True,
         text=True,
         encoding="utf-8",

@@ -17,6 +17,7 @@ import kant_sql
 from kant_sql import KnowledgeBase
 from tests.conftest import make_store_url
 from tests.examples.running import EXAMPLES, run
+from tests.warm import MODULES, python
 
 ITERATIONS = 2
 TASKS = ("TtR", "TtL", "TtC", "TtS", "TtG")
@@ -150,7 +151,7 @@ def test_what_cannot_be_done_is_said_without_a_traceback(
 @pytest.mark.skipif(sys.platform == "win32", reason="there are no pseudo-terminals")
 def test_a_terminal_gets_a_progress_bar(tmp_path: Path) -> None:
     master, terminal = pty.openpty()
-    program = [sys.executable, str(EXAMPLES / "coffee_shop.py")]
+    program = [str(python(*MODULES)), str(EXAMPLES / "coffee_shop.py")]
     store = [f"sqlite:///{tmp_path / 'shop.db'}", "--iterations", "1"]
     environment = {**os.environ, "TERM": "xterm", "COLUMNS": "140"}
     with subprocess.Popen([*program, *store], stdout=terminal, env=environment) as child:

@@ -14,6 +14,7 @@ from typing import NamedTuple
 import pytest
 
 from tests.meaning.material import HERE, Pair
+from tests.warm import PLANNING, python
 
 SECONDS = 1800
 WITHOUT_PLANNING = "install kant-sql[planning] for this"
@@ -44,7 +45,8 @@ def unified_planning(originals: Sequence[Pair], ours: Sequence[Pair]) -> list[An
         [left.name, *map(str, (left.domain, left.problem, right.domain, right.problem))]
         for left, right in zip(originals, ours, strict=True)
     ]
-    done = run([sys.executable, str(HERE / "child_unified_planning.py")], json.dumps(files))
+    program = python(*PLANNING)
+    done = run([str(program), str(HERE / "child_unified_planning.py")], json.dumps(files))
     assert done.returncode == 0, done.stderr
     return [Answer(*json.loads(line)) for line in done.stdout.splitlines()]
 

@@ -16,6 +16,7 @@ import pytest
 
 from tests.meaning.material import HERE, Pair
 from tests.meaning.others import need, run
+from tests.warm import PLANNING, python
 
 SECONDS = 60
 Planner = Callable[[Pair, Path], str]
@@ -59,7 +60,8 @@ def enhsp(pair: Pair, folder: Path) -> str:
 def aries(pair: Pair, folder: Path) -> str:
     """Plan with Aries: temporal planning."""
     need("unified_planning", "up_aries")
-    command = [sys.executable, str(HERE / "child_aries.py"), *_files(pair), str(SECONDS)]
+    program = python(*PLANNING)
+    command = [str(program), str(HERE / "child_aries.py"), *_files(pair), str(SECONDS)]
     done = run(command, folder=folder, seconds=2 * SECONDS)
     if done.returncode != 0:
         raise NoPlanError(f"{command} exit {done.returncode}: {done.stderr[-1000:]}")

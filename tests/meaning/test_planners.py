@@ -51,8 +51,6 @@ SOLVED = [
      "derived predicates in STRIPS"),
     ("fast_downward", "ipc2004-psr-middle-derived-predicates-adl.instance-2",
      "recursive derived predicates"),
-    ("fast_downward", "ipc2004-psr-middle-derived-predicates-simple-adl.instance-2",
-     "derived predicates, conditional effects"),
     ("fast_downward", "ipc2004-psr-small-strips.instance-1", "no objects"),
     ("enhsp", "ipc2006-openstacks-preferences-simple.instance-1", "preferences, quantified"),
     ("enhsp", "ipc2006-pathways-preferences-simple.instance-1", "preferences, disjunctive"),
@@ -79,6 +77,8 @@ SOLVED = [
     ("fast_downward", "ipc2014-hiking-sequential-optimal.instance-1", "inequality"),
 ]  # fmt: skip
 MORE = [
+    ("fast_downward", "ipc2004-psr-middle-derived-predicates-simple-adl.instance-2",
+     "derived predicates, conditional effects"),
     ("aries", "ipc2002-driverlog-time-automatic.instance-1", "durations from functions"),
     ("aries", "ipc2008-openstacks-temporal-satisficing-strips.instance-1",
      "durative actions with constants"),

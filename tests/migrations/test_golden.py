@@ -25,6 +25,8 @@ from kant_sql.schema import VERSION_TABLE, VERSIONS, upgrade_sql
 from kant_sql.tables import Base
 from tests.migrations.dump import dump
 
+pytestmark = pytest.mark.usefixtures("real_migrations")
+
 FOLDER = Path(__file__).parent / "golden"
 WRITE = os.environ.get("KANT_SQL_TEST_GOLDEN") == "write"
 

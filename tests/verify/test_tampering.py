@@ -243,6 +243,27 @@ def test_values_of_a_wrong_type_are_a_finding(bare: Bare) -> None:
         "UPDATE action_node SET parent = 'root' WHERE position > 1",
         "UPDATE proposition SET text = x'00ff'",
         "UPDATE function_value_version SET number = 'much'",
+        "UPDATE revision SET source = '' WHERE number = 20",
+        "UPDATE plan_step_version SET until = 9e999 WHERE until IS NULL",
+        "UPDATE type_version SET until = 9e999 WHERE until IS NULL;"
+        "UPDATE head SET definition_revision = 9e999",
+        "UPDATE proposition SET is_goal = 2 WHERE is_goal;"
+        "UPDATE proposition_version SET is_goal = 2 WHERE is_goal",
+    ):
+        bare.run("SAVEPOINT one")
+        for statement in sql.split(";"):
+            bare.run(statement)
+        assert bare.findings(), sql
+        bare.run("ROLLBACK TO SAVEPOINT one")
+
+
+def test_times_that_no_clock_shows_are_a_finding(bare: Bare) -> None:
+    if bare.session.placeholder == "?":
+        pytest.skip("SQLite keeps times as text")
+    for sql in (
+        "UPDATE revision SET committed_at = 'infinity' WHERE number = 12",
+        "UPDATE revision SET observed_at = '20000-01-01' WHERE number = 12",
+        "UPDATE head SET committed_at = 'infinity'",
     ):
         bare.run("SAVEPOINT one")
         bare.run(sql)
