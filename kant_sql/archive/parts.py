@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from sqlalchemy import ColumnElement, Select, Table, select
+from sqlalchemy import ColumnElement, Select, Table, and_, select
 
-from ..backends import in_rows
 from ..knowledge.loading import KB
-from ..knowledge.rows import KIND_TABLES, table_of
+from ..knowledge.rows import KIND_TABLES, is_of_version, table_of
 from ..tables import (
     ArchiveRow,
     FunctionValueArgumentRow,
@@ -92,16 +91,9 @@ def children_of(
     Returns:
         The conditions, all of which must hold.
     """
-    version, (owner,) = part.version.c, part.owner
-    owners = select(version[owner]).where(version.kb_id == KB, held)
-    exactly = (
-        select(version.since)
-        .where(version.kb_id == child.c.kb_id, version[owner] == child.c[owner])
-        .where(version.since == child.c.since, held)
-        .correlate(child)
-        .scalar_subquery()
-    )
-    return child.c.kb_id == KB, in_rows(child.c[owner], owners), exactly.is_not(None)
+    version, (owner,) = part.version, part.owner
+    which = and_(version.c.kb_id == KB, held)
+    return child.c.kb_id == KB, *is_of_version(child, version, owner, which)
 
 
 def references(table: Table) -> tuple[tuple[int, Table], ...]:

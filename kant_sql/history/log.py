@@ -15,6 +15,7 @@ from ..dto.dto import Dto
 from ..dto.formula import Node
 from ..knowledge.changes import Change, few_changes, stream_changes_of, stream_latest
 from ..knowledge.loading import KB
+from ..knowledge.revision import REVISIONS
 from ..store import Store
 from ..tables import HeadRow, RevisionRow
 from .bounds import Bounds, find_bounds
@@ -25,7 +26,6 @@ from .pages import PAGE_CHANGES as LOG_CHANGES
 from .revisions import (
     LARGEST,
     OLDEST_FIRST,
-    REVISIONS,
     LogEntry,
     Revision,
     at_most,

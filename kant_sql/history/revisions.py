@@ -8,12 +8,13 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any
 
-from sqlalchemy import ColumnElement, Text, and_, bindparam, cast, select
+from sqlalchemy import ColumnElement, bindparam, select
 
 from ..backends import Query, Row, Session, in_list
 from ..errors import UnknownRevisionError
 from ..knowledge.changes import Change
 from ..knowledge.loading import KB
+from ..knowledge.revision import OWN_COLUMNS, REVISIONS, STEP_COLUMNS
 from ..store import Store
 from ..tables import HeadRow, RevisionPlanStepRow, RevisionRow
 from ..view import refuse_archived as refuse_archived_state
@@ -27,28 +28,6 @@ LARGEST_EXACT = 2**53 - 1
 # its own cheaper, so it makes one at each call, which takes longer than all the rest of it.
 PLANNED_LIST = 11
 
-_OWN: tuple[Any, ...] = (
-    RevisionRow.number,
-    RevisionRow.committed_at,
-    RevisionRow.actor,
-    RevisionRow.reason,
-    # As text: what a driver makes of a JSON string looks like JSON, and is none.
-    cast(RevisionRow.source, Text),
-    RevisionRow.hash,
-    RevisionRow.observed_at,
-)
-_STEP: tuple[Any, ...] = RevisionPlanStepRow.plan_id, RevisionPlanStepRow.position
-REVISIONS = (
-    select(*_OWN, *_STEP)
-    .outerjoin(
-        RevisionPlanStepRow,
-        and_(
-            RevisionPlanStepRow.kb_id == RevisionRow.kb_id,
-            RevisionPlanStepRow.number == RevisionRow.number,
-        ),
-    )
-    .where(RevisionRow.kb_id == KB)
-)
 _RANGE = REVISIONS.where(RevisionRow.number.between(bindparam("low"), bindparam("high")))
 OLDEST_FIRST = Query(_RANGE.order_by(RevisionRow.number))
 NEWEST_FIRST = Query(_RANGE.order_by(RevisionRow.number.desc()))
@@ -163,7 +142,10 @@ def revision_of(number: ColumnElement[int]) -> tuple[ColumnElement[Any], ...]:
         .where(of.kb_id == KB, of.number == number)
         .correlate_except(of)
         .scalar_subquery()
-        for of, columns in ((RevisionRow, _OWN), (RevisionPlanStepRow, _STEP))
+        for of, columns in (
+            (RevisionRow, OWN_COLUMNS),
+            (RevisionPlanStepRow, STEP_COLUMNS),
+        )
         for column in columns
     )
 

@@ -22,7 +22,7 @@ from sqlalchemy import (
     union_all,
 )
 
-from ..backends import Query, Session, in_rows
+from ..backends import Query, Session
 from ..tables import (
     ActionNodeRow,
     ActionParameterRow,
@@ -47,7 +47,7 @@ from ..tables import (
 )
 from .assembling import GONE, evolve
 from .definitions import Definitions
-from .rows import KIND_TABLES, VersionTable, table_of
+from .rows import KIND_TABLES, VersionTable, is_of_version, table_of
 
 KB: ColumnElement[int] = bindparam("kb", type_=BigInteger)
 _AFTER: ColumnElement[int] = bindparam("after", type_=BigInteger)
@@ -98,23 +98,15 @@ def _definition_part(kind: str, held: Any, **columns: Any) -> Select[Any]:
 
 def _child_part(part: str, kind: str, held: Any, mapped: type[Base], **columns: str) -> Select[Any]:
     """Give the part that reads what belongs to those versions in a table below theirs."""
-    version, child = KIND_TABLES[kind].version.table.c, table_of(mapped).c
+    version, child = KIND_TABLES[kind].version.table, table_of(mapped)
     owner = f"{kind}_id"
-    owners = select(version[owner]).where(version.kb_id == KB, held(version))
-    version_of_child = (
-        select(version.since)
-        .where(version.kb_id == child.kb_id, version[owner] == child[owner])
-        .where(version.since == child.since, held(version))
-        .correlate(table_of(mapped))
-        .scalar_subquery()
-    )
-    chosen = {label: child[column] for label, column in columns.items()}
-    return _part(part, child[owner], position=child.position, **chosen).where(
-        child.kb_id == KB,
-        in_rows(child[owner], owners),
-        # Implied by the next, but this is what spares the index the rows of older versions.
-        child.since > _AFTER if held is _newer else true(),
-        version_of_child.is_not(None),
+    which = and_(version.c.kb_id == KB, held(version.c))
+    chosen = {label: child.c[column] for label, column in columns.items()}
+    return _part(part, child.c[owner], position=child.c.position, **chosen).where(
+        child.c.kb_id == KB,
+        *is_of_version(child, version, owner, which),
+        # Implied by that, but this is what spares the index the rows of older versions.
+        child.c.since > _AFTER if held is _newer else true(),
     )
 
 

@@ -6,9 +6,9 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
-from sqlalchemy import Table, bindparam, delete, null, update
+from sqlalchemy import ColumnElement, Table, bindparam, delete, null, select, update
 
-from ..backends import Query, Row
+from ..backends import Query, Row, in_rows
 from ..tables import (
     ActionNodeRow,
     ActionParameterRow,
@@ -98,6 +98,26 @@ class VersionTable:
             )
             for table in (*reversed(self.children), self.table)
         )
+
+
+def is_of_version(
+    child: Table, version: Table, owner: str, which: ColumnElement[bool]
+) -> tuple[ColumnElement[bool], ...]:
+    """Give the condition that a row belongs to a version of which something is true.
+
+    Args:
+        child: the table of the row.
+        version: the version table.
+        owner: the column of both that names what the version is of.
+        which: what is true of the version, its knowledge base included.
+
+    Returns:
+        The conditions, all of which must hold.
+    """
+    of_one = (version.c[name] == child.c[name] for name in ("kb_id", owner, "since"))
+    exactly = select(version.c.since).where(*of_one, which).correlate(child).scalar_subquery()
+    owners = select(version.c[owner]).where(which)
+    return in_rows(child.c[owner], owners), exactly.is_not(None)
 
 
 class Kind(NamedTuple):

@@ -9,39 +9,21 @@ from itertools import groupby
 from operator import itemgetter
 from typing import Any, NamedTuple
 
-from sqlalchemy import Text, and_, bindparam, cast, select
+from sqlalchemy import bindparam, select
 
 from ..backends import Query, Row, Session
 from ..canonical import Metadata, revision_hash, time_text
 from ..knowledge.changes import ASSERTED, RETRACTED, stream_change_rows, stream_rows_left
 from ..knowledge.loading import KB
-from ..tables import KnowledgeBaseRow, RevisionPlanStepRow, RevisionRow
+from ..knowledge.revision import REVISIONS
+from ..tables import KnowledgeBaseRow, RevisionRow
 
 SMALLEST, LARGEST = -(2**63), 2**63 - 1
 
 _SIGNS = ASSERTED, RETRACTED
 _NAME = Query(select(KnowledgeBaseRow.name).where(KnowledgeBaseRow.id == KB))
 _REVISIONS = Query(
-    select(
-        RevisionRow.number,
-        RevisionRow.committed_at,
-        RevisionRow.actor,
-        RevisionRow.reason,
-        cast(RevisionRow.source, Text),
-        RevisionRow.form,
-        RevisionRow.hash,
-        RevisionRow.observed_at,
-        RevisionPlanStepRow.plan_id,
-        RevisionPlanStepRow.position,
-    )
-    .outerjoin(
-        RevisionPlanStepRow,
-        and_(
-            RevisionPlanStepRow.kb_id == RevisionRow.kb_id,
-            RevisionPlanStepRow.number == RevisionRow.number,
-        ),
-    )
-    .where(RevisionRow.kb_id == KB)
+    REVISIONS.add_columns(RevisionRow.form)
     .where(RevisionRow.number.between(bindparam("low"), bindparam("high")))
     .order_by(RevisionRow.number)
 )
@@ -155,7 +137,7 @@ def _lines(rows: Iterable[Row]) -> Iterator[tuple[str, str, str]]:
 
 
 def _link(session: Session, row: Row) -> Link:
-    number, at, actor, reason, source, form, digest, seen, plan_id, position = row
+    number, at, actor, reason, source, digest, seen, plan_id, position, form = row
     step = None if plan_id is None else (plan_id, position)
     try:
         committed_at, observed_at = moment_text(session, at), _moment(session, seen)
