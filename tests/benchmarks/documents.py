@@ -23,7 +23,7 @@ from typing import Any, NamedTuple
 
 import kant_sql
 from kant_sql.pddl import read_domain, read_problem
-from kant_sql.tables import Base
+from kant_sql.tables import Base, HeadRow
 from tests.benchmarks import generated
 from tests.benchmarks.comparing import compare_tables
 from tests.benchmarks.support import (
@@ -42,9 +42,8 @@ BATCH = 10_000
 FAMILIES = tuple(
     (name, f"{name}_argument", f"{name}_version") for name in ("proposition", "function_value")
 )
-HEAD = (
-    "UPDATE head SET revision = ?, definition_revision = ?, next_id = ?, hash = ?, committed_at = ?"
-)
+_SETTINGS = ", ".join(f"{column.name} = ?" for column in [*HeadRow.__table__.columns][1:])
+HEAD = f"UPDATE head SET {_SETTINGS}"
 FACTS = (
     "SELECT p.id, p.text FROM proposition_version v"
     " JOIN proposition p ON p.kb_id = v.kb_id AND p.id = v.proposition_id"

@@ -1,0 +1,19 @@
+"""Small runs of the benchmarks: what they compare with says the same as the library."""
+
+from __future__ import annotations
+
+import importlib
+
+import pytest
+
+SMALL = {
+    "asof": ["--changes", "30000", "--small", "20000", "--backend", "sqlite"],
+    "documents": ["--facts", "50", "--repeat", "1", "--backend", "sqlite"],
+    "verifying": ["200", "sqlite"],
+}
+
+
+@pytest.mark.parametrize("name", SMALL)
+def test_a_benchmark_runs(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert importlib.import_module(f"tests.benchmarks.{name}").main(SMALL[name]) == 0
+    assert "sqlite" in capsys.readouterr().out
