@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from ..catalog import every_name
+from ..errors import InvalidMetadataError
 from ..history.anchors import Anchor, parse_anchor
 from ..history.verifying import Finding, Verification
 from ..knowledge_base import connect
@@ -46,14 +47,22 @@ def verify(
     anchored = None if anchor is None else parse_anchor(anchor.read_bytes())
     printer, is_intact = Printer(), True
     for name in _chosen(url, kb, verify_all, anchored):
-        with connect(url, name) as knowledge_base, bar(name) as told:
-            verification = knowledge_base.verify(anchored, told)
+        verification = _verify(url, name, anchored)
         is_intact &= verification.is_intact
         if as_json:
             write_json(_document(verification))
         else:
             _write(printer, verification, anchored is not None)
     return 0 if is_intact else FAILED
+
+
+def _verify(url: str, name: str, anchor: Anchor | None) -> Verification:
+    try:
+        with connect(url, name) as knowledge_base, bar(name) as told:
+            return knowledge_base.verify(anchor, told)
+    except InvalidMetadataError as error:
+        # The library gives none such a name; the others are verified nevertheless.
+        return Verification(name, 0, 0, (Finding(None, "knowledge_base", str(error)),))
 
 
 def _chosen(url: str, name: str | None, verify_all: bool, anchor: Anchor | None) -> list[str]:

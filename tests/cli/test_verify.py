@@ -5,11 +5,13 @@ from __future__ import annotations
 import json
 import os
 import pty
+import sqlite3
 import subprocess
 from pathlib import Path
 from typing import Any
 
 import pytest
+from sqlalchemy import make_url
 
 import kant_sql
 from kant_sql import PddlTypeDto
@@ -145,6 +147,19 @@ def test_what_an_anchor_says_nothing_of_is_said(own_file: str, tmp_path: Path) -
     assert sum("anchor" in line for line in lines) == 1
     documents = run("verify", own_file, "--all", "--anchor", str(file), "--json").stdout
     assert [json.loads(line)["anchored"] for line in documents.splitlines()] == [3, None]
+
+
+def test_what_cannot_be_a_name_is_a_finding_and_the_others_are_verified(own_file: str) -> None:
+    with kant_sql.connect(own_file, "newer") as kb:
+        kb.types.save(PddlTypeDto("late"))
+    with sqlite3.connect(str(make_url(own_file).database)) as driver:
+        driver.execute("UPDATE knowledge_base SET name = 'a' || char(10) WHERE name = 'tiago'")
+    driver.close()
+    result = run("verify", own_file, "--all")
+    assert result.exit_code == 1
+    first, _, last = result.stdout.splitlines()
+    assert "cannot name a knowledge base" in first
+    assert last.startswith("newer: intact")
 
 
 def test_an_empty_store_has_an_empty_anchor(new_url: str, tmp_path: Path) -> None:
