@@ -65,9 +65,9 @@ def writer_rights(table: Table, names: Names) -> Iterator[Right]:
     if "until" in table.c:
         # An open row may be closed, and what this transaction has closed may be opened again.
         columns = tuple(name for name in ("until", "fork") if name in table.c)
-        past = f"{last} AND {mine}.until > {_locked_head('revision', mine, names)}"
-        using = f"{mine}.until IS NULL OR {mine}.until > {past}"
-        yield Right("update", columns, using, _closable(table, mine, past))
+        ends_now = _is_not_past("until", mine, last, names)
+        using = f"{mine}.until IS NULL OR {ends_now}"
+        yield Right("update", columns, using, _closable(table, mine, ends_now))
     if "since" in table.primary_key.columns:
         yield Right("delete", using=f"{mine}.since > {last}")
 
@@ -94,13 +94,22 @@ def _last_revision(mine: str, names: Names) -> str:
     return f"(SELECT coalesce(max(r.number), 0) FROM {revision} AS r WHERE r.kb_id = {mine}.kb_id)"
 
 
+def _head(mine: str, names: Names) -> str:
+    return f"FROM {names.relation('head')} AS h WHERE h.kb_id = {mine}.kb_id"
+
+
 def _locked_head(column: str, mine: str, names: Names) -> str:
     """Read the head as it is now: after its lock, and not as it was when the statement began.
 
     A statement that takes its time would else think its own what others have committed meanwhile.
     """
-    head = f"{names.relation('head')} AS h WHERE h.kb_id = {mine}.kb_id"
-    return f"(SELECT h.{column} FROM {head} FOR NO KEY UPDATE)"
+    return f"(SELECT h.{column} {_head(mine, names)} FOR NO KEY UPDATE)"
+
+
+def _is_not_past(column: str, mine: str, last: str, names: Names) -> str:
+    """Give the condition that a column is a revision that is being made."""
+    revision = f"{mine}.{column}"
+    return f"{revision} > {last} AND {revision} > {_locked_head('revision', mine, names)}"
 
 
 def _insertable(table: Table, mine: str, last: str, names: Names) -> str:
@@ -108,14 +117,12 @@ def _insertable(table: Table, mine: str, last: str, names: Names) -> str:
     if table.name in FOR_ALL_ONLY:
         return ALWAYS
     if table.name == "revision":
-        head = f"{names.relation('head')} AS h WHERE h.kb_id = {mine}.kb_id"
-        latest = f"greatest({_NOW}, (SELECT h.committed_at FROM {head}))"
+        latest = f"greatest({_NOW}, (SELECT h.committed_at {_head(mine, names)}))"
         return f"{mine}.number = 1 + {last} AND {mine}.committed_at <= {latest}"
-    revision = _locked_head("revision", mine, names)
     if table.name == "revision_plan_step":
-        return f"{mine}.number > {revision}"
+        return f"{mine}.number > {_locked_head('revision', mine, names)}"
     if "since" in table.c:
-        is_new = f"{mine}.since > {last} AND {mine}.since > {revision}"
+        is_new = _is_not_past("since", mine, last, names)
         return f"{is_new} AND {_open(table, mine)}" if "until" in table.c else is_new
     # An identity, or a part of one: new ones only.
     owner = [*table.primary_key.columns][1].name
@@ -126,9 +133,9 @@ def _open(table: Table, mine: str) -> str:
     return f"{mine}.until IS NULL" + (f" AND {mine}.fork = 0" if "fork" in table.c else "")
 
 
-def _closable(table: Table, mine: str, last: str) -> str:
+def _closable(table: Table, mine: str, ends_now: str) -> str:
     """Give the condition that a row is open, or ends in a revision that is not past."""
-    closed = f"{mine}.until > {last}"
+    closed = ends_now
     if "fork" in table.c:
         # Else a past state would not find the row. `x & -x` is the power of two that divides x:
         # the fork is the one number whose span of that size, to both sides, has both ends.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator
 from datetime import datetime
 from functools import partial
@@ -13,7 +14,7 @@ from sqlalchemy import BigInteger, ColumnElement, bindparam, select
 from ..backends import Query, Session, first_rows, in_list
 from ..dto.dto import Dto
 from ..dto.formula import Node
-from ..knowledge.changes import Change, few_changes, stream_changes_of, stream_latest
+from ..knowledge.changes import Change, few_changes, in_range, stream_changes_of, stream_latest
 from ..knowledge.loading import KB
 from ..knowledge.revision import REVISIONS
 from ..store import Store
@@ -38,7 +39,7 @@ _Changes = dict[int, tuple[Change, ...]]
 _ARCHIVED = select(HeadRow.archived_revision).where(HeadRow.kb_id == KB).scalar_subquery()
 _LATEST = (
     REVISIONS.add_columns(_ARCHIVED)
-    .where(RevisionRow.number.between(bindparam("low"), bindparam("high")))
+    .where(in_range(RevisionRow.number))
     .order_by(RevisionRow.number.desc())
 )
 _NEWEST_FIRST = Query(_LATEST)
@@ -119,11 +120,13 @@ def read_log(
     """
     wanted = None if element is None else sought(element)
     bounds = find_bounds(store, since, until, upto)
-    most = None if limit is None else at_most(limit)
+    most = at_most(limit)
     if wanted is None:
-        return islice(_complete(store, _pages(store, bounds, actor, most)), most)
-    changed = changed_revisions(store, wanted, bounds.low, bounds.high)
-    return islice(_complete(store, _pages_of(store, changed, actor, most), bounds.low), most)
+        entries = _complete(store, _pages(store, bounds, actor, most))
+    else:
+        changed = changed_revisions(store, wanted, bounds.low, bounds.high)
+        entries = _complete(store, _pages_of(store, changed, actor, most), bounds.low)
+    return islice(entries, min(most, sys.maxsize))
 
 
 def _complete(store: Store, pages: Iterator[_Page], low: int | None = None) -> Iterator[LogEntry]:
@@ -145,9 +148,9 @@ def _complete(store: Store, pages: Iterator[_Page], low: int | None = None) -> I
         refuse_archived(store, max(1, low - 1))
 
 
-def _pages(store: Store, bounds: Bounds, actor: str | None, limit: int | None) -> Iterator[_Page]:
+def _pages(store: Store, bounds: Bounds, actor: str | None, limit: int) -> Iterator[_Page]:
     low, high, redefined = bounds
-    size = most = LOG_PAGE if limit is None else min(LOG_PAGE, limit)
+    size = most = min(LOG_PAGE, limit)
     while high >= low and size:
         first, page = max(low, high - size + 1), None
         if actor is None:
@@ -217,9 +220,9 @@ def _pages_of(
     store: Store,
     changed: Iterator[tuple[int, tuple[Change, ...]]],
     actor: str | None,
-    limit: int | None,
+    limit: int,
 ) -> Iterator[_Page]:
-    size = LOG_PAGE if limit is None or actor is not None else min(LOG_PAGE, limit)
+    size = min(LOG_PAGE, limit) if actor is None else LOG_PAGE
     while changes := dict(islice(changed, size)):
         yield store.look(partial(_page_of, changes=changes, actor=actor))
 

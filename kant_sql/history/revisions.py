@@ -8,11 +8,11 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any
 
-from sqlalchemy import ColumnElement, bindparam, select
+from sqlalchemy import ColumnElement, select
 
 from ..backends import Query, Row, Session, in_list
 from ..errors import UnknownRevisionError
-from ..knowledge.changes import Change
+from ..knowledge.changes import Change, in_range
 from ..knowledge.loading import KB
 from ..knowledge.revision import OWN_COLUMNS, REVISIONS, STEP_COLUMNS
 from ..store import Store
@@ -28,9 +28,7 @@ LARGEST_EXACT = 2**53 - 1
 # its own cheaper, so it makes one at each call, which takes longer than all the rest of it.
 PLANNED_LIST = 11
 
-_RANGE = REVISIONS.where(RevisionRow.number.between(bindparam("low"), bindparam("high")))
-OLDEST_FIRST = Query(_RANGE.order_by(RevisionRow.number))
-NEWEST_FIRST = Query(_RANGE.order_by(RevisionRow.number.desc()))
+OLDEST_FIRST = Query(REVISIONS.where(in_range(RevisionRow.number)).order_by(RevisionRow.number))
 _NUMBERED = Query(REVISIONS.where(in_list(RevisionRow.number, "numbers")))
 _ARCHIVED = Query(select(HeadRow.archived_revision).where(HeadRow.kb_id == KB))
 

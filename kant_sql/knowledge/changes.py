@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import Any, NamedTuple
 
 from sqlalchemy import (
@@ -100,34 +100,26 @@ def _not_ended(version: Any, kind: Any, text: Any, within: Any) -> list[Select[A
     return [asserted.where(or_(version.until.is_(None), version.until > HIGH))]
 
 
-def _definitions(within: Any, ends: Any = _both_ends) -> list[Select[Any]]:
-    """Give what was asserted and retracted of what is defined."""
-    return [
-        part
-        for name in KIND_TABLES
-        for source in [SOURCES[name]]
-        for part in ends(source.version, source.kind, source.text, within)
-    ]
+def _of_sources(names: Iterable[str], within: Any, ends: Any) -> list[Select[Any]]:
+    sources = (SOURCES[name] for name in names)
+    return [part for each in sources for part in ends(each.version, each.kind, each.text, within)]
 
 
 def _others(within: Any, ends: Any = _both_ends) -> list[Select[Any]]:
     """Give what was asserted and retracted of what is no definition."""
-    selects = []
-    for name in (VALUE, PROPOSITION):
-        source = SOURCES[name]
-        selects += ends(source.version, source.kind, source.text, within)
+    selects = _of_sources((VALUE, PROPOSITION), within, ends)
     step = table_of(PlanStepVersionRow).c
     selects += ends(step, literal_column(f"'{PLAN_STEP}'"), step.text, within)
     for mapped, kind in ((PlanRow, PLAN), (ArchiveRow, ARCHIVE)):
         record = table_of(mapped).c
-        name_of_kind: ColumnElement[str] = literal_column(f"'{kind}'")
-        selects.append(_end(record, record.since, "0", name_of_kind, record.text, within))
+        name: ColumnElement[str] = literal_column(f"'{kind}'")
+        selects.append(_end(record, record.since, "0", name, record.text, within))
     return selects
 
 
 def _selects(within: Any, ends: Any = _both_ends) -> list[Select[Any]]:
     """Give what was asserted and retracted in the revisions for which `within(column)` is true."""
-    return [*_definitions(within, ends), *_others(within, ends)]
+    return [*_of_sources(KIND_TABLES, within, ends), *_others(within, ends)]
 
 
 def _among(column: Any) -> ColumnElement[bool]:

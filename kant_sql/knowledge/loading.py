@@ -84,14 +84,8 @@ def _part(part: str, owner: Any, /, **columns: Any) -> Select[Any]:
 def _definition_part(kind: str, held: Any, **columns: Any) -> Select[Any]:
     """Give the part that reads the versions of one kind for which `held(version)` is true."""
     tables = KIND_TABLES[kind]
-    identity, version = tables.identity.c, tables.version.table.c
-    owner = version[f"{kind}_id"]
-    name = (
-        select(identity.name)
-        .where(identity.kb_id == version.kb_id, identity.id == owner)
-        .scalar_subquery()
-    )
-    return _part(kind, owner, **{"name": name, "text": version.text, **columns}).where(
+    version, given = tables.version.table.c, {"name": tables.name, **columns}
+    return _part(kind, tables.version.owner, text=version.text, **given).where(
         version.kb_id == KB, held(version)
     )
 

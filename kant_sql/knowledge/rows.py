@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
-from sqlalchemy import ColumnElement, Table, bindparam, delete, null, select, update
+from sqlalchemy import ColumnElement, ScalarSelect, Table, bindparam, delete, null, select, update
 
 from ..backends import Query, Row, in_rows
 from ..tables import (
@@ -72,14 +72,15 @@ class VersionTable:
     """The version table of one kind of element, and the four changes that a row of it can see.
 
     All of them take the parameters `kb` and `id`; `at` is the number of the revision that is being
-    made.
+    made. `owner` is the column that names the element.
     """
 
     def __init__(self, owner: str, mapped: type[Base], *children: type[Base]) -> None:
         self.table = table_of(mapped)
+        self.owner: ColumnElement[int] = self.table.c[owner]
         self.children = tuple(table_of(child) for child in children)
         columns = self.table.c
-        mine = (columns.kb_id == bindparam("kb"), columns[owner] == bindparam("id"))
+        mine = (columns.kb_id == bindparam("kb"), self.owner == bindparam("id"))
         number: Any = bindparam("at")
         self.close = Query(
             update(self.table).where(*mine, columns.until.is_(None)).values(until=number)
@@ -132,6 +133,13 @@ class Kind(NamedTuple):
     identity: Table
     version: VersionTable
     rows: Callable[[int, int, Any], Iterator[tuple[Table, Row]]]
+
+    @property
+    def name(self) -> ScalarSelect[str]:
+        """What the element is called that a row of the version table is of, as a subquery."""
+        identity, version = self.identity.c, self.version
+        of_version = identity.kb_id == version.table.c.kb_id, identity.id == version.owner
+        return select(identity.name).where(*of_version).scalar_subquery()
 
 
 Rows = Iterator[tuple[Table, Row]]

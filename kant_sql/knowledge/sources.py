@@ -41,7 +41,7 @@ def _definition(kind: str) -> Source:
     version = tables.version.table.c
     # A formula is of the kind that its section says.
     name: Any = version.section if kind == "formula" else literal_column(f"'{kind}'")
-    return Source(tables.identity.c, version, version[f"{kind}_id"], name, version.text)
+    return Source(tables.identity.c, version, tables.version.owner, name, version.text)
 
 
 def _value() -> Source:

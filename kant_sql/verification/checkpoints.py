@@ -10,11 +10,17 @@ from itertools import groupby
 from operator import itemgetter
 from typing import Any, NamedTuple
 
-from sqlalchemy import bindparam, select
+from sqlalchemy import select
 
 from ..backends import Query, Row, Session
 from ..canonical import Metadata, revision_hash, time_text
-from ..knowledge.changes import ASSERTED, RETRACTED, stream_change_rows, stream_rows_left
+from ..knowledge.changes import (
+    ASSERTED,
+    RETRACTED,
+    in_range,
+    stream_change_rows,
+    stream_rows_left,
+)
 from ..knowledge.loading import KB
 from ..knowledge.revision import REVISIONS
 from ..tables import KnowledgeBaseRow, RevisionRow
@@ -27,7 +33,7 @@ _TIME = re.compile(f"{_DATE}T{_CLOCK}Z")
 _NAME = Query(select(KnowledgeBaseRow.name).where(KnowledgeBaseRow.id == KB))
 _REVISIONS = Query(
     REVISIONS.add_columns(RevisionRow.form)
-    .where(RevisionRow.number.between(bindparam("low"), bindparam("high")))
+    .where(in_range(RevisionRow.number))
     .order_by(RevisionRow.number)
 )
 

@@ -82,27 +82,18 @@ def _part(table: Table, row: Row, name: str | None = None) -> Part:
 
 def _version_query(kind: str) -> Query:
     tables = KIND_TABLES[kind]
-    identity, version = tables.identity.c, tables.version.table.c
-    owner = version[f"{kind}_id"]
-    name = (
-        select(identity.name)
-        .where(identity.kb_id == version.kb_id, identity.id == owner)
-        .scalar_subquery()
-    )
+    version = tables.version.table.c
     _, *own = version
     return Query(
-        select(*own, name.label("identity_name"))
+        select(*own, tables.name.label("identity_name"))
         .where(version.kb_id == KB)
-        .order_by(owner, version.since)
+        .order_by(tables.version.owner, version.since)
     )
 
 
 _VERSIONS = {kind: _version_query(kind) for kind in KINDS}
 _CHILDREN = {
-    kind: [
-        (table, in_order(table.c, *list(table.c)[1:], key=2))
-        for table in KIND_TABLES[kind].version.children
-    ]
+    kind: [(table, in_order(table, key=2)) for table in KIND_TABLES[kind].version.children]
     for kind in KINDS
 }
 

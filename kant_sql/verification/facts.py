@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
-from sqlalchemy import func, literal_column, select
+from sqlalchemy import func
 
 from ..backends import Query, Row, Session
 from ..dto.atom_dto import atom_text
 from ..dto.pddl_function_value_dto import value_text
-from ..knowledge.loading import KB
 from ..knowledge.past import fork
 from ..knowledge.rows import table_of
 from ..tables import (
@@ -23,71 +21,34 @@ from ..tables import (
 )
 from .findings import Report
 from .merging import in_order, side
-from .naming import Names, ObjectFunctions
+from .naming import Names, ObjectFunctions, doubles
 
-_ATOM, _FLUENT = table_of(PropositionRow).c, table_of(FunctionValueRow).c
-_ATOM_ARGUMENT = table_of(PropositionArgumentRow).c
-_FLUENT_ARGUMENT = table_of(FunctionValueArgumentRow).c
-_ATOM_VERSION = table_of(PropositionVersionRow).c
-_VALUE = table_of(FunctionValueVersionRow).c
+_ATOM, _FLUENT = table_of(PropositionRow), table_of(FunctionValueRow)
 
-_ATOMS = in_order(
-    _ATOM, _ATOM.id, _ATOM.predicate_id, _ATOM.arguments, _ATOM.text, _ATOM.is_goal, key=1
-)
-_FLUENTS = in_order(
-    _FLUENT, _FLUENT.id, _FLUENT.function_id, _FLUENT.arguments, _FLUENT.text, key=1
-)
-_ATOM_ARGUMENTS = in_order(
-    _ATOM_ARGUMENT,
-    _ATOM_ARGUMENT.proposition_id,
-    _ATOM_ARGUMENT.position,
-    _ATOM_ARGUMENT.object_id,
-    key=2,
-)
-_FLUENT_ARGUMENTS = in_order(
-    _FLUENT_ARGUMENT,
-    _FLUENT_ARGUMENT.function_value_id,
-    _FLUENT_ARGUMENT.position,
-    _FLUENT_ARGUMENT.object_id,
-    key=2,
-)
+# What the checks of both have in common comes first.
+_ATOMS = in_order(_ATOM, "id", "predicate_id", "arguments", "text", "is_goal", key=1)
+_FLUENTS = in_order(_FLUENT, "id", "function_id", "arguments", "text", key=1)
+_ATOM_ARGUMENTS = in_order(table_of(PropositionArgumentRow), key=2)
+_FLUENT_ARGUMENTS = in_order(table_of(FunctionValueArgumentRow), key=2)
 _ATOM_VERSIONS = in_order(
-    _ATOM_VERSION,
-    _ATOM_VERSION.proposition_id,
-    _ATOM_VERSION.since,
-    _ATOM_VERSION.until,
-    _ATOM_VERSION.predicate_id,
-    _ATOM_VERSION.fork,
-    _ATOM_VERSION.is_goal,
+    table_of(PropositionVersionRow),
+    *("proposition_id", "since", "until", "predicate_id", "fork", "is_goal"),
     key=2,
 )
 _VALUES = in_order(
-    _VALUE,
-    _VALUE.function_value_id,
-    _VALUE.since,
-    _VALUE.until,
-    _VALUE.function_id,
-    _VALUE.fork,
-    _VALUE.value,
-    _VALUE.number,
-    _VALUE.object_id,
-    _VALUE.text,
+    table_of(FunctionValueVersionRow),
+    *("function_value_id", "since", "until", "function_id", "fork"),
+    *("value", "number", "object_id", "text"),
     key=2,
 )
 
-
-def _doubles(columns: Any, *key: Any) -> Query:
-    return Query(
-        select(func.min(columns.id), func.max(columns.id))
-        .where(columns.kb_id == KB)
-        .group_by(*key)
-        .having(func.count() > literal_column("1"))
-        .order_by(func.min(columns.id))
+_DOUBLE_ATOMS, _DOUBLE_FLUENTS = (
+    Query(doubles(table, *key).order_by(func.min(table.c.id)))
+    for table, key in (
+        (_ATOM, ("is_goal", "predicate_id", "arguments")),
+        (_FLUENT, ("function_id", "arguments")),
     )
-
-
-_DOUBLE_ATOMS = _doubles(_ATOM, _ATOM.is_goal, _ATOM.predicate_id, _ATOM.arguments)
-_DOUBLE_FLUENTS = _doubles(_FLUENT, _FLUENT.function_id, _FLUENT.arguments)
+)
 
 
 class FactCheck:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from itertools import groupby, islice
+from itertools import groupby
 from operator import itemgetter
 from typing import Any
 
-from sqlalchemy import Select, select
+from sqlalchemy import Table, select
 
 from ..backends import Query, Row, Session
 from ..knowledge.loading import KB
@@ -69,19 +69,19 @@ class Side:
         self._key, self._rows = next(self._groups, (_END, iter(())))
 
 
-def in_order(columns: Any, *statement: Any, key: int) -> Query:
-    """Make the query that reads the columns of one knowledge base in the order of the first.
+def in_order(table: Table, *names: str, key: int) -> Query:
+    """Make the query that reads the rows of one knowledge base in the order of the first columns.
 
     Args:
-        columns: the columns of the table.
-        *statement: those that are read.
+        table: the table.
+        *names: the columns that are read; when none are given, all but the knowledge base's.
         key: how many of them are the key.
 
     Returns:
         The query.
     """
-    chosen: Select[Any] = select(*statement)
-    return Query(chosen.where(columns.kb_id == KB).order_by(*islice(statement, key)))
+    columns = [table.c[name] for name in names or [*table.c.keys()][1:]]
+    return Query(select(*columns).where(table.c.kb_id == KB).order_by(*columns[:key]))
 
 
 def side(

@@ -7,7 +7,7 @@ from collections import defaultdict
 from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
-from sqlalchemy import func, literal_column, select
+from sqlalchemy import Select, Table, func, literal_column, select
 
 from ..backends import Query, Session
 from ..dto.name import fold
@@ -29,7 +29,7 @@ def _identities(kind: str) -> Query:
     tables = KIND_TABLES[kind]
     identity, version = tables.identity.c, tables.version.table.c
     versions = select(version.since).where(
-        version.kb_id == identity.kb_id, version[f"{kind}_id"] == identity.id
+        version.kb_id == identity.kb_id, tables.version.owner == identity.id
     )
     return Query(
         select(identity.id, identity.name, identity.key, versions.exists())
@@ -38,15 +38,28 @@ def _identities(kind: str) -> Query:
     )
 
 
-def _doubles(kind: str) -> Query:
-    identity = KIND_TABLES[kind].identity.c
-    return Query(
-        select(identity.key, func.min(identity.id), func.max(identity.id))
-        .where(identity.kb_id == KB)
-        .group_by(identity.key)
+def doubles(table: Table, *key: str) -> Select[Any]:
+    """Find identities that there are several of, where there should be one.
+
+    Args:
+        table: the identity table.
+        *key: the columns that only one identity has the values of.
+
+    Returns:
+        The query of the first and the last id of each.
+    """
+    return (
+        select(func.min(table.c.id), func.max(table.c.id))
+        .where(table.c.kb_id == KB)
+        .group_by(*(table.c[name] for name in key))
         .having(func.count() > literal_column("1"))
-        .order_by(identity.key)
     )
+
+
+def _doubles(kind: str) -> Query:
+    identity = KIND_TABLES[kind].identity
+    key = identity.c.key
+    return Query(doubles(identity, "key").add_columns(key).order_by(key))
 
 
 _IDENTITIES = {kind: _identities(kind) for kind in KINDS}
@@ -111,7 +124,7 @@ def check_names(session: Session, kb_id: int, report: Report) -> Names:
     known: dict[str, NamesById] = {}
     made: list[Elements[Any]] = []
     for kind in KINDS:
-        for key, first, second in session.rows(_DOUBLES[kind], kb=kb_id):
+        for first, second, key in session.rows(_DOUBLES[kind], kb=kb_id):
             report.add(None, kind, f"{kind} {key!r} has two rows, {first} and {second}")
         make = _NAMED.get(kind)
         names = NamesById()

@@ -27,39 +27,13 @@ from .merging import Side, in_order, side
 from .naming import Names
 from .wording import is_decimal, is_end
 
-_PLAN, _STEP = table_of(PlanRow).c, table_of(PlanStepRow).c
-_ARGUMENT, _VERSION = table_of(PlanStepArgumentRow).c, table_of(PlanStepVersionRow).c
-_LINK, _REVISION = table_of(RevisionPlanStepRow).c, table_of(RevisionRow).c
+_STEP, _LINK = table_of(PlanStepRow).c, table_of(RevisionPlanStepRow).c
+_REVISION = table_of(RevisionRow).c
 
-_PLANS = in_order(_PLAN, *list(_PLAN)[1:], key=1)
-_STEPS = in_order(
-    _STEP,
-    _STEP.plan_id,
-    _STEP.position,
-    _STEP.start,
-    _STEP.duration,
-    _STEP.action_id,
-    _STEP.text,
-    key=2,
-)
-_ARGUMENTS = in_order(
-    _ARGUMENT,
-    _ARGUMENT.plan_id,
-    _ARGUMENT.position,
-    _ARGUMENT.argument,
-    _ARGUMENT.object_id,
-    key=3,
-)
-_VERSIONS = in_order(
-    _VERSION,
-    _VERSION.plan_id,
-    _VERSION.position,
-    _VERSION.since,
-    _VERSION.until,
-    _VERSION.status,
-    _VERSION.text,
-    key=3,
-)
+_PLANS = in_order(table_of(PlanRow), key=1)
+_STEPS = in_order(table_of(PlanStepRow), key=2)
+_ARGUMENTS = in_order(table_of(PlanStepArgumentRow), key=3)
+_VERSIONS = in_order(table_of(PlanStepVersionRow), key=3)
 # The steps that revisions name, and whether there are such revisions and such steps.
 _LINKS = Query(
     select(

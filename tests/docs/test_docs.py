@@ -12,7 +12,7 @@ import pytest
 from sybil import Document, Example, Sybil
 from sybil.parsers.markdown import CodeBlockParser, PythonCodeBlockParser
 
-from tests.warm import MODULES, python
+from tests.cli.running import command
 
 ROOT = Path(__file__).parents[2]
 DOCUMENTS = [*sorted(ROOT.glob("*.md")), *sorted((ROOT / "docs").glob("*.md"))]
@@ -54,10 +54,9 @@ def parse(path: Path) -> Document:
 @pytest.fixture(scope="session")
 def command_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("commands")
-    line = shlex.join([str(python(*MODULES)), "-m", "kant_sql.cli.main"])
-    command = folder / "kant-sql"
-    command.write_text(f'#!/bin/sh\nexec {line} "$@"\n')
-    command.chmod(0o755)
+    program = folder / "kant-sql"
+    program.write_text(f'#!/bin/sh\nexec {shlex.join(command())} "$@"\n')
+    program.chmod(0o755)
     return folder
 
 
