@@ -58,6 +58,31 @@ class PddlError(InvalidKnowledgeError):
         return PddlError, parts
 
 
+class SourceError(KantSqlError, OSError):
+    """A file of PDDL that cannot be opened or read.
+
+    It has the attributes of any `OSError`.
+
+    Attributes:
+        errno: the system's number of the error.
+        strerror: what the system says.
+        filename: the file's path as text.
+    """
+
+    def __init__(self, errno: int, strerror: str, filename: str) -> None:
+        super().__init__(errno, strerror, filename)
+
+    def __str__(self) -> str:
+        return (
+            f"cannot read the file {self.filename!r}: {self.strerror}; give the path of a file that"
+            " can be read, or PDDL text, which begins with '('"
+        )
+
+
+class SourceMissingError(SourceError, FileNotFoundError):
+    """A file of PDDL that does not exist."""
+
+
 class ConflictError(KantSqlError):
     """What a save refers to is stored already, with another definition."""
 

@@ -68,7 +68,7 @@ def _said(checked: Checked) -> str:
     if checked.kind == DOMAIN:
         return text
     if checked.domain is None:
-        return f"{text}, checked without its domain"
+        return f"{text}, checked without its domain; give the file of that, too"
     return f"{text}, checked against domain {checked.domain}"
 
 

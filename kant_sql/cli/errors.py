@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 
 import typer
 
-from ..errors import KantSqlError
+from ..errors import KantSqlError, SourceError
 from .output import printable
 
 FAILED, WRONG_USAGE, INTERRUPTED = 1, 2, 130
@@ -52,6 +52,8 @@ def run_to_exit_code(command: Callable[[], object], words: Sequence[str]) -> int
         return 0
     except (KeyboardInterrupt, typer.Abort):
         return INTERRUPTED
+    except SourceError as error:
+        return _complain(f"{error.filename}: {error.strerror}", words, FAILED)
     except KantSqlError as error:
         return _complain(str(error), words, FAILED)
     except OSError as error:

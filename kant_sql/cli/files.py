@@ -10,10 +10,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from ..errors import KantSqlError
+from ..errors import KantSqlError, SourceError
 from ..pddl.cursor import Reading
 from ..pddl.forms import DOMAIN, PROBLEM, Form, Scanner
-from ..pddl.tokens import Text, decode
+from ..pddl.tokens import Text, decode, read_file
 
 STANDARD_INPUT = "-"
 _STDIN = "<stdin>"
@@ -43,14 +43,10 @@ def read_bytes(path: str) -> tuple[str, bytes]:
         What messages call it, and what it holds.
 
     Raises:
-        OSError: it cannot be read.
+        SourceError: it cannot be read.
     """
     name = _STDIN if path == STANDARD_INPUT else str(Path(path))
-    try:
-        return name, _read_stdin() if path == STANDARD_INPUT else Path(path).read_bytes()
-    except OSError as error:
-        # Not every error says by itself which file it is about.
-        raise OSError(error.errno, error.strerror, name) from error
+    return name, _read_stdin() if path == STANDARD_INPUT else read_file(name)
 
 
 def read_inputs(paths: Sequence[str]) -> Inputs:
@@ -65,7 +61,7 @@ def read_inputs(paths: Sequence[str]) -> Inputs:
     Raises:
         PddlError: a file is no PDDL text.
         KantSqlError: two files have a problem.
-        OSError: a file cannot be read.
+        SourceError: a file cannot be read.
     """
     domains: list[Text] = []
     problems: list[Text] = []
@@ -102,5 +98,9 @@ def _as_text(name: str) -> str:
 def _read_stdin() -> bytes:
     if not sys.stdin:
         # The process was started with it closed.
-        raise OSError(errno.EBADF, os.strerror(errno.EBADF))
-    return sys.stdin.buffer.read()
+        raise SourceError(errno.EBADF, os.strerror(errno.EBADF), _STDIN)
+    try:
+        return sys.stdin.buffer.read()
+    except OSError as error:
+        number = error.errno or errno.EIO
+        raise SourceError(number, os.strerror(number), _STDIN) from error

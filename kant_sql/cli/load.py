@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Annotated
 
@@ -13,6 +13,7 @@ from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from ..catalog import knowledge_bases
 from ..documents import Mode
+from ..errors import KantSqlError, SchemaMissingError
 from ..history import LogEntry, Revision
 from ..knowledge_base import KnowledgeBase, connect
 from ..pddl import PddlWarning
@@ -65,13 +66,25 @@ def load(
     inputs = read_inputs(paths)
     if not inputs.domains:
         # A problem needs a domain: without one, no store is created for it.
-        choose(kb, knowledge_bases(url))
+        _choose_with_domain(kb, url, paths)
     with connect(url, knowledge_base=kb) as knowledge_base:
         warnings, made = _store(
             knowledge_base, inputs, "merge" if merge else "replace", strict, actor, reason
         )
         sys.stderr.writelines(f"{printable(str(warning))}\n" for warning in warnings)
         _write_result(kb, knowledge_base, made)
+
+
+def _choose_with_domain(kb: str, url: str, paths: Sequence[str]) -> None:
+    """Check that there is a knowledge base that may have the domain of a problem."""
+    remedy = f"give the file of the domain, too, before {', '.join(paths)}"
+    try:
+        names = knowledge_bases(url)
+    except SchemaMissingError as error:
+        raise KantSqlError(f"a problem needs its domain: {remedy}; {error}") from error
+    if not names:
+        raise KantSqlError(f"a problem needs its domain, and the store has none: {remedy}")
+    choose(kb, names)
 
 
 def _store(

@@ -8,7 +8,7 @@ from typing import TypeVar
 
 from ..dao.base import SqlDao
 from ..dto.name import is_name
-from ..errors import InvalidKnowledgeError
+from ..errors import InvalidKnowledgeError, PddlError
 from ..knowledge.definitions import Definitions
 from ..knowledge.document import DOMAIN
 from ..pddl import read_domain, read_problem, used_requirements
@@ -120,11 +120,16 @@ class SqlExchange(SqlDao, Exchange):
         return None if committed is None else committed.number
 
     def _read_problem(self, source: Source, domain: Domain, strict: bool) -> Problem:
-        if not self._store.read_definitions(self._has_domain):
-            # A domain that DAOs have made answers to any name.
-            named = read_problem(source, strict=strict).domain
-            domain = dataclasses.replace(domain, name=named)
-        return read_problem(source, domain, strict=strict)
+        if self._store.read_definitions(self._has_domain):
+            return read_problem(source, domain, strict=strict)
+        # A domain that DAOs have made answers to any name.
+        named = read_problem(source, strict=strict).domain
+        try:
+            return read_problem(source, dataclasses.replace(domain, name=named), strict=strict)
+        except PddlError as error:
+            place = (error.source, error.line, error.column, error.found)
+            remedy = f"no domain is loaded here: load the domain {named} first, with load_domain()"
+            raise PddlError(*place, f"{error.expected}; {remedy}", error.nesting) from error
 
     @staticmethod
     def _has_domain(definitions: Definitions) -> bool:

@@ -54,7 +54,7 @@ class Exchange(ABC):
         """Load a domain.
 
         Args:
-            *sources: paths, or texts that contain `(`; several files are one domain, if they do
+            *sources: paths, or texts that begin with `(`; several files are one domain, if they do
                 not contradict each other.
             mode: `replace` or `merge`.
             strict: whether what violates the standard is refused, not warned of.
@@ -64,6 +64,8 @@ class Exchange(ABC):
 
         Raises:
             PddlError: the text cannot be read; it says where, what was found and expected.
+            SourceMissingError: there is no such file; it is a `FileNotFoundError`, too.
+            SourceError: a file cannot be read.
             ConflictError: with mode `merge`, it contradicts what is stored.
             ReadOnlyError: this is a view of the past.
         """
@@ -73,7 +75,7 @@ class Exchange(ABC):
         """Load a problem of the domain that is stored.
 
         Args:
-            source: a path, or a text that contains `(`.
+            source: a path, or a text that begins with `(`.
             mode: `replace` or `merge`.
             strict: whether what violates the standard is refused, not warned of.
 
@@ -82,6 +84,8 @@ class Exchange(ABC):
 
         Raises:
             PddlError: the text cannot be read, or does not go with the domain.
+            SourceMissingError: there is no such file; it is a `FileNotFoundError`, too.
+            SourceError: a file cannot be read.
             ConflictError: with mode `merge`, it contradicts what is stored.
             ReadOnlyError: this is a view of the past.
         """

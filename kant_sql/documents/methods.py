@@ -30,7 +30,7 @@ class DocumentMethods:
         """Load a domain: one revision or none; `Exchange.load_domain` says all of it.
 
         Args:
-            *sources: paths, or texts that contain `(`; several files are one domain.
+            *sources: paths, or texts that begin with `(`; several files are one domain.
             mode: `replace` retracts what the domain does not say, `merge` keeps it.
             strict: whether what violates the standard is refused, not warned of.
 
@@ -39,6 +39,8 @@ class DocumentMethods:
 
         Raises:
             PddlError: the text cannot be read; it says where, what was found and expected.
+            SourceMissingError: there is no such file; it is a `FileNotFoundError`, too.
+            SourceError: a file cannot be read.
             ConflictError: with mode `merge`, it contradicts what is stored.
         """
         return self._exchange.load_domain(*sources, mode=mode, strict=strict)
@@ -47,7 +49,7 @@ class DocumentMethods:
         """Load a problem: one revision or none; `Exchange.load_problem` says all of it.
 
         Args:
-            source: a path, or a text that contains `(`.
+            source: a path, or a text that begins with `(`.
             mode: `replace` retracts what the problem does not say, `merge` keeps it.
             strict: whether what violates the standard is refused, not warned of.
 
@@ -56,6 +58,8 @@ class DocumentMethods:
 
         Raises:
             PddlError: the text cannot be read, or does not go with the domain.
+            SourceMissingError: there is no such file; it is a `FileNotFoundError`, too.
+            SourceError: a file cannot be read.
             ConflictError: with mode `merge`, it contradicts what is stored.
         """
         return self._exchange.load_problem(source, mode, strict)

@@ -9,13 +9,13 @@ from pathlib import Path
 from typing import NamedTuple
 
 from ..dto.name import fold
-from ..errors import PddlError
+from ..errors import PddlError, SourceError
 from .cursor import Reading
 from .document import Domain, PddlWarning
 from .domain import DomainReader
 from .forms import DOMAIN, Form, Scanner
 from .problem import ProblemReader
-from .tokens import decode
+from .tokens import decode, read_file
 
 
 class Finding(NamedTuple):
@@ -130,13 +130,12 @@ class _Checker:
         reading = Reading(strict=False)
         forms: list[Form] = []
         try:
-            data = Path(name).read_bytes() if data is None else data
+            data = read_file(name) if data is None else data
             forms = Scanner(reading, decode(name, data)).scan()
         except PddlError as error:
             self._refuse(error)
-        except OSError as error:
-            message = error.strerror or str(error)
-            self._findings.append(Finding(name, None, None, True, message))
+        except SourceError as error:
+            self._findings.append(Finding(name, None, None, True, error.strerror))
         self._warn(reading.warnings())
         for form in forms:
             self._add(_Definition([form]))

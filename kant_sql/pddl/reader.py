@@ -24,7 +24,7 @@ def read_domain(*sources: Source, strict: bool = False) -> Domain:
     What several sources say alike is one; where they contradict each other they are refused.
 
     Args:
-        sources: each a path, or a string with PDDL text, which contains `(`.
+        sources: each a path, or a string with PDDL text, which begins with `(`.
         strict: whether to refuse what violates the standard but can be read in one way only.
 
     Returns:
@@ -32,7 +32,8 @@ def read_domain(*sources: Source, strict: bool = False) -> Domain:
 
     Raises:
         PddlError: a source cannot be read as PDDL, or contradicts itself or another.
-        OSError: a file cannot be read.
+        SourceMissingError: there is no such file; it is a `FileNotFoundError`, too.
+        SourceError: a file cannot be read.
     """
     reading = Reading(strict)
     forms: list[Form] = []
@@ -48,7 +49,7 @@ def read_problem(source: Source, domain: Domain | None = None, strict: bool = Fa
     """Read a problem.
 
     Args:
-        source: a path, or a string with PDDL text, which contains `(`.
+        source: a path, or a string with PDDL text, which begins with `(`.
         domain: its domain. Without it, what the problem uses is not checked against a domain.
         strict: whether to refuse what violates the standard but can be read in one way only.
 
@@ -57,7 +58,8 @@ def read_problem(source: Source, domain: Domain | None = None, strict: bool = Fa
 
     Raises:
         PddlError: the source cannot be read as PDDL, or does not suit the domain.
-        OSError: the file cannot be read.
+        SourceMissingError: there is no such file; it is a `FileNotFoundError`, too.
+        SourceError: the file cannot be read.
     """
     reading = Reading(strict)
     forms = _of_kind(reading, Scanner(reading, load(source)).scan(), PROBLEM)
@@ -73,7 +75,7 @@ def read(source: Source, strict: bool = False) -> list[Domain | Problem]:
     A problem is checked against its domain when that is in the source, too.
 
     Args:
-        source: a path, or a string with PDDL text, which contains `(`.
+        source: a path, or a string with PDDL text, which begins with `(`.
         strict: whether to refuse what violates the standard but can be read in one way only.
 
     Returns:
@@ -81,7 +83,8 @@ def read(source: Source, strict: bool = False) -> list[Domain | Problem]:
 
     Raises:
         PddlError: the source cannot be read as PDDL.
-        OSError: the file cannot be read.
+        SourceMissingError: there is no such file; it is a `FileNotFoundError`, too.
+        SourceError: the file cannot be read.
     """
     scanning = Reading(strict)
     forms = Scanner(scanning, load(source)).scan()

@@ -6,6 +6,7 @@ one is gets found by going through the text again, when an error or a warning ne
 
 from __future__ import annotations
 
+import errno
 import os
 import re
 from collections.abc import Iterable, Iterator
@@ -13,7 +14,7 @@ from copy import copy
 from itertools import islice
 from typing import NamedTuple
 
-from ..errors import PddlError
+from ..errors import PddlError, SourceError, SourceMissingError
 
 STRING = "<string>"
 # Formulas that people and programs write are nested 10 deep; each level costs stack.
@@ -23,6 +24,9 @@ _COMMENT = re.compile(r";[^\n]*")
 _TOKEN = re.compile(r"[()]|[^\s()]+")
 _UNDECODABLE = re.compile(r"[\udc80-\udcff]")
 _BLOCK = 1 << 15
+# What a string begins with, or has in it, that is text and no path.
+_TEXT = re.compile(r"\ufeff?\s*(?:[(;]|\Z)|[^\r\n\0]*[\r\n\0]")
+_DEFINE = re.compile(r"\(\s*define\b", re.IGNORECASE)
 
 
 class Position(NamedTuple):
@@ -233,19 +237,60 @@ def unmatched(code: str) -> int | None:
     return len(code)
 
 
+def is_text(source: str) -> bool:
+    """Tell whether a string is PDDL text, and not a path.
+
+    Text begins with `(` or `;`, after white space; or it has several lines, or `(define` in it.
+    A path that looks so is given as a `pathlib.Path`.
+
+    Args:
+        source: the string.
+
+    Returns:
+        Whether it is text. A blank string is, for it is no path either.
+    """
+    return _TEXT.match(source) is not None or _DEFINE.search(source) is not None
+
+
+def read_file(path: str | os.PathLike[str]) -> bytes:
+    """Read a file; all that reads PDDL from files does it here.
+
+    Args:
+        path: its path.
+
+    Returns:
+        What it holds.
+
+    Raises:
+        SourceMissingError: there is no such file.
+        SourceError: it cannot be read.
+    """
+    name = os.fsdecode(path)
+    try:
+        with open(path, "rb") as file:
+            return file.read()
+    except (FileNotFoundError, ValueError) as error:
+        # No file can have a name with a NUL character or half a character in it.
+        reason = os.strerror(errno.ENOENT)
+        raise SourceMissingError(errno.ENOENT, reason, name) from error
+    except OSError as error:
+        number = error.errno or errno.EIO
+        raise SourceError(number, error.strerror or os.strerror(number), name) from error
+
+
 def load(source: Source) -> Text:
     """Take the text of a source.
 
     Args:
-        source: a path, or a string that is PDDL text: it contains `(`, or cannot be a path; or a
-            text that was taken before.
+        source: a path, or a string with PDDL text, as `is_text` says; or a text that was taken
+            before.
 
     Returns:
         The text.
 
     Raises:
         PddlError: the text has NUL characters, or is not UTF-8 outside of comments.
-        OSError: the file cannot be read.
+        SourceError: the file cannot be read.
         TypeError: it is no source.
     """
     if isinstance(source, Text):
@@ -253,15 +298,12 @@ def load(source: Source) -> Text:
     # A number would be opened as a file descriptor.
     if not isinstance(source, str | os.PathLike):
         raise TypeError(
-            f"a source is a path, or a string that contains '(', not {type(source).__name__}: "
-            f"{source!r:.80}"
+            "a source is a path, or a string that begins with '(', not "
+            f"{type(source).__name__}: {source!r:.80}"
         )
-    if isinstance(source, str) and (
-        "(" in source or "\n" in source or "\0" in source or not source.strip()
-    ):
+    if isinstance(source, str) and is_text(source):
         return Text(STRING, source)
-    with open(source, "rb") as file:
-        return decode(os.fsdecode(source), file.read())
+    return decode(os.fsdecode(source), read_file(source))
 
 
 def decode(name: str, data: bytes) -> Text:

@@ -91,7 +91,9 @@ def test_what_violates_the_standard_is_a_warning_or_with_strict_an_error(here: P
 
 
 def test_a_problem_alone_is_checked_as_far_as_possible(here: Path) -> None:
-    assert checked(PROBLEM) == [f"{PROBLEM}: problem coffee, checked without its domain"]
+    assert checked(PROBLEM) == [
+        f"{PROBLEM}: problem coffee, checked without its domain; give the file of that, too"
+    ]
     (here / "wrong.pddl").write_text("(define (problem x) (:domain d) (:goal (and (p) (or))")
     assert "wrong.pddl:1:" in checked("wrong.pddl", code=1)[0]
 
@@ -105,7 +107,9 @@ def test_a_problem_is_checked_without_a_domain_that_cannot_be_read(here: Path) -
     (here / "domain.pddl").write_text("(define (domain delivery) (:predicates (at ?r - )))")
     lines = checked("domain.pddl", PROBLEM, code=1)
     assert "domain.pddl:1:" in lines[0]
-    assert lines[1:] == [f"{PROBLEM}: problem coffee, checked without its domain"]
+    assert lines[1:] == [
+        f"{PROBLEM}: problem coffee, checked without its domain; give the file of that, too"
+    ]
 
 
 def test_a_problem_goes_with_the_last_domain_before_it(here: Path) -> None:

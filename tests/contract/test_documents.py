@@ -19,7 +19,7 @@ from kant_sql import (
 )
 from kant_sql.documents import Mode
 from kant_sql.dto.formula import And, Constant, Equal, Exists, Fluent, Not, TypedName
-from kant_sql.errors import ConflictError, PddlError
+from kant_sql.errors import ConflictError, PddlError, SourceMissingError
 from kant_sql.pddl import read_domain, read_problem, write
 from kant_sql.pddl.document import FunctionValue
 from tests.language import (
@@ -94,6 +94,27 @@ def test_files_texts_and_warnings(fresh_kb: KnowledgeBase, tmp_path: Path) -> No
         fresh_kb.load_problem(untyped, strict=True)
     with pytest.raises(FileNotFoundError):
         fresh_kb.load_domain(tmp_path / "nothing.pddl")
+
+
+def test_a_path_with_a_parenthesis_is_a_path(
+    fresh_kb: KnowledgeBase, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("run (1)").mkdir()
+    Path("run (1)/domain.pddl").write_text(DOMAIN, encoding="utf-8")
+    assert fresh_kb.load_domain("run (1)/domain.pddl").revision == 1
+    with pytest.raises(SourceMissingError, match=r"run \(1\)/problem"):
+        fresh_kb.load_problem("run (1)/problem.pddl")
+
+
+def test_a_problem_without_its_domain_says_what_to_do(fresh_kb: KnowledgeBase) -> None:
+    text = "(define (problem p) (:domain depot) (:objects t1 - truck) (:init (idle t1)))"
+    with nothing_changes(fresh_kb), pytest.raises(PddlError) as refused:
+        fresh_kb.load_problem(text)
+    assert (refused.value.line, refused.value.column) == (1, 52)
+    assert str(refused.value).endswith(
+        "no domain is loaded here: load the domain depot first, with load_domain()"
+    )
 
 
 def test_several_files_are_one_domain(fresh_kb: KnowledgeBase) -> None:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import os
+import pickle
 import random
 import tracemalloc
 from pathlib import Path
@@ -10,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from kant_sql.errors import PddlError
+from kant_sql.errors import KantSqlError, PddlError, SourceError, SourceMissingError
 from kant_sql.pddl.tokens import MAX_DEPTH, Blocks, Text, load, tokenize, unmatched
 
 
@@ -87,18 +89,60 @@ def test_nul_is_refused(text: str) -> None:
         load(text)
 
 
-@pytest.mark.parametrize("text", ["(a)", "", "  ", "a\nb"])
+@pytest.mark.parametrize(
+    "text",
+    [
+        "(a)",
+        "",
+        "  ",
+        "a\nb",
+        "a\rb",
+        " \t(a",
+        "\ufeff(a)",
+        "; (a)",
+        "x (define (domain d))",
+        "( DEFINE",
+    ],
+)
 def test_what_is_text(text: str) -> None:
     assert load(text).name == "<string>"
 
 
-def test_what_is_a_path(tmp_path: Path) -> None:
-    path = tmp_path / "a"
+@pytest.mark.parametrize("name", ["a", "run (1)/domain.pddl", "a(b", "a;b", " a (2).pddl"])
+def test_what_is_a_path(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+    monkeypatch.chdir(tmp_path)
+    path = tmp_path / name
+    path.parent.mkdir(exist_ok=True)
     path.write_text("(b)")
-    named: list[str | os.PathLike[str]] = [path, str(path)]
-    assert [load(name).code for name in named] == ["(b)", "(b)"]
-    with pytest.raises(FileNotFoundError):
-        load("nowhere.pddl")
+    named: list[str | os.PathLike[str]] = [path, str(path), name]
+    assert [load(one).code for one in named] == ["(b)"] * 3
+
+
+def test_a_path_object_is_never_text(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("(define").write_text("(b)")
+    assert load(Path("(define")).code == "(b)"
+
+
+@pytest.mark.parametrize(
+    "source", ["nowhere.pddl", "no (1)/where.pddl", Path("(define"), Path("a\0b"), "\ud800"]
+)
+def test_a_file_that_is_not_there(source: str | Path) -> None:
+    with pytest.raises(SourceMissingError, match="give the path of a file") as missing:
+        load(source)
+    error = missing.value
+    assert isinstance(error, FileNotFoundError)
+    assert isinstance(error, KantSqlError)
+    assert (error.errno, error.filename) == (errno.ENOENT, str(source))
+    again = pickle.loads(pickle.dumps(error))
+    assert (type(again), str(again)) == (SourceMissingError, str(error))
+
+
+@pytest.mark.parametrize("source", [Path("."), "x" * 5000])
+def test_a_file_that_cannot_be_read(source: str | Path) -> None:
+    with pytest.raises(SourceError) as refused:
+        load(source)
+    assert not isinstance(refused.value, FileNotFoundError)
 
 
 @pytest.mark.parametrize("size", [3, 100_000])
@@ -146,5 +190,5 @@ def test_lexing_takes_memory_in_proportion() -> None:
 
 @pytest.mark.parametrize("source", [5, None, b"(a)", ["(a)"]])
 def test_what_is_no_source_is_refused(source: Any) -> None:
-    with pytest.raises(TypeError, match="a source is a path, or a string that contains"):
+    with pytest.raises(TypeError, match="a source is a path, or a string that begins with"):
         load(source)
