@@ -26,7 +26,7 @@ _UNDECODABLE = re.compile(r"[\udc80-\udcff]")
 _BLOCK = 1 << 15
 # What a string begins with, or has in it, that is text and no path.
 _TEXT = re.compile(r"\ufeff?\s*(?:[(;]|\Z)|[^\r\n\0]*[\r\n\0]")
-_DEFINE = re.compile(r"\(\s*define\b", re.IGNORECASE)
+_DEFINE = re.compile(r"\(\s*define\b|\A\s*define\s*\(", re.IGNORECASE)
 
 
 class Position(NamedTuple):
