@@ -135,7 +135,7 @@ class _Checker:
         except PddlError as error:
             self._refuse(error)
         except SourceError as error:
-            self._findings.append(Finding(name, None, None, True, error.strerror))
+            self._findings.append(Finding(name, None, None, True, error.strerror or ""))
         self._warn(reading.warnings())
         for form in forms:
             self._add(_Definition([form]))
