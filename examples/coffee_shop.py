@@ -76,7 +76,9 @@ def new_file() -> str:
 
 def connect(url: str) -> Robot:
     """Connect the robot's components."""
-    robot = connect_robot(lambda component: kant_sql.connect(url, KNOWLEDGE_BASE, component))
+    robot = connect_robot(
+        lambda component: kant_sql.connect(url, knowledge_base=KNOWLEDGE_BASE, actor=component)
+    )
     if make_url(url).database in (None, "", ":memory:"):
         robot.close()
         raise kant_sql.InvalidUrlError(

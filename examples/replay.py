@@ -67,15 +67,15 @@ def carry_out(kb: KnowledgeBase, plan: RecordedPlan) -> None:
     has_failed = False
     for step in plan.steps:
         if has_failed:
-            kb.plans.set_status(step, "aborted")
+            kb.plans.set_status(step, status="aborted")
             continue
-        kb.plans.set_status(step, "started")
+        kb.plans.set_status(step, status="started")
         with kb.transaction(reason=str(step), plan_step=step):
             if step.action == "move":
                 has_failed = not move(kb, step)
             else:
                 kb.propositions.save(fact(kb, "checked", step.arguments[1]))
-            kb.plans.set_status(step, "failed" if has_failed else "succeeded")
+            kb.plans.set_status(step, status="failed" if has_failed else "succeeded")
 
 
 def run(kb: KnowledgeBase) -> int:

@@ -33,7 +33,9 @@ class DaoFactory(ABC):
     """Creates the DAOs of one family, all on one knowledge base. Threads may share it."""
 
     @abstractmethod
-    def __init__(self, url: str, knowledge_base: str = "default", actor: str | None = None) -> None:
+    def __init__(
+        self, url: str, *, knowledge_base: str = "default", actor: str | None = None
+    ) -> None:
         """Open a knowledge base; `create_dao_factory` says what is given and raised."""
 
     @abstractmethod
@@ -191,6 +193,7 @@ class DaoFactory(ABC):
     @abstractmethod
     def transaction(
         self,
+        *,
         actor: str | None = None,
         reason: str | None = None,
         source: object | None = None,

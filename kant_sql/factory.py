@@ -31,7 +31,7 @@ FAMILIES: dict[str, type[DaoFactory]] = {
 
 
 def create_dao_factory(
-    url: str, knowledge_base: str = "default", actor: str | None = None
+    url: str, *, knowledge_base: str = "default", actor: str | None = None
 ) -> DaoFactory:
     """Create the factory of the family that a database URL names.
 
@@ -52,7 +52,7 @@ def create_dao_factory(
     """
     name = dialect_name(url)
     family = FAMILIES.get(name) or _joined_family(name)
-    return family(url, knowledge_base, actor)
+    return family(url, knowledge_base=knowledge_base, actor=actor)
 
 
 def _joined_family(name: str) -> type[DaoFactory]:

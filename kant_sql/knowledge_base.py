@@ -102,6 +102,7 @@ class KnowledgeBase(DocumentMethods, HistoryMethods):
 
     def transaction(
         self,
+        *,
         actor: str | None = None,
         reason: str | None = None,
         source: object | None = None,
@@ -131,7 +132,12 @@ class KnowledgeBase(DocumentMethods, HistoryMethods):
             PlanError: the step is not of a plan of this knowledge base.
         """
         return self.factory.transaction(
-            actor, reason, source, expected_revision, observed_at, plan_step
+            actor=actor,
+            reason=reason,
+            source=source,
+            expected_revision=expected_revision,
+            observed_at=observed_at,
+            plan_step=plan_step,
         )
 
     def at(self, when: int | datetime) -> KnowledgeBase:
@@ -175,7 +181,9 @@ class KnowledgeBase(DocumentMethods, HistoryMethods):
         self.close()
 
 
-def connect(url: str, knowledge_base: str = "default", actor: str | None = None) -> KnowledgeBase:
+def connect(
+    url: str, *, knowledge_base: str = "default", actor: str | None = None
+) -> KnowledgeBase:
     """Open a knowledge base.
 
     Args:
@@ -194,4 +202,4 @@ def connect(url: str, knowledge_base: str = "default", actor: str | None = None)
         SchemaTooNewError: the tables are of a newer version of the library.
         StoreError: the database cannot be opened.
     """
-    return KnowledgeBase(create_dao_factory(url, knowledge_base, actor))
+    return KnowledgeBase(create_dao_factory(url, knowledge_base=knowledge_base, actor=actor))

@@ -9,7 +9,7 @@ from .retry import retrying
 from .schema import check
 
 
-def create_roles(url: str, knowledge_base: str | None = None, dry_run: bool = False) -> Roles:
+def create_roles(url: str, *, knowledge_base: str | None = None, dry_run: bool = False) -> Roles:
     """Create the roles of a PostgreSQL database, or bring them up to date.
 
     `kant_sql_writer` adds revisions and cannot change what is past, `kant_sql_reader` reads tables

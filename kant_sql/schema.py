@@ -103,7 +103,7 @@ def check_session(session: Session) -> None:
     _judge(session.backend, _read_version(session))
 
 
-def upgrade(url: str, revision: str = "head") -> None:
+def upgrade(url: str, *, revision: str = "head") -> None:
     """Create the tables, or bring them to a later version. What is stored survives.
 
     Args:
@@ -118,7 +118,7 @@ def upgrade(url: str, revision: str = "head") -> None:
         _upgrade(backend, revision)
 
 
-def downgrade(url: str, revision: str) -> None:
+def downgrade(url: str, *, revision: str) -> None:
     """Bring the tables back to an earlier version.
 
     Args:

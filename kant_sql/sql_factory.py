@@ -52,7 +52,9 @@ from .store import Store
 class SqlDaoFactory(DaoFactory):
     """Creates DAOs on an SQL store, of the present or of the past."""
 
-    def __init__(self, url: str, knowledge_base: str = "default", actor: str | None = None) -> None:
+    def __init__(
+        self, url: str, *, knowledge_base: str = "default", actor: str | None = None
+    ) -> None:
         """Open a knowledge base.
 
         Args:
@@ -147,6 +149,7 @@ class SqlDaoFactory(DaoFactory):
     @contextmanager
     def transaction(
         self,
+        *,
         actor: str | None = None,
         reason: str | None = None,
         source: object | None = None,

@@ -132,7 +132,7 @@ def states(kb: KnowledgeBase, revisions: Iterable[int]) -> dict[int, State]:
 
 def intact(url: str, name: str = "tiago") -> None:
     """Check that a store verifies."""
-    with kant_sql.connect(url, name) as kb:
+    with kant_sql.connect(url, knowledge_base=name) as kb:
         verification = kb.verify()
     assert verification.is_intact, verification.findings
 
@@ -178,8 +178,8 @@ def _come_and_go(kb: KnowledgeBase) -> None:
     for truck in (t1, t9, t1):
         fact = PddlPropositionDto(at, [truck, p1], is_goal=truck is t9)
         kb.propositions.save(fact)
-        kb.function_values.set(fuel, [truck.name], Decimal("5.25"))
-        kb.function_values.set(fuel, [truck.name], 3)
+        kb.function_values.set(fuel, objects=[truck.name], value=Decimal("5.25"))
+        kb.function_values.set(fuel, objects=[truck.name], value=3)
         kb.propositions.delete(fact)
     kb.objects.delete(t9)
 
@@ -191,11 +191,11 @@ def _follow_a_plan(kb: KnowledgeBase) -> None:
     ]
     plan = kb.plans.record(Plan(tuple(steps), "test", "solved"), value=3)
     first, second = plan.steps
-    kb.plans.set_status(first, "started")
+    kb.plans.set_status(first, status="started")
     with kb.transaction(plan_step=first, actor="executive"):
         kb.propositions.delete_all()
-    kb.plans.set_status(first, "succeeded")
-    kb.plans.set_status(second, "aborted")
+    kb.plans.set_status(first, status="succeeded")
+    kb.plans.set_status(second, status="aborted")
 
 
 def count(kb: KnowledgeBase, upto: int) -> None:

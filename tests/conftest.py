@@ -178,7 +178,7 @@ def make_store_url(request: pytest.FixtureRequest, backend: str, tmp_path: Path)
         request.addfinalizer(lambda: server.drop_database(new))
         return new
     extra = _extra_urls()[int(backend.removeprefix("extra-"))]
-    kant_sql.downgrade(extra, "base")
+    kant_sql.downgrade(extra, revision="base")
     kant_sql.upgrade(extra)
     return extra
 

@@ -28,7 +28,7 @@ class Acknowledged(NamedTuple):
 
 def write_for_ever(url: str, tell: Connection) -> None:
     """Write in all ways that there are, and tell each revision once its call has come back."""
-    with kant_sql.connect(url, "tiago", "crashing") as kb:
+    with kant_sql.connect(url, knowledge_base="tiago", actor="crashing") as kb:
         last = kb.revision
         while True:
             for way in (_one_call, _some_calls, _many_rows, _one_call, _definitions):
@@ -111,7 +111,7 @@ def fill_disk(url: str) -> tuple[int, int]:
         How many calls came back before, and the last revision.
     """
     signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-    with kant_sql.connect(url, "tiago") as kb:
+    with kant_sql.connect(url, knowledge_base="tiago") as kb:
         counter.start(kb)
         _, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
         resource.setrlimit(resource.RLIMIT_FSIZE, (2_000_000, hard))

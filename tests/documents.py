@@ -88,7 +88,7 @@ def problems(draw: DrawFn, domain: Domain) -> Problem:
     problem = replace(problem, goal=goal, constraints=constraints)
     if words.flip():
         problem = replace(problem, metric=_metric(words, domain, problem))
-    missing = set(used_requirements(domain, problem)) - set(domain.requirements)
+    missing = set(used_requirements(domain, problem=problem)) - set(domain.requirements)
     return replace(problem, requirements=_requirements(draw, missing))
 
 

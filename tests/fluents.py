@@ -21,9 +21,9 @@ def distance(number: int, value: int = 1) -> PddlFunctionValueDto:
 def charge(kb: KnowledgeBase, times: int) -> None:
     """Charge, each time by one step more than the step back that follows."""
     for _ in range(times):
-        kb.function_values.increase("battery", ["rb1"], 2 * STEP)
+        kb.function_values.increase("battery", objects=["rb1"], by=2 * STEP)
         with kb.transaction(reason="used"):
-            kb.function_values.decrease(BATTERY, [RB1], STEP)
+            kb.function_values.decrease(BATTERY, objects=[RB1], by=STEP)
 
 
 def charge_often(kb: KnowledgeBase) -> None:

@@ -102,7 +102,7 @@ def check_text(kb: KnowledgeBase) -> None:
     """Check that what is written of a knowledge base is what it holds."""
     domain = kb.domain()
     assert read_domain(kb.domain_pddl()) == domain
-    assert read_problem(kb.problem_pddl(), domain) == kb.problem()
+    assert read_problem(kb.problem_pddl(), domain=domain) == kb.problem()
 
 
 # Formulas without free variables, by what they are.

@@ -18,7 +18,7 @@ STATES = {frozenset(read_problem(text).facts): text for text in PROBLEMS}
 
 def load_often(url: str, times: int) -> None:
     """Open the knowledge base, and load one problem and the other."""
-    with kant_sql.connect(url, "tiago", "loading") as kb:
+    with kant_sql.connect(url, knowledge_base="tiago", actor="loading") as kb:
         load_often_with(kb, times)
 
 
@@ -29,7 +29,7 @@ def load_often_with(kb: KnowledgeBase, times: int) -> None:
 
 def read_often(url: str, times: int) -> int:
     """Open the knowledge base, and read problems; give how often that was."""
-    with kant_sql.connect(url, "tiago", "reading") as kb:
+    with kant_sql.connect(url, knowledge_base="tiago", actor="reading") as kb:
         return read_often_with(kb, times)
 
 
@@ -42,13 +42,13 @@ def read_often_with(kb: KnowledgeBase, times: int) -> int:
 def check_whole(kb: KnowledgeBase, as_text: bool) -> None:
     """Check that a problem is just what some load has made of it."""
     domain = kb.at(1).domain()
-    problem = read_problem(kb.problem_pddl(), domain) if as_text else kb.problem()
-    assert problem == read_problem(STATES[frozenset(problem.facts)], domain)
+    problem = read_problem(kb.problem_pddl(), domain=domain) if as_text else kb.problem()
+    assert problem == read_problem(STATES[frozenset(problem.facts)], domain=domain)
 
 
 def change_domain(url: str, times: int) -> None:
     """Open the knowledge base, and load one domain and the other."""
-    with kant_sql.connect(url, "tiago", "changing") as kb:
+    with kant_sql.connect(url, knowledge_base="tiago", actor="changing") as kb:
         for number in range(times):
             kb.load_domain((OTHER_DOMAIN, DOMAIN)[number % 2])
             check_text_of_head(kb)

@@ -16,7 +16,7 @@ NOBODY = 65534
 
 def connect_and_write(url: str, number: int, name: str = "tiago") -> int:
     """Open a store, which may have to be created, and write once; give the revision."""
-    with kant_sql.connect(url, name) as kb:
+    with kant_sql.connect(url, knowledge_base=name) as kb:
         assert kb.propositions.insert(robot_at(place=waypoint(number)))
         mine = f"(robot_at rb1 wp{number})"
         for entry in kb.log():

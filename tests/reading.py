@@ -97,11 +97,15 @@ def nothing_changes(kb: KnowledgeBase) -> Iterator[None]:
 
 
 def refuses(
-    kb: KnowledgeBase, error: type[Exception], call: Callable[..., object], *arguments: object
+    kb: KnowledgeBase,
+    error: type[Exception],
+    call: Callable[..., object],
+    *arguments: object,
+    **said: object,
 ) -> pytest.ExceptionInfo[Exception]:
     """Check that a call raises an error of just this class and leaves nothing behind."""
     with nothing_changes(kb), pytest.raises(error) as caught:
-        call(*arguments)
+        call(*arguments, **said)
     assert type(caught.value) is error
     return caught
 

@@ -90,7 +90,7 @@ def fill_store(url: str) -> None:
     """Make tables, and put rows of two knowledge bases into each of them."""
     kant_sql.upgrade(url)
     for name in (MINE, OTHER):
-        with closing(kant_sql.connect(url, name, actor="owner")) as kb:
+        with closing(kant_sql.connect(url, knowledge_base=name, actor="owner")) as kb:
             fill(kb)
     with psycopg.connect(url) as owner:
         owner.execute(BY_HAND)

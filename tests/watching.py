@@ -46,7 +46,7 @@ class Waiting:
             return made
 
         backend.listener = listener
-        return kb.watch(after, timeout)
+        return kb.watch(after, timeout=timeout)
 
     def listens(self) -> None:
         """Wait until it has begun to listen."""
@@ -69,7 +69,7 @@ def waiting(
 
 def follow(url: str, folder: Path, tell: Connection) -> None:
     """Follow a feed for ever, and keep on disk what was seen: it may be killed at any moment."""
-    with kant_sql.connect(url, "tiago") as kb, (folder / "seen").open("a") as seen:
+    with kant_sql.connect(url, knowledge_base="tiago") as kb, (folder / "seen").open("a") as seen:
         tell.send("begins")
         while True:
             # A server that is killed may stay away for longer than a call tries again.
@@ -94,14 +94,14 @@ def _follow_once(kb: KnowledgeBase, folder: Path, seen: TextIO, tell: Connection
 
 def write_many(url: str, first: int, number: int) -> None:
     """Make so many revisions."""
-    with kant_sql.connect(url, "tiago") as kb:
+    with kant_sql.connect(url, knowledge_base="tiago") as kb:
         for place in range(first, first + number):
             assert kb.objects.insert(waypoint(place))
 
 
 def fork_beside_a_watching_thread(url: str) -> None:
     """Fork while a thread waits for news: parent and child go on, and each can wait."""
-    with kant_sql.connect(url, "tiago") as kb:
+    with kant_sql.connect(url, knowledge_base="tiago") as kb:
         kb.objects.save(waypoint(1))
         with waiting(kb) as call:
 

@@ -71,19 +71,19 @@ def _run(answer: Connection, barrier: Barrier, call: Call) -> None:
 
 def count(url: str, way: Callable[[KnowledgeBase, int], None], times: int) -> None:
     """Open the knowledge base of the counter, and count."""
-    with kant_sql.connect(url, "tiago", "counting") as kb:
+    with kant_sql.connect(url, knowledge_base="tiago", actor="counting") as kb:
         way(kb, times)
 
 
 def change(url: str, work: Callable[[KnowledgeBase], None]) -> None:
     """Open the knowledge base, and change it."""
-    with kant_sql.connect(url, "tiago", "elsewhere") as kb:
+    with kant_sql.connect(url, knowledge_base="tiago", actor="elsewhere") as kb:
         work(kb)
 
 
 def watch(url: str, end: int) -> int:
     """Read the counter until it is at its end; give how often that was."""
-    with kant_sql.connect(url, "tiago") as kb:
+    with kant_sql.connect(url, knowledge_base="tiago") as kb:
         return watch_with(kb, end)
 
 

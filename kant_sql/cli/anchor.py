@@ -23,5 +23,5 @@ def anchor(
     """
     # That tells what is wrong with the store, and creates nothing.
     names = knowledge_bases(url)
-    with connect(url, names[0] if names else "default") as knowledge_base:
+    with connect(url, knowledge_base=names[0] if names else "default") as knowledge_base:
         typer.echo(knowledge_base.anchor().text())

@@ -48,7 +48,9 @@ def archive(
     """
     when = parse_when(before, "--before")
     with open_to_read(url, kb) as (name, knowledge_base), bar(name) as told:
-        done = knowledge_base.archive(when, to, dry_run, reason, actor, told)
+        done = knowledge_base.archive(
+            when, to=to, dry_run=dry_run, reason=reason, actor=actor, progress=told
+        )
     if as_json:
         write_json({"knowledge_base": name, "dry_run": dry_run, **done._asdict()})
     else:

@@ -43,7 +43,7 @@ def downgrade(
     if schema.current(url) is None:
         # Says what is missing, and how to get it.
         schema.check(url)
-    schema.downgrade(url, revision)
+    schema.downgrade(url, revision=revision)
     _write_version(url)
 
 
@@ -87,7 +87,7 @@ def roles(
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document.")] = False,
 ) -> None:
     """Create the roles of PostgreSQL, or bring them up to date."""
-    made = create_roles(url, kb, dry_run)
+    made = create_roles(url, knowledge_base=kb, dry_run=dry_run)
     if as_json:
         document = made._asdict()
         if not dry_run:

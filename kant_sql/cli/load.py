@@ -98,14 +98,14 @@ def _store(
     """Store all that there is in one revision, and find that."""
     source = {"files": list(inputs.files)}
     warnings: list[PddlWarning] = []
-    with _progress() as show, knowledge_base.transaction(actor, reason, source):
+    with _progress() as show, knowledge_base.transaction(actor=actor, reason=reason, source=source):
         before = knowledge_base.revision
         if inputs.domains:
             show("domain", sum(len(text.code) for text in inputs.domains))
             warnings += knowledge_base.load_domain(*inputs.domains, mode=mode, strict=strict)[1]
         if inputs.problem is not None:
             show("problem", len(inputs.problem.code))
-            warnings += knowledge_base.load_problem(inputs.problem, mode, strict)[1]
+            warnings += knowledge_base.load_problem(inputs.problem, mode=mode, strict=strict)[1]
     made = knowledge_base.revisions(after=before, limit=1)
     # When nothing has changed, the next revision is somebody else's.
     own = [one for one in made if (one.actor, one.reason, one.source) == (actor, reason, source)]

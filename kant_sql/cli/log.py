@@ -40,10 +40,12 @@ def log(
     ] = False,
 ) -> None:
     """Write the revisions, newest first: when, who, why and what."""
-    bounds = parse_optional(since, "--since"), parse_optional(until, "--until")
+    first, last = parse_optional(since, "--since"), parse_optional(until, "--until")
     with open_to_read(url, kb) as (_, knowledge_base):
         printer = Printer()
-        entries = knowledge_base.log(*bounds, actor, element, limit)
+        entries = knowledge_base.log(
+            since=first, until=last, actor=actor, element=element, limit=limit
+        )
         for position, entry in enumerate(entries):
             if as_json:
                 write_json(entry_document(entry))

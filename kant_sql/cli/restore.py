@@ -41,7 +41,7 @@ def restore(
     moment = parse_when(when, "REV|TIME")
     with open_to_read(url, kb) as (name, knowledge_base):
         restored = knowledge_base.at(moment).revision
-        made = knowledge_base.restore(restored, reason, actor)
+        made = knowledge_base.restore(restored, reason=reason, actor=actor)
         changes = [] if made is None else knowledge_base.diff(made - 1, made)
         if as_json:
             document = {"knowledge_base": name, "restored": restored, "revision": made}

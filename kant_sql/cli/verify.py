@@ -58,8 +58,8 @@ def verify(
 
 def _verify(url: str, name: str, anchor: Anchor | None) -> Verification:
     try:
-        with connect(url, name) as knowledge_base, bar(name) as told:
-            return knowledge_base.verify(anchor, told)
+        with connect(url, knowledge_base=name) as knowledge_base, bar(name) as told:
+            return knowledge_base.verify(anchor, progress=told)
     except InvalidMetadataError as error:
         # The library gives none such a name; the others are verified nevertheless.
         return Verification(name, 0, 0, (Finding(None, "knowledge_base", str(error)),))

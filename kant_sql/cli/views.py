@@ -31,7 +31,7 @@ def views(
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document.")] = False,
 ) -> None:
     """Make views of the predicates, or bring them up to date."""
-    changes = (drop_views if drop else update_views)(url, kb, dry_run)
+    changes = (drop_views if drop else update_views)(url, knowledge_base=kb, dry_run=dry_run)
     if as_json:
         write_json({"views": [_document(change, dry_run) for change in changes]})
     elif dry_run:

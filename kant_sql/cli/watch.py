@@ -71,7 +71,7 @@ def _wait(kb: KnowledgeBase, seen: int, deadline: float) -> int | None:
         left = max(deadline - time.monotonic(), 0.0)
         is_last = left <= _SLICE
         try:
-            news = kb.watch(seen, min(left, _SLICE))
+            news = kb.watch(seen, timeout=min(left, _SLICE))
         except _GONE:
             if is_last:
                 raise

@@ -37,7 +37,7 @@ class PddlFunctionValueDao(Dao[PddlFunctionValueDto]):
 
     @abstractmethod
     def get(
-        self, function: FunctionReference, objects: Sequence[ObjectReference] = ()
+        self, function: FunctionReference, *, objects: Sequence[ObjectReference] = ()
     ) -> Decimal | PddlObjectDto | None:
         """Read what a fluent is.
 
@@ -65,6 +65,7 @@ class PddlFunctionValueDao(Dao[PddlFunctionValueDto]):
     def set(
         self,
         function: FunctionReference,
+        *,
         objects: Sequence[ObjectReference],
         value: Number | ObjectReference,
     ) -> bool:
@@ -87,7 +88,9 @@ class PddlFunctionValueDao(Dao[PddlFunctionValueDto]):
         """
 
     @abstractmethod
-    def unset(self, function: FunctionReference, objects: Sequence[ObjectReference] = ()) -> bool:
+    def unset(
+        self, function: FunctionReference, *, objects: Sequence[ObjectReference] = ()
+    ) -> bool:
         """Let a fluent have no value any more.
 
         Args:
@@ -100,7 +103,7 @@ class PddlFunctionValueDao(Dao[PddlFunctionValueDto]):
 
     @abstractmethod
     def increase(
-        self, function: FunctionReference, objects: Sequence[ObjectReference], by: Number
+        self, function: FunctionReference, *, objects: Sequence[ObjectReference], by: Number
     ) -> Decimal:
         """Add to a number, exactly. No other writer comes between the reading and the writing.
 
@@ -119,7 +122,7 @@ class PddlFunctionValueDao(Dao[PddlFunctionValueDto]):
 
     @abstractmethod
     def decrease(
-        self, function: FunctionReference, objects: Sequence[ObjectReference], by: Number
+        self, function: FunctionReference, *, objects: Sequence[ObjectReference], by: Number
     ) -> Decimal:
         """Subtract from a number.
 
@@ -137,7 +140,7 @@ class PddlFunctionValueDao(Dao[PddlFunctionValueDto]):
 
     @abstractmethod
     def scale_up(
-        self, function: FunctionReference, objects: Sequence[ObjectReference], by: Number
+        self, function: FunctionReference, *, objects: Sequence[ObjectReference], by: Number
     ) -> Decimal:
         """Multiply a number.
 
@@ -155,7 +158,7 @@ class PddlFunctionValueDao(Dao[PddlFunctionValueDto]):
 
     @abstractmethod
     def scale_down(
-        self, function: FunctionReference, objects: Sequence[ObjectReference], by: Number
+        self, function: FunctionReference, *, objects: Sequence[ObjectReference], by: Number
     ) -> Decimal:
         """Divide a number.
 

@@ -43,7 +43,7 @@ class SqlFunctionValueDao(SqlDao, PddlFunctionValueDao):
     """The values of functions in an SQL store."""
 
     def get(
-        self, function: FunctionReference, objects: Sequence[ObjectReference] = ()
+        self, function: FunctionReference, *, objects: Sequence[ObjectReference] = ()
     ) -> Decimal | PddlObjectDto | None:
         """Read what a fluent is."""
         check_fluent(function, objects)
@@ -85,6 +85,7 @@ class SqlFunctionValueDao(SqlDao, PddlFunctionValueDao):
     def set(
         self,
         function: FunctionReference,
+        *,
         objects: Sequence[ObjectReference],
         value: Number | ObjectReference,
     ) -> bool:
@@ -100,7 +101,9 @@ class SqlFunctionValueDao(SqlDao, PddlFunctionValueDao):
 
         return self._store.write(work)
 
-    def unset(self, function: FunctionReference, objects: Sequence[ObjectReference] = ()) -> bool:
+    def unset(
+        self, function: FunctionReference, *, objects: Sequence[ObjectReference] = ()
+    ) -> bool:
         """Let a fluent have no value any more."""
         self._check_writable()
         check_fluent(function, objects)
@@ -112,25 +115,25 @@ class SqlFunctionValueDao(SqlDao, PddlFunctionValueDao):
         return self._store.write(work)
 
     def increase(
-        self, function: FunctionReference, objects: Sequence[ObjectReference], by: Number
+        self, function: FunctionReference, *, objects: Sequence[ObjectReference], by: Number
     ) -> Decimal:
         """Add to a number."""
         return self._change("increased", INCREASE, function, objects, by)
 
     def decrease(
-        self, function: FunctionReference, objects: Sequence[ObjectReference], by: Number
+        self, function: FunctionReference, *, objects: Sequence[ObjectReference], by: Number
     ) -> Decimal:
         """Subtract from a number."""
         return self._change("decreased", DECREASE, function, objects, by)
 
     def scale_up(
-        self, function: FunctionReference, objects: Sequence[ObjectReference], by: Number
+        self, function: FunctionReference, *, objects: Sequence[ObjectReference], by: Number
     ) -> Decimal:
         """Multiply a number."""
         return self._change("scaled up", SCALE_UP, function, objects, by)
 
     def scale_down(
-        self, function: FunctionReference, objects: Sequence[ObjectReference], by: Number
+        self, function: FunctionReference, *, objects: Sequence[ObjectReference], by: Number
     ) -> Decimal:
         """Divide a number."""
         return self._change("scaled down", SCALE_DOWN, function, objects, by)
@@ -181,7 +184,7 @@ class SqlFunctionValueDao(SqlDao, PddlFunctionValueDao):
     def delete(self, dto: PddlFunctionValueDto) -> bool:
         """Let a fluent have no value any more."""
         self._check(dto)
-        return self.unset(dto.function, dto.objects)
+        return self.unset(dto.function, objects=dto.objects)
 
     def delete_all(self) -> int:
         """Let no fluent have a value."""

@@ -39,7 +39,9 @@ class SqlExchange(SqlDao, Exchange):
         return Loaded(revision, domain.warnings)
 
     @without_collector()
-    def load_problem(self, source: Source, mode: Mode = "replace", strict: bool = False) -> Loaded:
+    def load_problem(
+        self, source: Source, *, mode: Mode = "replace", strict: bool = False
+    ) -> Loaded:
         """Load a problem."""
         replace = self._is_replacing(mode)
         domain = self.domain()
@@ -57,12 +59,12 @@ class SqlExchange(SqlDao, Exchange):
         return Loaded(revision, problem.warnings)
 
     @without_collector()
-    def put(self, domain: Domain, problem: Problem, mode: Mode = "replace") -> Loaded:
+    def put(self, domain: Domain, *, problem: Problem, mode: Mode = "replace") -> Loaded:
         """Store a domain and a problem that go together."""
         replace = self._is_replacing(mode)
         # Whoever made them, what is stored has passed the reader's checks.
         checked = read_domain(write(domain))
-        own = read_problem(write(problem), checked)
+        own = read_problem(write(problem), domain=checked)
 
         def work(transaction: Transaction) -> None:
             load_domain(transaction, checked, replace)
@@ -102,7 +104,7 @@ class SqlExchange(SqlDao, Exchange):
     def requirements(self) -> tuple[str, ...]:
         """Compute which requirements domain and problem use."""
         state = self.state()
-        return used_requirements(state.domain, state.problem)
+        return used_requirements(state.domain, problem=state.problem)
 
     def _read(self, work: Callable[[View], T]) -> T:
         return self._store.read_together(work, self._at)
@@ -121,11 +123,12 @@ class SqlExchange(SqlDao, Exchange):
 
     def _read_problem(self, source: Source, domain: Domain, strict: bool) -> Problem:
         if self._store.read_definitions(self._has_domain):
-            return read_problem(source, domain, strict=strict)
+            return read_problem(source, domain=domain, strict=strict)
         # A domain that DAOs have made answers to any name.
         named = read_problem(source, strict=strict).domain
         try:
-            return read_problem(source, dataclasses.replace(domain, name=named), strict=strict)
+            own = dataclasses.replace(domain, name=named)
+            return read_problem(source, domain=own, strict=strict)
         except PddlError as error:
             place = (error.source, error.line, error.column, error.found)
             remedy = f"no domain is loaded here: load the domain {named} first, with load_domain()"

@@ -71,7 +71,9 @@ class Exchange(ABC):
         """
 
     @abstractmethod
-    def load_problem(self, source: Source, mode: Mode = "replace", strict: bool = False) -> Loaded:
+    def load_problem(
+        self, source: Source, *, mode: Mode = "replace", strict: bool = False
+    ) -> Loaded:
         """Load a problem of the domain that is stored.
 
         Args:
@@ -91,7 +93,7 @@ class Exchange(ABC):
         """
 
     @abstractmethod
-    def put(self, domain: Domain, problem: Problem, mode: Mode = "replace") -> Loaded:
+    def put(self, domain: Domain, *, problem: Problem, mode: Mode = "replace") -> Loaded:
         """Store a domain and a problem that go together, in one revision.
 
         Args:

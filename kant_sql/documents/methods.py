@@ -45,7 +45,9 @@ class DocumentMethods:
         """
         return self._exchange.load_domain(*sources, mode=mode, strict=strict)
 
-    def load_problem(self, source: Source, mode: Mode = "replace", strict: bool = False) -> Loaded:
+    def load_problem(
+        self, source: Source, *, mode: Mode = "replace", strict: bool = False
+    ) -> Loaded:
         """Load a problem: one revision or none; `Exchange.load_problem` says all of it.
 
         Args:
@@ -62,7 +64,7 @@ class DocumentMethods:
             SourceError: a file cannot be read.
             ConflictError: with mode `merge`, it contradicts what is stored.
         """
-        return self._exchange.load_problem(source, mode, strict)
+        return self._exchange.load_problem(source, mode=mode, strict=strict)
 
     def domain(self) -> Domain:
         """Build the domain.
@@ -115,9 +117,9 @@ class DocumentMethods:
             PlannerMissingError: unified-planning is not installed.
         """
         state = self._exchange.state()
-        return to_unified_planning(state.domain, state.problem)
+        return to_unified_planning(state.domain, problem=state.problem)
 
-    def load_unified_planning(self, problem: UpProblem, mode: Mode = "replace") -> Loaded:
+    def load_unified_planning(self, problem: UpProblem, *, mode: Mode = "replace") -> Loaded:
         """Load a problem of unified-planning, domain and all: one revision or none.
 
         Args:
@@ -131,9 +133,10 @@ class DocumentMethods:
             UnsupportedConstructError: it has something that PDDL cannot express.
             ConflictError: with mode `merge`, it contradicts what is stored.
         """
-        return self._exchange.put(*from_unified_planning(problem), mode)
+        domain, own = from_unified_planning(problem)
+        return self._exchange.put(domain, problem=own, mode=mode)
 
-    def plan(self, engine: str | None = None, timeout: float | None = None) -> Plan:
+    def plan(self, engine: str | None = None, *, timeout: float | None = None) -> Plan:
         """Find a plan from the state to the goals.
 
         Args:
@@ -150,6 +153,6 @@ class DocumentMethods:
             PlannerMissingError: unified-planning or the engine is not installed.
         """
         state = self._exchange.state()
-        plan = solve(state.domain, state.problem, engine, timeout)
-        digest = problem_hash(write(state.domain), write(state.problem))
+        plan = solve(state.domain, problem=state.problem, engine=engine, timeout=timeout)
+        digest = problem_hash(write(state.domain), problem=write(state.problem))
         return replace(plan, revision=state.revision, problem_hash=digest)

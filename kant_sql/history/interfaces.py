@@ -25,7 +25,7 @@ class History(ABC):
     """What was: revisions, what they changed, and whether they are what was written."""
 
     @abstractmethod
-    def revisions(self, after: int = 0, limit: int | None = None) -> list[Revision]:
+    def revisions(self, after: int = 0, *, limit: int | None = None) -> list[Revision]:
         """Read revisions, oldest first.
 
         Args:
@@ -40,6 +40,7 @@ class History(ABC):
     def log(
         self,
         since: When | None = None,
+        *,
         until: When | None = None,
         actor: str | None = None,
         element: Element | None = None,
@@ -66,7 +67,7 @@ class History(ABC):
         """
 
     @abstractmethod
-    def changes(self, after: int = 0, limit: int | None = None) -> Iterator[LogEntry]:
+    def changes(self, after: int = 0, *, limit: int | None = None) -> Iterator[LogEntry]:
         """Follow what changes, oldest first: a feed that can be resumed.
 
         Revisions come in order and without gaps. Who keeps the number of the last one that was
@@ -86,7 +87,7 @@ class History(ABC):
         """
 
     @abstractmethod
-    def watch(self, after: int | None = None, timeout: float | None = None) -> int | None:
+    def watch(self, after: int | None = None, *, timeout: float | None = None) -> int | None:
         """Wait until there is a revision that the caller does not know.
 
         It works across processes, and goes on when a server was started anew.
@@ -159,7 +160,7 @@ class History(ABC):
 
     @abstractmethod
     def restore(
-        self, when: When, reason: str | None = None, actor: str | None = None
+        self, when: When, *, reason: str | None = None, actor: str | None = None
     ) -> int | None:
         """Make the state equal to a past one, as a new revision.
 
@@ -184,7 +185,7 @@ class History(ABC):
 
     @abstractmethod
     def verify(
-        self, anchor: Anchor | None = None, progress: Progress | None = None
+        self, anchor: Anchor | None = None, *, progress: Progress | None = None
     ) -> Verification:
         """Recompute every hash from the tables, and compare what is said twice.
 
@@ -211,6 +212,7 @@ class History(ABC):
     def archive(
         self,
         before: When,
+        *,
         to: str,
         dry_run: bool = False,
         reason: str | None = None,

@@ -24,7 +24,7 @@ class HistoryMethods:
         """
         self._history = history
 
-    def revisions(self, after: int = 0, limit: int | None = None) -> list[Revision]:
+    def revisions(self, after: int = 0, *, limit: int | None = None) -> list[Revision]:
         """Read revisions, oldest first.
 
         Args:
@@ -34,11 +34,12 @@ class HistoryMethods:
         Returns:
             The revisions.
         """
-        return self._history.revisions(after, limit)
+        return self._history.revisions(after, limit=limit)
 
     def log(
         self,
         since: When | None = None,
+        *,
         until: When | None = None,
         actor: str | None = None,
         element: Element | None = None,
@@ -63,9 +64,9 @@ class HistoryMethods:
             ArchivedError: once it comes to a revision of which a part was moved to an archive.
             InvalidKnowledgeError: `element` is none of these.
         """
-        return self._history.log(since, until, actor, element, limit)
+        return self._history.log(since, until=until, actor=actor, element=element, limit=limit)
 
-    def changes(self, after: int = 0, limit: int | None = None) -> Iterator[LogEntry]:
+    def changes(self, after: int = 0, *, limit: int | None = None) -> Iterator[LogEntry]:
         """Follow what changes, oldest first: a feed that can be resumed.
 
         Revisions come in order and without gaps. Who keeps the number of the last one that was
@@ -83,9 +84,9 @@ class HistoryMethods:
             ArchivedError: changes behind `after` were moved to an archive.
             StoreIntegrityError: a revision is missing.
         """
-        return self._history.changes(after, limit)
+        return self._history.changes(after, limit=limit)
 
-    def watch(self, after: int | None = None, timeout: float | None = None) -> int | None:
+    def watch(self, after: int | None = None, *, timeout: float | None = None) -> int | None:
         """Wait until there is a revision that the caller does not know.
 
         It works across processes, and goes on when a server was started anew.
@@ -104,7 +105,7 @@ class HistoryMethods:
             StoreError: time ran out while the store could not be reached, or the knowledge base
                 was closed meanwhile.
         """
-        return self._history.watch(after, timeout)
+        return self._history.watch(after, timeout=timeout)
 
     def diff(self, a: When, b: When) -> list[Change]:
         """Tell what knowledge is different between two states; plans and archives are records.
@@ -158,7 +159,7 @@ class HistoryMethods:
         return self._history.blame(element)
 
     def restore(
-        self, when: When, reason: str | None = None, actor: str | None = None
+        self, when: When, *, reason: str | None = None, actor: str | None = None
     ) -> int | None:
         """Make the state equal to a past one, as a new revision.
 
@@ -180,10 +181,10 @@ class HistoryMethods:
             ArchivedError: that state was moved to an archive.
             ReadOnlyError: this is a view of the past.
         """
-        return self._history.restore(when, reason, actor)
+        return self._history.restore(when, reason=reason, actor=actor)
 
     def verify(
-        self, anchor: Anchor | None = None, progress: Progress | None = None
+        self, anchor: Anchor | None = None, *, progress: Progress | None = None
     ) -> Verification:
         """Recompute every hash from the tables, and compare what is said twice.
 
@@ -197,7 +198,7 @@ class HistoryMethods:
         Raises:
             ReadOnlyError: the thread has a transaction open.
         """
-        return self._history.verify(anchor, progress)
+        return self._history.verify(anchor, progress=progress)
 
     def anchor(self) -> Anchor:
         """Give the heads of all knowledge bases of the store, to keep elsewhere.
@@ -210,6 +211,7 @@ class HistoryMethods:
     def archive(
         self,
         before: When,
+        *,
         to: str,
         dry_run: bool = False,
         reason: str | None = None,
@@ -240,4 +242,6 @@ class HistoryMethods:
             ConflictError: the other store has another knowledge base of this name.
             ReadOnlyError: this is a view of the past, or the thread has a transaction open.
         """
-        return self._history.archive(before, to, dry_run, reason, actor, progress)
+        return self._history.archive(
+            before, to=to, dry_run=dry_run, reason=reason, actor=actor, progress=progress
+        )

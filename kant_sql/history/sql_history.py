@@ -23,13 +23,14 @@ from .watching import watch
 class SqlHistory(SqlDao, History):
     """The past of a knowledge base in an SQL store, up to now or up to one revision."""
 
-    def revisions(self, after: int = 0, limit: int | None = None) -> list[Revision]:
+    def revisions(self, after: int = 0, *, limit: int | None = None) -> list[Revision]:
         """Read revisions, oldest first."""
         return read_revisions(self._store, after, limit, self._at)
 
     def log(
         self,
         since: When | None = None,
+        *,
         until: When | None = None,
         actor: str | None = None,
         element: Element | None = None,
@@ -38,11 +39,11 @@ class SqlHistory(SqlDao, History):
         """Read revisions with what they changed, newest first, in constant memory."""
         return read_log(self._store, since, until, actor, element, limit, self._at)
 
-    def changes(self, after: int = 0, limit: int | None = None) -> Iterator[LogEntry]:
+    def changes(self, after: int = 0, *, limit: int | None = None) -> Iterator[LogEntry]:
         """Follow what changes, oldest first: a feed that can be resumed."""
         return read_changes(self._store, after, limit, self._at)
 
-    def watch(self, after: int | None = None, timeout: float | None = None) -> int | None:
+    def watch(self, after: int | None = None, *, timeout: float | None = None) -> int | None:
         """Wait until there is a revision that the caller does not know."""
         return watch(self._store, after, timeout, self._at)
 
@@ -59,14 +60,14 @@ class SqlHistory(SqlDao, History):
         return blame(self._store, element, self._at)
 
     def restore(
-        self, when: When, reason: str | None = None, actor: str | None = None
+        self, when: When, *, reason: str | None = None, actor: str | None = None
     ) -> int | None:
         """Make the state equal to a past one, as a new revision."""
         self._check_writable()
         return restore(self._store, state_at(self._store, when), reason, actor)
 
     def verify(
-        self, anchor: Anchor | None = None, progress: Progress | None = None
+        self, anchor: Anchor | None = None, *, progress: Progress | None = None
     ) -> Verification:
         """Recompute every hash from the tables, and compare what is said twice."""
         return verify(self._store, anchor, progress)
@@ -78,6 +79,7 @@ class SqlHistory(SqlDao, History):
     def archive(
         self,
         before: When,
+        *,
         to: str,
         dry_run: bool = False,
         reason: str | None = None,

@@ -45,7 +45,7 @@ def read_domain(*sources: Source, strict: bool = False) -> Domain:
 
 
 @without_collector()
-def read_problem(source: Source, domain: Domain | None = None, strict: bool = False) -> Problem:
+def read_problem(source: Source, *, domain: Domain | None = None, strict: bool = False) -> Problem:
     """Read a problem.
 
     Args:
@@ -69,7 +69,7 @@ def read_problem(source: Source, domain: Domain | None = None, strict: bool = Fa
 
 
 @without_collector()
-def read(source: Source, strict: bool = False) -> list[Domain | Problem]:
+def read(source: Source, *, strict: bool = False) -> list[Domain | Problem]:
     """Read all that a source defines.
 
     A problem is checked against its domain when that is in the source, too.

@@ -62,7 +62,7 @@ REQUIREMENTS = (
 )
 
 
-def used_requirements(domain: Domain, problem: Problem | None = None) -> tuple[str, ...]:
+def used_requirements(domain: Domain, *, problem: Problem | None = None) -> tuple[str, ...]:
     """Tell which requirements are really used.
 
     Numbers that only count costs need `:action-costs` instead of `:numeric-fluents`. Abbreviations

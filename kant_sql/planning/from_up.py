@@ -123,7 +123,7 @@ class _Reverse:
         domain = replace(
             domain,
             constants=tuple(item for item in objects if item.name in constants),
-            requirements=used_requirements(domain, problem),
+            requirements=used_requirements(domain, problem=problem),
         )
         return domain, problem
 

@@ -69,7 +69,7 @@ class Plan:
         return "".join(f"{step}\n" for step in self.steps)
 
 
-def problem_hash(domain: str, problem: str) -> str:
+def problem_hash(domain: str, *, problem: str) -> str:
     """Hash what a planner is given.
 
     Args:
@@ -83,7 +83,7 @@ def problem_hash(domain: str, problem: str) -> str:
 
 
 def solve(
-    domain: Domain, problem: Problem, engine: str | None = None, timeout: float | None = None
+    domain: Domain, *, problem: Problem, engine: str | None = None, timeout: float | None = None
 ) -> Plan:
     """Find a plan.
 

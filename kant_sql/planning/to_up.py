@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def to_unified_planning(
-    domain: Domain, problem: Problem, environment: Environment | None = None
+    domain: Domain, *, problem: Problem, environment: Environment | None = None
 ) -> UpProblem:
     """Make a problem of unified-planning that means what the documents mean.
 

@@ -68,7 +68,7 @@ class SqlGivenReader:
             written = write_given(self._store, state_at(self._store, plan.revision))
             domain = written.domain if domain is None else domain
             problem = written.problem if problem is None else problem
-        if problem_hash(domain, problem) != plan.problem_hash:
+        if problem_hash(domain, problem=problem) != plan.problem_hash:
             raise PlanError(
                 f"plan {plan.id}: what the store holds of its problem, at revision "
                 f"{plan.revision}, is not what the planner was given: the SHA-256 is not "

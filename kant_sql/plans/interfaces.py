@@ -129,6 +129,7 @@ class PlanDao(ABC):
     def record(
         self,
         plan: Plan,
+        *,
         planner: str | None = None,
         planner_version: str | None = None,
         objective: str | None = None,
@@ -182,7 +183,7 @@ class PlanDao(ABC):
         """
 
     @abstractmethod
-    def set_status(self, step: RecordedStep, status: StepStatus) -> bool:
+    def set_status(self, step: RecordedStep, *, status: StepStatus) -> bool:
         """Say what becomes of a step.
 
         A step is started once, and then succeeds, fails or is aborted; one that was not started

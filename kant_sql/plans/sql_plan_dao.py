@@ -44,6 +44,7 @@ class SqlPlanDao(SqlDao, PlanDao):
     def record(
         self,
         plan: Plan,
+        *,
         planner: str | None = None,
         planner_version: str | None = None,
         objective: str | None = None,
@@ -96,7 +97,7 @@ class SqlPlanDao(SqlDao, PlanDao):
             written.domain if domain is None else domain,
             written.problem if problem is None else problem,
         )
-        digest = problem_hash(*given)
+        digest = problem_hash(given.domain, problem=given.problem)
         if plan.problem_hash not in (None, digest):
             raise PlanError(
                 "domain_pddl and problem_pddl are not what the planner was given, by its SHA-256"
@@ -162,7 +163,7 @@ class SqlPlanDao(SqlDao, PlanDao):
             lambda view: read_plans(view, self._store.name, given, id_), self._at
         )
 
-    def set_status(self, step: RecordedStep, status: StepStatus) -> bool:
+    def set_status(self, step: RecordedStep, *, status: StepStatus) -> bool:
         """Say what becomes of a step."""
         self._check_writable()
         return self._store.write(lambda transaction: set_status(transaction, step, status))

@@ -98,7 +98,7 @@ class _Wanted(NamedTuple):
 
 
 def update_views(
-    url: str, knowledge_base: str | None = None, dry_run: bool = False
+    url: str, *, knowledge_base: str | None = None, dry_run: bool = False
 ) -> list[PredicateView]:
     """Bring the views of all predicates up to date; it makes no revision.
 
@@ -122,7 +122,7 @@ def update_views(
 
 
 def drop_views(
-    url: str, knowledge_base: str | None = None, dry_run: bool = False
+    url: str, *, knowledge_base: str | None = None, dry_run: bool = False
 ) -> list[PredicateView]:
     """Drop all views that `update_views` made, a thousand in one transaction.
 

@@ -52,12 +52,12 @@ def test_writers_go_on_while_it_is_archived(
         moved = 0
         try:
             while moved < ROUNDS:
-                moved += kb.archive(moved * STEP + STEP, there).revision is not None
+                moved += kb.archive(moved * STEP + STEP, to=there).revision is not None
         finally:
             is_over.set()
         writing.result()
     where = counted(kb)
-    with kant_sql.connect(there, "tiago") as archive:
+    with kant_sql.connect(there, knowledge_base="tiago") as archive:
         last = archive.revision
         for revision in range(1, last + 1):
             assert counter.read(archive.at(revision)) == where[revision]
@@ -77,12 +77,12 @@ def test_who_archives_at_the_same_time_moves_everything_once(
 
     def archive(kb: KnowledgeBase, before: int) -> int:
         together.wait(30)
-        return sum(kb.archive(before, there).versions.values())
+        return sum(kb.archive(before, to=there).versions.values())
 
     with ThreadPoolExecutor() as pool:
         moved = [*pool.map(archive, (first, second), (21, 27))]
     assert max(moved) <= 2 * 25
-    with kant_sql.connect(there, "tiago") as archive_:
+    with kant_sql.connect(there, knowledge_base="tiago") as archive_:
         assert [counter.read(archive_.at(r)) for r in range(1, 27)] == [*range(26)]
     ended = sum(row[2] is not None for row in rows_of(there)["proposition_version"].elements())
     assert ended == 2 * 25

@@ -82,7 +82,7 @@ class Pair:
         url = self._target.url.render_as_string(hide_password=False)
         upto = max(0, self.kb.revision - rest)
         before = upto + 1 if upto < self.kb.revision else datetime.now(UTC)
-        done = self.kb.archive(before, url)
+        done = self.kb.archive(before, to=url)
         assert done.upto == upto
         if done.revision is None:
             return False

@@ -128,9 +128,9 @@ class Teller:
         self._clock.moment = at(time) if isinstance(time, str) else time
         steps = () if step is None else self.kb.plans.get_all()[0].steps
         with self.kb.transaction(
-            actor,
-            reason,
-            source,
+            actor=actor,
+            reason=reason,
+            source=source,
             observed_at=None if observed is None else at(observed),
             plan_step=None if step is None else steps[step],
         ):
@@ -151,11 +151,11 @@ class Teller:
 
     def set_battery(self, robot: str, value: str) -> None:
         """Set how much charge a robot has."""
-        self.kb.function_values.set(_BATTERY, [_OBJECTS[robot]], Decimal(value))
+        self.kb.function_values.set(_BATTERY, objects=[_OBJECTS[robot]], value=Decimal(value))
 
     def set_status(self, step: int, status: str) -> None:
         """Say what becomes of a step of the plan."""
-        self.kb.plans.set_status(self.kb.plans.get_all()[0].steps[step], status)  # type: ignore[arg-type]
+        self.kb.plans.set_status(self.kb.plans.get_all()[0].steps[step], status=status)  # type: ignore[arg-type]
 
 
 def record(kb: KnowledgeBase) -> None:

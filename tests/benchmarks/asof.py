@@ -175,7 +175,7 @@ class Questions:
 
     def log(self, n: int) -> Call:
         since, until = self.window(n)
-        return lambda: list(self.kb.log(since, until))
+        return lambda: list(self.kb.log(since, until=until))
 
     def log_by_hand(self, n: int) -> Call:
         since, until = (
@@ -195,7 +195,7 @@ class Questions:
 def measure(url: str, last: int) -> Iterator[tuple[str, float, float]]:
     """Give each question with the seconds of the library and of the SQL by hand."""
     store = bare(url)
-    with kant_sql.connect(url, NAME) as kb:
+    with kant_sql.connect(url, knowledge_base=NAME) as kb:
         for name, library, by_hand in Questions(kb, ByHand(store), last).all():
             library(0)(), by_hand(0)()
             taken = alternate(REPEAT, library, by_hand)

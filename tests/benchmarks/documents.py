@@ -168,7 +168,7 @@ def compare_loading(new: NewStore, case: Case, repeat: int) -> list[str]:
         return by_driver(urls[driver], rows, head)
 
     def reader(_: int) -> Callable[[], object]:
-        return lambda: read_problem(case.text, domain)
+        return lambda: read_problem(case.text, domain=domain)
 
     loading, inserting, reading = map(
         median, alternate(repeat, library, driver, reader, clean=True)

@@ -31,7 +31,7 @@ NUMBERS = (50_000, 100_000, 200_000)
 def prepare_reading(_: str, path: Path) -> Callable[[], object]:
     """Prepare to read a problem, which is kept."""
     domain, text = read_domain(generated.DOMAIN), path.read_text()
-    return lambda: read_problem(text, domain)
+    return lambda: read_problem(text, domain=domain)
 
 
 def prepare_loading(url: str, path: Path) -> Callable[[], object]:

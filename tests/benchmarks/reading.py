@@ -81,7 +81,7 @@ def generate(folder: Path, facts: int) -> Pair:
 def read(pair: Pair) -> None:
     """Read a pair with the library."""
     domain = read_domain(pair.texts[0])
-    read_problem(pair.texts[1], domain)
+    read_problem(pair.texts[1], domain=domain)
 
 
 def nest(text: str) -> list[object]:

@@ -70,7 +70,7 @@ class RecordingFactory(SqliteDaoFactory):
     """Creates DAOs that note what they are called for."""
 
     def __init__(self, url: str, actor: str, steps: list[Step]) -> None:
-        super().__init__(url, KNOWLEDGE_BASE, actor)
+        super().__init__(url, knowledge_base=KNOWLEDGE_BASE, actor=actor)
         self._actor = actor
         self._steps = steps
         self._calls: list[Call] | None = None

@@ -183,7 +183,7 @@ def fill(url: str, changes: int, knowledge_bases: int = 10) -> int:
     """
     last = 0
     for number in range(knowledge_bases):
-        with kant_sql.connect(url, f"robot{number}") as kb:
+        with kant_sql.connect(url, knowledge_base=f"robot{number}") as kb:
             kb.load_domain(DOMAIN)
             kb.load_problem(problem())
     store = bare(url)

@@ -26,7 +26,7 @@ def write_history(url: str) -> None:
     """Give a store one knowledge base, tiago, of three revisions."""
     with kant_sql.connect(url, knowledge_base="tiago", actor="perception") as kb:
         kb.propositions.save(robot_at())
-        with kb.transaction("executive", "navigation finished", source={"step": 3}):
+        with kb.transaction(actor="executive", reason="navigation finished", source={"step": 3}):
             kb.propositions.delete(robot_at())
             kb.propositions.save(robot_at(place=WP2))
         with kb.transaction():

@@ -25,10 +25,10 @@ def test_what_ended_is_moved_and_told(own_store: str, tmp_path: Path) -> None:
         f"knowledge base tiago: 1 version that ended up to revision 2 moved in revision 4 to {to}"
     )
     assert rest[-1].split() == ["proposition_version", "1"]
-    with kant_sql.connect(own_store, "tiago") as kb:
+    with kant_sql.connect(own_store, knowledge_base="tiago") as kb:
         (revision,) = kb.revisions(after=3)
         assert (revision.actor, revision.reason) == ("cron", "retention")
-    with kant_sql.connect(to, "tiago") as archive:
+    with kant_sql.connect(to, knowledge_base="tiago") as archive:
         assert [str(fact) for fact in archive.at(1).propositions.get_all()] == [
             "(robot_at rb1 wp1)"
         ]
@@ -59,7 +59,7 @@ def test_json_says_the_same(own_store: str, tmp_path: Path) -> None:
 
 def test_a_time_says_before_when(own_store: str, tmp_path: Path) -> None:
     to = target_url(tmp_path)
-    with kant_sql.connect(own_store, "tiago") as kb:
+    with kant_sql.connect(own_store, knowledge_base="tiago") as kb:
         third = time_text(kb.revisions()[2].committed_at)
     result = run("archive", own_store, "--before", third, "--to", to, "--dry-run")
     assert "up to revision 2" in result.stdout

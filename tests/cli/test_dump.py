@@ -33,7 +33,7 @@ def dumped(*words: str) -> str:
 
 def test_domain_and_problem_are_one_text_that_the_reader_reads(url: str) -> None:
     domain = read_domain(DOMAIN)
-    assert read(dumped(url)) == [domain, read_problem(PROBLEM, domain)]
+    assert read(dumped(url)) == [domain, read_problem(PROBLEM, domain=domain)]
 
 
 def test_one_of_them_can_be_had_alone(url: str) -> None:
@@ -52,7 +52,7 @@ def test_what_is_dumped_and_loaded_elsewhere_is_the_same(
     result = run("load", new_url, str(path), "--kb", "copy")
     assert (result.exit_code, result.stderr) == (0, "")
     assert dumped(new_url, "--kb", "copy").encode() == path.read_bytes()
-    with kant_sql.connect(url) as kb, kant_sql.connect(new_url, "copy") as copy:
+    with kant_sql.connect(url) as kb, kant_sql.connect(new_url, knowledge_base="copy") as copy:
         assert (kb.domain(), kb.problem()) == (copy.domain(), copy.problem())
 
 
@@ -61,7 +61,7 @@ def test_a_revision_of_the_past_is_dumped(store: str) -> None:
         (problem,) = read(dumped(store, "--at", at, "--problem"))
         assert isinstance(problem, kant_sql.pddl.Problem)
         assert [str(each) for each in problem.facts] == [fact]
-    with kant_sql.connect(store, "tiago") as kb:
+    with kant_sql.connect(store, knowledge_base="tiago") as kb:
         moment = kb.revisions()[0].committed_at
     assert dumped(store, "--at", moment.isoformat()) == dumped(store, "--at", "1")
     assert "robot" not in dumped(store, "--at", "0")
@@ -76,7 +76,7 @@ def test_both_are_of_one_state_whatever_is_written_meanwhile(
 
     def write_after(kb: kant_sql.KnowledgeBase) -> str:
         text = domain_pddl(kb)
-        with kant_sql.connect(own_store, "tiago") as other:
+        with kant_sql.connect(own_store, knowledge_base="tiago") as other:
             other.propositions.save(robot_at(place=WP2, is_goal=True))
         return text
 

@@ -39,7 +39,7 @@ def write(tmp_path: Path) -> Callable[[str, str], str]:
 
 
 def revision(url: str, name: str = "default") -> int:
-    with kant_sql.connect(url, name) as kb:
+    with kant_sql.connect(url, knowledge_base=name) as kb:
         return kb.revision
 
 
@@ -54,10 +54,10 @@ def test_a_domain_and_a_problem_become_one_revision(new_url: str) -> None:
         "2 facts, 3 functions, 4 function values, 3 goals, 1 initial literal, 1 metric, 3 objects, "
         "4 predicates, 2 timed initial literals, 2 types\n"
     )
-    with kant_sql.connect(new_url, "tiago") as kb:
+    with kant_sql.connect(new_url, knowledge_base="tiago") as kb:
         domain = read_domain(Path(WATERING))
         assert kb.domain() == domain
-        assert kb.problem() == read_problem(Path(BALCONY), domain)
+        assert kb.problem() == read_problem(Path(BALCONY), domain=domain)
         (made,) = kb.revisions()
     assert (made.actor, made.reason) == ("operator", "a new shift")
     assert made.source == {
@@ -106,7 +106,7 @@ def test_one_file_with_both_is_read_for_both_without_a_warning(
     assert (result.exit_code, result.stderr) == (0, "")
     with kant_sql.connect(url) as kb:
         domain = read_domain(Path(DOMAIN))
-        assert (kb.domain(), kb.problem()) == (domain, read_problem(Path(PROBLEM), domain))
+        assert (kb.domain(), kb.problem()) == (domain, read_problem(Path(PROBLEM), domain=domain))
 
 
 def test_errors_in_a_file_with_both_have_their_place(
@@ -178,7 +178,7 @@ def test_what_the_files_do_not_say_is_retracted_or_kept(
         "- 1 document, 2 facts, 1 goal, 3 objects\n"
     )
     with kant_sql.connect(url) as kb:
-        assert kb.problem() == read_problem(Path(other), read_domain(Path(DOMAIN)))
+        assert kb.problem() == read_problem(Path(other), domain=read_domain(Path(DOMAIN)))
 
 
 def test_what_violates_the_standard_is_warned_of_with_its_place_or_refused(

@@ -40,7 +40,7 @@ def test_revisions_are_told_newest_first_with_what_they_changed(store: str) -> N
 
 
 def test_json_lines_say_all_of_each_revision(store: str) -> None:
-    with kant_sql.connect(store, "tiago") as kb:
+    with kant_sql.connect(store, knowledge_base="tiago") as kb:
         entries = list(kb.log())
     assert documents(store) == [
         {
@@ -77,7 +77,7 @@ def test_a_limit_is_a_number_from_one(store: str, limit: str) -> None:
 def test_metadata_can_neither_break_lines_nor_steer_a_terminal(tmp_path: Path) -> None:
     url = f"sqlite:///{tmp_path / 'odd.db'}"
     odd = "a\nb\x1b[31m\x9b\x7f\u2028\u202eé[bold]"
-    with kant_sql.connect(url) as kb, kb.transaction(odd, odd, source={"key": odd}):
+    with kant_sql.connect(url) as kb, kb.transaction(actor=odd, reason=odd, source={"key": odd}):
         kb.propositions.save(robot_at())
     written = r"a\nb\u001b[31m\u009b\u007f\u2028\u202eé[bold]"
     lines = run("log", url).stdout.splitlines()

@@ -31,7 +31,7 @@ def numbers(*words: str) -> list[int]:
 
 
 def times(store: str) -> list[datetime]:
-    with kant_sql.connect(store, "tiago") as kb:
+    with kant_sql.connect(store, knowledge_base="tiago") as kb:
         return [revision.committed_at for revision in kb.revisions()]
 
 
@@ -143,7 +143,7 @@ def test_restore_makes_a_revision_that_can_be_undone(own_store: str) -> None:
     assert head == "knowledge base tiago, revision 4: as revision 1 was"
     assert f"+ fact {AT_WP1}" in changes
     assert f"- fact {AT_WP2}" in changes
-    with kant_sql.connect(own_store, "tiago") as kb:
+    with kant_sql.connect(own_store, knowledge_base="tiago") as kb:
         (revision,) = kb.revisions(after=3)
         assert (revision.actor, revision.reason) == ("operator", "tried too much")
         assert kb.diff(1, 4) == []

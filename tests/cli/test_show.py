@@ -79,7 +79,7 @@ def test_an_installed_script_does_the_same(store: str) -> None:
 
 def test_json_says_all_of_the_state(store: str) -> None:
     state = shown(store)
-    with kant_sql.connect(store, "tiago") as kb:
+    with kant_sql.connect(store, knowledge_base="tiago") as kb:
         (last,) = kb.revisions(after=2)
     committed_at = last.committed_at.isoformat(timespec="microseconds").replace("+00:00", "Z")
     literal = {"predicate": "robot_at", "is_negative": False}
@@ -153,7 +153,7 @@ def test_before_the_first_revision_there_is_no_time(store: str) -> None:
 
 
 def test_a_revision_of_the_past_is_named_by_a_time_in_any_zone(store: str) -> None:
-    with kant_sql.connect(store, "tiago") as kb:
+    with kant_sql.connect(store, knowledge_base="tiago") as kb:
         first = kb.revisions(limit=1)[0].committed_at
     far = timezone(timedelta(hours=-7))
     for moment in (first, first.astimezone(far)):
@@ -165,7 +165,7 @@ def test_a_revision_of_the_past_is_named_by_a_time_in_any_zone(store: str) -> No
 def test_a_time_without_a_zone_is_in_utc_wherever_the_reader_is(
     store: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    with kant_sql.connect(store, "tiago") as kb:
+    with kant_sql.connect(store, knowledge_base="tiago") as kb:
         first = kb.revisions(limit=1)[0].committed_at
     naive = first.astimezone(UTC).replace(tzinfo=None).isoformat()
     for zone in ("JST-9", "PST8"):
@@ -205,7 +205,7 @@ def test_one_state_is_shown_whatever_is_written_meanwhile(
     read_time = kant_sql.cli.show._committed_at
 
     def write_first(state: kant_sql.KnowledgeBase) -> str | None:
-        with kant_sql.connect(own_store, "tiago") as other:
+        with kant_sql.connect(own_store, knowledge_base="tiago") as other:
             other.propositions.delete_all()
             other.types.delete_all()
             other.types.save(PddlTypeDto("afterthought"))
@@ -237,14 +237,14 @@ def test_long_texts_are_not_cut_in_a_pipe(tmp_path: Path) -> None:
 def test_without_a_name_the_only_knowledge_base_is_shown_or_the_default_one(own_store: str) -> None:
     assert shown(own_store)["knowledge_base"] == "tiago"
     for name in ("default", "pepper"):
-        with kant_sql.connect(own_store, name) as kb:
+        with kant_sql.connect(own_store, knowledge_base=name) as kb:
             kb.propositions.save(robot_at())
     assert shown(own_store)["knowledge_base"] == "default"
     assert shown(own_store, "--kb", "tiago")["revision"] == 3
 
 
 def test_a_name_that_does_not_exist_is_answered_with_those_that_do(own_store: str) -> None:
-    with kant_sql.connect(own_store, "pepper") as kb:
+    with kant_sql.connect(own_store, knowledge_base="pepper") as kb:
         kb.propositions.save(robot_at())
     for words in ([], ["--kb", "tiag"], ["--kb", ""]):
         result = run("show", own_store, *words)

@@ -99,7 +99,7 @@ def test_a_knowledge_base_without_a_head_is_not_passed_over(own_file: str) -> No
 
 def test_an_anchor_is_one_small_document(store: str) -> None:
     document = json.loads(child("anchor", store).stdout)
-    with kant_sql.connect(store, "tiago") as kb:
+    with kant_sql.connect(store, knowledge_base="tiago") as kb:
         last = kb.revisions()[-1]
     (head,) = document["heads"]
     assert document["format"] == 1
@@ -116,7 +116,7 @@ def test_an_anchor_is_one_small_document(store: str) -> None:
 def test_an_anchor_is_compared(own_store: str, tmp_path: Path) -> None:
     file = str(anchor_file(own_store, tmp_path))
     assert run("verify", own_store, "--anchor", file).exit_code == 0
-    with kant_sql.connect(own_store, "tiago") as kb:
+    with kant_sql.connect(own_store, knowledge_base="tiago") as kb:
         kb.propositions.delete_all()
     assert run("verify", own_store, "--anchor", file).exit_code == 0
     document = json.loads(Path(file).read_text())
@@ -140,7 +140,7 @@ def test_a_knowledge_base_that_is_anchored_and_gone_is_a_finding(
 
 def test_what_an_anchor_says_nothing_of_is_said(own_file: str, tmp_path: Path) -> None:
     file = anchor_file(own_file, tmp_path)
-    with kant_sql.connect(own_file, "newer") as kb:
+    with kant_sql.connect(own_file, knowledge_base="newer") as kb:
         kb.types.save(PddlTypeDto("late"))
     lines = run("verify", own_file, "--all", "--anchor", str(file)).stdout.splitlines()
     assert lines[-1] == "newer: the anchor says nothing of it"
@@ -150,7 +150,7 @@ def test_what_an_anchor_says_nothing_of_is_said(own_file: str, tmp_path: Path) -
 
 
 def test_what_cannot_be_a_name_is_a_finding_and_the_others_are_verified(own_file: str) -> None:
-    with kant_sql.connect(own_file, "newer") as kb:
+    with kant_sql.connect(own_file, knowledge_base="newer") as kb:
         kb.types.save(PddlTypeDto("late"))
     with sqlite3.connect(str(make_url(own_file).database)) as driver:
         driver.execute("UPDATE knowledge_base SET name = 'a' || char(10) WHERE name = 'tiago'")

@@ -42,7 +42,7 @@ def next_document(process: subprocess.Popen[bytes]) -> dict[str, Any]:
 
 
 def save(url: str, number: int) -> None:
-    with kant_sql.connect(url, "tiago", "elsewhere") as kb:
+    with kant_sql.connect(url, knowledge_base="tiago", actor="elsewhere") as kb:
         kb.objects.save(waypoint(number))
 
 

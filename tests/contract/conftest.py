@@ -78,5 +78,5 @@ def role_users(role_store: str) -> Iterator[Members]:
 @pytest.fixture(scope="session")
 def limited_users(role_store: str) -> Iterator[Members]:
     """Users who may see only one of the two knowledge bases."""
-    with members(role_store, kant_sql.create_roles(role_store, MINE)) as urls:
+    with members(role_store, kant_sql.create_roles(role_store, knowledge_base=MINE)) as urls:
         yield urls

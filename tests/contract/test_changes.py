@@ -43,7 +43,7 @@ def small_pages(monkeypatch: pytest.MonkeyPatch) -> int:
 
 def test_revisions_come_oldest_first_with_what_they_changed(kb: KnowledgeBase) -> None:
     kb.propositions.save(robot_at())
-    with kb.transaction("executive", "navigation finished", source={"step": 3}):
+    with kb.transaction(actor="executive", reason="navigation finished", source={"step": 3}):
         kb.propositions.delete(robot_at())
         kb.propositions.save(robot_at(place=WP2))
     feed = list(kb.changes())
@@ -62,7 +62,7 @@ def test_it_is_resumed_anywhere_and_limited_to_any_number(kb: KnowledgeBase) -> 
     write(kb, 7)
     everything = [1, 2, 3, 4, 5, 6, 7]
     for after, limit in product(range(8), [None, 0, 1, 2, 3, 4, 6, 7, 8, 100]):
-        assert numbers(kb.changes(after, limit)) == everything[after:][:limit]
+        assert numbers(kb.changes(after, limit=limit)) == everything[after:][:limit]
 
 
 @pytest.mark.usefixtures("small_pages")
@@ -77,7 +77,7 @@ def test_it_goes_on_to_the_head_as_it_is_when_it_comes_there(kb: KnowledgeBase) 
 
 def test_what_never_was_written_to_has_no_changes(kb: KnowledgeBase) -> None:
     assert list(kb.changes()) == []
-    assert list(kb.changes(0, 5)) == []
+    assert list(kb.changes(0, limit=5)) == []
 
 
 def test_what_is_no_revision_is_refused_at_once(kb: KnowledgeBase) -> None:
@@ -175,7 +175,7 @@ def test_a_page_ends_early_when_its_revisions_changed_much(
         monkeypatch.setattr(pages, "PAGE_CHANGES", bound)
         sizes.clear()
         assert list(kb.changes()) == whole
-        assert list(kb.changes(2, 3)) == whole[2:5]
+        assert list(kb.changes(2, limit=3)) == whole[2:5]
         assert max(sizes) <= bound
 
 

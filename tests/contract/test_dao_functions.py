@@ -104,7 +104,7 @@ def test_insert_and_update_of_a_function(fresh_kb: KnowledgeBase) -> None:
 def test_another_name_of_a_parameter_is_no_redefinition(fresh_kb: KnowledgeBase) -> None:
     fresh_kb.propositions.save(robot_at())
     fresh_kb.actions.save(navigation())
-    fresh_kb.function_values.set(DISTANCE, [WP1, WP2], 10)
+    fresh_kb.function_values.set(DISTANCE, objects=[WP1, WP2], value=10)
     named: list[tuple[Any, Any]] = [
         (
             fresh_kb.predicates,
@@ -124,7 +124,7 @@ def test_another_name_of_a_parameter_is_no_redefinition(fresh_kb: KnowledgeBase)
         fresh_kb.predicates.save(ROBOT_AT)
         fresh_kb.functions.save(DISTANCE)
         fresh_kb.propositions.save(robot_at())
-        fresh_kb.function_values.set(DISTANCE, [WP1, WP2], 10)
+        fresh_kb.function_values.set(DISTANCE, objects=[WP1, WP2], value=10)
     wider = Function("distance", [WAYPOINT, WAYPOINT, WAYPOINT])
     fresh_kb.functions.save(wider, cascade=True)
     assert texts(fresh_kb) == ["(distance ?w0 - wp ?w1 - wp ?w2 - wp)"]
@@ -175,7 +175,7 @@ def test_a_function_that_is_not_well_formed_is_refused(
         fresh_kb.functions.save(wrong)
     assert message in str(caught.value)
     with nothing_changes(fresh_kb), pytest.raises(InvalidKnowledgeError):
-        fresh_kb.function_values.set(wrong, [], 1)
+        fresh_kb.function_values.set(wrong, objects=[], value=1)
     assert texts(fresh_kb) == []
 
 
@@ -207,7 +207,8 @@ def test_a_value_never_redefines_its_function(
     fresh_kb: KnowledgeBase, other: PddlFunctionDto
 ) -> None:
     fresh_kb.functions.save(DISTANCE)
-    caught = refuses(fresh_kb, ConflictError, fresh_kb.function_values.set, other, [WP1, WP2], 1)
+    call = fresh_kb.function_values.set
+    caught = refuses(fresh_kb, ConflictError, call, other, objects=[WP1, WP2], value=1)
     assert "is stored as" in str(caught.value)
 
 
@@ -215,8 +216,8 @@ def test_redefining_a_function_with_values_is_refused_with_the_list_or_cascades(
     fresh_kb: KnowledgeBase,
 ) -> None:
     values = fresh_kb.function_values
-    values.set(DISTANCE, [WP1, WP2], 10)
-    values.set(DISTANCE, [WP2, WP1], 12)
+    values.set(DISTANCE, objects=[WP1, WP2], value=10)
+    values.set(DISTANCE, objects=[WP2, WP1], value=12)
     as_object = Function("distance", [WAYPOINT, WAYPOINT], value_types=[WAYPOINT])
     caught = refuses(fresh_kb, DependantsError, fresh_kb.functions.save, as_object)
     assert isinstance(caught.value, DependantsError)
@@ -232,8 +233,8 @@ def test_redefining_a_function_with_values_is_refused_with_the_list_or_cascades(
         "- value (= (distance wp1 wp2) 10)",
         "- value (= (distance wp2 wp1) 12)",
     ]
-    values.set("distance", [WP1, WP2], WP2)
-    assert values.get("distance", [WP1, WP2]) == WP2
+    values.set("distance", objects=[WP1, WP2], value=WP2)
+    assert values.get("distance", objects=[WP1, WP2]) == WP2
     assert [str(dto) for dto in fresh_kb.at(2).function_values.get_all()] == [
         "(= (distance wp1 wp2) 10)",
         "(= (distance wp2 wp1) 12)",
@@ -244,8 +245,8 @@ def test_values_go_with_their_function_objects_and_types(fresh_kb: KnowledgeBase
     values = fresh_kb.function_values
 
     def fill() -> None:
-        values.set(DISTANCE, [WP1, WP2], 10)
-        values.set(DISTANCE, [WP1, WP1], 0)
+        values.set(DISTANCE, objects=[WP1, WP2], value=10)
+        values.set(DISTANCE, objects=[WP1, WP1], value=0)
         values.save(PddlFunctionValueDto(LOCATION, [RB1], WP2))
 
     fill()
@@ -274,6 +275,8 @@ def test_values_go_with_their_function_objects_and_types(fresh_kb: KnowledgeBase
 
 def test_a_function_and_a_predicate_may_share_a_name(fresh_kb: KnowledgeBase) -> None:
     fresh_kb.propositions.save(robot_at())
-    fresh_kb.function_values.set(Function("robot_at", [ROBOT], value_types=[WAYPOINT]), [RB1], WP1)
+    fresh_kb.function_values.set(
+        Function("robot_at", [ROBOT], value_types=[WAYPOINT]), objects=[RB1], value=WP1
+    )
     fresh_kb.functions.delete(Function("robot_at"))
     assert fresh_kb.propositions.get_all() == [robot_at()]

@@ -167,8 +167,8 @@ def test_revisions_are_read_from_where_and_as_many_as_asked_for(fresh_kb: Knowle
     for number in range(5):
         fresh_kb.objects.save(waypoint(number))
 
-    def numbers(*arguments: Any) -> list[int]:
-        return [revision.number for revision in fresh_kb.revisions(*arguments)]
+    def numbers(after: int = 0, limit: int | None = None) -> list[int]:
+        return [revision.number for revision in fresh_kb.revisions(after, limit=limit)]
 
     assert numbers() == [1, 2, 3, 4, 5]
     assert numbers(3) == [4, 5]

@@ -21,7 +21,7 @@ def test_what_is_as_deep_as_may_be_comes_back_equal(fresh_kb: KnowledgeBase, ope
     formula = f"{opening * levels}(p){')' * levels}"
     value = f"{'(+ 1 ' * levels}(f){')' * levels}"
     domain = read_domain(DOMAIN.format(precondition=formula, value=value))
-    problem = read_problem(PROBLEM.format(goal=formula), domain)
+    problem = read_problem(PROBLEM.format(goal=formula), domain=domain)
     fresh_kb.load_domain(write(domain))
     fresh_kb.load_problem(write(problem))
     assert fresh_kb.domain() == domain

@@ -77,7 +77,7 @@ def check_holds(kb: KnowledgeBase, documents: Documents) -> None:
     assert kb.domain_pddl() == write(domain)
     text = kb.problem_pddl()
     assert text == write(kb.problem()) == kb.problem_pddl()
-    assert read_problem(text, domain) == problem
+    assert read_problem(text, domain=domain) == problem
 
 
 @pytest.mark.timeout(0 if HUNT else 300)
@@ -115,7 +115,7 @@ def test_documents_replace_others(stores: list[str]) -> None:
             assert folded((kb.domain(), kb.problem())) == folded(after)
             assert read_domain(kb.domain_pddl()) == kb.domain()
             text = kb.problem_pddl()
-            assert read_problem(text, kb.domain()) == kb.problem()
+            assert read_problem(text, domain=kb.domain()) == kb.problem()
             check_holds(kb.at(1), before)
             load(kb, before)
             check_holds(kb, before)

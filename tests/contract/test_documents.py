@@ -177,7 +177,7 @@ def test_the_past_is_read_only(fresh_kb: KnowledgeBase) -> None:
     for call in (past.load_domain, past.load_problem):
         with nothing_changes(fresh_kb), pytest.raises(ReadOnlyError):
             call(DOMAIN if call == past.load_domain else PROBLEM)
-    assert past.problem() == read_problem(PROBLEM, read_domain(DOMAIN))
+    assert past.problem() == read_problem(PROBLEM, domain=read_domain(DOMAIN))
 
 
 def test_past_documents_stay(fresh_kb: KnowledgeBase) -> None:
@@ -224,13 +224,13 @@ def test_replacing_a_problem_retracts_what_it_does_not_say(fresh_kb: KnowledgeBa
         "(:constraints (always (idle))) (:metric minimize (fuel t1))",
     )
     fresh_kb.load_problem(first)
-    assert fresh_kb.problem() == read_problem(first, fresh_kb.domain())
+    assert fresh_kb.problem() == read_problem(first, domain=fresh_kb.domain())
     bare = (
         "(define (problem monday) (:domain depot) (:objects t2 - truck p2 - place) "
         "(:init (at t2 p2)) (:goal (and)))"
     )
     fresh_kb.load_problem(bare)
-    assert fresh_kb.problem() == read_problem(bare, fresh_kb.domain())
+    assert fresh_kb.problem() == read_problem(bare, domain=fresh_kb.domain())
     assert fresh_kb.function_values.get_all() == []
     changes = last_changes(fresh_kb)
     assert "- fact (at t1 p1)" in changes
@@ -469,7 +469,7 @@ def test_the_order_of_declarations_is_that_of_the_last_load(fresh_kb: KnowledgeB
         assert reader.domain_pddl() == write(read_domain(turned))
     objects = PROBLEM.replace("t1 t2 - truck c1 - crane", "c1 - crane t2 t1 - truck")
     fresh_kb.load_problem(objects)
-    assert fresh_kb.problem() == read_problem(objects, fresh_kb.domain())
+    assert fresh_kb.problem() == read_problem(objects, domain=fresh_kb.domain())
     assert fresh_kb.at(1).domain() == read_domain(DOMAIN)
 
 
@@ -499,7 +499,7 @@ def test_goals_and_constraints_said_twice_are_kept(fresh_kb: KnowledgeBase) -> N
         "(:constraints (and (always (idle)) (always (idle))))",
     )
     fresh_kb.load_problem(twice)
-    assert fresh_kb.problem() == read_problem(twice, fresh_kb.domain())
+    assert fresh_kb.problem() == read_problem(twice, domain=fresh_kb.domain())
     assert len(fresh_kb.problem().goal) == 4
     assert fresh_kb.load_problem(fresh_kb.problem_pddl()).revision is None
 
@@ -553,7 +553,7 @@ def test_edits_through_daos_show_in_the_documents(fresh_kb: KnowledgeBase) -> No
             )
         )
         fresh_kb.propositions.delete(fact())
-        fresh_kb.function_values.increase("fuel", ["t1"], 1)
+        fresh_kb.function_values.increase("fuel", objects=["t1"], by=1)
         fresh_kb.actions.save(PddlActionDto("act", [], [Not(IDLE)], [IDLE], durative=False))
     domain_, problem_ = fresh_kb.domain(), fresh_kb.problem()
     assert domain_.types[-1] == TypedName("ship", ("machine",))

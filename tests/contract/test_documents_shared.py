@@ -76,7 +76,7 @@ def test_a_problem_is_checked_against_the_domain_that_it_is_stored_with(
     monkeypatch.setattr(exchange, "read_problem", read_while_another_writes)
     if fits:
         kb.load_problem(text)
-        assert kb.problem() == read_problem(text, read_domain(OTHER_DOMAIN))
+        assert kb.problem() == read_problem(text, domain=read_domain(OTHER_DOMAIN))
     else:
         with pytest.raises(PddlError, match="open"):
             kb.load_problem(text)

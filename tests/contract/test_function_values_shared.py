@@ -34,8 +34,8 @@ def fill(kb: KnowledgeBase, size: int) -> None:
 READS: dict[str, Callable[[KnowledgeBase], Any]] = {
     "get_all": lambda kb: kb.function_values.get_all(),
     "get_by_function": lambda kb: kb.function_values.get_by_function("distance"),
-    "get": lambda kb: kb.function_values.get("distance", ["wp1", "wp0"]),
-    "get of nothing": lambda kb: kb.function_values.get("speed", ["wp1"]),
+    "get": lambda kb: kb.function_values.get("distance", objects=["wp1", "wp0"]),
+    "get of nothing": lambda kb: kb.function_values.get("speed", objects=["wp1"]),
     "functions.get_all": lambda kb: kb.functions.get_all(),
 }
 
@@ -45,16 +45,16 @@ READS: dict[str, Callable[[KnowledgeBase], Any]] = {
 
 def test_a_warm_write_takes_five_statements_at_most(kb: KnowledgeBase) -> None:
     values = kb.function_values
-    values.set(BATTERY, [RB1], 10)
-    assert count(lambda: values.set("battery", ["rb1"], 9)) <= WRITE
-    assert count(lambda: values.increase(BATTERY, [RB1], 1)) <= WRITE
-    assert count(lambda: values.unset("battery", ["rb1"])) <= WRITE
-    assert count(lambda: values.set("battery", ["rb1"], 9)) <= WRITE
-    assert count(lambda: values.set("battery", ["rb1"], 9.0)) == 1
-    assert count(lambda: values.increase("battery", ["rb1"], 0)) == 1
+    values.set(BATTERY, objects=[RB1], value=10)
+    assert count(lambda: values.set("battery", objects=["rb1"], value=9)) <= WRITE
+    assert count(lambda: values.increase(BATTERY, objects=[RB1], by=1)) <= WRITE
+    assert count(lambda: values.unset("battery", objects=["rb1"])) <= WRITE
+    assert count(lambda: values.set("battery", objects=["rb1"], value=9)) <= WRITE
+    assert count(lambda: values.set("battery", objects=["rb1"], value=9.0)) == 1
+    assert count(lambda: values.increase("battery", objects=["rb1"], by=0)) == 1
     kb.objects.save_all([WP1, WP2])
     kb.functions.save(DISTANCE)
-    assert count(lambda: values.set(DISTANCE, [WP1, WP2], 1)) <= FIRST_WRITE + 1
+    assert count(lambda: values.set(DISTANCE, objects=[WP1, WP2], value=1)) <= FIRST_WRITE + 1
 
 
 def test_save_all_takes_as_many_statements_for_a_thousand_values_as_for_ten(
@@ -70,7 +70,7 @@ def test_save_all_takes_as_many_statements_for_a_thousand_values_as_for_ten(
     others = [distance(number, 2) for number in range(10, 1_020)]
     assert count(lambda: kb.function_values.save_all(others)) <= WRITE
     assert count(lambda: kb.function_values.save_all(others)) == 1
-    assert kb.function_values.get("distance", ["wp1", "wp1019"]) == 2
+    assert kb.function_values.get("distance", objects=["wp1", "wp1019"]) == 2
 
 
 def test_the_seam_for_files_takes_rows_without_dtos(kb: KnowledgeBase) -> None:
@@ -88,7 +88,7 @@ def test_the_seam_for_files_takes_rows_without_dtos(kb: KnowledgeBase) -> None:
         ]
         assert transaction.values.set_many(entries) == 1
     assert last_changes(kb) == ["+ value (= (distance wp0 wp1) 3.50)"]
-    assert kb.function_values.get("distance", ["wp0", "wp1"]) == Decimal("3.5")
+    assert kb.function_values.get("distance", objects=["wp0", "wp1"]) == Decimal("3.5")
 
 
 def test_a_read_takes_two_statements_at_most_however_many_rows_it_gives(
@@ -118,7 +118,7 @@ def test_deleting_an_object_takes_as_many_statements_however_many_values_mention
     counts = set()
     for size in (10, 500):
         fill(kb, size)
-        kb.function_values.set(LOCATION, [RB1], WP1)
+        kb.function_values.set(LOCATION, objects=[RB1], value=WP1)
         counts.add(count(lambda: kb.objects.delete(WP1)))
         assert kb.function_values.get_all() == []
     assert len(counts) == 1
@@ -131,44 +131,44 @@ def test_a_process_sees_what_another_has_set_and_defined(shared_url: str, connec
     one, other = connect(shared_url), connect(shared_url)
     one.propositions.save(robot_at())
     assert other.function_values.get_all() == []
-    one.function_values.set(LOCATION, [RB1], WP2)
-    assert other.function_values.get("loc", ["rb1"]) == WP2
-    one.function_values.set(BATTERY, [RB1], 1)
-    assert other.function_values.increase("battery", ["rb1"], 1) == 2
-    assert one.function_values.increase("battery", ["rb1"], 1) == 3
-    assert other.function_values.set("battery", ["rb1"], 3) is False
+    one.function_values.set(LOCATION, objects=[RB1], value=WP2)
+    assert other.function_values.get("loc", objects=["rb1"]) == WP2
+    one.function_values.set(BATTERY, objects=[RB1], value=1)
+    assert other.function_values.increase("battery", objects=["rb1"], by=1) == 2
+    assert one.function_values.increase("battery", objects=["rb1"], by=1) == 3
+    assert other.function_values.set("battery", objects=["rb1"], value=3) is False
     one.functions.delete(BATTERY)
-    assert other.function_values.get("battery", ["rb1"]) is None
+    assert other.function_values.get("battery", objects=["rb1"]) is None
     assert [str(dto) for dto in other.function_values.get_all()] == ["(= (loc rb1) wp2)"]
 
 
 def test_threads_that_increase_lose_no_update(kb: KnowledgeBase) -> None:
-    kb.function_values.set(BATTERY, [RB1], 0)
+    kb.function_values.set(BATTERY, objects=[RB1], value=0)
     with ThreadPoolExecutor(4) as pool:
         list(pool.map(charge, [kb] * 4, [5] * 4))
-    assert kb.function_values.get("battery", ["rb1"]) == 20 * STEP
+    assert kb.function_values.get("battery", objects=["rb1"]) == 20 * STEP
     assert kb.revision == 41
 
 
 def test_processes_that_increase_lose_no_update(shared_url: str, connect: Connect) -> None:
     kb = connect(shared_url, knowledge_base="tiago")
-    kb.function_values.set(BATTERY, [RB1], 0)
+    kb.function_values.set(BATTERY, objects=[RB1], value=0)
     in_processes(*[(change, shared_url, charge_often)] * 3)
-    assert kb.function_values.get("battery", ["rb1"]) == 30 * STEP
+    assert kb.function_values.get("battery", objects=["rb1"]) == 30 * STEP
     assert check_chain(shared_url) == {"tiago": 61}
 
 
 def test_a_transaction_that_comes_to_nothing_leaves_nothing_behind(kb: KnowledgeBase) -> None:
     cost = PddlFunctionDto("total-cost")
-    kb.function_values.set(BATTERY, [RB1], 1)
+    kb.function_values.set(BATTERY, objects=[RB1], value=1)
     kb.objects.save(WP1)
     kb.functions.save_all([LOCATION, cost])
     with kb.transaction():
-        kb.function_values.set(LOCATION, [RB1], WP1)
+        kb.function_values.set(LOCATION, objects=[RB1], value=WP1)
         assert len(kb.function_values.get_all()) == 2  # Now it has an id in the tables.
-        kb.function_values.unset(LOCATION, [RB1])
-    kb.function_values.set(cost, [], 5)  # Now another one has this id.
-    assert kb.function_values.set(LOCATION, [RB1], WP1) is True
+        kb.function_values.unset(LOCATION, objects=[RB1])
+    kb.function_values.set(cost, objects=[], value=5)  # Now another one has this id.
+    assert kb.function_values.set(LOCATION, objects=[RB1], value=WP1) is True
     assert [str(dto) for dto in kb.function_values.get_all()] == [
         "(= (battery rb1) 1)",
         "(= (total-cost) 5)",
@@ -182,16 +182,16 @@ def test_values_are_part_of_a_revision_that_was_too_much_to_keep(
 ) -> None:
     monkeypatch.setattr("kant_sql.propositions.SPILL_AT", 2)
     kb = connect(shared_url)
-    kb.function_values.set(BATTERY, [RB1], 1)
+    kb.function_values.set(BATTERY, objects=[RB1], value=1)
     with kb.transaction():
-        kb.function_values.set(BATTERY, [RB1], 2)
-        kb.function_values.set(LOCATION, [RB1], WP1)
+        kb.function_values.set(BATTERY, objects=[RB1], value=2)
+        kb.function_values.set(LOCATION, objects=[RB1], value=WP1)
         kb.propositions.save_all(robot_at(RB1, waypoint(number)) for number in range(9))
-        kb.function_values.set(BATTERY, [RB1], 3)
-        kb.function_values.unset(LOCATION, [RB1])
+        kb.function_values.set(BATTERY, objects=[RB1], value=3)
+        kb.function_values.unset(LOCATION, objects=[RB1])
     values = [line for line in last_changes(kb) if " value " in line]
     assert values == ["+ value (= (battery rb1) 3)", "- value (= (battery rb1) 1)"]
-    assert kb.function_values.increase("battery", ["rb1"], 1) == 4
+    assert kb.function_values.increase("battery", objects=["rb1"], by=1) == 4
     assert check_chain(shared_url) == {"default": 3}
 
 
@@ -225,16 +225,17 @@ def run(kb: KnowledgeBase, state: State, step: Any) -> None:
         return
     call, fluent, number = step
     values: Any = kb.function_values
+    function, objects = fluent
     if call == "set":
-        assert values.set(*fluent, number) is (state.get(fluent) != number)
+        assert values.set(function, objects=objects, value=number) is (state.get(fluent) != number)
         state[fluent] = number
     elif call == "unset":
-        assert values.unset(*fluent) is (state.pop(fluent, None) is not None)
+        assert values.unset(function, objects=objects) is (state.pop(fluent, None) is not None)
     elif call == "increase" and fluent in state:
         state[fluent] += number
-        assert values.increase(*fluent, number) == state[fluent]
+        assert values.increase(function, objects=objects, by=number) == state[fluent]
     elif call == "get":
-        assert values.get(*fluent) == state.get(fluent)
+        assert values.get(function, objects=objects) == state.get(fluent)
     else:
         assert read(kb) == state
 

@@ -74,8 +74,8 @@ def write_history(kb: KnowledgeBase) -> None:
         for name in ("\U0001f916", "\uff21", "straße", "e\u0301")
     )
     kb.predicates.save(PddlPredicateDto("ready", [ROBOT, ROBOT]), cascade=True)
-    kb.function_values.set(BATTERY, [RB1], 80)
-    kb.function_values.decrease(BATTERY, [RB1], 12.5)
+    kb.function_values.set(BATTERY, objects=[RB1], value=80)
+    kb.function_values.decrease(BATTERY, objects=[RB1], by=12.5)
     kb.goals.save(EITHER_PLACE)
     kb.load_domain("(define (domain d) (:predicates (p)))", mode="merge")
     kb.types.delete(ROBOT)
@@ -181,7 +181,7 @@ def test_whoever_changes_the_tables_breaks_the_chain(
     with kb.transaction(reason="moved", source={"sensor": "lidar"}):
         kb.propositions.delete(robot_at())
         kb.propositions.save(robot_at(place=WP2))
-        kb.function_values.set(BATTERY, [RB1], 80)
+        kb.function_values.set(BATTERY, objects=[RB1], value=80)
         kb.goals.save(EITHER_PLACE)
     known = kb.revisions()[-1].hash
     assert last_hash(shared_url) == known

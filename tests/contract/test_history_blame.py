@@ -58,7 +58,7 @@ def test_what_holds_comes_before_what_is_wanted(fresh_kb: KnowledgeBase) -> None
 
 def test_each_element_has_its_own(fresh_kb: KnowledgeBase) -> None:
     load(fresh_kb)
-    fresh_kb.function_values.set("fuel", ["t1"], 3)
+    fresh_kb.function_values.set("fuel", objects=["t1"], value=3)
     goal = Comparison(">", fuel(), number("1"))
     fresh_kb.goals.save(goal)
     fresh_kb.types.save(PddlTypeDto("drone"))

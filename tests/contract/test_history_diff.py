@@ -27,14 +27,14 @@ STORY: list[Callable[[KnowledgeBase], object]] = [
     lambda kb: kb.propositions.save(robot_at()),
     lambda kb: kb.actions.save(navigation()),
     lambda kb: kb.propositions.save_all([robot_at(is_goal=True), robot_at(RB1, WP2)]),
-    lambda kb: kb.function_values.set(BATTERY, [RB1], Decimal("10.0")),
+    lambda kb: kb.function_values.set(BATTERY, objects=[RB1], value=Decimal("10.0")),
     lambda kb: kb.propositions.delete(robot_at()),
-    lambda kb: kb.function_values.set(BATTERY, [RB1], 5),
+    lambda kb: kb.function_values.set(BATTERY, objects=[RB1], value=5),
     lambda kb: kb.types.save(PddlTypeDto("robot", parent=PddlTypeDto("machine")), cascade=True),
     lambda kb: kb.propositions.save(robot_at()),
     lambda kb: kb.types.delete_all(),
     lambda kb: kb.propositions.save(robot_at()),
-    lambda kb: kb.function_values.set(BATTERY, [RB1], 10),
+    lambda kb: kb.function_values.set(BATTERY, objects=[RB1], value=10),
     lambda kb: kb.objects.save(PddlObjectDto(WAYPOINT, "wp3")),
 ]
 

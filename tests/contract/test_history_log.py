@@ -50,7 +50,7 @@ def told(fresh_kb: KnowledgeBase) -> KnowledgeBase:
             here, there = (WP1, WP2) if step % 2 == 0 else (WP2, WP1)
             fresh_kb.propositions.delete(robot_at(RB1, here))
             fresh_kb.propositions.save(robot_at(RB1, there))
-            fresh_kb.function_values.set(BATTERY, [RB1], 100 - step)
+            fresh_kb.function_values.set(BATTERY, objects=[RB1], value=100 - step)
     return fresh_kb
 
 
@@ -248,7 +248,7 @@ def test_statements_do_not_grow_with_what_changed(kb: KnowledgeBase) -> None:
             count(lambda: list(kb.log())),
             count(lambda: list(kb.log(actor="test"))),
             count(lambda: list(kb.log(since=1, until=2))),
-            count(partial(lambda since, until: list(kb.log(since, until)), *times)),
+            count(partial(lambda since, until: list(kb.log(since, until=until)), *times)),
             count(lambda: list(kb.log(element=robot_at(RB1, waypoint(0))))),
         )
         taken.add(counts)
@@ -282,7 +282,7 @@ def test_it_ends_where_versions_were_moved_to_an_archive(
         kb.propositions.save(robot_at())
         kb.propositions.delete(robot_at())
     kb.propositions.save(robot_at(RB1, WP2))
-    kb.archive(3, f"sqlite:///{tmp_path / 'archive.db'}")
+    kb.archive(3, to=f"sqlite:///{tmp_path / 'archive.db'}")
     whole: dict[str, Any]
     for whole, complete in (
         ({"until": 5}, [5, 4, 3]),

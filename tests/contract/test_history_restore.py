@@ -88,8 +88,8 @@ def check_is_as_at(kb: KnowledgeBase, revision: int) -> None:
 STORY: list[Callable[[KnowledgeBase], object]] = [
     load,
     lambda kb: kb.propositions.save_all([robot_at(), robot_at(is_goal=True), robot_at(RB1, WP2)]),
-    lambda kb: kb.function_values.set(BATTERY, [RB1], Decimal("10.0")),
-    lambda kb: kb.function_values.set(AT_DOCK, [RB1], WP1),
+    lambda kb: kb.function_values.set(BATTERY, objects=[RB1], value=Decimal("10.0")),
+    lambda kb: kb.function_values.set(AT_DOCK, objects=[RB1], value=WP1),
     lambda kb: kb.actions.save(navigation()),
     lambda kb: kb.goals.save(Comparison(">", fuel(), number("2.50"))),
     lambda kb: kb.metric.set(Metric("minimize", fuel())),
@@ -97,9 +97,9 @@ STORY: list[Callable[[KnowledgeBase], object]] = [
     lambda kb: kb.timed_initial_literals.save(TimedLiteral(number("5"), at())),
     lambda kb: kb.initial_literals.save(Not(IDLE)),
     lambda kb: kb.derived_predicates.save(REACHABLE),
-    lambda kb: kb.function_values.set(BATTERY, [RB1], 10),
-    lambda kb: kb.function_values.set(BATTERY, [RB1], 3),
-    lambda kb: kb.function_values.set(BATTERY, [RB1], 10),
+    lambda kb: kb.function_values.set(BATTERY, objects=[RB1], value=10),
+    lambda kb: kb.function_values.set(BATTERY, objects=[RB1], value=3),
+    lambda kb: kb.function_values.set(BATTERY, objects=[RB1], value=10),
     lambda kb: kb.propositions.delete(robot_at()),
     lambda kb: kb.types.save(PddlTypeDto("robot", parent=PddlTypeDto("machine")), cascade=True),
     lambda kb: kb.objects.delete(WP1),
@@ -154,14 +154,14 @@ def test_what_is_so_already_makes_no_revision(fresh_kb: KnowledgeBase) -> None:
 
 def test_a_value_comes_back_as_it_was_written(fresh_kb: KnowledgeBase) -> None:
     for value in (Decimal("10.0"), 5, 10):
-        fresh_kb.function_values.set(BATTERY, [RB1], value)
+        fresh_kb.function_values.set(BATTERY, objects=[RB1], value=value)
     assert fresh_kb.restore(1) == 4
     check_is_as_at(fresh_kb, 1)
-    fresh_kb.function_values.unset(BATTERY, [RB1])
+    fresh_kb.function_values.unset(BATTERY, objects=[RB1])
     assert fresh_kb.restore(3) == 6
     check_is_as_at(fresh_kb, 3)
     # And is known to be that: the next one writes what is not so.
-    assert fresh_kb.function_values.set(BATTERY, [RB1], 10) is False
+    assert fresh_kb.function_values.set(BATTERY, objects=[RB1], value=10) is False
 
 
 def test_a_time_names_a_state(fresh_kb: KnowledgeBase) -> None:
@@ -191,11 +191,11 @@ def test_the_past_cannot_be_restored_within_the_past(fresh_kb: KnowledgeBase) ->
 
 def test_within_a_transaction_it_is_a_part_of_it(fresh_kb: KnowledgeBase) -> None:
     fresh_kb.propositions.save(robot_at())
-    fresh_kb.function_values.set(BATTERY, [RB1], 5)
+    fresh_kb.function_values.set(BATTERY, objects=[RB1], value=5)
     fresh_kb.propositions.delete(robot_at())
     with fresh_kb.transaction(actor="operator", reason="more than that"):
         fresh_kb.propositions.save(robot_at(RB1, WP2))
-        fresh_kb.function_values.set(BATTERY, [RB1], 6)
+        fresh_kb.function_values.set(BATTERY, objects=[RB1], value=6)
         fresh_kb.propositions.get_all()
         fresh_kb.objects.save(waypoint(7))
         assert fresh_kb.restore(2) is None

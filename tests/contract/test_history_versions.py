@@ -60,8 +60,8 @@ def kb_with_past(fresh_kb: KnowledgeBase) -> KnowledgeBase:
     with kb.transaction(actor="driver", reason="off it goes", source={"step": 3}):
         kb.propositions.delete(robot_at())  # 3
         kb.propositions.save(robot_at(RB1, WP2))
-    kb.function_values.set(BATTERY, [RB1], 90)  # 4
-    kb.function_values.set(BATTERY, [RB1], 80)  # 5
+    kb.function_values.set(BATTERY, objects=[RB1], value=90)  # 4
+    kb.function_values.set(BATTERY, objects=[RB1], value=80)  # 5
     kb.propositions.save(robot_at())  # 6
     kb.types.save(PddlTypeDto("wp", parent=PddlTypeDto("place")), cascade=True)  # 7
     kb.actions.save(navigation())  # 8
@@ -335,7 +335,7 @@ def test_statements_do_not_grow_with_versions(kb: KnowledgeBase, connect: Connec
         for each in range(times):
             kb.propositions.save(robot_at())
             kb.propositions.delete(robot_at())
-            kb.function_values.set("fuel", ["t1"], each)
+            kb.function_values.set("fuel", objects=["t1"], value=each)
             kb.goals.save(Comparison(">", fuel(), number(str(each))))
         counts = tuple(
             count(lambda element=element: kb.history(element))  # type: ignore[misc]

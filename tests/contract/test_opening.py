@@ -147,7 +147,11 @@ def test_the_version_table_of_the_users_own_alembic_is_left_alone(
         "CREATE TABLE alembic_version (version_num VARCHAR(32) PRIMARY KEY)",
         "INSERT INTO alembic_version VALUES ('theirs')",
     )
-    for step in (kant_sql.upgrade, lambda at: kant_sql.downgrade(at, "base"), kant_sql.upgrade):
+    for step in (
+        kant_sql.upgrade,
+        lambda at: kant_sql.downgrade(at, revision="base"),
+        kant_sql.upgrade,
+    ):
         step(url)
         assert query(url, "SELECT version_num FROM alembic_version") == [("theirs",)]
     kant_sql.connect(url).close()
@@ -281,7 +285,7 @@ def test_processes_that_create_a_store_at_once_leave_one_good_store(
     revisions = in_processes(*[(create, url, number) for number in range(4)])
     assert sorted(revisions) == [1, 2, 3, 4]
     assert check_chain(url) == {"tiago": 4}
-    with kant_sql.connect(url, "tiago") as kb:
+    with kant_sql.connect(url, knowledge_base="tiago") as kb:
         assert len(kb.propositions.get_all()) == 4
 
 

@@ -61,7 +61,7 @@ def test_what_the_store_writes_is_not_kept_but_written_again(fresh_kb: Knowledge
     fresh_kb.actions.delete_all()
     assert texts_of(fresh_kb) != texts
     for plan in plans:
-        assert plan.problem_hash == problem_hash(*texts)
+        assert plan.problem_hash == problem_hash(texts[0], problem=texts[1])
         assert given_to(plan) == given_to(found_in(newcomer(fresh_kb), plan.id)) == texts
     assert rows(fresh_kb, KEPT) == [(None, None)] * 2
 
@@ -76,13 +76,13 @@ def test_what_the_store_does_not_write_is_kept(fresh_kb: KnowledgeBase) -> None:
     }
     assert rows(fresh_kb, KEPT) == [(None, FOREIGN), (FOREIGN, None), ("", ".")]
     for texts, plan in plans.items():
-        assert plan.problem_hash == problem_hash(*texts)
+        assert plan.problem_hash == problem_hash(texts[0], problem=texts[1])
         assert given_to(plan) == given_to(found_in(newcomer(fresh_kb), plan.id)) == texts
         (line,) = next(fresh_kb.at(plan.recorded_in).log(limit=1)).changes
         for role, text, written in zip(
             ("domain", "problem"), texts, (domain, problem), strict=True
         ):
-            shown = "null" if text == written else f'"{problem_hash(text, "")}"'
+            shown = "null" if text == written else f'"{problem_hash(text, problem="")}"'
             assert f":{role}-pddl {shown} " in line.text
 
 
@@ -114,14 +114,16 @@ def test_a_text_that_is_not_the_one_given_is_never_passed_off_as_it(
 @pytest.fixture
 def planner(monkeypatch: pytest.MonkeyPatch) -> None:
     """A planner that takes no time and knows one plan."""
-    monkeypatch.setattr("kant_sql.documents.methods.solve", lambda *_: plan_of(*TOUR.steps[3:]))
+    monkeypatch.setattr(
+        "kant_sql.documents.methods.solve", lambda *_, **__: plan_of(*TOUR.steps[3:])
+    )
 
 
 @pytest.mark.usefixtures("planner")
 def test_a_plan_knows_what_it_was_made_from(fresh_kb: KnowledgeBase) -> None:
     begin(fresh_kb)
     plan, texts = fresh_kb.plan(), texts_of(fresh_kb)
-    assert (plan.revision, plan.problem_hash) == (1, problem_hash(*texts))
+    assert (plan.revision, plan.problem_hash) == (1, problem_hash(texts[0], problem=texts[1]))
     arrive(fresh_kb, "wp2")
     made = fresh_kb.plans.record(plan)
     assert (made.revision, given_to(made)) == (1, texts)

@@ -54,9 +54,9 @@ def spans(kb: KnowledgeBase, step: RecordedStep) -> list[tuple[str, int, int | N
     ]
 
 
-def refuses(call: Callable[..., Any], *arguments: Any) -> str:
+def refuses(call: Callable[..., Any], *arguments: Any, **said: Any) -> str:
     with pytest.raises(PlanError) as caught:
-        call(*arguments)
+        call(*arguments, **said)
     assert "\n" not in str(caught.value)
     return str(caught.value)
 
@@ -69,11 +69,11 @@ def open_within(kb: KnowledgeBase, step: RecordedStep) -> None:
 def test_a_step_is_started_and_ends(fresh_kb: KnowledgeBase) -> None:
     plan = recorded(fresh_kb)
     first, second = plan.steps[:2]
-    assert fresh_kb.plans.set_status(first, "started")
+    assert fresh_kb.plans.set_status(first, status="started")
     assert last_changes(fresh_kb) == [f"+ plan step (:plan {plan.id} :step 0 started)"]
     assert now(fresh_kb, first).status == "started"
     with fresh_kb.transaction(actor="executive", reason="blocked"):
-        assert fresh_kb.plans.set_status(first, "failed")
+        assert fresh_kb.plans.set_status(first, status="failed")
     assert last_changes(fresh_kb) == [
         f"+ plan step (:plan {plan.id} :step 0 failed)",
         f"- plan step (:plan {plan.id} :step 0 started)",
@@ -92,16 +92,16 @@ def test_a_step_comes_only_to_what_can_follow(fresh_kb: KnowledgeBase) -> None:
         for status in STATUSES:
             step = fresh_kb.plans.record(plan_of(TOUR.steps[3], revision=1)).steps[0]
             for each in way:
-                assert fresh_kb.plans.set_status(step, each)
+                assert fresh_kb.plans.set_status(step, status=each)
             revision = fresh_kb.revision
             if (before, status) in ALLOWED:
-                assert fresh_kb.plans.set_status(step, status)
+                assert fresh_kb.plans.set_status(step, status=status)
                 assert now(fresh_kb, step).status == status
                 continue
             if before == status:
-                assert not fresh_kb.plans.set_status(step, status)
+                assert not fresh_kb.plans.set_status(step, status=status)
             else:
-                message = refuses(fresh_kb.plans.set_status, step, status)
+                message = refuses(fresh_kb.plans.set_status, step, status=status)
                 assert message.endswith(f"so it cannot be {status!r} next")
             assert (now(fresh_kb, step).status, fresh_kb.revision) == (before, revision)
 
@@ -111,16 +111,16 @@ def test_what_is_no_step_or_no_status_is_refused(fresh_kb: KnowledgeBase) -> Non
     step = plan.steps[0]
     set_status = fresh_kb.plans.set_status
     for status in ("done", "", None, 3):
-        assert "expected one of started, succeeded" in refuses(set_status, step, status)
+        assert "expected one of started, succeeded" in refuses(set_status, step, status=status)
     for strange in (0, None, (plan.id, 0), TOUR.steps[0]):
-        assert "a step is one of a recorded plan" in refuses(set_status, strange, "started")
+        assert "a step is one of a recorded plan" in refuses(set_status, strange, status="started")
     others = {
         "is not in knowledge base": [replace(step, plan_id=plan.id + 1), replace(step, position=4)],
         "is of another store": [replace(step, arguments=("rb1", "Wp1", "Home"))],
     }
     for what, steps in others.items():
         for other in steps:
-            assert what in refuses(set_status, other, "started")
+            assert what in refuses(set_status, other, status="started")
             with nothing_changes(fresh_kb):
                 assert what in refuses(open_within, fresh_kb, other)
     with pytest.raises(PlanError, match="a step is one of a recorded plan"):
@@ -134,20 +134,20 @@ def test_a_step_of_another_knowledge_base_is_refused(fresh_kb: KnowledgeBase) ->
     with nothing_changes(fresh_kb):
         message = refuses(open_within, fresh_kb, twin)
         assert f"is of knowledge base '{other.factory._store.name}', not of" in message  # type: ignore[attr-defined]
-        refuses(fresh_kb.plans.set_status, twin, "started")
-    assert other.plans.set_status(twin, "started")
+        refuses(fresh_kb.plans.set_status, twin, status="started")
+    assert other.plans.set_status(twin, status="started")
 
 
 def test_revisions_that_a_step_causes_link_to_it(fresh_kb: KnowledgeBase) -> None:
     first, second = recorded(fresh_kb).steps[:2]
     with fresh_kb.transaction(plan_step=first):
-        fresh_kb.plans.set_status(first, "started")
+        fresh_kb.plans.set_status(first, status="started")
     open_within(fresh_kb, first)
     arrive(fresh_kb, "home")
     with fresh_kb.transaction(reason="nothing happens", plan_step=first):
         pass
     with fresh_kb.transaction(plan_step=first), fresh_kb.transaction(plan_step=second):
-        fresh_kb.plans.set_status(first, "succeeded")
+        fresh_kb.plans.set_status(first, status="succeeded")
     assert now(fresh_kb, first).revisions == (3, 4, 6)
     assert now(fresh_kb, second).revisions == ()
     links = [revision.plan_step for revision in fresh_kb.revisions()]
@@ -158,7 +158,7 @@ def test_revisions_that_a_step_causes_link_to_it(fresh_kb: KnowledgeBase) -> Non
 def test_what_is_undone_links_to_nothing(fresh_kb: KnowledgeBase) -> None:
     step = recorded(fresh_kb).steps[0]
     with suppress(Undone), fresh_kb.transaction(plan_step=step):
-        fresh_kb.plans.set_status(step, "started")
+        fresh_kb.plans.set_status(step, status="started")
         raise Undone
     assert now(fresh_kb, step) == step
     assert rows(fresh_kb, "SELECT number FROM revision_plan_step WHERE kb_id = :kb") == []
@@ -168,7 +168,7 @@ def test_a_plan_can_be_recorded_and_started_in_one_transaction(fresh_kb: Knowled
     begin(fresh_kb)
     with fresh_kb.transaction():
         step = fresh_kb.plans.record(TOUR).steps[1]
-        assert fresh_kb.plans.set_status(step, "started")
+        assert fresh_kb.plans.set_status(step, status="started")
         with fresh_kb.transaction(plan_step=step):
             arrive(fresh_kb, "wp2")
         assert now(fresh_kb, step).status == "started"
@@ -183,17 +183,17 @@ def test_only_the_last_status_of_a_transaction_remains(
     fresh_kb: KnowledgeBase, flushed: bool
 ) -> None:
     first, second, third = recorded(fresh_kb).steps[:3]
-    fresh_kb.plans.set_status(second, "started")
+    fresh_kb.plans.set_status(second, status="started")
     with fresh_kb.transaction():
         for step, status in (
             *((first, "started"), (third, "aborted")),
             *((first, "succeeded"), (second, "failed")),
         ):
-            assert fresh_kb.plans.set_status(step, status)  # type: ignore[arg-type]
+            assert fresh_kb.plans.set_status(step, status=status)  # type: ignore[arg-type]
             if flushed:
                 assert now(fresh_kb, step).status == status
-        assert not fresh_kb.plans.set_status(first, "succeeded")
-        refuses(fresh_kb.plans.set_status, second, "aborted")
+        assert not fresh_kb.plans.set_status(first, status="succeeded")
+        refuses(fresh_kb.plans.set_status, second, status="aborted")
     plan_id = first.plan_id
     assert last_changes(fresh_kb) == [
         f"+ plan step (:plan {plan_id} :step 0 succeeded)",
@@ -212,16 +212,16 @@ def test_a_part_that_fails_leaves_statuses_as_they_were(
     fresh_kb: KnowledgeBase, outer: bool, inner: bool
 ) -> None:
     first, second, third = recorded(fresh_kb).steps[:3]
-    fresh_kb.plans.set_status(second, "started")
+    fresh_kb.plans.set_status(second, status="started")
     with fresh_kb.transaction():
-        fresh_kb.plans.set_status(first, "started")
+        fresh_kb.plans.set_status(first, status="started")
         if outer:
             fresh_kb.plans.get_all()
         with undone(fresh_kb):
             for step, status in ((first, "failed"), (second, "succeeded"), (third, "started")):
-                fresh_kb.plans.set_status(step, status)  # type: ignore[arg-type]
+                fresh_kb.plans.set_status(step, status=status)  # type: ignore[arg-type]
             with undone(fresh_kb):
-                fresh_kb.plans.set_status(third, "aborted")
+                fresh_kb.plans.set_status(third, status="aborted")
                 if inner:
                     assert now(fresh_kb, third).status == "aborted"
             if inner:
@@ -230,7 +230,7 @@ def test_a_part_that_fails_leaves_statuses_as_they_were(
         assert [now(fresh_kb, step).status for step in (first, second, third)] == [
             *("started", "started", None)
         ]
-        assert fresh_kb.plans.set_status(second, "aborted")
+        assert fresh_kb.plans.set_status(second, status="aborted")
     plan_id = first.plan_id
     assert last_changes(fresh_kb) == [
         f"+ plan step (:plan {plan_id} :step 0 started)",
@@ -245,7 +245,7 @@ def test_the_past_knows_the_statuses_of_then(fresh_kb: KnowledgeBase) -> None:
     step = recorded(fresh_kb).steps[0]
     for status in ("started", "failed"):
         with fresh_kb.transaction(plan_step=step):
-            fresh_kb.plans.set_status(step, status)
+            fresh_kb.plans.set_status(step, status=status)
     past = [fresh_kb.at(number) for number in (2, 3, 4)]
     assert [now(kb, step).status for kb in past] == [None, "started", "failed"]
     assert [now(kb, step).revisions for kb in past] == [(), (3,), (3, 4)]
@@ -261,17 +261,17 @@ def test_hashes_cover_statuses_and_links(shared_url: str, connect: Connect) -> N
     steps = recorded(kb).steps
     for step in steps:
         with kb.transaction(plan_step=step, reason=str(step)):
-            kb.plans.set_status(step, "started")
+            kb.plans.set_status(step, status="started")
             kb.plans.get_all()
         with kb.transaction():
-            kb.plans.set_status(step, "aborted")
+            kb.plans.set_status(step, status="aborted")
             with undone(kb):
                 kb.plans.record(TOUR)
                 kb.plans.get_all()
     with kb.transaction():
         step = kb.plans.record(TOUR).steps[0]
         for status in ("started", "failed"):
-            assert kb.plans.set_status(step, status)
+            assert kb.plans.set_status(step, status=status)
             kb.plans.get_all()
     assert check_chain(shared_url) == {"default": 11}
 
@@ -287,7 +287,7 @@ def test_one_of_two_processes_starts_a_step(shared_url: str, connect: Connect) -
 
 def start(url: str, plan_id: int) -> list[bool]:
     """Start all steps of a plan, in a process of its own; tell which it has started."""
-    with kant_sql.connect(url, "tiago") as kb:
+    with kant_sql.connect(url, knowledge_base="tiago") as kb:
         plan = kb.plans.get(plan_id)
         assert plan is not None
-        return [kb.plans.set_status(step, "started") for step in plan.steps]
+        return [kb.plans.set_status(step, status="started") for step in plan.steps]

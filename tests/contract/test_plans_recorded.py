@@ -88,7 +88,7 @@ def test_the_change_line_says_all_of_it(fresh_kb: KnowledgeBase) -> None:
     begin(fresh_kb)
     domain, problem = fresh_kb.domain_pddl(), fresh_kb.problem_pddl()
     made = fresh_kb.plans.record(plan_of(*STEPS[1:3]), objective='a "b"\n', value=-3)
-    assert made.problem_hash == problem_hash(domain, problem)
+    assert made.problem_hash == problem_hash(domain, problem=problem)
     assert last_changes(fresh_kb) == [
         f"+ plan (:plan {made.id} :revision 1 "
         f':problem-hash "{made.problem_hash}" :planner "hand" :planner-version null '
@@ -171,7 +171,7 @@ def test_steps_that_do_not_go_with_the_state_are_refused(fresh_kb: KnowledgeBase
 
 def test_what_cannot_be_kept_is_refused(fresh_kb: KnowledgeBase) -> None:
     begin(fresh_kb)
-    assert "the planner's name 'a\\x00b' has a NUL" in refuses(fresh_kb, TOUR, "a\0b")
+    assert "the planner's name 'a\\x00b' has a NUL" in refuses(fresh_kb, TOUR, planner="a\0b")
     assert "the planner's version" in refuses(fresh_kb, TOUR, planner_version="\ud800")
     assert "the objective is a string or None" in refuses(fresh_kb, TOUR, objective=3)
     assert "the plan's status" in refuses(fresh_kb, replace(TOUR, status="\0"))
@@ -236,7 +236,7 @@ def test_a_view_of_the_past_knows_the_plans_of_then(fresh_kb: KnowledgeBase) -> 
     with pytest.raises(ReadOnlyError):
         past.plans.record(TOUR)
     with pytest.raises(ReadOnlyError):
-        past.plans.set_status(first.steps[0], "started")
+        past.plans.set_status(first.steps[0], status="started")
 
 
 def test_plans_of_two_knowledge_bases_do_not_mix(fresh_kb: KnowledgeBase) -> None:
@@ -260,11 +260,11 @@ def test_the_hash_covers_a_plan_in_a_transaction_that_is_too_large_to_keep(
     assert place is not None
     with kb.transaction():
         made = kb.plans.record(TOUR)
-        kb.plans.set_status(made.steps[0], "started")
+        kb.plans.set_status(made.steps[0], status="started")
         kb.propositions.save_all(
             PddlPropositionDto(dirty, [PddlObjectDto(place, f"p{number}")]) for number in range(30)
         )
-        kb.plans.set_status(made.steps[0], "failed")
+        kb.plans.set_status(made.steps[0], status="failed")
         kb.plans.record(plan_of())
     assert check_chain(shared_url) == {"default": 2}
     kinds = [change.kind for change in next(kb.log(limit=1)).changes]
@@ -280,15 +280,15 @@ def test_reading_takes_as_many_statements_however_many_plans_there_are(
 ) -> None:
     kb = fresh_kb
     made = recorded(kb)
-    kb.plans.set_status(made.steps[0], "started")
+    kb.plans.set_status(made.steps[0], status="started")
     with kb.transaction(plan_step=made.steps[0]):
         arrive(kb, "wp2")
     few = {count(kb.plans.get_all), count(partial(kb.plans.get, made.id))}
     for _ in range(20):
         other = kb.plans.record(TOUR)
         for one in other.steps[:3]:
-            kb.plans.set_status(one, "started")
-            kb.plans.set_status(one, "failed")
+            kb.plans.set_status(one, status="started")
+            kb.plans.set_status(one, status="failed")
     assert few == {count(kb.plans.get_all), count(partial(kb.plans.get, made.id))} == {READ}
     past = kb.at(kb.revision)
     past.plans.get_all()
@@ -305,9 +305,9 @@ def test_writing_takes_as_many_statements_however_long_the_plan_is(fresh_kb: Kno
     assert len({count(call) for call in calls}) == 1
     one = kb.plans.get_all()[0].steps[0]
     # The head, the step, the revision, its version, the head; and one that closes the one before.
-    assert count(partial(kb.plans.set_status, one, "started")) == 5
-    assert count(partial(kb.plans.set_status, one, "started")) == 2
-    assert count(partial(kb.plans.set_status, one, "failed")) == 6
+    assert count(partial(kb.plans.set_status, one, status="started")) == 5
+    assert count(partial(kb.plans.set_status, one, status="started")) == 2
+    assert count(partial(kb.plans.set_status, one, status="failed")) == 6
     with kb.transaction(plan_step=one):
         assert count(partial(arrive, kb, "wp2")) <= 2
 
@@ -323,7 +323,7 @@ def test_a_plan_stays_when_the_state_that_it_was_made_from_is_archived(
         kb.actions.delete_all()
     arrive(kb, "wp2")
     url = f"sqlite:///{tmp_path / 'archive.db'}"
-    kb.archive(kb.revision, url)
+    kb.archive(kb.revision, to=url)
     assert kb.plans.get_all() == [made, kept]
     assert kept.problem_pddl() == "b"
     with pytest.raises(ArchivedError, match=r"archive\.db"):

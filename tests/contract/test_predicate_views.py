@@ -110,7 +110,7 @@ def copied(server: Server, template: str) -> str:
 def story_url(shared_url: str, connect: Connect) -> str:
     kb = connect(shared_url, knowledge_base="tiago", actor="perception")
     kb.propositions.save(robot_at())
-    with kb.transaction("executive", "navigation finished"):
+    with kb.transaction(actor="executive", reason="navigation finished"):
         kb.propositions.delete(robot_at())
         kb.propositions.save(robot_at(place=WP2))
     kb.propositions.save(robot_at(is_goal=True))
@@ -277,7 +277,7 @@ def test_drop_leaves_nothing_but_what_others_made(story_url: str, connect: Conne
     connect(story_url, knowledge_base="other").propositions.save(robot_at())
     ask(story_url, "CREATE VIEW mine AS SELECT 1 AS x")
     update_views(story_url)
-    gone = drop_views(story_url, "tiago")
+    gone = drop_views(story_url, knowledge_base="tiago")
     assert changes(gone) == {"fact_robot_at": "dropped", "goal_robot_at": "dropped"}
     assert {(view.knowledge_base, view.predicate) for view in gone} == {("tiago", "robot_at")}
     assert names(drop_views(story_url)) == ["fact__other__robot_at", "goal__other__robot_at"]
@@ -287,13 +287,13 @@ def test_drop_leaves_nothing_but_what_others_made(story_url: str, connect: Conne
 
 def test_one_knowledge_base_can_be_chosen(story_url: str, connect: Connect) -> None:
     connect(story_url, knowledge_base="other").propositions.save(robot_at())
-    assert names(update_views(story_url, "other")) == [
+    assert names(update_views(story_url, knowledge_base="other")) == [
         "fact__other__robot_at",
         "goal__other__robot_at",
     ]
     assert set(changes(update_views(story_url)).values()) == {"created", "unchanged"}
     with pytest.raises(KantSqlError, match=r"no knowledge base 'nobody'.*'tiago', 'other'"):
-        update_views(story_url, "nobody")
+        update_views(story_url, knowledge_base="nobody")
 
 
 def test_the_sql_of_a_dry_run_makes_the_same_views(story_url: str) -> None:
@@ -354,7 +354,7 @@ def hostile_kb(kb: KnowledgeBase, predicates: list[str]) -> dict[str, int]:
 
 
 def check_hostile(url: str, kb_name: str, found: dict[str, int]) -> None:
-    views = [view for view in update_views(url, kb_name) if view.change != "dropped"]
+    views = [view for view in update_views(url, knowledge_base=kb_name) if view.change != "dropped"]
     assert len({*names(views)}) == len(views) == 2 * len(found)
     with opened(url) as store:
         for view in views:
@@ -363,7 +363,7 @@ def check_hostile(url: str, kb_name: str, found: dict[str, int]) -> None:
             # None of the names is in quotes.
             rows = store.execute(f"SELECT {', '.join(view.columns)} FROM {view.name}", {})
             assert len(rows) == (found[view.predicate] if view.kind == "fact" else 0), view
-    assert {view.change for view in update_views(url, kb_name)} <= {"unchanged"}
+    assert {view.change for view in update_views(url, knowledge_base=kb_name)} <= {"unchanged"}
 
 
 def test_hostile_names_are_safe(shared_url: str, connect: Connect) -> None:
@@ -464,7 +464,7 @@ def test_migrations_take_them_out_of_the_way(
     with caplog.at_level(logging.WARNING, "kant_sql.schema"):
         kant_sql.upgrade(story_url)
         assert not caplog.records
-        kant_sql.downgrade(story_url, version)
+        kant_sql.downgrade(story_url, revision=version)
     (record,) = caplog.records
     assert "2 views" in record.getMessage()
     assert "kant-sql views" in record.getMessage()

@@ -50,12 +50,12 @@ BATTERY = PddlFunctionDto("battery", [ROBOT])
 def program(kb: KnowledgeBase, patch: pytest.MonkeyPatch) -> None:
     """Write in every way."""
     plan = recorded(kb)
-    assert kb.plans.set_status(plan.steps[0], "started")
+    assert kb.plans.set_status(plan.steps[0], status="started")
     with kb.transaction(plan_step=plan.steps[0]):
         arrive(kb, "wp2")
-        assert kb.plans.set_status(plan.steps[0], "succeeded")
+        assert kb.plans.set_status(plan.steps[0], status="succeeded")
     change(kb, patch)
-    kb.restore(kb.revision - 2, "by mistake")
+    kb.restore(kb.revision - 2, reason="by mistake")
 
 
 def change(kb: KnowledgeBase, patch: pytest.MonkeyPatch) -> None:
@@ -204,7 +204,7 @@ def test_auditors_read_views_and_no_table(role_store: str, role_users: Members) 
 
 
 def test_a_limited_auditor_reads_views_of_its_own(role_store: str, limited_users: Members) -> None:
-    schema = kant_sql.create_roles(role_store, MINE).schema
+    schema = kant_sql.create_roles(role_store, knowledge_base=MINE).schema
     assert schema is not None
     assert views(role_store, schema) == views(role_store)
     for view in views(role_store):
@@ -238,7 +238,10 @@ def test_auditors_read_generated_views(server: Server, connect: Connect) -> None
     for kb_name in (MINE, OTHER):
         connect(url, knowledge_base=kb_name).propositions.save(robot_at())
     connect(url, knowledge_base=OTHER).propositions.save(robot_at(place=WP2))
-    all_roles, limited_roles = kant_sql.create_roles(url), kant_sql.create_roles(url, MINE)
+    all_roles, limited_roles = (
+        kant_sql.create_roles(url),
+        kant_sql.create_roles(url, knowledge_base=MINE),
+    )
     made = [view for view in update_views(url) if view.kind == "fact"]
     assert {view.knowledge_base for view in made} == {MINE, OTHER}
     kant_sql.create_roles(url)

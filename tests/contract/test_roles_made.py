@@ -56,17 +56,17 @@ def test_a_second_run_brings_rights_up_to_date(role_store: str, limited_users: M
 def test_rights_survive_migrations(server: Server, connect: Connect) -> None:
     url = server.new_store()
     connect(url, knowledge_base=MINE).propositions.save(robot_at())
-    roles = kant_sql.create_roles(url, MINE)
+    roles = kant_sql.create_roles(url, knowledge_base=MINE)
     kant_sql.create_roles(url)
     before = rights(url)
     kant_sql.upgrade(url)
     assert rights(url) == before
-    kant_sql.downgrade(url, "0003")
+    kant_sql.downgrade(url, revision="0003")
     kant_sql.upgrade(url)
     assert rights(url) == before
     with members(url, roles) as own:
         connect(own.writer, knowledge_base=MINE).propositions.delete(robot_at())
-    kant_sql.downgrade(url, "base")
+    kant_sql.downgrade(url, revision="base")
     kant_sql.upgrade(url)
     assert query(url, "SELECT polname FROM pg_policy") == []
 
@@ -78,7 +78,7 @@ def test_what_was_made_for_a_knowledge_base_that_is_gone_is_for_no_other(
     with closing(connect(url, knowledge_base="tiago")) as kb:
         kb.propositions.save(robot_at())
         update_views(url)
-    roles = kant_sql.create_roles(url, "tiago")
+    roles = kant_sql.create_roles(url, knowledge_base="tiago")
     with members(url, roles) as own, psycopg.connect(url, autocommit=True) as owner:
         owner.execute("UPDATE knowledge_base SET name = 'pepper'")
         kant_sql.create_roles(url)
@@ -88,7 +88,7 @@ def test_what_was_made_for_a_knowledge_base_that_is_gone_is_for_no_other(
                 with psycopg.connect(user, autocommit=True) as connection:
                     assert refused(connection, f"SELECT FROM {name}"), (name, user)
     # Nor is it in the way of a migration.
-    kant_sql.downgrade(url, "0003")
+    kant_sql.downgrade(url, revision="0003")
 
 
 def test_what_cannot_be_done_is_refused_with_the_remedy(
@@ -99,7 +99,7 @@ def test_what_cannot_be_done_is_refused_with_the_remedy(
             kant_sql.create_roles(shared_url)
         return
     with pytest.raises(KantSqlError, match=r"no knowledge base 'tiagi'.*there are: .*'tiago'"):
-        kant_sql.create_roles(role_store, "tiagi")
+        kant_sql.create_roles(role_store, knowledge_base="tiagi")
     with pytest.raises(SchemaMissingError):
         kant_sql.create_roles(server.new_database())
     with pytest.raises(StoreError, match=r"connect as the owner of the tables.*CREATEROLE"):
@@ -109,7 +109,7 @@ def test_what_cannot_be_done_is_refused_with_the_remedy(
 def test_the_statements_of_the_page_run(server: Server, connect: Connect) -> None:
     url = server.new_store()
     connect(url, knowledge_base="tiago").propositions.save(robot_at())
-    roles = kant_sql.create_roles(url, "tiago")
+    roles = kant_sql.create_roles(url, knowledge_base="tiago")
     page = Page("roles.md")
     assert all(name in page.text for name in roles[:4] if name is not None)
     with psycopg.connect(url) as owner, owner.transaction(force_rollback=True):

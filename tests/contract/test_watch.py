@@ -54,7 +54,7 @@ def test_what_is_new_already_is_told_at_once(kb: KnowledgeBase) -> None:
     assert [kb.watch(after) for after in (0, 1, 2)] == [3, 3, 3]
     assert kb.watch(0, timeout=0) == 3
     for timeout in (1e9, 10**400, math.inf):
-        assert kb.watch(2, timeout) == 3
+        assert kb.watch(2, timeout=timeout) == 3
 
 
 def test_when_time_is_over_there_is_no_news(kb: KnowledgeBase) -> None:

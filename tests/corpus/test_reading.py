@@ -34,7 +34,7 @@ def test_all_pairs_are_read(record_property: Callable[[str, object], None]) -> N
     for pair in PAIRS:
         try:
             domain = read_domain(CORPUS / pair["domain"])
-            read_problem(CORPUS / pair["problem"], domain)
+            read_problem(CORPUS / pair["problem"], domain=domain)
             read_problem(CORPUS / pair["problem"])
         except PddlError as error:
             failures.append(str(error))
@@ -46,7 +46,7 @@ def test_all_pairs_are_read(record_property: Callable[[str, object], None]) -> N
 @pytest.mark.parametrize("pair", PAIRS, ids=lambda pair: pair["problem"])
 def test_strict_reading_refuses_what_violates_the_standard(pair: dict[str, object]) -> None:
     domain = read_domain(CORPUS / str(pair["domain"]))
-    problem = read_problem(CORPUS / str(pair["problem"]), domain)
+    problem = read_problem(CORPUS / str(pair["problem"]), domain=domain)
     warnings = domain.warnings + problem.warnings
     features = pair["features"]
     assert isinstance(features, list)
@@ -54,7 +54,7 @@ def test_strict_reading_refuses_what_violates_the_standard(pair: dict[str, objec
         assert warnings
     try:
         domain = read_domain(CORPUS / str(pair["domain"]), strict=True)
-        read_problem(CORPUS / str(pair["problem"]), domain, strict=True)
+        read_problem(CORPUS / str(pair["problem"]), domain=domain, strict=True)
     except PddlError:
         assert warnings
     else:

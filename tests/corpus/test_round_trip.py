@@ -25,8 +25,8 @@ def test_a_pair_round_trips(pair: tuple[str, str]) -> None:
     again = read_domain(text)
     assert again == domain
     assert write(again) == text
-    problem = read_problem(CORPUS / pair[1], domain)
+    problem = read_problem(CORPUS / pair[1], domain=domain)
     text = write(problem)
-    read = read_problem(text, again)
+    read = read_problem(text, domain=again)
     assert read == problem
     assert write(read) == text

@@ -39,7 +39,7 @@ def test_all_pairs_are_stored_and_regenerated(
 
 def _check(kb: KnowledgeBase, domain_path: Path, problem_path: Path) -> None:
     domain = read_domain(domain_path)
-    problem = read_problem(problem_path, domain)
+    problem = read_problem(problem_path, domain=domain)
     assert kb.load_domain(domain_path) == (1, domain.warnings)
     # A problem that says nothing, of which there is none here, would make no revision.
     assert kb.load_problem(problem_path) == (2, problem.warnings)
@@ -48,7 +48,7 @@ def _check(kb: KnowledgeBase, domain_path: Path, problem_path: Path) -> None:
     assert domain_text == write(domain)
     assert problem_text == write(kb.problem())
     assert read_domain(domain_text) == domain
-    assert read_problem(problem_text, domain) == problem
+    assert read_problem(problem_text, domain=domain) == problem
     # What was written says all of what is stored, and nothing else.
     assert kb.load_domain(domain_text).revision is None
     assert kb.load_problem(problem_text).revision is None

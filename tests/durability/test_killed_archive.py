@@ -64,8 +64,8 @@ def archive_and_die(here: str, there: str, before: int, statements: int) -> None
 
     setattr(Session, "_execute", counting(Session._execute))  # noqa: B010
     replicating.ROWS, replicating.FIRST_REVISIONS = 30, 2
-    with kant_sql.connect(here, "tiago") as kb:
-        kb.archive(before, there)
+    with kant_sql.connect(here, knowledge_base="tiago") as kb:
+        kb.archive(before, to=there)
 
 
 def check(here: str, there: str, before: Rows, upto: int) -> bool:
@@ -76,7 +76,7 @@ def check(here: str, there: str, before: Rows, upto: int) -> bool:
         assert left == versions_after(before, upto)
         assert moved == versions_upto(before, upto)
     else:
-        with kant_sql.connect(there, "tiago") as archive:
+        with kant_sql.connect(there, knowledge_base="tiago") as archive:
             at = archive.revision
         assert at <= upto
         assert moved == versions_upto(before, at)
@@ -102,9 +102,9 @@ def test_a_killed_archive_is_gone_on_with(
         kills += process.exitcode != 0
         is_done = check(shared_url, there, before, upto)
     assert kills > 0
-    assert kb.archive(upto + 1, there).revision is None
+    assert kb.archive(upto + 1, to=there).revision is None
     assert kb.revision == head + 1
-    with kant_sql.connect(there, "tiago") as archive:
+    with kant_sql.connect(there, knowledge_base="tiago") as archive:
         assert states(archive, range(upto + 1)) == {r: then[r] for r in range(upto + 1)}
     assert states(kb, range(upto, head + 1)) == {r: then[r] for r in range(upto, head + 1)}
     intact(shared_url)

@@ -33,7 +33,7 @@ def test_a_killed_writer_loses_nothing_that_was_acknowledged(
         acknowledged += all_told(told)
         check_all(kb, shared_url, acknowledged)
     assert len(acknowledged) > KILLS
-    with kant_sql.connect(shared_url, "tiago") as newcomer:
+    with kant_sql.connect(shared_url, knowledge_base="tiago") as newcomer:
         check_all(newcomer, shared_url, acknowledged)
 
 
@@ -57,7 +57,7 @@ def test_a_store_whose_creation_was_killed_can_be_created(
             time.sleep(random.uniform(0, 0.25))
         written = len(all_told(told))
         kant_sql.upgrade(url)
-        with kant_sql.connect(url, "tiago") as kb:
+        with kant_sql.connect(url, knowledge_base="tiago") as kb:
             assert kb.revision >= written
             assert kb.objects.insert(counter.THE_COUNTER)
         assert set(check_chain(url).values()) <= {1, 2}

@@ -113,7 +113,7 @@ def test_a_server_that_is_gone_when_time_is_over_is_an_error(
     try:
         for timeout in (0, 0.1):
             with pytest.raises(KantSqlError, match=r"no connection|was lost"):
-                kb.watch(1, timeout)
+                kb.watch(1, timeout=timeout)
     finally:
         mortal_server.restart()
     monkeypatch.setattr(retry, "RETRY_FOR", PATIENCE)

@@ -58,7 +58,7 @@ def test_another_result_is_noticed(result: list[PddlPropositionDto]) -> None:
 
 
 def test_a_broken_chain_is_noticed() -> None:
-    with kant_sql.connect("sqlite://", "coffee_shop") as kb:
+    with kant_sql.connect("sqlite://", knowledge_base="coffee_shop") as kb:
         kb.propositions.save(robot_at())
         kb.propositions.delete(robot_at())
         log = [*kb.log()][::-1]

@@ -51,7 +51,7 @@ def ran(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
     assert (done.returncode, done.stderr) == (0, "")
     said = re.search(r"The last iteration made revisions (\d+) to (\d+)\.", done.stdout)
     assert said is not None
-    with kant_sql.connect(url, "coffee_shop") as kb:
+    with kant_sql.connect(url, knowledge_base="coffee_shop") as kb:
         yield Ran(done.stdout, kb, int(said[1]), int(said[2]))
 
 

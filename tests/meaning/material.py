@@ -71,7 +71,7 @@ def corpus_pairs() -> list[Pair]:
 def by_documents(domain: Path, problem: Path) -> tuple[str, str]:
     """Read the two files and write them, with no store in between."""
     document = read_domain(domain)
-    return write(document), write(read_problem(problem, document))
+    return write(document), write(read_problem(problem, domain=document))
 
 
 class ByStore:

@@ -31,7 +31,7 @@ Rows = dict[str, list[dict[str, Any]]]
 @pytest.fixture
 def old_url(empty_url: str) -> str:
     """The URL of a store as version 0001 of the tables had it."""
-    kant_sql.upgrade(empty_url, "0001")
+    kant_sql.upgrade(empty_url, revision="0001")
     run_script(empty_url, STORY)
     return empty_url
 
@@ -39,7 +39,7 @@ def old_url(empty_url: str) -> str:
 @pytest.fixture
 def new_url(old_url: str) -> str:
     """The URL of that store, after the migration."""
-    kant_sql.upgrade(old_url, "0002")
+    kant_sql.upgrade(old_url, revision="0002")
     return old_url
 
 
@@ -83,7 +83,7 @@ def open_tiago(url: str, connect: Connect) -> KnowledgeBase:
 
 def test_what_did_not_change_its_table_stays_as_it_was(old_url: str) -> None:
     before = rows_of(old_url)
-    kant_sql.upgrade(old_url, "0002")
+    kant_sql.upgrade(old_url, revision="0002")
     after = rows_of(old_url)
     changed = {"action_version", "object_version", "proposition_version"}
     for table in before.keys() - changed - set(RENAMED.values()):
@@ -93,7 +93,7 @@ def test_what_did_not_change_its_table_stays_as_it_was(old_url: str) -> None:
 
 def test_trees_are_carried_node_by_node(old_url: str) -> None:
     before = rows_of(old_url)
-    kant_sql.upgrade(old_url, "0002")
+    kant_sql.upgrade(old_url, revision="0002")
     after = rows_of(old_url)
     new = {"action_node": ["function_id"], "action_term": ["quantifier", "variable", "child"]}
     for table, columns in new.items():
@@ -105,7 +105,7 @@ def test_trees_are_carried_node_by_node(old_url: str) -> None:
 
 def test_versions_get_their_new_columns(old_url: str) -> None:
     before = rows_of(old_url)
-    kant_sql.upgrade(old_url, "0002")
+    kant_sql.upgrade(old_url, revision="0002")
     after = rows_of(old_url)
     for table, gone, new in (
         ("action_version", ["durative"], ["kind"]),
@@ -162,13 +162,13 @@ def test_to_save_what_the_older_library_wrote_changes_nothing(
 
 def test_down_and_up_again_gives_the_very_same_rows(old_url: str) -> None:
     before = rows_of(old_url)
-    kant_sql.upgrade(old_url, "0002")
+    kant_sql.upgrade(old_url, revision="0002")
     between = rows_of(old_url)
-    kant_sql.downgrade(old_url, "0001")
+    kant_sql.downgrade(old_url, revision="0001")
     assert rows_of(old_url) == before
     record = f"{make_url(old_url).get_backend_name()}-0001.sql"
     assert dump_of(old_url) == (FOLDER / record).read_text(encoding="utf-8")
-    kant_sql.upgrade(old_url, "0002")
+    kant_sql.upgrade(old_url, revision="0002")
     assert rows_of(old_url) == between
 
 
@@ -186,7 +186,7 @@ def test_what_was_written_since_goes_down_when_0001_can_hold_it(
     kb.actions.save(PddlActionDto("stay", navigation.parameters[:2], [literal], durative=False))
     kb.close()
     between = rows_of(newest_url)
-    kant_sql.downgrade(newest_url, "0001")
+    kant_sql.downgrade(newest_url, revision="0001")
     after = rows_of(newest_url)
     flags = {
         (row["action_id"], row["since"]): bool(row["durative"]) for row in after["action_version"]
@@ -232,7 +232,7 @@ def refusal(url: str) -> str:
     """What a downgrade is refused for, that changes nothing."""
     rows, schema = rows_of(url), dump_of(url)
     with pytest.raises(SchemaError, match="is or was in this store: ") as caught:
-        kant_sql.downgrade(url, "0001")
+        kant_sql.downgrade(url, revision="0001")
     assert (rows_of(url), dump_of(url), current(url)) == (rows, schema, "0002")
     message = str(caught.value)
     assert "\n" not in message
@@ -245,7 +245,7 @@ def test_elements_that_0001_has_no_tables_for_are_not_dropped(new_url: str) -> N
         run_script(new_url, change)
         named.append(what)
         assert refusal(new_url) == ", ".join(named)
-    kant_sql.downgrade(new_url, "base")
+    kant_sql.downgrade(new_url, revision="base")
     assert (rows_of(new_url), current(new_url)) == ({}, None)
 
 
@@ -253,7 +253,7 @@ def test_elements_that_0001_has_no_tables_for_are_not_dropped(new_url: str) -> N
 def test_trees_that_0001_would_misread_are_not_carried_down(new_url: str, tree: str) -> None:
     run_script(new_url, TREES[tree])
     assert refusal(new_url) == "actions of more than literals and a fixed duration (1)"
-    kant_sql.downgrade(new_url, "base")
+    kant_sql.downgrade(new_url, revision="base")
     assert (rows_of(new_url), current(new_url)) == ({}, None)
 
 
@@ -282,7 +282,7 @@ def test_sqlite_finds_goals_by_their_indexes(
     tmp_path: Path, held: ColumnElement[bool], index: str
 ) -> None:
     url = f"sqlite:///{tmp_path / 'store.db'}"
-    kant_sql.upgrade(url, "0002")
+    kant_sql.upgrade(url, revision="0002")
     goals = select(VERSION.proposition_id).where(VERSION.kb_id == 1, held, VERSION.is_goal)
     with connected(url) as connection:
         sql = goals.compile(connection, compile_kwargs={"literal_binds": True})

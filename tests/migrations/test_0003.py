@@ -33,7 +33,7 @@ NEW_COLUMNS: dict[str, dict[str, int | None]] = {
 @pytest.fixture
 def old_url(empty_url: str) -> str:
     """The URL of a store as version 0002 of the tables had it."""
-    kant_sql.upgrade(empty_url, "0002")
+    kant_sql.upgrade(empty_url, revision="0002")
     run_script(empty_url, STORY)
     return empty_url
 
@@ -51,7 +51,7 @@ def open_tiago(url: str, connect: Connect) -> KnowledgeBase:
 
 def test_every_row_stays_as_it_was(old_url: str) -> None:
     before = rows_of(old_url)
-    kant_sql.upgrade(old_url, "0003")
+    kant_sql.upgrade(old_url, revision="0003")
     after = rows_of(old_url)
     assert after.keys() == before.keys()
     for table, rows in before.items():
@@ -62,13 +62,13 @@ def test_every_row_stays_as_it_was(old_url: str) -> None:
 
 def test_down_and_up_again_gives_the_very_same_rows(old_url: str) -> None:
     before = rows_of(old_url)
-    kant_sql.upgrade(old_url, "0003")
+    kant_sql.upgrade(old_url, revision="0003")
     between = rows_of(old_url)
-    kant_sql.downgrade(old_url, "0002")
+    kant_sql.downgrade(old_url, revision="0002")
     assert rows_of(old_url) == before
     record = f"{make_url(old_url).get_backend_name()}-0002.sql"
     assert dump_of(old_url) == (FOLDER / record).read_text(encoding="utf-8")
-    kant_sql.upgrade(old_url, "0003")
+    kant_sql.upgrade(old_url, revision="0003")
     assert rows_of(old_url) == between
 
 
@@ -116,7 +116,7 @@ def test_what_0002_has_no_place_for_is_not_dropped(new_url: str, connect: Connec
     for what in ("plans (2)", "archives (1)", "revisions that say when things were observed (1)"):
         assert what in found
     kb.close()
-    kant_sql.downgrade(new_url, "base")
+    kant_sql.downgrade(new_url, revision="base")
     assert (rows_of(new_url), current(new_url)) == ({}, None)
 
 
@@ -124,7 +124,7 @@ def refusal(url: str) -> str:
     """What a downgrade is refused for, that changes nothing."""
     rows, schema, version = rows_of(url), dump_of(url), current(url)
     with pytest.raises(SchemaError, match="is or was in this store: ") as caught:
-        kant_sql.downgrade(url, "0002")
+        kant_sql.downgrade(url, revision="0002")
     assert (rows_of(url), dump_of(url), current(url)) == (rows, schema, version)
     message = str(caught.value)
     assert "\n" not in message

@@ -26,9 +26,9 @@ VIEWS = {
 @pytest.fixture
 def old_url(empty_url: str) -> str:
     """The URL of a store that version 0001 has written, as version 0003 of the tables has it."""
-    kant_sql.upgrade(empty_url, "0001")
+    kant_sql.upgrade(empty_url, revision="0001")
     run_script(empty_url, STORY)
-    kant_sql.upgrade(empty_url, "0003")
+    kant_sql.upgrade(empty_url, revision="0003")
     return empty_url
 
 
@@ -39,7 +39,7 @@ def views(url: str) -> set[str]:
 
 def test_the_views_show_what_older_versions_wrote(old_url: str) -> None:
     before = rows_of(old_url)
-    kant_sql.upgrade(old_url, "0004")
+    kant_sql.upgrade(old_url, revision="0004")
     assert views(old_url) == VIEWS
     assert rows_of(old_url) == before
     facts = "SELECT kind, text, since, until FROM audit_fact WHERE knowledge_base = 'tiago'"
@@ -60,28 +60,28 @@ def test_the_views_show_what_older_versions_wrote(old_url: str) -> None:
 
 def test_down_and_up_again(old_url: str) -> None:
     before = rows_of(old_url)
-    kant_sql.upgrade(old_url, "0004")
+    kant_sql.upgrade(old_url, revision="0004")
     whole = dump_of(old_url)
-    kant_sql.downgrade(old_url, "0003")
+    kant_sql.downgrade(old_url, revision="0003")
     assert views(old_url) == set()
     assert rows_of(old_url) == before
     record = f"{make_url(old_url).get_backend_name()}-0003.sql"
     assert dump_of(old_url) == (FOLDER / record).read_text(encoding="utf-8")
-    kant_sql.upgrade(old_url, "0004")
+    kant_sql.upgrade(old_url, revision="0004")
     assert dump_of(old_url) == whole
-    kant_sql.downgrade(old_url, "base")
+    kant_sql.downgrade(old_url, revision="base")
     assert (views(old_url), rows_of(old_url), current(old_url)) == (set(), {}, None)
 
 
 def test_a_view_of_somebody_elses_on_these_is_not_dropped_by_the_way(old_url: str) -> None:
-    kant_sql.upgrade(old_url, "0004")
+    kant_sql.upgrade(old_url, revision="0004")
     run_script(old_url, "CREATE VIEW theirs AS SELECT text FROM audit_fact")
     if make_url(old_url).get_backend_name() == "sqlite":
-        kant_sql.downgrade(old_url, "0003")
-        kant_sql.upgrade(old_url, "0004")
+        kant_sql.downgrade(old_url, revision="0003")
+        kant_sql.upgrade(old_url, revision="0004")
     else:
         with pytest.raises(KantSqlError, match="other objects depend on it"):
-            kant_sql.downgrade(old_url, "0003")
+            kant_sql.downgrade(old_url, revision="0003")
         assert current(old_url) == "0004"
     assert views(old_url) == {*VIEWS, "theirs"}
     assert len(ask(old_url, "SELECT * FROM theirs")) == len(

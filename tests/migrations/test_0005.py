@@ -37,7 +37,7 @@ def write_history(url: str, connect: Connect) -> None:
         " (:init (robot_at rb1 wp1) (= (level rb1) 1)) (:goal (and)))"
     )
     for number in range(20):
-        kb.function_values.increase("level", ["rb1"], 1)
+        kb.function_values.increase("level", objects=["rb1"], by=1)
         if number % 3 == 0:
             kb.propositions.delete(robot_at())
             kb.propositions.save(robot_at())
@@ -56,7 +56,7 @@ def test_forks_survive_down_and_up(empty_url: str, connect: Connect) -> None:
         for since, until, place in before[table]:
             assert place == fork(since, until), (table, since, until)
     states = read_states(empty_url, connect)
-    kant_sql.downgrade(empty_url, "0004")
+    kant_sql.downgrade(empty_url, revision="0004")
     assert dump_of(empty_url) == record("0004", empty_url)
     kant_sql.upgrade(empty_url)
     assert {table: ends(empty_url, table) for table in VERSIONS} == before

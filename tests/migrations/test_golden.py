@@ -48,7 +48,7 @@ def dump_of(url: str, **options: Any) -> str:
 
 @pytest.mark.parametrize("version", VERSIONS)
 def test_the_schema_of_each_version_is_the_one_on_record(empty_url: str, version: str) -> None:
-    kant_sql.upgrade(empty_url, version)
+    kant_sql.upgrade(empty_url, revision=version)
     live = dump_of(empty_url)
     record = FOLDER / f"{make_url(empty_url).get_backend_name()}-{version}.sql"
     if WRITE:

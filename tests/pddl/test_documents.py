@@ -62,7 +62,7 @@ def draw(drawn: set[str], seed_: int) -> None:
     @given(domains_and_problems())
     def note(documents: tuple[Domain, Problem]) -> None:
         domain, problem = documents
-        drawn.update(used_requirements(domain, problem))
+        drawn.update(used_requirements(domain, problem=problem))
         drawn.update(action.kind for action in domain.actions)
         for node in walk(*roots(domain, problem)):
             drawn.update(labels(node))

@@ -36,7 +36,7 @@ def problem(body: str) -> str:
 
 
 def parse(text: str) -> object:
-    return read_problem(text, DOMAIN) if "(problem" in text else read_domain(text)
+    return read_problem(text, domain=DOMAIN) if "(problem" in text else read_domain(text)
 
 
 def refusal(text: str) -> PddlError:

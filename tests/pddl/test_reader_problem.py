@@ -65,7 +65,7 @@ def problem(init: str, goal: str = "(and)", more: str = "", objects: str = "") -
 
 
 def test_everything(domain: Domain) -> None:
-    assert read_problem(PROBLEM, domain, strict=True) == Problem(
+    assert read_problem(PROBLEM, domain=domain, strict=True) == Problem(
         name="P1",
         domain="Depot",
         requirements=(":adl",),
@@ -114,7 +114,7 @@ def test_everything(domain: Domain) -> None:
 
 
 def test_the_order_of_facts_is_kept(domain: Domain) -> None:
-    found = read_problem(PROBLEM, domain)
+    found = read_problem(PROBLEM, domain=domain)
     assert [str(fact) for fact in found.facts] == ["(at t1 quay)", "(at T2 Hub)", "(free)"]
 
 
@@ -162,20 +162,21 @@ def test_values_without_the_domain() -> None:
 
 @pytest.mark.parametrize("bare", ["total-time", "(total-time)", "Total-Time"])
 def test_total_time(domain: Domain, bare: str) -> None:
-    found = read_problem(problem("", more=f"(:metric maximize {bare})"), domain, strict=True)
+    found = read_problem(problem("", more=f"(:metric maximize {bare})"), domain=domain, strict=True)
     assert found.metric == Metric("maximize", Fluent("total-time"))
 
 
 def test_numbers_may_name_objects(domain: Domain) -> None:
     text = problem("(at 10 12)", objects="(:objects 10 - crate 12 - place)")
-    found = read_problem(text, domain)
+    found = read_problem(text, domain=domain)
     assert found.facts == (Atom("at", (Constant("10"), Constant("12"))),)
     assert found.timed == ()
 
 
 def test_at_is_a_time_before_a_parenthesis(domain: Domain) -> None:
     found = read_problem(
-        problem("(at 10 (free)) (at 10.5 (at c hub))", objects="(:objects c - crate)"), domain
+        problem("(at 10 (free)) (at 10.5 (at c hub))", objects="(:objects c - crate)"),
+        domain=domain,
     )
     assert len(found.timed) == 2
     assert found.facts == ()
@@ -187,7 +188,7 @@ def test_many_facts_in_several_blocks(domain: Domain) -> None:
     values = [f"(= (load t{n}) {n}.5)" for n in range(500)]
     both = [*facts, *values]
     init = "\n ; a comment (\n".join(both * 2)
-    found = read_problem(problem(init, objects=objects), domain)
+    found = read_problem(problem(init, objects=objects), domain=domain)
     assert [str(fact) for fact in found.facts] == [fact.replace("HUB", "Hub") for fact in facts]
     assert [f"(= {one.fluent} {one.value})" for one in found.values] == values
     assert len(found.warnings) == 1500
@@ -199,13 +200,13 @@ def test_a_fault_in_a_late_block_has_its_place(domain: Domain) -> None:
     init = "\n".join(["(free)", *(f"(= (load t{n}) {n})" for n in range(9000)), "(at t1  nowhere)"])
     objects = "(:objects " + " ".join(f"t{n}" for n in range(9000)) + " - truck)"
     with pytest.raises(PddlError) as refused:
-        read_problem(problem(init, objects=objects), domain)
+        read_problem(problem(init, objects=objects), domain=domain)
     assert (refused.value.line, refused.value.column) == (9002, 9)
 
 
 def test_several_initial_states_are_one(domain: Domain) -> None:
     text = problem("(free)").replace("(:goal", "(:init (free) (at 3 (free))) (:goal")
-    found = read_problem(text, domain)
+    found = read_problem(text, domain=domain)
     assert found.facts == (FREE,)
     assert len(found.timed) == 1
     assert ["once" in warning.message for warning in found.warnings] == [True, True]
@@ -215,7 +216,7 @@ def test_read_gives_all_of_a_source() -> None:
     found = read(f"{PROBLEM}\n{DOMAIN}\n{PROBLEM}".replace("(problem P1)", "(problem p2)", 1))
     assert [type(document) for document in found] == [Problem, Domain, Problem]
     assert [document.name for document in found] == ["p2", "Depot", "P1"]
-    assert found[2] == read_problem(PROBLEM, read_domain(DOMAIN))
+    assert found[2] == read_problem(PROBLEM, domain=read_domain(DOMAIN))
     assert [document.warnings for document in found] == [(), (), ()]
 
 
@@ -231,6 +232,6 @@ def test_a_source_with_both_serves_both_readers() -> None:
     domain = read_domain(both)
     assert domain == read_domain(DOMAIN)
     assert [warning.line for warning in domain.warnings] == [8]
-    assert read_problem(both, domain) == read_problem(PROBLEM, domain)
+    assert read_problem(both, domain=domain) == read_problem(PROBLEM, domain=domain)
     with pytest.raises(PddlError, match="expected a problem alone"):
-        read_problem(both, domain, strict=True)
+        read_problem(both, domain=domain, strict=True)

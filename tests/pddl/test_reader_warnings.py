@@ -25,7 +25,7 @@ def domain(text: str) -> Domain:
 
 
 def problem(text: str) -> Problem:
-    return read_problem(text, DOMAIN)
+    return read_problem(text, domain=DOMAIN)
 
 
 @pytest.mark.parametrize(
@@ -211,7 +211,7 @@ def test_problems(body: str, column: int, message: str, standard: str | None) ->
     places = [(one.line, one.column) for one in found.warnings if message in one.message]
     assert places == [(2, column)], found.warnings
     with pytest.raises(PddlError):
-        read_problem(f"{head}{body})", DOMAIN, strict=True)
+        read_problem(f"{head}{body})", domain=DOMAIN, strict=True)
     if standard is not None:
         assert found == problem(f"{head}{standard})")
 

@@ -97,7 +97,7 @@ def test_conditions_goals_and_rules(condition: Formula, used: str) -> None:
     assert used_requirements(acting(effect=(When(condition, P),))) == tuple(
         r for r in REQUIREMENTS if r in {*expected, ":conditional-effects"}
     )
-    assert used_requirements(Domain("d"), Problem("p", "d", goal=(condition,))) == expected
+    assert used_requirements(Domain("d"), problem=Problem("p", "d", goal=(condition,))) == expected
     assert used_requirements(Domain("d", derived=(Derived("p", (), condition),))) == tuple(
         r for r in REQUIREMENTS if r in {*expected, ":derived-predicates"}
     )
@@ -168,7 +168,7 @@ def test_constraints(constraint: Formula, used: str) -> None:
     expected = (":strips", *used.split())
     assert used_requirements(Domain("d", constraints=(constraint,))) == expected
     problem = Problem("p", "d", constraints=(constraint,))
-    assert used_requirements(Domain("d"), problem) == expected
+    assert used_requirements(Domain("d"), problem=problem) == expected
 
 
 @pytest.mark.parametrize(
@@ -194,7 +194,7 @@ def test_constraints(constraint: Formula, used: str) -> None:
     ],
 )
 def test_problems(problem: Problem, used: str) -> None:
-    assert used_requirements(Domain("d"), problem) == (":strips", *used.split())
+    assert used_requirements(Domain("d"), problem=problem) == (":strips", *used.split())
 
 
 def costs(value: Expression | Term, fluent: Fluent = COST, operator: str = "increase") -> Domain:
@@ -215,10 +215,10 @@ LONG = replace(
 )
 def test_costs_need_no_numeric_fluents(domain: Domain) -> None:
     assert ":action-costs" in used_requirements(domain)
-    assert ":action-costs" in used_requirements(domain, PRICED)
-    assert ":numeric-fluents" not in used_requirements(domain, PRICED)
+    assert ":action-costs" in used_requirements(domain, problem=PRICED)
+    assert ":numeric-fluents" not in used_requirements(domain, problem=PRICED)
     # Files of the competition leave the beginning out, and planners take 0.
-    assert ":action-costs" in used_requirements(domain, replace(PRICED, values=()))
+    assert ":action-costs" in used_requirements(domain, problem=replace(PRICED, values=()))
 
 
 SUM = Arithmetic("+", (COST, Arithmetic("*", (number(2), TIME))))
@@ -226,8 +226,8 @@ SUM = Arithmetic("+", (COST, Arithmetic("*", (number(2), TIME))))
 
 def test_time_counts_as_a_cost_where_actions_last() -> None:
     both = replace(PRICED, metric=Metric("minimize", SUM))
-    assert ":action-costs" in used_requirements(LONG, both)
-    assert ":numeric-fluents" in used_requirements(costs(DIST), both)
+    assert ":action-costs" in used_requirements(LONG, problem=both)
+    assert ":numeric-fluents" in used_requirements(costs(DIST), problem=both)
 
 
 # What breaks each rule of https://ipc08.icaps-conference.org/deterministic/PddlActionCosts.html.
@@ -255,11 +255,11 @@ def test_time_counts_as_a_cost_where_actions_last() -> None:
     ],
 )
 def test_other_uses_of_numbers_need_numeric_fluents(domain: Domain, problem: Problem) -> None:
-    used = used_requirements(domain, problem)
+    used = used_requirements(domain, problem=problem)
     assert ":numeric-fluents" in used
     assert ":action-costs" not in used
 
 
 def test_names_count_in_any_case() -> None:
     domain = costs(DIST, Fluent("TOTAL-COST"))
-    assert ":action-costs" in used_requirements(domain, PRICED)
+    assert ":action-costs" in used_requirements(domain, problem=PRICED)

@@ -20,7 +20,7 @@ def check(domain: Domain, problem: Problem, strict: bool) -> tuple[Warnings, War
     assert read == domain
     assert write(read) == text
     text = write(problem)
-    again = read_problem(text, read, strict=strict)
+    again = read_problem(text, domain=read, strict=strict)
     assert again == problem
     assert write(again) == text
     return read.warnings, again.warnings

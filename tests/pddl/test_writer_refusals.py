@@ -85,7 +85,7 @@ def test_the_deepest_that_is_written_is_read() -> None:
     deepest = nested(MAX_DEPTH - 1)
     for goal_ in (deepest, deep_sum(MAX_DEPTH - 2)):
         text = write(Problem("p", "d", goal=(goal_,)))
-        assert write(read_problem(text, KNOWN)) == text
+        assert write(read_problem(text, domain=KNOWN)) == text
     for action in (
         Action("action", "a", condition=(deepest,)),
         Action("action", "a", effect=(When(nested(MAX_DEPTH - 2), FREE),)),
@@ -100,7 +100,7 @@ def test_the_deepest_that_is_read_is_written() -> None:
     deep = f"{'(not ' * levels}(free){')' * levels}"
     for formula in (deep, f"(and {deep})", f"(and (free) {deep})"):
         text = f"(define (problem p) (:domain d) (:init) (:goal {formula}))"
-        assert deep in write(read_problem(text, KNOWN))
+        assert deep in write(read_problem(text, domain=KNOWN))
 
 
 def goal(formula: Formula) -> Problem:

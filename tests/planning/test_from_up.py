@@ -75,7 +75,7 @@ def test_what_is_written_is_read_strictly(problem: model.Problem) -> None:
     domain, asked = from_unified_planning(problem)
     read = read_domain(write(domain), strict=True)
     assert read == domain
-    assert read_problem(write(asked), read, strict=True) == asked
+    assert read_problem(write(asked), domain=read, strict=True) == asked
 
 
 def test_names_that_pddl_cannot_carry() -> None:
@@ -253,11 +253,11 @@ def test_the_examples_of_unified_planning_go_there_and_back() -> None:
             domain, asked = from_unified_planning(example.problem)
         except UnsupportedConstructError:
             continue
-        made = to_unified_planning(domain, asked)
+        made = to_unified_planning(domain, problem=asked)
         assert made.kind == example.problem.kind or name in DIFFERENT_KIND, name
         text = write(domain), write(asked)
         read = read_domain(text[0])
-        assert (read, read_problem(text[1], read)) == (domain, asked), name
+        assert (read, read_problem(text[1], domain=read)) == (domain, asked), name
         same += 1
     assert same >= 30
 
@@ -283,7 +283,8 @@ def test_what_unified_planning_reads_goes_there_and_back() -> None:
             theirs = PDDLReader(environment).parse_problem(str(pair.domain), str(pair.problem))
         except Exception:
             continue
-        ours = to_unified_planning(*from_unified_planning(theirs), environment)
+        domain, problem = from_unified_planning(theirs)
+        ours = to_unified_planning(domain, problem=problem, environment=environment)
         compared += 1
         assert spelled(normal_form(ours)) == spelled(normal_form(theirs)), pair.name
     assert compared >= (50 if EVERYTHING else 3)

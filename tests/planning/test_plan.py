@@ -65,7 +65,13 @@ def documents(
     given = WALK.format(precondition=precondition, effect=effect) if actions is None else actions
     text = MOVE.format(predicates=predicates, functions=functions, actions=given)
     domain = read_domain(text)
-    return domain, read_problem(ASKED.format(init=init, goal=goal, more=more), domain)
+    return domain, read_problem(ASKED.format(init=init, goal=goal, more=more), domain=domain)
+
+
+def solve_pair(
+    given: tuple[Domain, Problem], engine: str | None = None, timeout: float | None = None
+) -> Plan:
+    return solve(given[0], problem=given[1], engine=engine, timeout=timeout)
 
 
 TEMPORAL = documents(
@@ -111,7 +117,7 @@ def test_the_text_is_vals() -> None:
 @pytest.mark.usefixtures("quick_start")
 @pytest.mark.parametrize("engine", ["fast-downward", "pyperplan", "aries"])
 def test_engines_by_name(engine: str) -> None:
-    plan = solve(*documents(), engine=engine, timeout=60)
+    plan = solve_pair(documents(), engine=engine, timeout=60)
     assert (plan.steps, plan.engine, plan.revision) == (STEPS, engine, None)
     assert plan.status == "solved_satisficing"
 
@@ -123,7 +129,7 @@ def test_classical_plan(val: Path, tmp_path: Path) -> None:
         predicates="(walk ?w - wp)",
         effect="(when (path ?b ?a) (walk ?b))",
     )
-    plan = solve(*given, timeout=60)
+    plan = solve_pair(given, timeout=60)
     assert plan.engine == "fast-downward"
     assert plan.steps == STEPS  # though a predicate has the action's name
     assert valid(val, tmp_path, given, plan)
@@ -138,14 +144,14 @@ def test_numeric_plan(val: Path, tmp_path: Path) -> None:
         effect="(decrease (fuel) 1.5)",
         init="(= (fuel) 3)",
     )
-    plan = solve(*given, timeout=60)
+    plan = solve_pair(given, timeout=60)
     assert plan.engine == "enhsp"
     assert valid(val, tmp_path, given, plan)
 
 
 @pytest.mark.usefixtures("quick_start")
 def test_temporal_plan(val: Path, tmp_path: Path) -> None:
-    plan = solve(*TEMPORAL, timeout=60)
+    plan = solve_pair(TEMPORAL, timeout=60)
     assert plan.engine == "aries"
     assert [step.duration for step in plan.steps] == [Decimal(4), Decimal(2)]
     assert valid(val, tmp_path, TEMPORAL, plan)
@@ -159,7 +165,7 @@ def test_what_an_engine_does_not_know_is_compiled_away(val: Path, tmp_path: Path
         init="(path b a) (path a c)",
         more="(:constraints (and (sometime (seen b)) (sometime-before (at rb c) (seen a))))",
     )
-    plan = solve(*given, timeout=60)
+    plan = solve_pair(given, timeout=60)
     assert plan.engine == "fast-downward"
     assert [step.arguments[2] for step in plan.steps][-1] == "c"
     assert "a" in [step.arguments[2] for step in plan.steps]
@@ -175,7 +181,7 @@ def test_either_in_an_action_keeps_its_name() -> None:
         """
     )
     text = "(define (problem q) (:domain d) (:objects x - a y - b) (:init) (:goal (p y)))"
-    plan = solve(domain, read_problem(text, domain), timeout=60)
+    plan = solve(domain, problem=read_problem(text, domain=domain), timeout=60)
     assert plan.steps == (PlanStep(None, "mark", ("y",)),)
 
 
@@ -185,7 +191,7 @@ def test_preferred_goals() -> None:
         goal="(and (at rb b) (preference p (at rb c)))",
         more="(:metric minimize (* 5 (is-violated p)))",
     )
-    plan = solve(*given, timeout=60)
+    plan = solve_pair(given, timeout=60)
     assert plan.engine == "oversubscription[fast-downward]"
     assert plan.steps == STEPS[:1]
 
@@ -199,34 +205,34 @@ def test_a_metric_that_no_engine_knows_is_left_aside() -> None:
         more="(:metric minimize (+ (total-cost) (total-time)))",
         goal="(at rb c)",
     )
-    assert solve(*given, timeout=60).steps == STEPS
+    assert solve_pair(given, timeout=60).steps == STEPS
 
 
 @pytest.mark.usefixtures("quick_start")
 @pytest.mark.parametrize("engine", [None, "pyperplan"])
 def test_no_plan(engine: str | None) -> None:
     with pytest.raises(NoPlanError, match="no plan was found") as caught:
-        solve(*documents(goal="(and (at rb a) (at rb c))"), engine=engine, timeout=60)
+        solve_pair(documents(goal="(and (at rb a) (at rb c))"), engine=engine, timeout=60)
     assert caught.value.status.startswith("unsolvable")
 
 
 @pytest.mark.usefixtures("quick_start")
 def test_an_engine_that_does_not_suit() -> None:
     with pytest.raises(NoPlanError, match=r"pyperplan does not know .*continuous_time") as caught:
-        solve(*TEMPORAL, engine="pyperplan", timeout=60)
+        solve_pair(TEMPORAL, engine="pyperplan", timeout=60)
     assert caught.value.status == "unsupported_problem"
 
 
 @pytest.mark.usefixtures("quick_start")
 def test_an_engine_that_is_not_there() -> None:
     with pytest.raises(PlannerMissingError, match=r"engine hal9000 is not installed.*pyperplan"):
-        solve(*documents(), engine="hal9000", timeout=60)
+        solve_pair(documents(), engine="hal9000", timeout=60)
 
 
 @pytest.mark.usefixtures("quick_start")
 def test_what_has_no_counterpart() -> None:
     with pytest.raises(UnsupportedConstructError, match="within"):
-        solve(*documents(more="(:constraints (within 3 (at rb c)))"), timeout=60)
+        solve_pair(documents(more="(:constraints (within 3 (at rb c)))"), timeout=60)
 
 
 def _hard() -> tuple[Domain, Problem]:
@@ -254,7 +260,7 @@ def _hard() -> tuple[Domain, Problem]:
         f"""(define (problem fifteen) (:domain tiles)
           (:objects {" ".join(tiles)} {" ".join(f"p{a}{b}" for a, b in cells)})
           (:init {links} {on} (empty p33)) (:goal (and {goal})))""",
-        domain,
+        domain=domain,
     )
     return domain, problem
 
@@ -286,7 +292,7 @@ def test_time_is_up_and_nothing_stays_behind(
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     started = time.monotonic()
     with pytest.raises(NoPlanError, match="no plan was found within 4 seconds") as caught:
-        solve(*_hard(), engine=engine, timeout=4)
+        solve_pair(_hard(), engine=engine, timeout=4)
     assert caught.value.status == "timeout"
     assert time.monotonic() - started < 10
     assert _until(lambda: not _mentioning(tmp_path), 5)
@@ -303,7 +309,8 @@ def test_what_an_engine_starts_stays_in_the_group() -> None:
 
 @pytest.mark.skipif(not hasattr(os, "killpg"), reason="there are no process groups here")
 def test_a_killed_parent_leaves_nothing_behind(tmp_path: Path) -> None:
-    code = "import tests.planning.test_plan as t\nt.solve(*t._hard(), engine='fast-downward-opt')\n"
+    call = "t.solve_pair(t._hard(), engine='fast-downward-opt')"
+    code = f"import tests.planning.test_plan as t\n{call}\n"
     root, environment = Path(__file__).parents[2], {**os.environ, "TMPDIR": str(tmp_path)}
     parent = subprocess.Popen([sys.executable, "-c", code], cwd=root, env=environment)
     try:

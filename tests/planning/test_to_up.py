@@ -77,7 +77,7 @@ def test_either_in_a_quantifier_and_a_predicate() -> None:
     """
     read = read_domain(domain)
     problem = "(define (problem q) (:domain d) (:objects x - a) (:init) (:goal (done)))"
-    made = to_unified_planning(read, read_problem(problem, read))
+    made = to_unified_planning(read, problem=read_problem(problem, domain=read))
     action = made.action("act")
     assert str(made.fluent("p").signature[0].type) in {"top", "top - object"}
     conditions = " ".join(map(str, action.preconditions))
@@ -101,7 +101,7 @@ def test_derived_predicates_are_replaced() -> None:
     ).replace("(move))", "(move) (near ?x ?y - place))", 1)
     read = read_domain(domain)
     made = to_unified_planning(
-        read, read_problem(PROBLEM.format(init="", goal="(near q p)", more=""), read)
+        read, problem=read_problem(PROBLEM.format(init="", goal="(near q p)", more=""), domain=read)
     )
     assert not made.has_fluent("near")
     assert str(made.goals) == "[(road(q, p) or road(p, q))]"
@@ -273,7 +273,7 @@ def test_object_fluents() -> None:
     (define (problem one) (:domain couriers) (:objects a b - place kim - courier)
       (:init (= (place-of kim) a)) (:goal (= (place-of kim) b)))
     """
-    made = to_unified_planning(domain, read_problem(problem, domain))
+    made = to_unified_planning(domain, problem=read_problem(problem, domain=domain))
     assert str(made.fluent("place-of").type) == "place"
     assert str(made.action("drive").preconditions) == "[(not (place-of(c) == to))]"
     assert str(made.action("drive").effects) == "[place-of(c) := to]"

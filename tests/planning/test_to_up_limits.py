@@ -97,11 +97,11 @@ def test_several_supertypes_and_objects_of_several_types_are_refused() -> None:
     read = read_domain(two)
     problem = "(define (problem q) (:domain d) (:init) (:goal (p)))"
     with pytest.raises(UnsupportedConstructError, match="type c: it has the supertypes a and b"):
-        to_unified_planning(read, read_problem(problem, read))
+        to_unified_planning(read, problem=read_problem(problem, domain=read))
     read = read_domain("(define (domain d) (:types a b) (:predicates (p)))")
     either = "(define (problem q) (:domain d) (:objects x - (either a b)) (:init) (:goal (p)))"
     with pytest.raises(UnsupportedConstructError, match=r"object x: an object has one type"):
-        to_unified_planning(read, read_problem(either, read))
+        to_unified_planning(read, problem=read_problem(either, domain=read))
 
 
 def test_formulas_nested_as_deeply_as_can_be_read() -> None:
@@ -114,9 +114,9 @@ def test_derived_predicates_that_are_nested_too_deeply() -> None:
     rules = "".join(f"(:derived (d{n}) (not (d{n + 1})))" for n in range(2000))
     predicates = "".join(f"(d{n})" for n in range(2001))
     domain = read_domain(f"(define (domain d) (:predicates {predicates}) {rules})")
-    problem = read_problem("(define (problem q) (:domain d) (:init) (:goal (d0)))", domain)
+    problem = read_problem("(define (problem q) (:domain d) (:init) (:goal (d0)))", domain=domain)
     with pytest.raises(UnsupportedConstructError, match="nested too deeply"):
-        to_unified_planning(domain, problem)
+        to_unified_planning(domain, problem=problem)
 
 
 def test_an_environment_of_its_own() -> None:
@@ -143,7 +143,7 @@ def test_the_competitions_files_are_converted_or_refused_by_name() -> None:
     for pair in given:
         read = read_domain(pair.domain)
         try:
-            to_unified_planning(read, read_problem(pair.problem, read))
+            to_unified_planning(read, problem=read_problem(pair.problem, domain=read))
         except UnsupportedConstructError:
             continue
         converted += 1
@@ -169,7 +169,9 @@ def test_what_unified_planning_reads_itself_is_the_same() -> None:
                 for path in (pair.domain, pair.problem)
             )
             read = read_domain(domain)
-            ours = to_unified_planning(read, read_problem(problem, read), environment)
+            ours = to_unified_planning(
+                read, problem=read_problem(problem, domain=read), environment=environment
+            )
             compared += 1
             if normal_form(ours) != normal_form(theirs):
                 assert spelled(normal_form(ours)) == spelled(normal_form(theirs)), pair.name

@@ -50,8 +50,8 @@ def convert(
     environment: Environment | None = None,
 ) -> UpProblem:
     read = read_domain(DOMAIN.format(more=domain, precondition=precondition, effect=effect))
-    asked = read_problem(PROBLEM.format(init=init, goal=goal, more=problem), read)
-    return to_unified_planning(read, asked, environment)
+    asked = read_problem(PROBLEM.format(init=init, goal=goal, more=problem), domain=read)
+    return to_unified_planning(read, problem=asked, environment=environment)
 
 
 def durative(

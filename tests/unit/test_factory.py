@@ -88,9 +88,9 @@ def plugins(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
             from kant_sql.factory import SqliteDaoFactory
 
             class DuckDaoFactory(SqliteDaoFactory):
-                def __init__(self, url, knowledge_base="default", actor=None):
+                def __init__(self, url, *, knowledge_base="default", actor=None):
                     self.given = (url, knowledge_base, actor)
-                    super().__init__("sqlite://", knowledge_base, actor)
+                    super().__init__("sqlite://", knowledge_base=knowledge_base, actor=actor)
 
             class Impostor:
                 pass
@@ -231,13 +231,13 @@ def test_a_server_that_does_not_answer_is_named_without_the_password() -> None:
 @pytest.mark.parametrize("name", ["", "x" * 256, "a\0b", "a\nb", "\ud800", None, 5])
 def test_a_knowledge_base_has_a_printable_name(name: object) -> None:
     with pytest.raises(InvalidMetadataError, match="cannot name a knowledge base"):
-        create_dao_factory("sqlite://", name)  # type: ignore[arg-type]
+        create_dao_factory("sqlite://", knowledge_base=name)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("actor", [5, b"me", "a\0b", "\ud800"])
 def test_an_actor_that_cannot_be_kept_is_refused_at_once(actor: object) -> None:
     with pytest.raises(InvalidMetadataError, match=r"^actor"):
-        create_dao_factory("sqlite://", "tiago", actor)  # type: ignore[arg-type]
+        create_dao_factory("sqlite://", knowledge_base="tiago", actor=actor)  # type: ignore[arg-type]
 
 
 def test_every_error_of_the_library_is_one_tree() -> None:

@@ -60,7 +60,7 @@ def write_story(url: str, archive_url: str) -> None:
             kb.load_problem(PROBLEM)
         _change(kb)
         _plan(kb)
-        kb.archive(9, archive_url)
+        kb.archive(9, to=archive_url)
 
 
 def _change(kb: KnowledgeBase) -> None:
@@ -75,7 +75,7 @@ def _change(kb: KnowledgeBase) -> None:
     kb.propositions.save(fact)
     function = kb.functions.get("fuel")
     assert function is not None
-    kb.function_values.set(function, ["t1"], Decimal("5.25"))
+    kb.function_values.set(function, objects=["t1"], value=Decimal("5.25"))
     kb.objects.save(PddlObjectDto(PddlTypeDto("place"), "p3"))
     kb.objects.save(PddlObjectDto(PddlTypeDto("truck"), "p3"))
     kb.objects.delete(PddlObjectDto(PddlTypeDto("truck"), "p3"))
@@ -95,8 +95,8 @@ def _plan(kb: KnowledgeBase) -> None:
     )
     kb.plans.record(Plan((PlanStep(None, "rest", (), None),), "", ""))
     first, second = plan.steps
-    kb.plans.set_status(first, "started")
+    kb.plans.set_status(first, status="started")
     with kb.transaction(plan_step=first, actor="executive"):
         kb.propositions.delete_all()
-    kb.plans.set_status(first, "succeeded")
-    kb.plans.set_status(second, "aborted")
+    kb.plans.set_status(first, status="succeeded")
+    kb.plans.set_status(second, status="aborted")
