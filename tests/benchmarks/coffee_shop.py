@@ -167,7 +167,7 @@ def postgresql_stores(server: Server, wait: bool) -> Stores:
         new = make_url(server.new_database()).update_query_dict(options)
         urls.append(new.render_as_string(hide_password=False))
         kant_sql.upgrade(urls[-1])
-    connect = partial(kant_sql.connect, knowledge_base=urls[0], actor=KNOWLEDGE_BASE)
+    connect = partial(kant_sql.connect, urls[0], knowledge_base=KNOWLEDGE_BASE)
     return Stores(connect, partial(PsycopgDriver, urls[1]), False, tuple(urls))
 
 
@@ -178,12 +178,12 @@ def sqlite_stores(backend: str, folder: Path) -> Stores:
     for url in urls:
         kant_sql.upgrade(url)
     if backend == "sqlite-file":
-        connect = partial(kant_sql.connect, knowledge_base=urls[0], actor=KNOWLEDGE_BASE)
+        connect = partial(kant_sql.connect, urls[0], knowledge_base=KNOWLEDGE_BASE)
         return Stores(connect, partial(SqliteDriver.open, files[1]), False, urls)
     memory = sqlite3.connect(":memory:")
     with closing(sqlite3.connect(files[1])) as tables:
         tables.backup(memory)
-    connect = partial(kant_sql.connect, knowledge_base="sqlite://", actor=KNOWLEDGE_BASE)
+    connect = partial(kant_sql.connect, "sqlite://", knowledge_base=KNOWLEDGE_BASE)
     return Stores(connect, lambda: SqliteDriver(memory), True, ())
 
 
