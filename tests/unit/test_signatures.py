@@ -71,7 +71,7 @@ def callables() -> Iterator[tuple[str, Callable[..., Any], bool]]:
     for cls, name in reachable_classes().items():
         # What reads a store, behind the front door, is made by factories alone.
         if not is_plain_data(cls) and not cls.__name__.lstrip("_").startswith("Sql"):
-            yield f"{name}()", cls.__init__, True
+            yield f"{name}()", inspect.getattr_static(cls, "__init__"), True
         for attribute, method in inspect.getmembers(cls, is_own):
             if not attribute.startswith("_"):
                 yield f"{name}.{attribute}", method, True
@@ -103,7 +103,7 @@ def test_what_a_revision_says_of_itself_is_never_told_by_position() -> None:
             lambda: anyhow.factory.transaction("moving"),
             lambda: anyhow.restore(0, "it was better"),
             lambda: anyhow.function_values.set("battery", ["rb1"], 3),
-            lambda: kant_sql.connect("sqlite://", "tiago"),  # type: ignore[misc]
+            lambda: kant_sql.connect("sqlite://", "tiago"),  # type: ignore[call-arg]
         ):
             with pytest.raises(TypeError, match="positional argument"):
                 call()
