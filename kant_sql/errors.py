@@ -33,6 +33,10 @@ class TypeCycleError(InvalidKnowledgeError):
     """A type would be its own ancestor."""
 
 
+class InvalidArgumentError(KantSqlError, ValueError):
+    """An argument of a call that is no knowledge, as a limit: it is of a wrong type or value."""
+
+
 class PddlError(InvalidKnowledgeError):
     """PDDL text that cannot be read.
 
@@ -129,11 +133,11 @@ class PlanError(KantSqlError):
     """A plan, or the state of one of its steps, that does not go with what is stored."""
 
 
-class AnchorError(KantSqlError, ValueError):
+class AnchorError(InvalidArgumentError):
     """A document that should be an anchor, and is none."""
 
 
-class InvalidUrlError(KantSqlError, ValueError):
+class InvalidUrlError(InvalidArgumentError):
     """A database URL that cannot be read, or that no DAO family answers to."""
 
 
@@ -200,11 +204,11 @@ class TableMissingError(StoreError):
     """A statement names a table that the database does not have."""
 
 
-class InvalidMetadataError(KantSqlError, ValueError):
+class InvalidMetadataError(InvalidArgumentError):
     """The actor, reason or source of a revision cannot be kept as given."""
 
 
-class InvalidTimeoutError(KantSqlError, ValueError):
+class InvalidTimeoutError(InvalidArgumentError):
     """How long to wait was given as something that is no number of seconds from 0 on."""
 
 

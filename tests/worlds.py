@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import TypeVar
 
 from kant_sql import (
     PddlActionDto,
@@ -13,6 +14,8 @@ from kant_sql import (
     PddlTypeDto,
 )
 from kant_sql.dto.formula import Node
+
+D = TypeVar("D")
 
 ROBOT = PddlTypeDto("robot")
 WAYPOINT = PddlTypeDto("wp")
@@ -58,3 +61,10 @@ def literals(parts: Iterable[PddlConditionEffectDto | Node]) -> list[PddlConditi
     found = [part for part in parts if isinstance(part, PddlConditionEffectDto)]
     assert found == list(parts)
     return found
+
+
+def assigned(dto: D, **fields: object) -> D:
+    """Give a DTO with fields that its constructor would refuse: they are public, and unchecked."""
+    for name, value in fields.items():
+        setattr(dto, name, value)
+    return dto

@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from decimal import Decimal
 from typing import ClassVar, TypeVar
 
+from ..arguments import expect, expect_list
 from ..dto import (
     PddlActionDto,
     PddlConditionEffectDto,
@@ -28,7 +29,6 @@ from ..pddl.document import ACTION, DURATIVE_ACTION, EVENT, PROCESS
 from ..pddl.node_text import node_text
 from ..transaction import Transaction
 from .action_trees import Trees, action_trees
-from .base import expect, expect_list
 from .builder import DtoBuilder
 from .interfaces import PddlActionDao, PddlEventDao, PddlProcessDao
 from .named import SqlNamedDao

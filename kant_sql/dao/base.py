@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from itertools import islice
-from typing import Any, TypeVar
+from typing import TypeVar
 
-from ..errors import InvalidKnowledgeError, ReadOnlyError
+from ..arguments import iterate
+from ..errors import ReadOnlyError
 from ..store import Store
 
 T = TypeVar("T")
@@ -48,50 +49,6 @@ def refuse_past(store: Store, at: int | None) -> None:
         )
 
 
-def expect(value: Any, wanted: type[T], role: str) -> T:
-    """Check that a value is a DTO of the class that its place asks for.
-
-    Args:
-        value: the value.
-        wanted: the class.
-        role: what the value is, for the message.
-
-    Returns:
-        The value.
-
-    Raises:
-        InvalidKnowledgeError: it is something else.
-    """
-    if not isinstance(value, wanted):
-        raise InvalidKnowledgeError(
-            f"{role} is a {wanted.__name__}, not {type(value).__name__}: {value!r:.80}"
-        )
-    return value
-
-
-def expect_list(value: Any, wanted: type[T] | tuple[type[T], ...], role: str) -> Sequence[T]:
-    """Check that a value is a list, or a tuple, of DTOs of the class that its place asks for.
-
-    Args:
-        value: the value.
-        wanted: the class, or several.
-        role: what the list is, for the message.
-
-    Returns:
-        The value.
-
-    Raises:
-        InvalidKnowledgeError: it, or something in it, is something else.
-    """
-    if not isinstance(value, tuple):
-        expect(value, list, role)
-    for item in value:
-        if not isinstance(item, wanted):
-            first = wanted[0] if isinstance(wanted, tuple) else wanted
-            expect(item, first, f"each item of {role}")
-    return value  # type: ignore[no-any-return]
-
-
 def batches(items: Iterable[T]) -> Iterable[list[T]]:
     """Split what is given into lists of a bounded length.
 
@@ -104,10 +61,6 @@ def batches(items: Iterable[T]) -> Iterable[list[T]]:
     Raises:
         InvalidKnowledgeError: it is not iterable.
     """
-    if not isinstance(items, Iterable):
-        raise InvalidKnowledgeError(
-            f"what save_all takes is an iterable of DTOs, not {type(items).__name__}"
-        )
-    iterator = iter(items)
+    iterator = iterate(items, "what save_all takes", "an iterable of DTOs")
     while batch := list(islice(iterator, BATCH)):
         yield batch

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from decimal import Decimal
 from typing import Any
 
+from ..arguments import expect_list
 from ..dto import PddlFunctionDto, PddlFunctionValueDto, PddlObjectDto
 from ..dto.atom_dto import atom_text
 from ..dto.number import number_text
@@ -14,7 +15,6 @@ from ..fluents import FluentKey, FluentValue
 from ..knowledge.definitions import Definitions
 from ..knowledge.function import FunctionDefinition
 from ..transaction import Transaction
-from .base import expect_list
 from .fluent_interfaces import FunctionReference, Number, ObjectReference
 from .function import ensure_function
 from .references import Arguments

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import ClassVar
 
+from ..arguments import expect, expect_list
 from ..dto import PddlEitherTypeDto, PddlFunctionDto, PddlTypeDto
 from ..dto.formula import ARITHMETIC, COMPARISONS
 from ..dto.name import check_name
@@ -11,7 +12,6 @@ from ..dto.pddl_function_dto import function_text
 from ..errors import ConflictError
 from ..knowledge.function import FunctionDefinition
 from ..transaction import Transaction
-from .base import expect, expect_list
 from .builder import DtoBuilder
 from .dependants import Scope, clear_for_redefinition, delete_scope
 from .fluent_interfaces import PddlFunctionDao

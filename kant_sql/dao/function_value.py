@@ -6,6 +6,7 @@ from collections.abc import Iterable, Sequence
 from decimal import Decimal
 from typing import Any
 
+from ..arguments import expect, expect_list
 from ..dto import PddlFunctionDto, PddlFunctionValueDto, PddlObjectDto
 from ..dto.number import decimal_text
 from ..errors import InvalidKnowledgeError
@@ -13,7 +14,7 @@ from ..fluents import Fluent, FluentValue
 from ..transaction import Transaction
 from ..view import View
 from .arithmetic import DECREASE, INCREASE, SCALE_DOWN, SCALE_UP, Operation, calculate
-from .base import SqlDao, batches, expect, expect_list
+from .base import SqlDao, batches
 from .builder import DtoBuilder
 from .fluent_interfaces import (
     FunctionReference,

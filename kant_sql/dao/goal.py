@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
+from ..arguments import expect
 from ..atoms import AtomKey
 from ..dto.formula import Atom, Constant, Formula, Node
 from ..knowledge.formula import GOAL
@@ -13,7 +14,7 @@ from ..pddl.conjuncts import flatten
 from ..pddl.node_text import node_text
 from ..transaction import Transaction
 from ..view import View
-from .base import SqlDao, batches, expect
+from .base import SqlDao, batches
 from .dependants import propositions_on, retract
 from .formula import is_ground, put_formula, read_formula, read_formulas, remove_formula
 from .formula_interfaces import GoalDao

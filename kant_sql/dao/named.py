@@ -6,10 +6,11 @@ from abc import abstractmethod
 from collections.abc import Iterable
 from typing import Any, ClassVar, Generic, TypeVar
 
+from ..arguments import expect
 from ..dto.dto import NamedDto
 from ..knowledge.definitions import Definitions
 from ..transaction import Transaction
-from .base import SqlDao, batches, expect
+from .base import SqlDao, batches
 from .builder import DtoBuilder
 
 D = TypeVar("D", bound=NamedDto)

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import ClassVar
 
+from ..arguments import expect
 from ..dto import PddlObjectDto, PddlTypeDto
 from ..dto.name import check_name, fold
 from ..dto.parameters import either_text
 from ..errors import ConflictError
 from ..knowledge.object import ObjectDefinition
 from ..transaction import Transaction
-from .base import expect
 from .builder import DtoBuilder
 from .dependants import Scope, clear_for_redefinition, delete_scope
 from .interfaces import PddlObjectDao

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from ..arguments import expect_list
 from ..dto import PddlEitherTypeDto, PddlFunctionDto, PddlPredicateDto, PddlTypeDto
 from ..dto.name import check_name, fold
 from ..dto.parameters import either_text, variable_name
@@ -11,7 +12,6 @@ from ..errors import ArityError, InvalidKnowledgeError
 from ..knowledge.definitions import Definitions
 from ..knowledge.predicate import ParameterDefinition
 from ..transaction import Transaction
-from .base import expect_list
 from .type import ensure_type, ensure_types
 
 # The arguments of an atom are one index key, and PostgreSQL's keys end at 2,704 bytes.

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import ClassVar
 
+from ..arguments import expect, expect_list
 from ..dto import PddlPredicateDto, PddlTypeDto
 from ..dto.name import RESERVED_PREDICATES, check_name
 from ..dto.parameters import declaration_text
 from ..errors import ConflictError
 from ..knowledge.predicate import PredicateDefinition
 from ..transaction import Transaction
-from .base import expect, expect_list
 from .builder import DtoBuilder
 from .dependants import Scope, clear_for_redefinition, delete_scope
 from .interfaces import PddlPredicateDao

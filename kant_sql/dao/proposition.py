@@ -7,6 +7,7 @@ from typing import Any
 
 from sqlalchemy import ColumnElement, bindparam, false, literal_column, select
 
+from ..arguments import expect, expect_list
 from ..atoms import AtomKey
 from ..backends import in_rows
 from ..dto import PddlObjectDto, PddlPredicateDto, PddlPropositionDto
@@ -16,7 +17,7 @@ from ..knowledge.rows import table_of
 from ..tables import PropositionRow, PropositionVersionRow
 from ..transaction import Transaction
 from ..view import View
-from .base import SqlDao, batches, expect, expect_list
+from .base import SqlDao, batches
 from .builder import DtoBuilder
 from .dependants import propositions_on, retract
 from .interfaces import PddlPropositionDao

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import ClassVar
 
+from ..arguments import expect, expect_list
 from ..dto import PddlEitherTypeDto, PddlTypeDto
 from ..dto.name import RESERVED_TYPES, ROOT_TYPE, check_name, fold
 from ..dto.parameters import either_text
 from ..errors import ConflictError, InvalidKnowledgeError, TypeCycleError
 from ..knowledge.type import TypeDefinition
 from ..transaction import Transaction
-from .base import expect, expect_list
 from .builder import DtoBuilder
 from .dependants import clear_for_redefinition, delete_scope, of_types
 from .interfaces import PddlTypeDao

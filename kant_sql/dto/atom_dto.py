@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import ClassVar
 
+from ..arguments import expect, items
 from .dto import Dto
 from .pddl_object_dto import PddlObjectDto
 from .pddl_predicate_dto import PddlPredicateDto
@@ -22,11 +24,14 @@ class AtomDto(Dto):
     predicate: PddlPredicateDto
     objects: list[PddlObjectDto]
 
+    _predicate_role: ClassVar[str]
+    _objects_role: ClassVar[str]
+
     def __init__(
         self, predicate: PddlPredicateDto, objects: Iterable[PddlObjectDto] | None = None
     ) -> None:
-        self.predicate = predicate
-        self.objects = list(objects or ())
+        self.predicate = expect(predicate, PddlPredicateDto, self._predicate_role)
+        self.objects = items(objects, PddlObjectDto, self._objects_role)
 
     def get_predicate(self) -> PddlPredicateDto:
         """Give the predicate.
@@ -42,7 +47,7 @@ class AtomDto(Dto):
         Args:
             predicate: the new predicate.
         """
-        self.predicate = predicate
+        self.predicate = expect(predicate, PddlPredicateDto, self._predicate_role)
 
     def get_objects(self) -> list[PddlObjectDto]:
         """Give the terms.
@@ -58,7 +63,7 @@ class AtomDto(Dto):
         Args:
             objects: the objects in order; copied. `None` means none.
         """
-        self.objects = list(objects or ())
+        self.objects = items(objects, PddlObjectDto, self._objects_role)
 
 
 def atom_text(predicate: str, terms: Iterable[str]) -> str:

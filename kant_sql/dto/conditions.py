@@ -5,14 +5,25 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from .terms import Expression, Node, Number, Term, TypedName, list_text, variables_text
+from ..arguments import expect
+from .terms import (
+    EXPRESSIONS,
+    TERMS,
+    Expression,
+    FormulaNode,
+    Number,
+    Term,
+    TypedName,
+    list_text,
+    variables_text,
+)
 
 if TYPE_CHECKING:
     from .formula import Formula
 
 
 @dataclass(frozen=True, slots=True)
-class Atom(Node):
+class Atom(FormulaNode):
     """A predicate applied to terms.
 
     Attributes:
@@ -23,12 +34,16 @@ class Atom(Node):
     predicate: str
     terms: tuple[Term, ...] = ()
 
+    def __post_init__(self) -> None:
+        expect(self.predicate, str, "the predicate of an Atom")
+        self._keep("terms", TERMS, "the terms of an Atom")
+
     def __str__(self) -> str:
         return list_text(self.predicate, *self.terms)
 
 
 @dataclass(frozen=True, slots=True)
-class Equal(Node):
+class Equal(FormulaNode):
     """Two terms that denote one object.
 
     Attributes:
@@ -39,12 +54,16 @@ class Equal(Node):
     left: Term
     right: Term
 
+    def __post_init__(self) -> None:
+        expect(self.left, TERMS, "the left of an Equal")
+        expect(self.right, TERMS, "the right of an Equal")
+
     def __str__(self) -> str:
         return list_text("=", self.left, self.right)
 
 
 @dataclass(frozen=True, slots=True)
-class Comparison(Node):
+class Comparison(FormulaNode):
     """Two numbers that are compared; a duration's constraint is one, too.
 
     Attributes:
@@ -57,12 +76,17 @@ class Comparison(Node):
     left: Expression
     right: Expression
 
+    def __post_init__(self) -> None:
+        expect(self.operator, str, "the operator of a Comparison")
+        expect(self.left, EXPRESSIONS, "the left of a Comparison")
+        expect(self.right, EXPRESSIONS, "the right of a Comparison")
+
     def __str__(self) -> str:
         return list_text(self.operator, self.left, self.right)
 
 
 @dataclass(frozen=True, slots=True)
-class Not(Node):
+class Not(FormulaNode):
     """A negation; as an effect, a delete.
 
     Attributes:
@@ -71,12 +95,15 @@ class Not(Node):
 
     formula: Formula
 
+    def __post_init__(self) -> None:
+        expect(self.formula, FormulaNode, "the formula of a Not")
+
     def __str__(self) -> str:
         return list_text("not", self.formula)
 
 
 @dataclass(frozen=True, slots=True)
-class And(Node):
+class And(FormulaNode):
     """A conjunction.
 
     Attributes:
@@ -85,12 +112,15 @@ class And(Node):
 
     formulas: tuple[Formula, ...] = ()
 
+    def __post_init__(self) -> None:
+        self._keep("formulas", FormulaNode, "the formulas of an And")
+
     def __str__(self) -> str:
         return list_text("and", *self.formulas)
 
 
 @dataclass(frozen=True, slots=True)
-class Or(Node):
+class Or(FormulaNode):
     """A disjunction.
 
     Attributes:
@@ -99,12 +129,15 @@ class Or(Node):
 
     formulas: tuple[Formula, ...] = ()
 
+    def __post_init__(self) -> None:
+        self._keep("formulas", FormulaNode, "the formulas of an Or")
+
     def __str__(self) -> str:
         return list_text("or", *self.formulas)
 
 
 @dataclass(frozen=True, slots=True)
-class Imply(Node):
+class Imply(FormulaNode):
     """An implication.
 
     Attributes:
@@ -115,12 +148,16 @@ class Imply(Node):
     condition: Formula
     formula: Formula
 
+    def __post_init__(self) -> None:
+        expect(self.condition, FormulaNode, "the condition of an Imply")
+        expect(self.formula, FormulaNode, "the formula of an Imply")
+
     def __str__(self) -> str:
         return list_text("imply", self.condition, self.formula)
 
 
 @dataclass(frozen=True, slots=True)
-class Forall(Node):
+class Forall(FormulaNode):
     """A formula, or an effect, for all objects.
 
     Attributes:
@@ -131,12 +168,16 @@ class Forall(Node):
     variables: tuple[TypedName, ...]
     formula: Formula
 
+    def __post_init__(self) -> None:
+        self._keep("variables", TypedName, "the variables of a Forall")
+        expect(self.formula, FormulaNode, "the formula of a Forall")
+
     def __str__(self) -> str:
         return list_text("forall", f"({variables_text(self.variables)})", self.formula)
 
 
 @dataclass(frozen=True, slots=True)
-class Exists(Node):
+class Exists(FormulaNode):
     """A formula that holds for some objects.
 
     Attributes:
@@ -147,12 +188,16 @@ class Exists(Node):
     variables: tuple[TypedName, ...]
     formula: Formula
 
+    def __post_init__(self) -> None:
+        self._keep("variables", TypedName, "the variables of an Exists")
+        expect(self.formula, FormulaNode, "the formula of an Exists")
+
     def __str__(self) -> str:
         return list_text("exists", f"({variables_text(self.variables)})", self.formula)
 
 
 @dataclass(frozen=True, slots=True)
-class Timed(Node):
+class Timed(FormulaNode):
     """A condition or an effect at a time of a durative action; `at end`, a constraint's too.
 
     Attributes:
@@ -163,12 +208,16 @@ class Timed(Node):
     time: str
     formula: Formula
 
+    def __post_init__(self) -> None:
+        expect(self.time, str, "the time of a Timed")
+        expect(self.formula, FormulaNode, "the formula of a Timed")
+
     def __str__(self) -> str:
         return f"({self.time} {self.formula})"
 
 
 @dataclass(frozen=True, slots=True)
-class Preference(Node):
+class Preference(FormulaNode):
     """A soft goal, precondition or constraint (PDDL 3.0, section 3).
 
     Attributes:
@@ -179,12 +228,17 @@ class Preference(Node):
     name: str | None
     formula: Formula
 
+    def __post_init__(self) -> None:
+        if self.name is not None:
+            expect(self.name, str, "the name of a Preference")
+        expect(self.formula, FormulaNode, "the formula of a Preference")
+
     def __str__(self) -> str:
         return list_text("preference", *([] if self.name is None else [self.name]), self.formula)
 
 
 @dataclass(frozen=True, slots=True)
-class Modal(Node):
+class Modal(FormulaNode):
     """A constraint on the trajectory (PDDL 3.0, section 2).
 
     Attributes:
@@ -197,6 +251,11 @@ class Modal(Node):
     operator: str
     numbers: tuple[Number, ...]
     formulas: tuple[Formula, ...]
+
+    def __post_init__(self) -> None:
+        expect(self.operator, str, "the operator of a Modal")
+        self._keep("numbers", Number, "the numbers of a Modal")
+        self._keep("formulas", FormulaNode, "the formulas of a Modal")
 
     def __str__(self) -> str:
         return list_text(self.operator, *self.numbers, *self.formulas)

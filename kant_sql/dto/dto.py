@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import ClassVar
 
+from ..arguments import expect
+from ..errors import InvalidNameError
 from .name import fold
 
 
@@ -46,7 +48,14 @@ class NamedDto(Dto):
         Args:
             name: the new name.
         """
-        self.name = name
+        self.name = self._checked_name(name)
+
+    @classmethod
+    def _checked_name(cls, name: str) -> str:
+        # What PDDL makes a name is checked when it is saved.
+        if type(name) is not str:
+            expect(name, str, f"the name of a {cls.__name__}", InvalidNameError)
+        return name
 
     def _identity(self) -> tuple[object, ...]:
         return (self._kind, fold(self.name))

@@ -5,15 +5,28 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from ..arguments import expect
 from .conditions import Atom, Not
-from .terms import Expression, Fluent, Node, Number, Term, TypedName, list_text, variables_text
+from .terms import (
+    EXPRESSIONS,
+    TERMS,
+    Expression,
+    Fluent,
+    FormulaNode,
+    Node,
+    Number,
+    Term,
+    TypedName,
+    list_text,
+    variables_text,
+)
 
 if TYPE_CHECKING:
     from .formula import Formula
 
 
 @dataclass(frozen=True, slots=True)
-class When(Node):
+class When(FormulaNode):
     """A conditional effect.
 
     Attributes:
@@ -24,12 +37,16 @@ class When(Node):
     condition: Formula
     effect: Formula
 
+    def __post_init__(self) -> None:
+        expect(self.condition, FormulaNode, "the condition of a When")
+        expect(self.effect, FormulaNode, "the effect of a When")
+
     def __str__(self) -> str:
         return list_text("when", self.condition, self.effect)
 
 
 @dataclass(frozen=True, slots=True)
-class Assign(Node):
+class Assign(FormulaNode):
     """An effect on a fluent.
 
     Attributes:
@@ -41,6 +58,11 @@ class Assign(Node):
     operator: str
     fluent: Fluent
     value: Expression | Term
+
+    def __post_init__(self) -> None:
+        expect(self.operator, str, "the operator of an Assign")
+        expect(self.fluent, Fluent, "the fluent of an Assign")
+        expect(self.value, (*EXPRESSIONS, *TERMS), "the value of an Assign")
 
     def __str__(self) -> str:
         return list_text(self.operator, self.fluent, self.value)
@@ -60,6 +82,11 @@ class Derived(Node):
     variables: tuple[TypedName, ...]
     formula: Formula
 
+    def __post_init__(self) -> None:
+        expect(self.predicate, str, "the predicate of a Derived")
+        self._keep("variables", TypedName, "the variables of a Derived")
+        expect(self.formula, FormulaNode, "the formula of a Derived")
+
     def __str__(self) -> str:
         head = " ".join(part for part in (self.predicate, variables_text(self.variables)) if part)
         return f"(:derived ({head}) {self.formula})"
@@ -76,6 +103,10 @@ class TimedLiteral(Node):
 
     time: Number
     effect: Atom | Not | Assign
+
+    def __post_init__(self) -> None:
+        expect(self.time, Number, "the time of a TimedLiteral")
+        expect(self.effect, (Atom, Not, Assign), "the effect of a TimedLiteral")
 
     def __str__(self) -> str:
         effect: object = self.effect
@@ -95,6 +126,10 @@ class Metric(Node):
 
     optimization: str
     expression: Expression
+
+    def __post_init__(self) -> None:
+        expect(self.optimization, str, "the optimization of a Metric")
+        expect(self.expression, EXPRESSIONS, "the expression of a Metric")
 
     def __str__(self) -> str:
         return f"(:metric {self.optimization} {self.expression})"

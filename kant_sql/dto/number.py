@@ -4,10 +4,40 @@ from __future__ import annotations
 
 from decimal import Decimal
 
+from ..arguments import refusal
 from ..errors import InvalidKnowledgeError
 
 # So many digits carry any double exactly written out, and no text grows beyond bounds.
 MAX_DIGITS = 400
+
+
+def check_number(value: object, role: str) -> Decimal:
+    """Check a number that knowledge can have.
+
+    Args:
+        value: an `int`, a `Decimal`, or a `float`, which is taken by its shortest digits; True and
+            False are none.
+        role: what it is, for the message.
+
+    Returns:
+        The number, exactly.
+
+    Raises:
+        InvalidKnowledgeError: it is none, not finite, or has more than `MAX_DIGITS` digits.
+    """
+    if isinstance(value, bool) or not isinstance(value, int | float | Decimal):
+        raise refusal(role, "a number", value)
+    number = Decimal(float.__repr__(value)) if isinstance(value, float) else Decimal(value)
+    if not _is_writable(number):
+        raise refusal(role, f"a finite number of at most {MAX_DIGITS} digits", value)
+    return number
+
+
+def _is_writable(number: Decimal) -> bool:
+    if not number.is_finite():
+        return False
+    digits, exponent = number.as_tuple()[1:]
+    return isinstance(exponent, int) and max(len(digits) + exponent, -exponent) <= MAX_DIGITS
 
 
 def decimal_text(number: Decimal) -> str:
@@ -22,8 +52,7 @@ def decimal_text(number: Decimal) -> str:
     Raises:
         InvalidKnowledgeError: it is not finite, or has more than `MAX_DIGITS` digits.
     """
-    digits, exponent = number.as_tuple().digits, number.as_tuple().exponent
-    if not isinstance(exponent, int) or max(len(digits) + exponent, -exponent) > MAX_DIGITS:
+    if not _is_writable(number):
         raise InvalidKnowledgeError(
             f"{str(number)[:60]} is no number that PDDL text carries; give a finite number of at "
             f"most {MAX_DIGITS} digits"

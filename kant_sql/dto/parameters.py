@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
+from ..arguments import items
+
 _EITHER = "(either "
 
 
@@ -31,6 +33,22 @@ def variable_name(type_name: str, position: int) -> str:
         The first letter of the type and the position, without a question mark.
     """
     return f"{type_name.removeprefix(_EITHER)[:1]}{position}"
+
+
+def checked_parameter_names(names: Iterable[str] | None, owner: str) -> list[str] | None:
+    """Check the names that a DTO gives to parameters.
+
+    Args:
+        names: the names, in order; None for "not said".
+        owner: what has the parameters, for the message.
+
+    Returns:
+        The names, or None.
+
+    Raises:
+        InvalidKnowledgeError: they are no list of strings.
+    """
+    return None if names is None else items(names, str, f"the parameter names of {owner}")
 
 
 def declaration_text(

@@ -7,16 +7,18 @@ from dataclasses import dataclass
 from decimal import Decimal
 from typing import ClassVar
 
+from ..arguments import expect_list, flag, items
 from .dto import NamedDto
 from .formula import Node
 from .name import fold
-from .number import number_text
+from .number import check_number, number_text
 from .pddl_condition_effect_dto import PddlConditionEffectDto
 from .pddl_object_dto import PddlObjectDto
 
 DEFAULT_DURATION = 10
 
 Duration = int | float | Decimal | Sequence[Node]
+_PARTS = (PddlConditionEffectDto, Node)
 
 
 @dataclass(init=False, eq=False)
@@ -54,12 +56,12 @@ class PddlActionDto(NamedDto):
         *,
         duration: Duration = DEFAULT_DURATION,
     ) -> None:
-        self.name = name
-        self.parameters = list(parameters or ())
-        self.conditions = list(conditions or ())
-        self.effects = list(effects or ())
-        self.durative = durative
-        self.duration = duration
+        self.name = self._checked_name(name)
+        self.set_parameters(parameters)
+        self.set_conditions(conditions)
+        self.set_effects(effects)
+        self.set_durative(durative)
+        self.set_duration(duration)
 
     @property
     def keyword(self) -> str:
@@ -80,7 +82,7 @@ class PddlActionDto(NamedDto):
         Args:
             parameters: the parameters in order; copied. `None` means none.
         """
-        self.parameters = list(parameters or ())
+        self.parameters = items(parameters, PddlObjectDto, "the parameters of an action")
 
     def get_conditions(self) -> list[PddlConditionEffectDto | Node]:
         """Give the conditions.
@@ -96,7 +98,7 @@ class PddlActionDto(NamedDto):
         Args:
             conditions: what must hold; copied. `None` means none.
         """
-        self.conditions = list(conditions or ())
+        self.conditions = items(conditions, _PARTS, "the conditions of an action")
 
     def get_effects(self) -> list[PddlConditionEffectDto | Node]:
         """Give the effects.
@@ -112,7 +114,7 @@ class PddlActionDto(NamedDto):
         Args:
             effects: what it brings about; copied. `None` means none.
         """
-        self.effects = list(effects or ())
+        self.effects = items(effects, _PARTS, "the effects of an action")
 
     def get_durative(self) -> bool:
         """Tell whether the action is durative.
@@ -128,7 +130,7 @@ class PddlActionDto(NamedDto):
         Args:
             durative: True when it is.
         """
-        self.durative = durative
+        self.durative = flag(durative, "durative of an action")
 
     def get_duration(self) -> Duration:
         """Give the duration.
@@ -144,7 +146,7 @@ class PddlActionDto(NamedDto):
         Args:
             duration: the duration, in the planner's units of time, or the constraints on it.
         """
-        self.duration = duration
+        self.duration = checked_duration(duration, "the duration of an action")
 
     def __str__(self) -> str:
         names = {fold(parameter.name) for parameter in self.parameters}
@@ -197,6 +199,25 @@ class PddlEventDto(_InstantDto):
 
 def _text(part: PddlConditionEffectDto | Node, parameters: set[str]) -> str:
     return part.text(parameters) if isinstance(part, PddlConditionEffectDto) else str(part)
+
+
+def checked_duration(duration: Duration, role: str) -> Duration:
+    """Check the duration of an action.
+
+    Args:
+        duration: a number, or the conjuncts of a constraint.
+        role: what it is, for the message.
+
+    Returns:
+        The same.
+
+    Raises:
+        InvalidKnowledgeError: it is neither a finite number nor a list of nodes.
+    """
+    if isinstance(duration, list | tuple):
+        return expect_list(duration, Node, role)
+    check_number(duration, role)
+    return duration
 
 
 def duration_text(duration: Duration) -> str:

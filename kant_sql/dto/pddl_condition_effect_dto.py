@@ -6,6 +6,7 @@ from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from typing import ClassVar
 
+from ..arguments import expect, flag
 from .atom_dto import AtomDto, atom_text
 from .name import fold
 from .pddl_object_dto import PddlObjectDto
@@ -33,6 +34,9 @@ class PddlConditionEffectDto(AtomDto):
     time: str | None
     is_negative: bool
 
+    _predicate_role: ClassVar[str] = "the predicate of a PddlConditionEffectDto"
+    _objects_role: ClassVar[str] = "the objects of a PddlConditionEffectDto"
+
     def __init__(
         self,
         predicate: PddlPredicateDto,
@@ -41,8 +45,8 @@ class PddlConditionEffectDto(AtomDto):
         is_negative: bool = False,
     ) -> None:
         super().__init__(predicate, objects)
-        self.time = time
-        self.is_negative = is_negative
+        self.set_time(time)
+        self.set_is_negative(is_negative)
 
     def get_time(self) -> str | None:
         """Give the time.
@@ -58,6 +62,8 @@ class PddlConditionEffectDto(AtomDto):
         Args:
             time: `AT_START`, `AT_END`, `OVER_ALL` or `None`.
         """
+        if time is not None:
+            expect(time, str, "the time of a PddlConditionEffectDto")
         self.time = time
 
     def get_is_negative(self) -> bool:
@@ -74,7 +80,7 @@ class PddlConditionEffectDto(AtomDto):
         Args:
             is_negative: True when it is.
         """
-        self.is_negative = is_negative
+        self.is_negative = flag(is_negative, "is_negative of a PddlConditionEffectDto")
 
     def _identity(self) -> tuple[object, ...]:
         terms = tuple(fold(object_.name) for object_ in self.objects)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+from ..arguments import items, refusal
 from .parameters import either_text
 from .pddl_type_dto import PddlTypeDto
 
@@ -23,7 +24,7 @@ class PddlEitherTypeDto(PddlTypeDto):
     types: list[PddlTypeDto]
 
     def __init__(self, types: Iterable[PddlTypeDto]) -> None:
-        self.types = list(types)
+        self.types = self._checked_types(types)
         super().__init__(either_text(type_.name for type_ in self.types))
 
     def get_types(self) -> list[PddlTypeDto]:
@@ -40,5 +41,11 @@ class PddlEitherTypeDto(PddlTypeDto):
         Args:
             types: the types in order; copied.
         """
-        self.types = list(types)
+        self.types = self._checked_types(types)
         self.name = either_text(type_.name for type_ in self.types)
+
+    @staticmethod
+    def _checked_types(types: Iterable[PddlTypeDto]) -> list[PddlTypeDto]:
+        if types is None:
+            raise refusal("the types of a PddlEitherTypeDto", "a list", types)
+        return items(types, PddlTypeDto, "the types of a PddlEitherTypeDto")

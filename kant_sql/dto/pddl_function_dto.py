@@ -6,9 +6,10 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
+from ..arguments import items
 from .dto import NamedDto
 from .formula import TypedName
-from .parameters import declaration_text
+from .parameters import checked_parameter_names, declaration_text
 from .pddl_type_dto import PddlTypeDto
 
 
@@ -45,10 +46,10 @@ class PddlFunctionDto(NamedDto):
         value_types: Iterable[PddlTypeDto] | None = None,
         parameter_names: Iterable[str] | None = None,
     ) -> None:
-        self.name = name
-        self.types = list(types or ())
-        self.value_types = list(value_types or ())
-        self.parameter_names = None if parameter_names is None else list(parameter_names)
+        self.name = self._checked_name(name)
+        self.set_types(types)
+        self.set_value_types(value_types)
+        self.set_parameter_names(parameter_names)
 
     def get_types(self) -> list[PddlTypeDto]:
         """Give the types of the parameters.
@@ -64,7 +65,7 @@ class PddlFunctionDto(NamedDto):
         Args:
             types: the types in order; copied. `None` means none.
         """
-        self.types = list(types or ())
+        self.types = items(types, PddlTypeDto, "the types of a PddlFunctionDto")
 
     def get_value_types(self) -> list[PddlTypeDto]:
         """Give the types of the values.
@@ -80,7 +81,7 @@ class PddlFunctionDto(NamedDto):
         Args:
             value_types: the types; copied. `None` means numbers.
         """
-        self.value_types = list(value_types or ())
+        self.value_types = items(value_types, PddlTypeDto, "the value types of a PddlFunctionDto")
 
     def get_parameter_names(self) -> list[str] | None:
         """Give the names of the parameters.
@@ -97,7 +98,7 @@ class PddlFunctionDto(NamedDto):
             parameter_names: the names in order, without question marks; copied. `None` means "not
                 said".
         """
-        self.parameter_names = None if parameter_names is None else list(parameter_names)
+        self.parameter_names = checked_parameter_names(parameter_names, "a PddlFunctionDto")
 
     def __str__(self) -> str:
         return function_text(

@@ -6,10 +6,11 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from decimal import Decimal
 
+from ..arguments import expect, items
 from .atom_dto import atom_text
 from .dto import Dto
 from .name import fold
-from .number import number_text
+from .number import check_number, number_text
 from .pddl_function_dto import PddlFunctionDto
 from .pddl_object_dto import PddlObjectDto
 
@@ -39,9 +40,9 @@ class PddlFunctionValueDto(Dto):
         objects: Iterable[PddlObjectDto] | None = None,
         value: FunctionValue = 0,
     ) -> None:
-        self.function = function
-        self.objects = list(objects or ())
-        self.value = value
+        self.set_function(function)
+        self.set_objects(objects)
+        self.set_value(value)
 
     def get_function(self) -> PddlFunctionDto:
         """Give the function.
@@ -57,7 +58,7 @@ class PddlFunctionValueDto(Dto):
         Args:
             function: the new function.
         """
-        self.function = function
+        self.function = expect(function, PddlFunctionDto, "the function of a PddlFunctionValueDto")
 
     def get_objects(self) -> list[PddlObjectDto]:
         """Give the arguments.
@@ -73,7 +74,7 @@ class PddlFunctionValueDto(Dto):
         Args:
             objects: the objects in order; copied. `None` means none.
         """
-        self.objects = list(objects or ())
+        self.objects = items(objects, PddlObjectDto, "the objects of a PddlFunctionValueDto")
 
     def get_value(self) -> FunctionValue:
         """Give the value.
@@ -89,6 +90,8 @@ class PddlFunctionValueDto(Dto):
         Args:
             value: a number, or an object for a function whose values are objects.
         """
+        if not isinstance(value, PddlObjectDto):
+            check_number(value, "the value of a PddlFunctionValueDto")
         self.value = value
 
     def _identity(self) -> tuple[object, ...]:

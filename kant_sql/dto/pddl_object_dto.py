@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
+from ..arguments import expect, flag
 from .dto import NamedDto
 from .pddl_type_dto import PddlTypeDto
 
@@ -29,9 +30,9 @@ class PddlObjectDto(NamedDto):
     _kind: ClassVar[str] = "object"
 
     def __init__(self, type: PddlTypeDto, name: str, *, is_constant: bool = False) -> None:
-        self.type = type
-        self.name = name
-        self.is_constant = is_constant
+        self.set_type(type)
+        self.name = self._checked_name(name)
+        self.set_is_constant(is_constant)
 
     def get_type(self) -> PddlTypeDto:
         """Give the type.
@@ -47,7 +48,7 @@ class PddlObjectDto(NamedDto):
         Args:
             type: the new type.
         """
-        self.type = type
+        self.type = expect(type, PddlTypeDto, "the type of a PddlObjectDto")
 
     def get_is_constant(self) -> bool:
         """Tell whether the domain declares it, not the problem.
@@ -63,7 +64,7 @@ class PddlObjectDto(NamedDto):
         Args:
             is_constant: True for a constant of the domain.
         """
-        self.is_constant = is_constant
+        self.is_constant = flag(is_constant, "is_constant of a PddlObjectDto")
 
     def __str__(self) -> str:
         return f"{self.name} - {self.type.name}"

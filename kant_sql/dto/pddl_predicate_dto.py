@@ -6,8 +6,9 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import ClassVar
 
+from ..arguments import items
 from .dto import NamedDto
-from .parameters import declaration_text
+from .parameters import checked_parameter_names, declaration_text
 from .pddl_type_dto import PddlTypeDto
 
 
@@ -38,9 +39,9 @@ class PddlPredicateDto(NamedDto):
         *,
         parameter_names: Iterable[str] | None = None,
     ) -> None:
-        self.name = name
-        self.types = list(types or ())
-        self.parameter_names = None if parameter_names is None else list(parameter_names)
+        self.name = self._checked_name(name)
+        self.set_types(types)
+        self.set_parameter_names(parameter_names)
 
     def get_types(self) -> list[PddlTypeDto]:
         """Give the types of the parameters.
@@ -56,7 +57,7 @@ class PddlPredicateDto(NamedDto):
         Args:
             types: the types in order; copied. `None` means none.
         """
-        self.types = list(types or ())
+        self.types = items(types, PddlTypeDto, "the types of a PddlPredicateDto")
 
     def get_parameter_names(self) -> list[str] | None:
         """Give the names of the parameters.
@@ -73,7 +74,7 @@ class PddlPredicateDto(NamedDto):
             parameter_names: the names in order, without question marks; copied. `None` means "not
                 said".
         """
-        self.parameter_names = None if parameter_names is None else list(parameter_names)
+        self.parameter_names = checked_parameter_names(parameter_names, "a PddlPredicateDto")
 
     def __str__(self) -> str:
         return declaration_text(self.name, [part.name for part in self.types], self.parameter_names)

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import ClassVar
 
+from ..arguments import flag
 from .atom_dto import AtomDto, atom_text
 from .name import fold
 from .pddl_object_dto import PddlObjectDto
@@ -26,6 +28,9 @@ class PddlPropositionDto(AtomDto):
 
     is_goal: bool
 
+    _predicate_role: ClassVar[str] = "the predicate of a PddlPropositionDto"
+    _objects_role: ClassVar[str] = "the objects of a PddlPropositionDto"
+
     def __init__(
         self,
         predicate: PddlPredicateDto,
@@ -33,7 +38,7 @@ class PddlPropositionDto(AtomDto):
         is_goal: bool = False,
     ) -> None:
         super().__init__(predicate, objects)
-        self.is_goal = is_goal
+        self.is_goal = flag(is_goal, "is_goal of a PddlPropositionDto")
 
     def get_is_goal(self) -> bool:
         """Tell whether it is a goal.
@@ -49,7 +54,7 @@ class PddlPropositionDto(AtomDto):
         Args:
             is_goal: True for a goal, False for a fact.
         """
-        self.is_goal = is_goal
+        self.is_goal = flag(is_goal, "is_goal of a PddlPropositionDto")
 
     def _identity(self) -> tuple[object, ...]:
         arguments = tuple(fold(object_.name) for object_ in self.objects)

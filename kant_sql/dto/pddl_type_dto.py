@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
+from ..arguments import expect
 from .dto import NamedDto
 
 
@@ -26,8 +27,8 @@ class PddlTypeDto(NamedDto):
     _kind: ClassVar[str] = "type"
 
     def __init__(self, name: str, *, parent: PddlTypeDto | None = None) -> None:
-        self.name = name
-        self.parent = parent
+        self.name = self._checked_name(name)
+        self.set_parent(parent)
 
     def get_parent(self) -> PddlTypeDto | None:
         """Give the parent.
@@ -43,6 +44,8 @@ class PddlTypeDto(NamedDto):
         Args:
             parent: the parent type, or `None`.
         """
+        if parent is not None:
+            expect(parent, PddlTypeDto, "the parent of a PddlTypeDto")
         self.parent = parent
 
     def __str__(self) -> str:

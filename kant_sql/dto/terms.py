@@ -6,12 +6,31 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from decimal import Decimal
 
+from ..arguments import expect, expect_tuple
 from .name import ROOT_TYPE
+from .number import check_number
 from .parameters import either_text
 
 
 class Node:
-    """A node of a formula, an effect or an expression."""
+    """A node of a formula, an effect or an expression.
+
+    Whoever makes one is held to the types of its attributes, else gets an `InvalidKnowledgeError`.
+    A list is kept as a tuple.
+    """
+
+    __slots__ = ()
+
+    def _keep(self, field: str, wanted: type | tuple[type, ...], role: str) -> None:
+        """Check a field that is a tuple, and make one of a list."""
+        value = getattr(self, field)
+        checked: tuple[object, ...] = expect_tuple(value, wanted, role)
+        if checked is not value:
+            object.__setattr__(self, field, checked)
+
+
+class FormulaNode(Node):
+    """A node that is a formula or an effect by itself, and can stand in another one."""
 
     __slots__ = ()
 
@@ -27,6 +46,12 @@ class TypedName:
 
     name: str
     types: tuple[str, ...] = (ROOT_TYPE,)
+
+    def __post_init__(self) -> None:
+        expect(self.name, str, "the name of a TypedName")
+        types = expect_tuple(self.types, str, "the types of a TypedName")
+        if types is not self.types:
+            object.__setattr__(self, "types", types)
 
     @property
     def type_text(self) -> str:
@@ -44,6 +69,9 @@ class Variable(Node):
 
     name: str
 
+    def __post_init__(self) -> None:
+        expect(self.name, str, "the name of a Variable")
+
     def __str__(self) -> str:
         return f"?{self.name}"
 
@@ -57,6 +85,9 @@ class Constant(Node):
     """
 
     name: str
+
+    def __post_init__(self) -> None:
+        expect(self.name, str, "the name of a Constant")
 
     def __str__(self) -> str:
         return self.name
@@ -74,6 +105,10 @@ class Fluent(Node):
     function: str
     terms: tuple[Term, ...] = ()
 
+    def __post_init__(self) -> None:
+        expect(self.function, str, "the function of a Fluent")
+        self._keep("terms", TERMS, "the terms of a Fluent")
+
     def __str__(self) -> str:
         return list_text(self.function, *self.terms)
 
@@ -83,15 +118,14 @@ class Number(Node):
     """A number, exactly.
 
     Attributes:
-        value: the number; an `int`, or a `float` by the shortest digits that denote it, is taken
-            too.
+        value: the number, finite and of at most `MAX_DIGITS` digits; an `int`, or a `float` by
+            the shortest digits that denote it, is taken too.
     """
 
     value: Decimal
 
     def __init__(self, value: Decimal | int | float) -> None:
-        exact = value if isinstance(value, Decimal) else Decimal(str(value))
-        object.__setattr__(self, "value", exact)
+        object.__setattr__(self, "value", check_number(value, "the value of a Number"))
 
     def __str__(self) -> str:
         return format(self.value, "f")
@@ -117,6 +151,10 @@ class Arithmetic(Node):
     operator: str
     operands: tuple[Expression, ...]
 
+    def __post_init__(self) -> None:
+        expect(self.operator, str, "the operator of an Arithmetic")
+        self._keep("operands", EXPRESSIONS, "the operands of an Arithmetic")
+
     def __str__(self) -> str:
         return list_text(self.operator, *self.operands)
 
@@ -131,12 +169,18 @@ class IsViolated(Node):
 
     preference: str
 
+    def __post_init__(self) -> None:
+        expect(self.preference, str, "the preference of an IsViolated")
+
     def __str__(self) -> str:
         return list_text("is-violated", self.preference)
 
 
 Term = Variable | Constant | Fluent
 Expression = Number | Fluent | Variable | Arithmetic | ContinuousTime | IsViolated
+# `isinstance` is faster on tuples than on unions.
+TERMS = (Variable, Constant, Fluent)
+EXPRESSIONS = (Number, Fluent, Variable, Arithmetic, ContinuousTime, IsViolated)
 
 
 def variables_text(variables: Iterable[TypedName], explicit: bool = False) -> str:

@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterable, Iterator
 from typing import Any, NamedTuple
 
-from ..dao.base import expect, expect_list
+from ..arguments import expect, expect_list
 from ..dto import (
     PddlActionDto,
     PddlFunctionDto,

@@ -21,7 +21,18 @@ from kant_sql.compat import (
     PddlPropositionDto,
     PddlTypeDto,
 )
-from tests.worlds import RB1, ROBOT, ROBOT_AT, WAYPOINT, WP1, WP2, literals, navigation, robot_at
+from tests.worlds import (
+    RB1,
+    ROBOT,
+    ROBOT_AT,
+    WAYPOINT,
+    WP1,
+    WP2,
+    assigned,
+    literals,
+    navigation,
+    robot_at,
+)
 
 NAVIGATION = str(navigation())
 
@@ -172,7 +183,7 @@ ILL_TYPED: dict[str, list[tuple[Any, str]]] = {
         (PddlPropositionDto(ROBOT_AT, [WP1, RB1]), "argument 1"),
         (PddlPropositionDto(ROBOT_AT, [RB1]), "1 arguments, expected 2"),
         (PddlPropositionDto(ROBOT_AT, [RB1, PddlObjectDto(ROBOT, "wp1")]), "is stored as"),
-        (PddlPropositionDto(None, [RB1, WP1]), "PddlPredicateDto"),  # type: ignore[arg-type]
+        (assigned(PddlPropositionDto(ROBOT_AT, [RB1, WP1]), predicate=None), "PddlPredicateDto"),
     ],
     "action": [
         (changed(lambda action: literals(action.conditions)[0].objects.reverse()), "term 1"),

@@ -18,7 +18,7 @@ from kant_sql import (
     TypeMismatchError,
 )
 from tests.reading import refuses
-from tests.worlds import ROBOT, ROBOT_AT, WAYPOINT, WP1, literals, navigation, robot_at
+from tests.worlds import ROBOT, ROBOT_AT, WAYPOINT, WP1, assigned, literals, navigation, robot_at
 
 Action = PddlActionDto
 Literal = PddlConditionEffectDto
@@ -33,7 +33,7 @@ def at_start(*objects: PddlObjectDto, predicate: PddlPredicateDto = ROBOT_AT) ->
 
 @pytest.mark.parametrize("time", [None, "at noon", "AT START", "", 5, ["at start"]])
 def test_a_literal_of_a_durative_action_needs_a_time(fresh_kb: KnowledgeBase, time: object) -> None:
-    wrong = Literal(ROBOT_AT, [R, S], time)  # type: ignore[arg-type]
+    wrong = assigned(Literal(ROBOT_AT, [R, S]), time=time)
     action = Action("go", [R, S], [at_start(R, S)], [at_start(R, S), wrong])
     caught = refuses(fresh_kb, InvalidKnowledgeError, lambda: fresh_kb.actions.save(action))
     assert "effect 2 of action 'go'" in str(caught.value)
@@ -44,7 +44,7 @@ def test_a_literal_of_a_durative_action_needs_a_time(fresh_kb: KnowledgeBase, ti
 def test_a_literal_of_an_action_that_is_not_durative_must_have_no_time(
     fresh_kb: KnowledgeBase, time: object
 ) -> None:
-    wrong = Literal(ROBOT_AT, [R, S], time)  # type: ignore[arg-type]
+    wrong = assigned(Literal(ROBOT_AT, [R, S]), time=time)
     action = Action("go", [R, S], [wrong], durative=False)
     caught = refuses(fresh_kb, InvalidKnowledgeError, lambda: fresh_kb.actions.save(action))
     assert "condition 1 of action 'go'" in str(caught.value)
@@ -156,5 +156,5 @@ def test_two_parameters_may_not_have_one_name(fresh_kb: KnowledgeBase) -> None:
 
 @pytest.mark.parametrize("name", ["", "?r", "a b", "x" * 256, None, 5])
 def test_parameters_have_names_that_pddl_can_carry(fresh_kb: KnowledgeBase, name: object) -> None:
-    wrong = PddlObjectDto(ROBOT, name)  # type: ignore[arg-type]
+    wrong = assigned(PddlObjectDto(ROBOT, "r"), name=name)
     refuses(fresh_kb, InvalidNameError, lambda: fresh_kb.actions.save(Action("go", [wrong])))

@@ -20,7 +20,17 @@ from kant_sql import (
     PddlTypeDto,
 )
 from tests.reading import last_changes, nothing_changes, refuses, state, versions
-from tests.worlds import RB1, ROBOT, ROBOT_AT, WAYPOINT, WP1, literals, navigation, robot_at
+from tests.worlds import (
+    RB1,
+    ROBOT,
+    ROBOT_AT,
+    WAYPOINT,
+    WP1,
+    assigned,
+    literals,
+    navigation,
+    robot_at,
+)
 
 Action = PddlActionDto
 Literal = PddlConditionEffectDto
@@ -142,7 +152,7 @@ def test_a_duration_that_is_no_number_of_0_or_more_is_refused(fresh_kb: Knowledg
     numbers = [-1, -0.5, math.nan, math.inf, -math.inf, 10**400, 10**5000, -(10**5000)]
     others: list[Any] = [True, False, None, "10", b"10", [10], 1j, object()]
     for duration in [*numbers, *others]:
-        action = Action("a", duration=duration)
+        action = assigned(Action("a"), duration=duration)
         call = partial(fresh_kb.actions.save, action)
         caught = refuses(fresh_kb, InvalidKnowledgeError, call)
         assert "action 'a': the duration is " in str(caught.value)

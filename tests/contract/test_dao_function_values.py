@@ -23,7 +23,7 @@ from kant_sql import (
 )
 from tests.fluents import BATTERY, LOCATION, distance
 from tests.reading import last_changes, rows, undone, versions
-from tests.worlds import RB1, ROBOT, WAYPOINT, WP1, WP2
+from tests.worlds import RB1, ROBOT, WAYPOINT, WP1, WP2, assigned
 
 Value = PddlFunctionValueDto
 COST = PddlFunctionDto("total-cost")
@@ -248,7 +248,7 @@ REFUSED: dict[str, tuple[type[KantSqlError], Callable[[Any], object], str]] = {
     ),
     "too large": (
         InvalidKnowledgeError,
-        lambda values: values.save(Value(BATTERY, [RB1], Decimal("1E+1000000"))),
+        lambda values: values.set("battery", ["rb1"], Decimal("1E+1000000")),
         "(battery rb1): 1E+1000000 is no number that PDDL text carries; give a finite number of "
         "at most 400 digits",
     ),
@@ -280,7 +280,7 @@ REFUSED: dict[str, tuple[type[KantSqlError], Callable[[Any], object], str]] = {
     ),
     "names in a DTO": (
         InvalidKnowledgeError,
-        lambda values: values.save(Value("battery", [RB1], 1)),  # type: ignore[arg-type]
+        lambda values: values.save(assigned(Value(BATTERY, [RB1], 1), function="battery")),
         "the function of a function value is a PddlFunctionDto, not str: 'battery'",
     ),
     "no DTO": (

@@ -24,7 +24,7 @@ from kant_sql import (
     TypeMismatchError,
 )
 from tests.reading import beside, last_changes, nothing_changes, refuses, undone, versions
-from tests.worlds import RB1, ROBOT, ROBOT_AT, WAYPOINT, WP1, WP2, navigation, robot_at
+from tests.worlds import RB1, ROBOT, ROBOT_AT, WAYPOINT, WP1, WP2, assigned, navigation, robot_at
 
 Function = PddlFunctionDto
 DISTANCE = Function("distance", [WAYPOINT, WAYPOINT])
@@ -160,10 +160,10 @@ def test_either_fits_objects_of_each_type(fresh_kb: KnowledgeBase) -> None:
         (Function("f", [WAYPOINT], parameter_names=[]), "has 0 parameter names for 1 types"),
         (Function("f", value_types=[PddlTypeDto("Number")]), "give no value types for numbers"),
         (Function("f", [PddlEitherTypeDto([])]), "'either' of no types"),
-        (Function("f", ["wp"]), "is a PddlTypeDto, not str"),  # type: ignore[list-item]
+        (assigned(Function("f"), types=["wp"]), "is a PddlTypeDto, not str"),
         (Function("f", [WAYPOINT] * 101), "has 101 parameters, 100 at most"),
         (
-            Function("f", [WAYPOINT], parameter_names=[1]),  # type: ignore[list-item]
+            assigned(Function("f", [WAYPOINT]), parameter_names=[1]),
             "each item of the list of parameter names of function 'f' is a str",
         ),
     ],

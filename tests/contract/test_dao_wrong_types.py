@@ -27,7 +27,7 @@ from kant_sql import (
     PddlTypeDto,
 )
 from tests.reading import Undone, nothing_changes, refuses, undone
-from tests.worlds import RB1, ROBOT, ROBOT_AT, robot_at
+from tests.worlds import RB1, ROBOT, assigned, robot_at
 
 Path = tuple[str | int, ...]
 
@@ -195,7 +195,7 @@ def test_the_rest_of_a_transaction_survives_what_does_not_belong(
 ) -> None:
     with fresh_kb.transaction():
         fresh_kb.propositions.save(robot_at())
-        broken = PddlPropositionDto(ROBOT_AT, [RB1, None])  # type: ignore[list-item]
+        broken = assigned(robot_at(), objects=[RB1, None])
         with pytest.raises(InvalidKnowledgeError):
             fresh_kb.propositions.save(broken)
         assert fresh_kb.propositions.get_all() == [robot_at()]

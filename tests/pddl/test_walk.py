@@ -52,4 +52,4 @@ def test_walking_is_in_preorder() -> None:
 def test_depth_counts_the_longest_way_down() -> None:
     assert depth(A) == 1
     assert depth(And()) == 1
-    assert depth(And((Not(P), A))) == 5  # type: ignore[arg-type]
+    assert depth(And((Not(P), P))) == 5

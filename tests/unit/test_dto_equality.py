@@ -18,7 +18,7 @@ from kant_sql import (
     PddlPropositionDto,
     PddlTypeDto,
 )
-from tests.worlds import RB1, ROBOT, ROBOT_AT, WAYPOINT, WP1, WP2, navigation, robot_at
+from tests.worlds import RB1, ROBOT, ROBOT_AT, WAYPOINT, WP1, WP2, assigned, navigation, robot_at
 
 QUICK = settings(max_examples=100, deadline=None, derandomize=True, database=None)
 
@@ -94,6 +94,6 @@ def test_equality_of_names_implies_one_hash(one: str, other: str) -> None:
 
 
 def test_a_name_that_is_no_string_cannot_be_compared() -> None:
-    broken = PddlTypeDto(5)  # type: ignore[arg-type]
+    broken = assigned(PddlTypeDto("five"), name=5)
     with pytest.raises(InvalidNameError, match="a name is a string, not int"):
         hash(broken)

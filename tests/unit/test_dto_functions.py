@@ -20,7 +20,8 @@ from kant_sql import (
     PddlPredicateDto,
     PddlTypeDto,
 )
-from tests.worlds import RB1, ROBOT, WAYPOINT, WP1, WP2
+from kant_sql.dto.formula import Number
+from tests.worlds import RB1, ROBOT, WAYPOINT, WP1, WP2, assigned
 
 QUICK = settings(max_examples=100, deadline=None, derandomize=True, database=None)
 
@@ -117,8 +118,13 @@ def test_a_float_is_read_back_from_its_text(value: float) -> None:
     ids=repr,
 )
 def test_what_no_text_carries_is_refused(value: int | float | Decimal) -> None:
+    with pytest.raises(InvalidKnowledgeError, match="is a finite number of at most 400 digits"):
+        PddlFunctionValueDto(PddlFunctionDto("f"), [], value)
+    with pytest.raises(InvalidKnowledgeError, match="is a finite number of at most 400 digits"):
+        Number(value)
+    wrong = assigned(PddlFunctionValueDto(PddlFunctionDto("f")), value=value)
     with pytest.raises(InvalidKnowledgeError, match="give a finite number of at most 400 digits"):
-        str(PddlFunctionValueDto(PddlFunctionDto("f"), [], value))
+        str(wrong)
 
 
 def test_a_function_is_known_by_its_name_and_a_value_by_its_fluent() -> None:

@@ -1,0 +1,262 @@
+"""What is given to a call: checked where it comes in, and named in the refusal.
+
+A refusal says which argument it is about, what was expected, and what was given instead.
+"""
+
+from __future__ import annotations
+
+import reprlib
+from collections.abc import Iterable, Iterator, Mapping, Sequence, Set
+from itertools import islice
+from typing import Any, TypeVar
+
+from .errors import InvalidArgumentError, InvalidKnowledgeError, KantSqlError
+
+T = TypeVar("T")
+
+# Longer than any list that knowledge has: an iterator without end is refused.
+MAX_ITEMS = 1_000_000
+# Integers of more bits are not written out: Python refuses that from 4,300 digits on.
+_PRINTABLE_BITS = 400
+_TEXTS = (str, bytes, bytearray, memoryview)
+
+
+class _Shown(reprlib.Repr):
+    """Bounds what a message shows of a value, and survives values that cannot be shown."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.maxstring = self.maxother = 80
+        self.maxlong = 60
+
+    def repr1(self, x: Any, level: int) -> str:
+        if isinstance(x, int) and not isinstance(x, bool):
+            return self.repr_int(x, level)
+        try:
+            return super().repr1(x, level)
+        except Exception:
+            # Its class may only be named like one that reprlib knows.
+            return self.repr_instance(x, level)
+
+    def repr_int(self, x: int, level: int) -> str:
+        if int.bit_length(x) > _PRINTABLE_BITS:
+            return f"an integer of {int.bit_length(x)} bits"
+        return int.__repr__(x)
+
+
+_REPR = _Shown()
+
+
+def shown(value: object, length: int = 80) -> str:
+    """Show a value in a message: bounded, on one line, and whatever its `repr()` does.
+
+    Args:
+        value: the value.
+        length: the most characters to give.
+
+    Returns:
+        Its `repr()`, shortened.
+    """
+    return " ".join(_REPR.repr(value).split("\n"))[:length]
+
+
+def refusal(
+    role: str, expected: str, value: object, error: type[KantSqlError] = InvalidKnowledgeError
+) -> KantSqlError:
+    """Make the error for an argument.
+
+    Args:
+        role: what the argument is, for example `the predicate of a proposition`.
+        expected: what it has to be, for example `a PddlPredicateDto`.
+        value: what was given.
+        error: the class of the error.
+
+    Returns:
+        The error.
+    """
+    return error(f"{role} is {expected}, not {type(value).__name__}: {shown(value)}")
+
+
+def expect(
+    value: Any,
+    wanted: type[T] | tuple[type[T], ...],
+    role: str,
+    error: type[KantSqlError] = InvalidKnowledgeError,
+) -> T:
+    """Check that a value is of the class that its place asks for.
+
+    Args:
+        value: the value.
+        wanted: the class, or several.
+        role: what the value is, for the message.
+        error: the class of the error.
+
+    Returns:
+        The value.
+
+    Raises:
+        InvalidKnowledgeError: it is something else.
+    """
+    if not isinstance(value, wanted):
+        raise refusal(role, _named(wanted), value, error)
+    return value
+
+
+def _named(wanted: type | tuple[type, ...]) -> str:
+    names = [each.__name__ for each in (wanted if isinstance(wanted, tuple) else (wanted,))]
+    return f"a {' or '.join(names)}"
+
+
+def expect_list(value: Any, wanted: type[T] | tuple[type[T], ...], role: str) -> Sequence[T]:
+    """Check that a value is a list, or a tuple, of what its place asks for.
+
+    Args:
+        value: the value.
+        wanted: the class, or several.
+        role: what the list is, for the message.
+
+    Returns:
+        The value.
+
+    Raises:
+        InvalidKnowledgeError: it, or something in it, is something else.
+    """
+    if not isinstance(value, tuple):
+        expect(value, list, role)
+    for item in value:
+        if not isinstance(item, wanted):
+            expect(item, wanted, f"each item of {role}")
+    return value  # type: ignore[no-any-return]
+
+
+def expect_tuple(value: Any, wanted: type[T] | tuple[type[T], ...], role: str) -> tuple[T, ...]:
+    """Check what is to be a tuple, and make one of a list.
+
+    Args:
+        value: a tuple or a list.
+        wanted: the class of each item, or several.
+        role: what the tuple is, for the message.
+
+    Returns:
+        The tuple.
+
+    Raises:
+        InvalidKnowledgeError: it, or something in it, is something else.
+    """
+    kind = type(value)
+    if kind is not tuple:
+        if not isinstance(value, list | tuple):
+            raise refusal(role, "a tuple", value)
+        value = tuple(value)
+    for item in value:
+        if not isinstance(item, wanted):
+            expect(item, wanted, f"each item of {role}")
+    return value  # type: ignore[no-any-return]
+
+
+def items(value: Any, wanted: type[T] | tuple[type[T], ...], role: str) -> list[T]:
+    """Copy what is to be a list, and check what is in it.
+
+    Args:
+        value: an iterable with an order; None for no items.
+        wanted: the class of each item, or several.
+        role: what the list is, for the message.
+
+    Returns:
+        The items.
+
+    Raises:
+        InvalidKnowledgeError: it has no order, something in it is of another class, or it does not
+            end.
+    """
+    kind = type(value)
+    if kind is list or kind is tuple:
+        given = list(value)
+    elif value is None:
+        return []
+    else:
+        given = _collected(value, wanted, role)
+    for item in given:
+        if not isinstance(item, wanted):
+            expect(item, wanted, f"each item of {role}")
+    return given
+
+
+def _collected(value: Any, wanted: type[T] | tuple[type[T], ...], role: str) -> list[T]:
+    if isinstance(value, Mapping | Set):
+        raise refusal(role, "a list, which has an order", value)
+    iterator = iterate(value, role)
+    given = []
+    for item in islice(iterator, MAX_ITEMS + 1):
+        # Checked as it comes: an iterator without end is refused with its first wrong item.
+        given.append(expect(item, wanted, f"each item of {role}"))
+    if len(given) > MAX_ITEMS:
+        raise InvalidKnowledgeError(f"{role} has more than {MAX_ITEMS} items; split it up")
+    return given
+
+
+def iterate(value: Any, role: str, expected: str = "a list") -> Iterator[Any]:
+    """Begin to iterate over what has several items.
+
+    Args:
+        value: an iterable.
+        role: what it is, for the message.
+        expected: what it has to be, for the message.
+
+    Returns:
+        The iterator; what it raises is the caller's own error, and passes.
+
+    Raises:
+        InvalidKnowledgeError: it is not iterable, or a text.
+    """
+    if isinstance(value, _TEXTS) or not isinstance(value, Iterable):
+        raise refusal(role, expected, value)
+    try:
+        return iter(value)
+    except Exception as error:
+        raise refusal(role, f"{expected} that can be iterated over", value) from error
+
+
+def whole_number(
+    value: Any,
+    role: str,
+    *,
+    least: int = 0,
+    error: type[KantSqlError] = InvalidArgumentError,
+) -> int:
+    """Check a whole number.
+
+    Args:
+        value: the number; True and False are none.
+        role: what it is, for the message.
+        least: the least that it can be.
+        error: the class of the error.
+
+    Returns:
+        The number.
+
+    Raises:
+        InvalidArgumentError: it is no whole number, or too small.
+    """
+    if isinstance(value, bool) or not isinstance(value, int) or value < least:
+        raise refusal(role, f"a whole number from {least} on", value, error)
+    return value
+
+
+def flag(value: Any, role: str, error: type[KantSqlError] = InvalidKnowledgeError) -> bool:
+    """Check a truth value.
+
+    Args:
+        value: the value.
+        role: what it is, for the message.
+        error: the class of the error.
+
+    Returns:
+        The value.
+
+    Raises:
+        InvalidKnowledgeError: it is neither True nor False.
+    """
+    if value is not True and value is not False:
+        raise refusal(role, "True or False", value, error)
+    return value
