@@ -146,6 +146,25 @@ def _migrated_file() -> bytes:
         return path.read_bytes()
 
 
+# What is ignored in the process that starts the tests, as by `nohup` or a shell's `&`.
+STOPPING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def default_signals_for_children() -> Iterator[None]:
+    """Give all child processes the default signals, however the tests themselves are started.
+
+    A child inherits that a signal is ignored, but no handler: a handler that does nothing keeps
+    the signal away from the tests, and no child inherits it.
+    """
+    ignored = [number for number in STOPPING if signal.getsignal(number) is signal.SIG_IGN]
+    for number in ignored:
+        signal.signal(number, lambda *_: None)
+    yield
+    for number in ignored:
+        signal.signal(number, signal.SIG_IGN)
+
+
 @pytest.fixture(scope="session", autouse=True)
 def replayed_migrations() -> Iterator[None]:
     """Let what makes a store take as long as the database needs."""
