@@ -83,12 +83,21 @@ def check(url: str) -> None:
         SchemaError: they are missing, outdated or too new; the message names the remedy.
     """
     with _backend(url) as backend:
-        if not backend.exists():
-            raise SchemaMissingError(
-                f"{backend.label}: there is no such file; create a store with: "
-                f"kant-sql db upgrade '{backend.label}'"
-            )
+        _require_store(backend)
         _judge(backend, _current(backend))
+
+
+def require_store(url: str) -> None:
+    """Check that there is a database, whatever is in it.
+
+    Args:
+        url: the database URL.
+
+    Raises:
+        SchemaMissingError: it names an SQLite file that does not exist.
+    """
+    with _backend(url) as backend:
+        _require_store(backend)
 
 
 def check_session(session: Session) -> None:
@@ -180,6 +189,16 @@ def migrations_folder() -> Path:
     package = Path(__file__).resolve().parent
     installed = package / "migrations"
     return installed if installed.is_dir() else package.parent / "migrations"
+
+
+def _require_store(backend: Backend) -> None:
+    if not backend.exists():
+        # Only a file can be missing. Where it was looked for tells who has written one slash too
+        # few, or is in another folder.
+        path = Path(str(backend.url.database)).absolute()
+        raise SchemaMissingError(
+            f"{backend.label}: there is no such file, {path}; check the path and its slashes"
+        )
 
 
 def _current(backend: Backend) -> str | None:

@@ -7,9 +7,9 @@ import os
 from contextlib import nullcontext
 
 from alembic import context
-from sqlalchemy import Connection, make_url
+from sqlalchemy import Connection
 
-from kant_sql.backends import create_backend, roles_set_aside
+from kant_sql.backends import backend_name, create_backend, roles_set_aside
 from kant_sql.backends.views import drop_generated_views
 from kant_sql.schema import VERSION_TABLE
 from kant_sql.tables import Base
@@ -84,7 +84,7 @@ def run_offline(url: str) -> None:
         url: the database URL; only its dialect matters.
     """
     context.configure(
-        dialect_name=make_url(url).get_backend_name(),
+        dialect_name=backend_name(url),
         target_metadata=Base.metadata,
         version_table=VERSION_TABLE,
         literal_binds=True,

@@ -25,6 +25,21 @@ def dialect_name(url: str) -> str:
     Raises:
         InvalidUrlError: the text is no database URL.
     """
+    return parse_url(url).get_backend_name()
+
+
+def parse_url(url: str) -> URL:
+    """Read a database URL.
+
+    Args:
+        url: the URL; `postgres://`, which PostgreSQL's own tools accept too, is `postgresql://`.
+
+    Returns:
+        The URL.
+
+    Raises:
+        InvalidUrlError: the text is no database URL.
+    """
     parsed = _parse(url)
     if parsed is None:
         raise InvalidUrlError(
@@ -34,7 +49,8 @@ def dialect_name(url: str) -> str:
     if parsed.password is not None and "@" in f"{parsed.host}{parsed.database}":
         # Its second half would pass for the host, and be shown.
         raise InvalidUrlError("an @ in the password of a database URL is written as %40")
-    return parsed.get_backend_name()
+    name, plus, driver = parsed.drivername.partition("+")
+    return parsed.set(drivername=f"postgresql{plus}{driver}") if name == "postgres" else parsed
 
 
 def _parse(url: object) -> URL | None:
@@ -82,10 +98,10 @@ def create_backend(url: str) -> Backend:
     if backend_name(url) == "sqlite":
         from .sqlite import SqliteBackend
 
-        return SqliteBackend(make_url(url))
+        return SqliteBackend(parse_url(url))
     from .postgresql import PostgresqlBackend
 
-    return PostgresqlBackend(make_url(url))
+    return PostgresqlBackend(parse_url(url))
 
 
 def roles_set_aside(connection: Connection) -> AbstractContextManager[None]:

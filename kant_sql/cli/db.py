@@ -50,6 +50,7 @@ def downgrade(
 @db.command()
 def current(url: Url) -> None:
     """Tell the version of the tables, or "none"."""
+    schema.require_store(url)
     _write_version(url)
 
 

@@ -9,7 +9,7 @@ import typer
 from .entries import write_changes
 from .output import Printer, write_json
 from .stores import URL_VARIABLE, Name, open_to_read, split_url
-from .times import parse_when
+from .times import parse_state
 
 _USAGE = "[URL] A B"
 
@@ -21,7 +21,7 @@ def diff(
             metavar=_USAGE,
             show_default=False,
             help=f"The database URL [env var: {URL_VARIABLE}], and two moments: each a revision's "
-            "number, a time in ISO 8601, or as '2 hours ago'.",
+            "number, a time in ISO 8601, or as 'yesterday'.",
         ),
     ],
     kb: Name = None,
@@ -29,8 +29,10 @@ def diff(
 ) -> None:
     """Write what holds at B and not at A (+), or the reverse (-)."""
     url, (a, b) = split_url(words, _USAGE, "sqlite:///robot.db 12 '2 hours ago'")
-    first, second = parse_when(a, "A"), parse_when(b, "B")
+    moments = parse_state(a, "A"), parse_state(b, "B")
     with open_to_read(url, kb) as (name, knowledge_base):
+        head = knowledge_base.revision
+        first, second = (head if moment is None else moment for moment in moments)
         changes = knowledge_base.diff(first, second)
         if as_json:
             ends = [knowledge_base.at(when).revision for when in (first, second)]

@@ -6,10 +6,9 @@ from typing import Annotated
 
 import typer
 
-from ..errors import KantSqlError
 from .entries import version_document, write_version
-from .output import Printer, printable, write_json
-from .stores import URL_VARIABLE, Name, open_state, split_url
+from .output import Printer, write_json
+from .stores import URL_VARIABLE, Name, open_state, split_url, unknown_element
 from .times import At
 
 _USAGE = "[URL] NAME|PDDL"
@@ -41,7 +40,7 @@ def history(
     with open_state(url, kb, at) as (name, state):
         versions = state.history(element)
         if not versions:
-            raise _unknown(name, element, "never was there; see: kant-sql log")
+            raise unknown_element(state, name, element, "never was there; see: kant-sql log")
         printer = Printer()
         for position, version in enumerate(versions):
             if as_json:
@@ -63,12 +62,8 @@ def blame(
     with open_state(url, kb, at) as (name, state):
         version = state.blame(element)
         if version is None:
-            raise _unknown(name, element, "does not hold; see: kant-sql history")
+            raise unknown_element(state, name, element, "does not hold; see: kant-sql history")
         if as_json:
             write_json(version_document(version))
         else:
             write_version(Printer(), version)
-
-
-def _unknown(name: str, element: str, what: str) -> KantSqlError:
-    return KantSqlError(f"{printable(element)!r} in knowledge base {name!r}: it {what}")

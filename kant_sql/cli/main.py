@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Annotated, Any, NoReturn
 
 import typer
-from typer.core import TyperGroup
+from typer.core import TyperArgument, TyperGroup
 
 from .. import __version__
 from .anchor import anchor
@@ -30,8 +30,39 @@ from .views import views
 from .watch import watch
 
 
+class Argument(TyperArgument):
+    """An argument whose metavar is all that the help calls it: no braces, dots or Python types."""
+
+    def get_usage_pieces(self, ctx: Any) -> list[str]:
+        """Write the argument for the usage line.
+
+        Args:
+            ctx: what Typer gives.
+
+        Returns:
+            Its metavar.
+        """
+        return [self.metavar or str(self.name)]
+
+    def get_help_record(self, ctx: Any) -> tuple[str, str] | None:
+        """Write the argument for the list of arguments.
+
+        Args:
+            ctx: what Typer gives.
+
+        Returns:
+            Its metavar and its help.
+        """
+        record = super().get_help_record(ctx)
+        return record and (self.metavar or str(self.name), record[1])
+
+
 class Commands(TyperGroup):
     """The commands, with errors and endings of our own: one line, never a traceback."""
+
+    def __init__(self, *args: Any, **options: Any) -> None:
+        super().__init__(*args, **options)
+        _name_arguments(self)
 
     def main(self, *args: Any, **options: Any) -> NoReturn:
         """Run a command line and exit.
@@ -66,9 +97,22 @@ class Commands(TyperGroup):
             raise EndedEarlyError(INTERRUPTED) from error
 
 
+def _name_arguments(command: Any) -> None:
+    """Make the arguments of a command, and of those in it, ours: Typer offers no other way."""
+    for parameter in command.params:
+        if type(parameter) is TyperArgument:
+            parameter.__class__ = Argument
+    for one in getattr(command, "commands", {}).values():
+        _name_arguments(one)
+
+
 # Help is plain text: what it says of URLs would be read as markup.
 app = typer.Typer(
-    cls=Commands, add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None
+    cls=Commands,
+    add_completion=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
 )
 app.add_typer(db, name="db")
 _COMMANDS = (load, dump, check, plan, show, log, diff, history, blame, restore, views, watch)

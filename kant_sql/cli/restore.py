@@ -9,7 +9,7 @@ import typer
 from .entries import write_changes
 from .output import Printer, write_json
 from .stores import URL_VARIABLE, Name, open_to_read, split_url
-from .times import parse_when
+from .times import parse_state
 
 _USAGE = "[URL] REV|TIME"
 
@@ -38,9 +38,11 @@ def restore(
     It can be undone the same way.
     """
     url, (when,) = split_url(words, _USAGE, "sqlite:///robot.db 12")
-    moment = parse_when(when, "REV|TIME")
+    moment = parse_state(when, "REV|TIME")
     with open_to_read(url, kb) as (name, knowledge_base):
-        restored = knowledge_base.at(moment).revision
+        restored = knowledge_base.revision
+        if moment is not None:
+            restored = knowledge_base.at(moment).revision
         made = knowledge_base.restore(restored, reason=reason, actor=actor)
         changes = [] if made is None else knowledge_base.diff(made - 1, made)
         if as_json:

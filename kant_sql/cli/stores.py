@@ -12,7 +12,10 @@ import typer
 from ..catalog import knowledge_bases
 from ..errors import KantSqlError
 from ..knowledge_base import KnowledgeBase, connect
-from .times import parse_when
+from ..pddl.cursor import hint
+from ..pddl.tokens import tokenize
+from .output import printable
+from .times import parse_state
 
 URL_VARIABLE = "KANT_SQL_URL"
 DEFAULT_NAME = "default"
@@ -100,7 +103,7 @@ def open_state(url: str, name: str | None, at: str | None) -> Iterator[tuple[str
         KantSqlError: there is no such store, knowledge base or revision.
         typer.BadParameter: `at` is neither a number nor a time.
     """
-    when = None if at is None else parse_when(at)
+    when = parse_state(at)
     with open_to_read(url, name) as (chosen, knowledge_base):
         yield chosen, knowledge_base.at(knowledge_base.revision if when is None else when)
 
@@ -132,4 +135,26 @@ def choose(name: str | None, names: Sequence[str]) -> str:
     more = f" and {len(names) - _NAMES_SHOWN} more" if len(names) > _NAMES_SHOWN else ""
     raise KantSqlError(
         f"there is no knowledge base {wanted!r} in this store; choose one with --kb: {listed}{more}"
+    )
+
+
+def unknown_element(kb: KnowledgeBase, name: str, element: str, what: str) -> KantSqlError:
+    """Make the error of an element that is asked for in vain.
+
+    Args:
+        kb: the knowledge base, or a state of it.
+        name: its name.
+        element: the element, as it was given.
+        what: what is wrong with it, and what to do.
+
+    Returns:
+        The error, with a name that may have been meant.
+    """
+    daos = (kb.types, kb.objects, kb.predicates, kb.functions, kb.actions, kb.processes, kb.events)
+    names = [dto.name for dao in daos for dto in dao.get_all()]
+    known = {one.lower() for one in names}
+    words = (word for word in tokenize(element) if word not in "()-" and word.lower() not in known)
+    hints = (found for word in words if (found := hint(word, names)))
+    return KantSqlError(
+        f"{printable(element)!r} in knowledge base {name!r}: it {what}{next(hints, '')}"
     )

@@ -4,17 +4,22 @@ from __future__ import annotations
 
 import importlib.metadata
 import os
+import re
 import shlex
 import signal
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
+from typer.main import get_command
 
 import kant_sql
 from kant_sql import PddlTypeDto
 from kant_sql.cli.errors import without_passwords
+from kant_sql.cli.main import app
 from tests.cli.running import (
     CHILD_TIMEOUT,
     PROGRAM,
@@ -155,6 +160,21 @@ def test_every_command_has_help(words: list[str]) -> None:
     result = run(*words, "--help")
     assert result.exit_code == 0
     assert result.stdout.startswith(" ".join(["Usage: kant-sql", *words]))
+
+
+def _commands(command: Any, *path: str) -> Iterator[list[str]]:
+    for name, one in getattr(command, "commands", {}).items():
+        yield [*path, name]
+        yield from _commands(one, *path, name)
+
+
+@pytest.mark.parametrize("words", [[], *_commands(get_command(app))])
+def test_help_is_short_to_ask_for_and_has_no_python_in_it(words: list[str]) -> None:
+    result = run(*words, "-h")
+    assert result.exit_code == 0
+    assert result.stdout == run(*words, "--help").stdout
+    assert not re.search(r"[{}]|<\w", result.stdout), result.stdout
+    assert "FILE......" not in result.stdout
 
 
 @pytest.mark.parametrize("words", [["show"], ["show", "--json"], ["log"], ["log", "--json"]])

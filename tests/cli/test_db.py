@@ -35,7 +35,6 @@ def run_sql(url: str, sql: str) -> None:
 
 def test_upgrade_creates_the_tables_and_downgrade_drops_them(new_url: str) -> None:
     for command, code, output in (
-        (["current", new_url], 0, "none\n"),
         (["check", new_url], 1, ""),
         (["upgrade", new_url], 0, f"{HEAD}\n"),
         (["upgrade", new_url], 0, f"{HEAD}\n"),
@@ -46,7 +45,7 @@ def test_upgrade_creates_the_tables_and_downgrade_drops_them(new_url: str) -> No
     ):
         result = run("db", *command)
         assert (result.exit_code, result.stdout) == (code, output), (command, result.stderr)
-        assert code == 0 or "db upgrade" in one_line(result.stderr)
+        assert code == 0 or one_line(result.stderr)
 
 
 def test_check_fails_while_migrations_are_pending(
@@ -113,6 +112,8 @@ def test_downgrade_needs_just_a_url_and_a_version(new_url: str) -> None:
 
 
 def test_downgrade_of_what_has_no_tables_is_an_error(new_url: str) -> None:
+    if new_url.startswith("sqlite"):
+        Path(new_url.removeprefix("sqlite:///")).touch()
     result = run("db", "downgrade", new_url, "base")
     assert "db upgrade" in one_line(result.stderr)
     assert result.exit_code == 1
@@ -150,19 +151,48 @@ def test_plain_alembic_without_a_url_says_how_to_give_one() -> None:
     assert "Traceback" not in done.stderr
 
 
-@pytest.mark.parametrize(
-    "words", [["show"], ["log"], ["db", "current"], ["db", "check"], ["db", "downgrade"]]
-)
-def test_what_does_not_create_a_store_makes_no_file(
+READING = [
+    ["show"],
+    ["log"],
+    ["dump"],
+    ["plan"],
+    ["watch"],
+    ["verify"],
+    ["anchor"],
+    ["views"],
+    ["diff", "1", "2"],
+    ["history", "rb1"],
+    ["blame", "rb1"],
+    ["restore", "1"],
+    ["archive", "--before", "1", "--to", "sqlite:///archive.db"],
+    ["load", "problem.pddl"],
+    ["db", "current"],
+    ["db", "check"],
+    ["db", "downgrade", "base"],
+]
+
+
+@pytest.mark.parametrize("words", READING)
+def test_a_file_that_does_not_exist_is_said_to_be_missing_and_is_not_made(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: list[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    revision = ["base"] if words[-1] == "downgrade" else []
-    result = run(*words, "sqlite:///missing.db", *revision)
-    assert os.listdir(tmp_path) == []
-    if words[-1] != "current":
-        assert "there is no such file" in one_line(result.stderr)
-        assert result.exit_code == 1
+    problem = tmp_path / "problem.pddl"
+    problem.write_text("(define (problem p) (:domain d) (:goal (and)))")
+    result = run(*words, url="sqlite:///missing.db")
+    assert os.listdir(tmp_path) == [problem.name]
+    line = one_line(result.stderr)
+    # Not that it needs an upgrade, which would make an empty store of a mistyped path.
+    assert f"there is no such file, {tmp_path}/missing.db; check the path" in line
+    assert "upgrade" not in line
+    assert (result.exit_code, result.stdout) == (1, "")
+
+
+def test_the_version_of_a_database_without_tables_is_none(new_url: str) -> None:
+    if new_url.startswith("sqlite"):
+        Path(new_url.removeprefix("sqlite:///")).touch()
+    result = run("db", "current", new_url)
+    assert (result.exit_code, result.stdout) == (0, "none\n")
 
 
 def test_an_empty_file_is_left_empty_by_those_who_read(tmp_path: Path) -> None:

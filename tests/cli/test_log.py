@@ -99,3 +99,37 @@ def test_output_that_cannot_take_all_letters_escapes_them(tmp_path: Path) -> Non
     assert r"actor: Zo\xeb" in child("log", url, program=PROGRAM, PYTHONIOENCODING="ascii").stdout
     done = child("log", url, "--json", program=PROGRAM, PYTHONIOENCODING="ascii")
     assert json.loads(done.stdout)["actor"] == "Zoë"
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--element", "nosuch"], "'nosuch' in knowledge base 'tiago': it never was there"),
+        (["--element", "robot_att"], "(did you mean robot_at?)"),
+        (["--element", "(robot_at rb11 wp1)"], "(did you mean rb1?)"),
+        (["--actor", "nobody"], "'nobody' in knowledge base 'tiago': no revision is of this actor"),
+        (["--actor", "perceptoin"], "(did you mean perception?)"),
+        (["--actor", "executive", "--element", "nosuch"], "'nosuch'"),
+        (["--since", "2", "--json", "--actor", "nobody"], "'nobody'"),
+    ],
+)
+def test_a_filter_that_names_what_never_was_is_an_error(
+    store: str, words: list[str], said: str
+) -> None:
+    result = run("log", store, *words)
+    assert said in result.stderr
+    assert (result.exit_code, result.stdout) == (1, "")
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["--element", "navigation", "--until", "1"],
+        ["--actor", "executive", "--until", "1"],
+        ["--actor", "executive", "--element", "navigation"],
+        ["--since", "yesterday", "--until", "yesterday"],
+    ],
+)
+def test_what_was_at_another_time_is_no_error(store: str, words: list[str]) -> None:
+    result = run("log", store, *words)
+    assert (result.exit_code, result.stdout, result.stderr) == (0, "", "")

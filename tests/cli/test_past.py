@@ -48,7 +48,6 @@ def test_the_log_is_bounded_by_revisions_and_times(store: str) -> None:
 
 def test_the_log_of_an_actor_and_of_an_element(store: str) -> None:
     assert numbers(store, "--actor", "executive") == [2]
-    assert numbers(store, "--actor", "nobody") == []
     assert numbers(store, "--element", AT_WP2) == [2]
     result = run("log", store, "--element", AT_WP1, "--since", "2")
     lines = result.stdout.splitlines()
@@ -56,6 +55,18 @@ def test_the_log_of_an_actor_and_of_an_element(store: str) -> None:
         f"  + goal {AT_WP1}",
         f"  - fact {AT_WP1}",
     ]
+
+
+def test_now_is_the_present_state(own_store: str) -> None:
+    assert run("show", own_store, "--at", "now").stdout == run("show", own_store).stdout
+    assert run("diff", own_store, "1", "now").stdout == run("diff", own_store, "1", "3").stdout
+    assert numbers(own_store, "--until", "now", "--since", "yesterday") == [3, 2, 1]
+    assert json_of("restore", own_store, "now") == {
+        "knowledge_base": "tiago",
+        "restored": 3,
+        "revision": None,
+        "changes": [],
+    }
 
 
 def test_diff_writes_what_came_and_what_went(store: str) -> None:
@@ -113,6 +124,7 @@ def test_blame_names_who_asserted_what_holds(store: str) -> None:
     [
         (("blame", "wp9"), "'wp9' in knowledge base 'tiago': it does not hold"),
         (("history", "(robot_at rb1 nowhere)"), "it never was there; see: kant-sql log"),
+        (("history", "(robot_at rb11 wp1)"), "see: kant-sql log (did you mean rb1?)"),
         (("diff", "1", "9"), "has no revision 9: it is at 3"),
         (("restore", "9"), "has no revision 9: it is at 3"),
         (("log", "--since", "2999-01-01T00:00:00Z"), "is in the future"),

@@ -183,7 +183,7 @@ def test_a_time_without_a_zone_is_in_utc_wherever_the_reader_is(
         ("-1", 1, "has no revision -1"),
         ("9" * 30, 1, "has no revision 999"),
         ("9" * 5000, 2, "neither a revision's number nor a time"),
-        ("yesterday", 2, "neither a revision's number nor a time"),
+        ("soon", 2, "neither a revision's number nor a time"),
         ("", 2, "neither a revision's number nor a time"),
         ("2026-02-30", 2, "neither a revision's number nor a time"),
         ("0001-01-01T00:00+14:00", 2, "neither a revision's number nor a time"),

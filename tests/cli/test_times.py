@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from datetime import UTC, datetime, timedelta, timezone
+from datetime import UTC, datetime, timedelta, timezone, tzinfo
 
 import pytest
 import typer
 from hypothesis import given
 from hypothesis import strategies as st
 
-from kant_sql.cli.times import parse_optional, parse_when
+from kant_sql.cli import times
+from kant_sql.cli.times import parse_optional, parse_state, parse_when
 
 AGO = {
     "2 hours ago": timedelta(hours=2),
@@ -24,7 +25,8 @@ AGO = {
     "90 days ago": timedelta(days=90),
 }
 WRONG = [
-    *("", "ago", "two hours ago", "2 hours", "-2 hours ago", "2 months ago", "yesterday"),
+    *("", "ago", "two hours ago", "2 hours", "-2 hours ago", "2 months ago"),
+    *("tuesday", "last", "last day", "yesterday 25:00", "today 9", "now 9:00", "last week"),
     *("2026-02-30", "2026-01-31T25:00", "9" * 5000, "999999999 weeks ago", "1e3 days ago"),
 ]
 
@@ -45,6 +47,48 @@ def test_what_is_no_moment_is_refused_with_the_option_and_the_text(text: str) ->
         parse_when(text, "--since")
     assert caught.value.param_hint == "--since"
     assert "neither a revision's number nor a time" in str(caught.value)
+
+
+@pytest.mark.parametrize("text", ["now", " NOW "])
+def test_now_is_the_present_whatever_a_clock_says(text: str) -> None:
+    before = datetime.now(UTC)
+    moment = parse_when(text)
+    assert isinstance(moment, datetime)
+    assert before <= moment <= datetime.now(UTC)
+    assert parse_state(text) is None
+    assert parse_state(None) is None
+    assert parse_state("3") == 3
+
+
+# A Wednesday, late in the evening.
+NOW = datetime(2026, 7, 15, 23, 30, 5, tzinfo=UTC)
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("today", "2026-07-15T00:00Z"),
+        ("Yesterday", "2026-07-14T00:00Z"),
+        ("yesterday 9:05", "2026-07-14T09:05Z"),
+        ("yesterday at 14:30:01.5", "2026-07-14T14:30:01.5Z"),
+        ("today 01:00+02:00", "2026-07-14T23:00Z"),
+        ("today 01:00Z", "2026-07-15T01:00Z"),
+        ("last tuesday", "2026-07-14T00:00Z"),
+        ("last Wednesday", "2026-07-08T00:00Z"),
+        ("last thursday 12:00", "2026-07-09T12:00Z"),
+        ("last  SUNDAY", "2026-07-12T00:00Z"),
+    ],
+)
+def test_a_day_is_its_beginning_in_utc_or_a_time_of_it(
+    text: str, expected: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Clock(datetime):
+        @classmethod
+        def now(cls, tz: tzinfo | None = None) -> Clock:
+            return cls.fromtimestamp(NOW.timestamp(), tz)
+
+    monkeypatch.setattr(times, "datetime", Clock)
+    assert parse_when(text) == datetime.fromisoformat(expected)
 
 
 @given(st.integers(-(10**12), 10**12))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import sys
 import textwrap
 from collections.abc import Iterator
@@ -15,10 +16,13 @@ from kant_sql import (
     InvalidMetadataError,
     InvalidUrlError,
     KantSqlError,
+    PddlTypeDto,
     StoreError,
     StoreUnreachableError,
     create_dao_factory,
+    schema,
 )
+from kant_sql.catalog import knowledge_bases
 from kant_sql.dao.interfaces import (
     PddlActionDao,
     PddlObjectDao,
@@ -27,6 +31,7 @@ from kant_sql.dao.interfaces import (
     PddlTypeDao,
 )
 from kant_sql.factory import PostgresqlDaoFactory, SqliteDaoFactory
+from kant_sql.roles import create_roles
 from tests.conftest import Connect
 
 SECRET = "correct-horse"
@@ -62,6 +67,24 @@ def one_url(request: pytest.FixtureRequest) -> str:
     url: str = request.getfixturevalue("server").new_database()
     kant_sql.upgrade(url)
     return url
+
+
+@pytest.mark.parametrize("scheme", ["postgres", "postgres+psycopg"])
+def test_postgres_is_postgresql_wherever_a_url_is_taken(
+    one_url: str, tmp_path: Path, scheme: str
+) -> None:
+    url = one_url.replace("postgresql://", f"{scheme}://")
+    with kant_sql.connect(url, knowledge_base="tiago") as kb:
+        kb.types.save(PddlTypeDto("robot"))
+    assert knowledge_bases(url) == ["tiago"]
+    assert schema.current(url) == schema.VERSIONS[-1]
+    assert create_roles(url, dry_run=True).statements
+    out = io.StringIO()
+    schema.upgrade_sql(url, out)
+    assert "BIGINT" in out.getvalue()
+    with kant_sql.connect(f"sqlite:///{tmp_path / 'robot.db'}", knowledge_base="rb1") as kb:
+        kb.types.save(PddlTypeDto("robot"))
+        assert kb.archive(kb.revision, to=url).target.startswith("postgresql://")
 
 
 def test_a_factory_creates_a_dao_of_each_element() -> None:
