@@ -84,7 +84,7 @@ def test_postgres_is_postgresql_wherever_a_url_is_taken(
     assert "BIGINT" in out.getvalue()
     with kant_sql.connect(f"sqlite:///{tmp_path / 'robot.db'}", knowledge_base="rb1") as kb:
         kb.types.save(PddlTypeDto("robot"))
-        assert kb.archive(kb.revision, to=url).target.startswith("postgresql://")
+        assert kb.archive(kb.revision, to=url).target.startswith("postgresql")
 
 
 def test_a_factory_creates_a_dao_of_each_element() -> None:
