@@ -192,6 +192,13 @@ class OutcomeUnknownError(StoreError):
     """
 
 
+class StoreReplacedError(StoreError):
+    """The file of the store was deleted, renamed, replaced, or overwritten while it was open.
+
+    The connections are of no use from then on: close the knowledge base and connect again.
+    """
+
+
 class ForkedError(StoreError):
     """A process was forked at a moment that its share of the store cannot survive."""
 

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import logging
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from datetime import datetime
+from datetime import datetime, timedelta
 from typing import TypeVar
 
 from .backends import Session
@@ -15,19 +17,29 @@ from .errors import (
     StaleRevisionError,
     StoreBusyError,
     StoreError,
+    StoreReplacedError,
 )
-from .head import Committed, create_knowledge_base, is_stored, lock_head
+from .head import Committed, Head, create_knowledge_base, is_stored, lock_head
 from .reader import Reader, end_session
 from .transaction import Transaction
 from .view import vanished
 
 T = TypeVar("T")
 
+logger = logging.getLogger("kant_sql.store")
+
 WRITE_LOCK_TIMEOUT = 20.0
+# How far behind the last revision the store's clock may be without a word, and how often a warning
+# of it is repeated, in seconds.
+CLOCK_BEHIND = timedelta(minutes=1)
+CLOCK_PATIENCE = 3600.0
 
 
 class Store(Reader):
     """Reads and writes a knowledge base, for all threads of a process."""
+
+    _last: Committed | None = None
+    _clock_warned_at: float | None = None
 
     def write(self, work: Callable[[Transaction], T]) -> T:
         """Change the knowledge base: in the open transaction, or in one of its own.
@@ -120,6 +132,7 @@ class Store(Reader):
             head = lock_head(session, kb_id)
             if head is None:
                 raise vanished(session)
+            self._judge(head)
             self._expect(expected, head.revision)
             self._forget_what_was_archived(head.archived_revision)
             stands = head.definition_revision, head.archived_revision
@@ -129,6 +142,35 @@ class Store(Reader):
         except BaseException:
             end_session(session)
             raise
+
+    def _judge(self, head: Head) -> None:
+        """Refuse a store that lacks what was committed before; warn of a clock that is behind."""
+        last = self._last
+        if last is not None and (
+            head.revision < last.number or (head.revision == last.number and head.hash != last.hash)
+        ):
+            raise StoreReplacedError(
+                f"{self.backend.label}: knowledge base {self.name!r} is at revision "
+                f"{head.revision}, and revision {last.number}, committed before, is not in it; the "
+                "store was put back to another state: close the knowledge base and connect again"
+            )
+        if head.committed_at is not None and head.clock < head.committed_at - CLOCK_BEHIND:
+            self._warn_of_clock(head.revision, head.committed_at, head.clock)
+
+    def _warn_of_clock(self, revision: int, committed_at: datetime, clock: datetime) -> None:
+        now = time.monotonic()
+        if self._clock_warned_at is None or now >= self._clock_warned_at + CLOCK_PATIENCE:
+            self._clock_warned_at = now
+            logger.warning(
+                "%s: knowledge base %r: the clock says %s, but revision %d is of %s: the clock is "
+                "behind, or was ahead then; revisions get the time of that one until the clock "
+                "has passed it",
+                self.backend.label,
+                self.name,
+                clock.isoformat(),
+                revision,
+                committed_at.isoformat(),
+            )
 
     def _expect(self, expected: int | None, actual: int) -> None:
         if expected is not None and expected != actual:
@@ -150,7 +192,7 @@ class Store(Reader):
 
     def _publish(self, transaction: Transaction, committed: Committed | None) -> None:
         if committed is not None:
-            self._kb_id = transaction.kb_id
+            self._kb_id, self._last = transaction.kb_id, committed
             if transaction.redefined:
                 self._definitions.keep(committed.number, transaction.definitions.publish())
         transaction.publish()

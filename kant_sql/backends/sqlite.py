@@ -26,6 +26,7 @@ from ..errors import (
 )
 from .backend import Backend, refuse_unknown_options, url_label
 from .session import Session
+from .sqlite_file import WAL_LIMIT, StoreFile
 from .sqlite_session import FileSession, MemorySession
 from .sqlite_waiting import FileListener, MemoryListener
 from .waiting import Commits, Listener
@@ -65,6 +66,7 @@ class SqliteBackend(Backend):
         self.connections: set[sqlite3.Connection] = set()
         self._idle: list[FileSession] = []
         self._is_torn = False
+        self.file = StoreFile(str(url.database), url_label(url))
         super().__init__(url)
 
     def create_engine(self) -> Engine:
@@ -90,6 +92,7 @@ class SqliteBackend(Backend):
         def configure(connection: sqlite3.Connection, _: object) -> None:
             connection.execute("PRAGMA foreign_keys=ON")
             connection.execute(f"PRAGMA synchronous={synchronous}")
+            connection.execute(f"PRAGMA journal_size_limit={WAL_LIMIT}")
             self.connections.add(connection)
 
         @event.listens_for(engine, "close")
@@ -117,6 +120,7 @@ class SqliteBackend(Backend):
         if not self.in_memory:
             self._idle.clear()
             self.connections.clear()
+            self.file.forget()
             super().leave_connections()
 
     def connect(self) -> sqlite3.Connection:
@@ -130,18 +134,22 @@ class SqliteBackend(Backend):
             raise InvalidUrlError(
                 f"{self.label}: timeout is a number of seconds, {LONGEST_TIMEOUT:,} at most"
             )
-        name, is_uri = str(self.url.database or ":memory:"), False
+        name, is_uri = ":memory:" if self.in_memory else self.file.path, False
         if "mode" in query and not self.in_memory:
             mode = str(query["mode"])
             if mode not in ("ro", "immutable"):
                 raise InvalidUrlError(f"{self.label}: mode is 'ro' or 'immutable'")
             option = "mode=ro" if mode == "ro" else "immutable=1"
-            name, is_uri = f"file:{quote(str(Path(name).absolute()))}?{option}", True
-        # Without an isolation level the driver begins nothing of its own, so that BEGIN, SAVEPOINT
-        # and ROLLBACK mean what SQLite says of them.
-        return sqlite3.connect(
-            name, timeout=timeout, isolation_level=None, check_same_thread=False, uri=is_uri
-        )
+            name, is_uri = f"file:{quote(name)}?{option}", True
+
+        def make() -> sqlite3.Connection:
+            # Without an isolation level the driver begins nothing of its own, so that BEGIN,
+            # SAVEPOINT and ROLLBACK mean what SQLite says of them.
+            return sqlite3.connect(
+                name, timeout=timeout, isolation_level=None, check_same_thread=False, uri=is_uri
+            )
+
+        return make() if self.in_memory else self.file.open(make)
 
     def wrap(self, connection: Any) -> Session:
         """Make a session; in memory, wait for this thread's turn."""
@@ -176,6 +184,7 @@ class SqliteBackend(Backend):
                 self.memory_lock.release()
         for session in idle:
             session.close()
+        self.file.forget()
         # Who waits for news of a store in memory is to see that it is gone.
         self.commits.tell()
 
@@ -191,6 +200,7 @@ class SqliteBackend(Backend):
                 "SQLite does not survive; fork at another moment, or use 'spawn' or 'forkserver'"
             )
         if not self.in_memory:
+            self.file.check()
             try:
                 session = self._idle.pop()
             except IndexError:
@@ -223,7 +233,7 @@ class SqliteBackend(Backend):
         if self.in_memory:
             return True
         try:
-            Path(str(self.url.database)).stat()
+            Path(self.file.path).stat()
         except FileNotFoundError:
             return False
         except OSError:
@@ -258,6 +268,8 @@ class SqliteBackend(Backend):
                         f"to nothing, the first in table {broken[0][0]}; it was undone"
                     )
                 driver.execute("COMMIT")
+                if not self.in_memory:
+                    self.file.check_committed()
             except self.driver_errors as error:
                 raise self.translate(error) from error
             finally:

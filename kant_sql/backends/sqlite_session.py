@@ -93,9 +93,17 @@ class FileSession(SqliteSession):
     def __init__(self, backend: SqliteBackend, connection: Any) -> None:
         super().__init__(backend, connection)
         self._keep = backend.keep
+        self._file = backend.file
+
+    def _commit(self, changed: int | None) -> None:
+        super()._commit(changed)
+        self._file.check_committed()
 
     def close(self) -> None:
         """Wait for the next call, or give the connection back to the pool."""
+        if self._file.is_long and self.is_current and not self.in_transaction():
+            connection: Any = self._pooled.driver_connection
+            self._file.shorten(connection)
         if not self._keep(self):
             super().close()
 

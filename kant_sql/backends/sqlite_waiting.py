@@ -60,6 +60,7 @@ class FileListener(Listener):
 
     def _version_now(self) -> int:
         with _LOOKING:
+            self._backend.file.check()
             if self._connection is None:
                 self._connection = self._backend.connect()
                 # So that the child of a fork closes it, too.

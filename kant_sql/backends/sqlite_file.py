@@ -1,0 +1,284 @@
+"""The file of an SQLite store: whether it is still the one that is open, and how long its log is.
+
+SQLite finds a file by its name once. When the file is deleted, renamed or replaced afterwards,
+SQLite goes on in the file that it has open, which nobody else finds any more.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import sqlite3
+import time
+from collections.abc import Callable
+from contextlib import closing, suppress
+from typing import NamedTuple, NoReturn
+from urllib.parse import quote
+
+from ..errors import StoreReplacedError
+
+logger = logging.getLogger("kant_sql.sqlite")
+
+# Beyond so many bytes the write-ahead log is cut back. SQLite moves it into the file at 4 MB; a
+# large transaction, or a reader who stays, lets it grow.
+WAL_LIMIT = 32 << 20
+# How often to cut it back is tried while somebody reads from it, in seconds.
+WAL_PATIENCE = 1.0
+# How long a file must lie still before it counts as overwritten, in seconds: a checkpoint of
+# another process moves parts of tables one after the other.
+STILL = 0.25
+ATTEMPTS = 10
+
+_HEAD = "SELECT kb_id, revision, hash FROM head WHERE revision > 0 ORDER BY revision DESC LIMIT 1"
+_HASH = "SELECT hash FROM revision WHERE kb_id = ? AND number = ?"
+
+
+class Landmark(NamedTuple):
+    """A revision that the file holds apart from its log, and so will hold from then on."""
+
+    kb_id: int
+    revision: int
+    hash: str
+
+
+class StoreFile:
+    """The file that the connections of one backend have open. Threads share it.
+
+    Attributes:
+        path: the file's absolute path: a change of folder does not matter.
+        is_long: whether the log was beyond its limit after the last commit.
+    """
+
+    def __init__(self, path: str, label: str) -> None:
+        self.path = os.path.abspath(path)
+        self.is_long = False
+        self._label = label
+        self._is_open = False
+        self._device = self._inode = self._changed = self._size = 0
+        self._landmark: Landmark | None = None
+        self._companions: dict[str, tuple[int, int]] = {}
+        self._wal = self._shm = ""
+        self._why: str | None = None
+        self._warned_at, self._tried_at = 0, -WAL_PATIENCE
+
+    def open(self, connect: Callable[[], sqlite3.Connection]) -> sqlite3.Connection:
+        """Make a connection, and be sure which file it has open.
+
+        Args:
+            connect: makes it.
+
+        Returns:
+            The connection.
+
+        Raises:
+            StoreReplacedError: the connections before have another file open.
+        """
+        before = self._find()
+        for _ in range(ATTEMPTS):
+            connection = connect()
+            after = self._find()
+            if before is not None and after is not None and os.path.samestat(before, after):
+                break
+            # The file was created, or replaced just now.
+            connection.close()
+            before = after
+        else:
+            self._refuse("the file is replaced again and again")
+        if not self._is_open:
+            self._remember(after)
+        elif not self._is_same(after):
+            connection.close()
+            self._refuse("another file has taken its place")
+        return connection
+
+    def check(self) -> None:
+        """See that the file is still in its place, and whole, with one call of the system.
+
+        Raises:
+            StoreReplacedError: it is not; from then on this is the answer.
+        """
+        try:
+            found = os.stat(self.path)
+        except OSError as error:
+            self._miss(error, "the file is gone")
+            return
+        if (
+            found.st_mtime_ns != self._changed
+            or found.st_ino != self._inode
+            or found.st_dev != self._device
+            or self._why is not None
+        ):
+            self._look(found)
+
+    def check_committed(self) -> None:
+        """Do so after a commit, for the log, too: what was committed may be in no file any more.
+
+        Raises:
+            StoreReplacedError: the file, or its log, is not in its place.
+        """
+        try:
+            self.check()
+            self.is_long = self._companion(self._wal) > WAL_LIMIT
+            self._companion(self._shm)
+        except StoreReplacedError as error:
+            raise StoreReplacedError(
+                f"{error}. What was just committed went to the file that was there before, and is "
+                "lost with it"
+            ) from error
+
+    def forget(self) -> None:
+        """Forget the log, after all connections were closed: SQLite removes it with the last."""
+        self._companions = {}
+        self.is_long = False
+
+    def shorten(self, connection: sqlite3.Connection) -> None:
+        """Try to cut the log back, without waiting; who still reads from it is warned of.
+
+        Args:
+            connection: a connection without a transaction.
+        """
+        now = time.monotonic()
+        if now < self._tried_at + WAL_PATIENCE:
+            return
+        self._tried_at = now
+        with suppress(sqlite3.Error):
+            timeout = connection.execute("PRAGMA busy_timeout").fetchone()[0]
+            connection.execute("PRAGMA busy_timeout=0")
+            try:
+                held = connection.execute("PRAGMA wal_checkpoint(TRUNCATE)").fetchone()[0]
+            finally:
+                connection.execute(f"PRAGMA busy_timeout={timeout}")
+            self._report(bool(held))
+
+    def _report(self, is_held: bool) -> None:
+        if not is_held:
+            self.is_long = False
+            if self._warned_at:
+                logger.info("%s: the write-ahead log was cut back", self._label)
+                self._warned_at = 0
+            return
+        size = os.stat(self._wal).st_size
+        if size >= 2 * self._warned_at:
+            self._warned_at = size
+            logger.warning(
+                "%s: the write-ahead log is %d MB long and cannot be cut back, because a reader's "
+                "transaction is open; end it",
+                self._label,
+                size >> 20,
+            )
+
+    def _find(self) -> os.stat_result | None:
+        try:
+            return os.stat(self.path)
+        except OSError:
+            return None
+
+    def _is_same(self, found: os.stat_result) -> bool:
+        return (found.st_dev, found.st_ino) == (self._device, self._inode)
+
+    def _remember(self, found: os.stat_result) -> None:
+        self._device, self._inode = found.st_dev, found.st_ino
+        self._changed, self._size = found.st_mtime_ns, found.st_size
+        # SQLite follows links, too, and keeps its log beside the file itself.
+        real = os.path.realpath(self.path)
+        self._wal, self._shm = f"{real}-wal", f"{real}-shm"
+        self._is_open = True
+        if found.st_size:
+            self._compare()
+
+    def _look(self, found: os.stat_result) -> None:
+        """Find out what has changed the file; most often a part of the log was moved there."""
+        if self._why is not None:
+            self._refuse(self._why)
+        if not self._is_open:
+            return
+        if not self._is_same(found):
+            self._refuse("another file has taken its place")
+        if found.st_size < self._size:
+            if not found.st_size:
+                self._refuse("the file was emptied")
+            if not self._is_whole(found.st_size):
+                self._refuse("the file was cut off")
+        verdict = self._compare()
+        if verdict is False and self._is_still(found):
+            verdict = self._compare()
+            if verdict is False:
+                self._refuse("the file was overwritten with another state")
+        if verdict is True:
+            self._changed, self._size = found.st_mtime_ns, found.st_size
+
+    def _is_still(self, found: os.stat_result) -> bool:
+        time.sleep(STILL)
+        now = self._find()
+        return now is not None and (now.st_mtime_ns, now.st_size) == (
+            found.st_mtime_ns,
+            found.st_size,
+        )
+
+    def _is_whole(self, size: int) -> bool:
+        """Tell whether a file that has become shorter was made so by SQLite, as VACUUM does."""
+        with closing(sqlite3.connect(self.path, isolation_level=None)) as connection:
+            try:
+                pages, page = (
+                    connection.execute(f"PRAGMA {name}").fetchone()[0]
+                    for name in ("page_count", "page_size")
+                )
+                if int(pages) * int(page) <= size:
+                    return True
+                return bool(connection.execute("PRAGMA quick_check(1)").fetchone()[0] == "ok")
+            except sqlite3.OperationalError:
+                # Somebody holds the store. The next look will say.
+                return True
+            except sqlite3.DatabaseError:
+                return False
+
+    def _compare(self) -> bool | None:
+        """Tell whether the file holds what it held apart from its log; None if that cannot be told.
+
+        A copy that is written over the file from outside changes neither its identity nor SQLite's
+        book of what is in the log.
+        """
+        mark = self._landmark
+        try:
+            # As `immutable`, SQLite reads the file alone, and takes no lock.
+            name = f"file:{quote(self.path)}?immutable=1"
+            with closing(sqlite3.connect(name, uri=True)) as connection:
+                if mark is not None:
+                    row = connection.execute(_HASH, (mark.kb_id, mark.revision)).fetchone()
+                    if row is None or row[0] != mark.hash:
+                        return False
+                last = connection.execute(_HEAD).fetchone()
+        except sqlite3.OperationalError:
+            # There are no tables yet.
+            return mark is None
+        except sqlite3.Error:
+            # A checkpoint of another process is under way.
+            return None
+        if last is not None:
+            self._landmark = Landmark(*last)
+        return True
+
+    def _companion(self, path: str) -> int:
+        """Check a file that SQLite keeps beside the store's; give its size, 0 without one."""
+        try:
+            found = os.stat(path)
+        except OSError as error:
+            if path in self._companions:
+                self._miss(error, f"{os.path.basename(path)} is gone")
+            return 0
+        identity = found.st_dev, found.st_ino
+        if self._companions.setdefault(path, identity) != identity:
+            self._refuse(f"another {os.path.basename(path)} has taken the place of the one in use")
+        return found.st_size
+
+    def _miss(self, error: OSError, why: str) -> None:
+        # Without a right to the folder it cannot be told.
+        if self._is_open and not isinstance(error, PermissionError):
+            self._refuse(why)
+
+    def _refuse(self, why: str) -> NoReturn:
+        self._why = why
+        raise StoreReplacedError(
+            f"{self._label}: {why} since the store was opened; nothing is read or written by these "
+            "connections any more: close the knowledge base and connect again"
+        )

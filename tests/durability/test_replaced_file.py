@@ -1,0 +1,305 @@
+"""A file that is no longer the store's: noticed before a write to it is acknowledged."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import sqlite3
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+
+import kant_sql
+from kant_sql import KnowledgeBase, StoreReplacedError
+from kant_sql.backends import Session
+from tests.conftest import Connect
+from tests.statements import fact, fill
+
+Attack = Callable[[Path], object]
+
+
+def replace(path: Path) -> None:
+    """Put a copy in its place, as a restore from a backup does."""
+    shutil.copy(path, path.with_suffix(".copy"))
+    path.with_suffix(".copy").replace(path)
+
+
+def replace_by_a_new_file(path: Path) -> None:
+    path.unlink()
+    path.write_bytes(b"")
+
+
+def empty(path: Path) -> None:
+    os.truncate(path, 0)
+
+
+def cut(path: Path) -> None:
+    os.truncate(path, path.stat().st_size // 2)
+
+
+def remove_log(path: Path) -> None:
+    Path(f"{path}-wal").unlink()
+
+
+def remove_shared_memory(path: Path) -> None:
+    Path(f"{path}-shm").unlink()
+
+
+def replace_log(path: Path) -> None:
+    remove_log(path)
+    Path(f"{path}-wal").write_bytes(b"")
+
+
+def into_a_folder(path: Path) -> None:
+    path.unlink()
+    path.mkdir()
+
+
+def move_folder(path: Path) -> None:
+    path.parent.rename(path.parent.with_name("moved"))
+
+
+FILE: dict[str, Attack] = {
+    "deleted": lambda path: path.unlink(),
+    "renamed": lambda path: path.rename(path.with_suffix(".old")),
+    "replaced": replace,
+    "replaced by a new file": replace_by_a_new_file,
+    "emptied": empty,
+    "cut off": cut,
+    "a folder": into_a_folder,
+    "its folder moved": move_folder,
+}
+LOG: dict[str, Attack] = {
+    "log deleted": remove_log,
+    "log replaced": replace_log,
+    "shared memory deleted": remove_shared_memory,
+}
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    folder = tmp_path / "folder"
+    folder.mkdir()
+    return folder / "store.db"
+
+
+@pytest.fixture
+def kb(path: Path) -> Iterator[KnowledgeBase]:
+    with kant_sql.connect(f"sqlite:///{path}") as kb:
+        fill(kb, 5)
+        # All in the file itself, so that what is cut off is missed.
+        with closing(sqlite3.connect(path)) as other:
+            other.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+        kb.propositions.delete(fact(1))
+        yield kb
+
+
+def attack_before_commit(patch: pytest.MonkeyPatch, attack: Attack, path: Path) -> None:
+    """Attack between the last statement of a write and its COMMIT."""
+    execute = Session._execute
+
+    def spy(self: Session, sql: str, parameters: object = ()) -> None:
+        if sql == "COMMIT":
+            patch.setattr(Session, "_execute", execute)
+            attack(path)
+        execute(self, sql, parameters)
+
+    patch.setattr(Session, "_execute", spy)
+
+
+@pytest.mark.parametrize("attack", FILE.values(), ids=FILE)
+def test_neither_reads_nor_writes_go_on(kb: KnowledgeBase, path: Path, attack: Attack) -> None:
+    past = kb.at(1)
+    attack(path)
+    for call in (
+        lambda: kb.propositions.save(fact(1)),
+        kb.propositions.get_all,
+        past.propositions.get_all,
+        lambda: kb.revision,
+        kb.verify,
+    ):
+        with pytest.raises(StoreReplacedError, match=r"store\.db: .* since the store was opened"):
+            call()
+
+
+@pytest.mark.parametrize("attack", (FILE | LOG).values(), ids=FILE | LOG)
+def test_what_is_committed_at_that_moment_is_not_acknowledged(
+    kb: KnowledgeBase, path: Path, attack: Attack, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    attack_before_commit(monkeypatch, attack, path)
+    with pytest.raises(StoreReplacedError, match="What was just committed went to the file"):
+        kb.propositions.save(fact(1))
+    with pytest.raises(StoreReplacedError):
+        kb.propositions.get_all()
+
+
+@pytest.mark.parametrize("attack", LOG.values(), ids=LOG)
+def test_a_log_that_is_gone_is_noticed_by_the_next_write(
+    kb: KnowledgeBase, path: Path, attack: Attack
+) -> None:
+    attack(path)
+    with pytest.raises(StoreReplacedError, match=r"store\.db-(wal|shm)"):
+        kb.propositions.save(fact(1))
+
+
+def test_a_backup_copied_over_the_open_file_is_noticed(kb: KnowledgeBase, path: Path) -> None:
+    backup = path.with_suffix(".backup")
+    shutil.copy(path, backup)
+    with closing(sqlite3.connect(path)) as other:
+        for number in range(3):
+            kb.propositions.save(fact(number + 6))
+            other.execute("PRAGMA wal_checkpoint(PASSIVE)")
+            kb.propositions.get_all()
+        # The same file, with the content of another.
+        path.write_bytes(backup.read_bytes().ljust(path.stat().st_size, b"\0"))
+        with pytest.raises(StoreReplacedError, match="overwritten with another state"):
+            kb.propositions.save(fact(1))
+
+
+def test_another_store_copied_over_the_open_file_is_noticed(
+    kb: KnowledgeBase, path: Path, connect: Connect, tmp_path: Path
+) -> None:
+    with closing(sqlite3.connect(path)) as other:
+        other.execute("PRAGMA wal_checkpoint(PASSIVE)")
+    kb.propositions.get_all()
+    foreign = connect(f"sqlite:///{tmp_path / 'foreign.db'}")
+    fill(foreign, 8)
+    for number in (1, 2, 3):
+        foreign.propositions.delete(fact(number))
+    foreign.close()
+    shutil.copyfile(tmp_path / "foreign.db", path)
+    with pytest.raises(StoreReplacedError):
+        kb.propositions.get_all()
+
+
+def test_a_link_that_points_elsewhere_is_another_file(path: Path, connect: Connect) -> None:
+    path.symlink_to(path.with_name("first.db"))
+    kb = connect(f"sqlite:///{path}")
+    fill(kb, 2)
+    kb.propositions.delete(fact(1))
+    path.unlink()
+    path.symlink_to(path.with_name("second.db"))
+    path.with_name("second.db").write_bytes(b"")
+    with pytest.raises(StoreReplacedError, match="another file"):
+        kb.propositions.save(fact(1))
+    assert not path.with_name("second.db").stat().st_size
+
+
+def test_a_second_name_of_the_file_may_go(kb: KnowledgeBase, path: Path) -> None:
+    os.link(path, path.with_name("second.db"))
+    path.with_name("second.db").unlink()
+    assert kb.propositions.save(fact(1))
+
+
+def test_who_connects_again_goes_on_with_what_is_there(
+    kb: KnowledgeBase, path: Path, connect: Connect
+) -> None:
+    replace(path)
+    with pytest.raises(StoreReplacedError):
+        kb.propositions.save(fact(1))
+    again = connect(f"sqlite:///{path}")
+    again.propositions.save(fact(1))
+    assert fact(1) in again.propositions.get_all()
+
+
+def test_the_file_put_back_does_not_bring_the_connections_back(
+    kb: KnowledgeBase, path: Path
+) -> None:
+    away = path.with_suffix(".away")
+    path.rename(away)
+    with pytest.raises(StoreReplacedError):
+        kb.propositions.get_all()
+    away.rename(path)
+    with pytest.raises(StoreReplacedError):
+        kb.propositions.get_all()
+
+
+def test_vacuum_and_checkpoints_of_others_are_no_replacement(kb: KnowledgeBase, path: Path) -> None:
+    kb.propositions.save_all(fact(number) for number in range(6, 1_000))
+    kb.propositions.delete_all()
+    size = path.stat().st_size
+    with closing(sqlite3.connect(path, isolation_level=None)) as other:
+        other.execute("CREATE TABLE filler AS SELECT randomblob(1000000) AS content")
+        other.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+        kb.propositions.save(fact(1))
+        size = path.stat().st_size
+        other.execute("DROP TABLE filler")
+        other.execute("VACUUM")
+        other.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+        assert path.stat().st_size < size
+        kb.propositions.save(fact(2))
+        assert kb.propositions.get_all() == [fact(1), fact(2)]
+        other.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+    assert kb.propositions.get_all() == [fact(1), fact(2)]
+
+
+def test_a_change_of_folder_changes_no_file(
+    tmp_path: Path, connect: Connect, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    kb = connect("sqlite:///store.db")
+    fill(kb, 2)
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    monkeypatch.chdir(elsewhere)
+    kb.propositions.delete(fact(1))
+    # A thread of its own has a connection of its own.
+    seen: list[object] = []
+    with kb.transaction(reason="hold the first connection"):
+        thread = threading.Thread(target=lambda: seen.append(kb.at(1).propositions.get_all()))
+        thread.start()
+        thread.join()
+    assert len(seen) == 1
+    assert not [*elsewhere.iterdir()]
+
+
+def test_a_new_connection_does_not_open_another_file(kb: KnowledgeBase, path: Path) -> None:
+    replace(path)
+    errors: list[BaseException] = []
+
+    def read() -> None:
+        try:
+            kb.propositions.get_all()
+        except StoreReplacedError as error:
+            errors.append(error)
+
+    threads = [threading.Thread(target=read) for _ in range(3)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert len(errors) == 3
+
+
+def test_who_waits_for_news_is_told(
+    kb: KnowledgeBase, path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+
+    def rename(_: float) -> None:
+        path.rename(f"{path}.old")
+
+    monkeypatch.setattr("kant_sql.backends.sqlite_waiting.time.sleep", rename)
+    with pytest.raises(StoreReplacedError):
+        kb.watch(timeout=60)
+
+
+def test_a_store_in_memory_has_no_file(connect: Connect) -> None:
+    kb = connect("sqlite://")
+    fill(kb, 2)
+    assert len(kb.propositions.get_all()) == 3
+
+
+@pytest.mark.parametrize("change", ["revision = revision - 1", "hash = 'of another revision'"])
+def test_a_store_put_back_to_another_state_is_not_written_to(
+    shared_url: str, connect: Connect, change: str
+) -> None:
+    kb, other = connect(shared_url), connect(shared_url)
+    fill(kb, 3)
+    kb.propositions.delete(fact(1))
+    with other.factory._store.backend.open_session() as session:  # type: ignore[attr-defined]
+        session._execute(f"UPDATE head SET {change}")
+    with pytest.raises(StoreReplacedError, match="the store was put back to another state"):
+        kb.propositions.save(fact(1))
