@@ -162,7 +162,13 @@ class RoleMaker:
             writer, reader = map(self._names.quote, roles[:2])
             for table in self._tables:
                 yield from policies(
-                    table, self._names, scope.suffix, scope.kb_id, f"{reader}, {writer}", writer
+                    table,
+                    self._tables,
+                    self._names,
+                    scope.suffix,
+                    scope.kb_id,
+                    f"{reader}, {writer}",
+                    writer,
                 )
             if scope.schema is not None:
                 yield from self._own_views(scope, roles)
@@ -186,7 +192,7 @@ class RoleMaker:
             yield from (f"ALTER VIEW {view} SET (security_barrier)" for view in relations)
         granted: defaultdict[str, list[str]] = defaultdict(list)
         for table in self._tables:
-            for right in writer_rights(table, self._names):
+            for right in writer_rights(table, self._tables, self._names):
                 if scope.kb_id is None or right.verb != "insert" or table.name not in FOR_ALL_ONLY:
                     columns = f" ({', '.join(map(quote, right.columns))})" if right.columns else ""
                     granted[f"{right.verb.upper()}{columns}"].append(table.name)

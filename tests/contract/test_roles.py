@@ -73,6 +73,35 @@ ATTACKS = {
     "date a revision ahead": """
         INSERT INTO revision (kb_id, number, committed_at, form, hash)
         SELECT kb_id, revision + 1, now() + interval '1 day', 2, 'hash' FROM head""",
+    "date a revision before the one before": """
+        INSERT INTO revision (kb_id, number, committed_at, form, hash)
+        SELECT kb_id, revision + 1, committed_at - interval '1 second', 2, 'hash' FROM head""",
+    "date a revision before all times": """
+        INSERT INTO revision (kb_id, number, committed_at, form, hash)
+        SELECT kb_id, revision + 1, '-infinity', 2, 'hash' FROM head""",
+    "date what a revision says after all times": """
+        INSERT INTO revision (kb_id, number, committed_at, form, hash, observed_at)
+        SELECT kb_id, revision + 1, now(), 2, 'hash', 'infinity' FROM head""",
+    "date what a revision says before all times that Python knows": """
+        INSERT INTO revision (kb_id, number, committed_at, form, hash, observed_at)
+        SELECT kb_id, revision + 1, now(), 2, 'hash', '4000-01-01 BC' FROM head""",
+    "assert what has an id ahead of the head": """
+        INSERT INTO proposition (kb_id, id, predicate_id, is_goal, arguments, text)
+        SELECT head.kb_id, next_id + 5, min(predicate.id), false, '', '(p)'
+        FROM head JOIN predicate ON predicate.kb_id = head.kb_id GROUP BY head.kb_id;
+        INSERT INTO proposition_version (kb_id, proposition_id, since, predicate_id, is_goal)
+        SELECT p.kb_id, p.id, revision + 1, p.predicate_id, false
+        FROM proposition AS p JOIN head ON head.kb_id = p.kb_id WHERE p.id >= next_id;
+        INSERT INTO revision (kb_id, number, committed_at, form, hash)
+        SELECT kb_id, revision + 1, now(), 2, 'hash' FROM head;
+        UPDATE head SET revision = revision + 1, next_id = next_id + 1, hash = 'hash',
+        committed_at = now()""",
+    "end an object, unseen by those who cache what is defined": """
+        UPDATE object_version SET until = revision + 1 FROM head
+        WHERE head.kb_id = object_version.kb_id AND until IS NULL;
+        INSERT INTO revision (kb_id, number, committed_at, form, hash)
+        SELECT kb_id, revision + 1, now(), 2, 'hash' FROM head;
+        UPDATE head SET revision = revision + 1, hash = 'hash', committed_at = now()""",
     "move the head on without a revision": "UPDATE head SET revision = revision + 1",
     "give the head another hash": "UPDATE head SET hash = 'hash'",
     "give out ids again": "UPDATE head SET next_id = 1",
@@ -180,3 +209,43 @@ def test_policies_are_what_stops_these_attacks(role_store: str) -> None:
                 except psycopg.Error:
                     pass
     assert len(done) >= len(ATTACKS) - 6, set(ATTACKS) - set(done)
+
+
+PLANT = """
+    INSERT INTO proposition (kb_id, id, predicate_id, is_goal, arguments, text)
+    SELECT head.kb_id, next_id + 1000, min(predicate.id), false, '', '(planted)'
+    FROM head JOIN predicate ON predicate.kb_id = head.kb_id
+    WHERE head.kb_id = {kb} GROUP BY head.kb_id"""
+ADD = """
+    INSERT INTO proposition_argument
+    SELECT p.kb_id, p.id, 0, min(object.id) FROM proposition AS p
+    JOIN object ON object.kb_id = p.kb_id WHERE p.kb_id = {kb} AND p.text = '(planted)'
+    GROUP BY p.kb_id, p.id"""
+
+
+def test_what_is_planted_ahead_of_the_head_gets_no_argument_later(
+    role_store: str, role_users: Members
+) -> None:
+    plant, add = PLANT.format(kb=OTHER_ID), ADD.format(kb=OTHER_ID)
+    with psycopg.connect(role_users.writer) as writer, psycopg.connect(role_store) as owner:
+        with writer.transaction(force_rollback=True):
+            writer.execute(plant.encode())
+            with writer.transaction():
+                assert writer.execute(add.encode()).rowcount == 1
+        with writer.transaction(force_rollback=True):
+            with writer.transaction():
+                writer.execute(plant.encode())
+            # What a savepoint has made is of this transaction, too.
+            assert writer.execute(add.encode()).rowcount == 1
+        writer.execute(plant.encode())
+        writer.commit()
+        try:
+            with pytest.raises(psycopg.errors.InsufficientPrivilege):
+                writer.execute(add.encode())
+            writer.rollback()
+            writer.execute("SELECT pg_current_xact_id()")
+            with pytest.raises(psycopg.errors.InsufficientPrivilege):
+                writer.execute(add.encode())
+        finally:
+            writer.rollback()
+            owner.execute("DELETE FROM proposition WHERE text = '(planted)'")

@@ -66,6 +66,7 @@ def test_rights_survive_migrations(server: Server, connect: Connect) -> None:
     assert rights(url) == before
     with members(url, roles) as own:
         connect(own.writer, knowledge_base=MINE).propositions.delete(robot_at())
+    kant_sql.downgrade(url, revision="0001")
     kant_sql.downgrade(url, revision="base")
     kant_sql.upgrade(url)
     assert query(url, "SELECT polname FROM pg_policy") == []
