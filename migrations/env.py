@@ -64,13 +64,13 @@ def run_online(connection: Connection) -> None:
         transactional_ddl=True,
         transaction_per_migration=False,
     )
-    if changes_version() and (views := drop_generated_views(connection)):
-        logger.warning(
-            "%d views of predicates are dropped, for tables that have them cannot be changed; "
-            "when the tables are up to date, make them anew with: kant-sql views",
-            len(views),
-        )
     with roles_set_aside(connection) if changes_version() else nullcontext():
+        if changes_version() and (views := drop_generated_views(connection)):
+            logger.warning(
+                "%d views of predicates are dropped, for tables that have them cannot be changed; "
+                "when the tables are up to date, make them anew with: kant-sql views",
+                len(views),
+            )
         context.run_migrations()
     if not context.get_context().get_current_heads():
         # Alembic would leave its own table behind: a store that went back to base has none.

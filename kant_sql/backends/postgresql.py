@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from sqlalchemy import Connection, Engine, create_engine, event
+from sqlalchemy import Connection, CursorResult, Engine, create_engine, event
 from sqlalchemy.exc import DBAPIError, DisconnectionError
 from sqlalchemy.pool import NullPool, QueuePool
 
@@ -25,8 +25,9 @@ from ..errors import (
     TableMissingError,
 )
 from .backend import Backend, refuse_unknown_options
+from .postgresql_locks import holders, lock_schema
 from .postgresql_roles import make_roles
-from .postgresql_session import MIGRATION_LOCK, PostgresqlSession
+from .postgresql_session import PostgresqlSession
 from .postgresql_waiting import PostgresqlListener
 from .roles import Roles
 from .session import Session
@@ -35,6 +36,8 @@ from .waiting import Listener
 LOCK_TIMEOUT = "20s"
 CONNECT_TIMEOUT = "10"
 POOL_SIZE, MAX_CONNECTIONS = 8, 64
+# A lock that was not had in time, a deadlock, or a table that was made or dropped meanwhile.
+_IN_THE_WAY = frozenset({"55P03", "40P01", "23505", "42P07"})
 _REFUSED = re.compile('authentication failed|no password|role ".*" (does not|is not)|pg_hba.conf')
 
 
@@ -135,20 +138,39 @@ class PostgresqlBackend(Backend):
 
     @contextmanager
     def migration_connection(self) -> Iterator[Connection]:
-        """Give a connection that holds the lock of all who migrate this database.
+        """Give a connection that holds the lock of all who change the schema of this database.
 
         Yields:
-            The connection, in a transaction.
+            The connection, in a transaction; it waits for a table only briefly.
+
+        Raises:
+            StoreBusyError: somebody keeps a table locked; the message says who.
         """
         engine = self._engine(poolclass=NullPool)
         try:
             with engine.connect() as connection, connection.begin():
-                connection.exec_driver_sql(f"SELECT pg_advisory_xact_lock({MIGRATION_LOCK})")
+                lock_schema(lambda sql: _says_true(connection.exec_driver_sql(sql)))
                 yield connection
+        except DBAPIError as error:
+            if getattr(error.orig, "sqlstate", None) not in _IN_THE_WAY:
+                raise
+            raise self._is_in_the_way(engine) from error
         except self.driver_errors as error:
             raise self.translate_connect(error) from error
         finally:
             engine.dispose()
+
+    def _is_in_the_way(self, engine: Engine) -> StoreBusyError:
+        """Make the error for a table that somebody keeps locked, or a schema that is in change."""
+        with engine.connect() as connection:
+            who = holders(connection)
+        remedy = (
+            f"tables are in use by {who}; try again when that has ended, or end it with "
+            "SELECT pg_terminate_backend(PROCESS)"
+            if who
+            else "another process changes tables or views just now; try again"
+        )
+        return StoreBusyError(f"{self.label}: nothing was changed: {remedy}")
 
     def create_roles(self, knowledge_base: str | None, dry_run: bool) -> Roles:
         """Create the roles by grants and row policies, or bring them up to date."""
@@ -212,3 +234,7 @@ class PostgresqlBackend(Backend):
             if password:
                 text = text.replace(str(password), "***")
         return text
+
+
+def _says_true(result: CursorResult[Any]) -> bool:
+    return result.returns_rows and bool(result.scalar())

@@ -11,17 +11,12 @@ from sqlalchemy import Column, Connection, MetaData, Table, text
 
 from ..errors import KantSqlError
 from ..tables import Base
+from .postgresql_locks import SCHEMA_OF_TABLES, VERSION_TABLE, lock_tables
 from .postgresql_names import PREFIX, Names, Scope
 from .postgresql_policies import FOR_ALL_ONLY, READ, policies, writer_rights
 from .roles import Roles
 from .views import generated_views
 
-VERSION_TABLE = "kant_sql_version"
-
-_SCHEMA = text(
-    "SELECT n.nspname FROM pg_class AS c JOIN pg_namespace AS n ON n.oid = c.relnamespace "
-    f"WHERE c.oid = to_regclass('{VERSION_TABLE}')"
-)
 _COLUMNS = text(
     "SELECT c.relname, array_agg(a.attname::text) FROM pg_class AS c "
     "JOIN pg_namespace AS n ON n.oid = c.relnamespace "
@@ -60,7 +55,7 @@ class RoleMaker:
 
     def __init__(self, connection: Connection) -> None:
         self._connection = connection
-        self._names = Names(connection.scalar(_SCHEMA) or "public")
+        self._names = Names(connection.scalar(SCHEMA_OF_TABLES) or "public")
         present = {row[0]: row[1] for row in self._query(_COLUMNS)}
         tables = Base.metadata.tables.values()
         self._tables = [_as_it_is(t, present[t.name]) for t in tables if t.name in present]
@@ -126,8 +121,6 @@ class RoleMaker:
         Yields:
             The statements.
         """
-        # Writers begin with it: once it is held, none is in the middle of other tables.
-        yield f"LOCK TABLE {self._names.relation('head')}"
         for table, policy in self._old:
             yield f"DROP POLICY {self._names.quote(policy)} ON {self._names.relation(table)}"
         if self._own:
@@ -270,6 +263,7 @@ def make_roles(connection: Connection, knowledge_base: str | None, dry_run: bool
         scopes.append(wanted)
     statements = [*maker.withdraw(), *maker.make(scopes)]
     if not dry_run:
+        lock_tables(connection)
         _run(connection, statements)
     return wanted.roles(statements)
 
@@ -278,7 +272,8 @@ def make_roles(connection: Connection, knowledge_base: str | None, dry_run: bool
 def roles_set_aside(connection: Connection) -> Iterator[None]:
     """Take policies and auditors' own views out of the way of a migration, and set them anew.
 
-    Tables, columns and views that these speak of could not be changed else.
+    Tables, columns and views that these speak of could not be changed else. All tables are locked
+    first, so that nothing is done in vain when one of them cannot be had.
 
     Args:
         connection: a connection of the tables' owner, in a transaction.
@@ -288,6 +283,7 @@ def roles_set_aside(connection: Connection) -> Iterator[None]:
     """
     maker = RoleMaker(connection)
     scopes = maker.scopes() if maker.in_force else []
+    lock_tables(connection)
     if maker.is_in_the_way:
         _run(connection, maker.withdraw())
     yield

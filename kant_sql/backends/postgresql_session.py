@@ -12,6 +12,7 @@ from sqlalchemy.ext.compiler import compiles
 
 from ..errors import ConnectionLostError, StoreError, StoreIntegrityError
 from .cursor import Row
+from .postgresql_locks import lock_schema
 from .postgresql_waiting import channel
 from .query import IdsQuery, InList, InRows, Query, RowsOfIds, StoreClock, StorePlace, unnest_text
 from .session import FETCH_SIZE, Session, logger
@@ -19,8 +20,6 @@ from .session import FETCH_SIZE, Session, logger
 COPY_FROM_ROWS = 50
 LIST_FROM_IDS = 10
 REPLAN_FROM_ROWS = 2_500
-# One advisory lock for all who migrate one database: the ASCII codes of "kant_sql".
-MIGRATION_LOCK = 0x6B616E745F73716C
 # Several may be read at once.
 _STREAMS = itertools.count(1)
 
@@ -108,8 +107,14 @@ class PostgresqlSession(Session):
         return bool(limited)
 
     def lock_definitions(self) -> None:
-        """Take the lock of all who migrate this database."""
-        self._execute(f"SELECT pg_advisory_xact_lock({MIGRATION_LOCK})")
+        """Take the lock of all who change the schema of this database."""
+
+        def run(statement: str) -> bool:
+            self._execute(statement)
+            cursor: Any = self._cursor
+            return cursor.description is not None and bool(self._fetch()[0][0])
+
+        lock_schema(run)
 
     def _commit(self, changed: int | None) -> None:
         if changed is None:
