@@ -22,11 +22,13 @@ def create_roles(url: str, *, knowledge_base: str | None = None, dry_run: bool =
         dry_run: whether to change nothing, and only give the statements.
 
     Returns:
-        The three roles that were asked for, and the statements for all of them.
+        The three roles that were asked for, the statements for all of them, and those that only
+        the database's owner or a superuser may run.
 
     Raises:
         KantSqlError: there is no such knowledge base.
         SchemaError: the tables are missing, outdated or too new; the message names the remedy.
+        StoreBusyError: somebody keeps a table locked, which the message names; nothing was changed.
         StoreError: the database has no roles, as SQLite, or refused; nothing was changed.
     """
     with closing(create_backend(url)) as backend:

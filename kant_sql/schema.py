@@ -121,6 +121,7 @@ def upgrade(url: str, *, revision: str = "head") -> None:
 
     Raises:
         SchemaError: there is no such version, or the tables are newer than this library.
+        StoreBusyError: somebody keeps a table locked, which the message names.
         StoreError: the database refused; nothing was changed.
     """
     with _backend(url) as backend:

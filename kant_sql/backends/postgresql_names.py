@@ -94,11 +94,12 @@ class Scope(NamedTuple):
         """The schema of its auditor's views; None where they are beside the tables."""
         return None if self.knowledge_base is None else f"{PREFIX}{self.suffix[1:]}"
 
-    def roles(self, statements: Iterable[str] = ()) -> Roles:
+    def roles(self, statements: Iterable[str] = (), remaining: Iterable[str] = ()) -> Roles:
         """Give its roles.
 
         Args:
             statements: the SQL that makes them.
+            remaining: the SQL that somebody else has to run.
 
         Returns:
             The roles.
@@ -110,4 +111,5 @@ class Scope(NamedTuple):
             self.schema,
             self.knowledge_base,
             tuple(statements),
+            tuple(remaining),
         )

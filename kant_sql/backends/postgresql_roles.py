@@ -47,6 +47,17 @@ _POLICIES = text(
     f"WHERE n.nspname = :schema AND starts_with(p.polname, '{PREFIX}') ORDER BY 1, 2"
 )
 _ROLE_NAMES = text(f"SELECT rolname FROM pg_roles WHERE starts_with(rolname, '{PREFIX}')")
+# What PostgreSQL gives to everybody, and what fills a disk or hides a table behind another: the
+# statement that takes it away, whether everybody has it, and whether this user may take it.
+_FOR_EVERYBODY = text(
+    "SELECT format('REVOKE TEMPORARY ON DATABASE %I FROM PUBLIC', datname), "
+    "has_database_privilege('public', oid, 'TEMPORARY'), pg_has_role(datdba, 'USAGE') "
+    "FROM pg_database WHERE datname = current_database() UNION ALL "
+    "SELECT format('REVOKE EXECUTE ON FUNCTION %s FROM PUBLIC', oid::regprocedure), "
+    "has_function_privilege('public', oid, 'EXECUTE'), pg_has_role(proowner, 'USAGE') "
+    "FROM pg_proc WHERE pronamespace = 'pg_catalog'::regnamespace "
+    "AND proname IN ('lo_creat', 'lo_create', 'lo_from_bytea', 'lo_import') ORDER BY 1"
+)
 _KNOWLEDGE_BASES = text("SELECT id, name FROM knowledge_base ORDER BY id")
 
 
@@ -166,6 +177,20 @@ class RoleMaker:
             if scope.schema is not None:
                 yield from self._own_views(scope, roles)
 
+    def revocations(self, by_caller: bool) -> list[str]:
+        """Give the statements that take temporary tables and large objects from everybody.
+
+        No role can be without what everybody has.
+
+        Args:
+            by_caller: whether those that the caller may run are wanted, or those that it may not.
+
+        Returns:
+            The statements.
+        """
+        rows = self._connection.execute(_FOR_EVERYBODY)
+        return [row[0] for row in rows if row[1] and row[2] == by_caller]
+
     def _grants(self, scope: Scope, roles: Roles) -> Iterator[str]:
         quote, listed = self._names.quote, self._listed
         writer, reader, auditor = map(quote, roles[:3])
@@ -261,11 +286,11 @@ def make_roles(connection: Connection, knowledge_base: str | None, dry_run: bool
     scopes = maker.scopes()
     if wanted not in scopes:
         scopes.append(wanted)
-    statements = [*maker.withdraw(), *maker.make(scopes)]
+    statements = [*maker.withdraw(), *maker.make(scopes), *maker.revocations(by_caller=True)]
     if not dry_run:
         lock_tables(connection)
         _run(connection, statements)
-    return wanted.roles(statements)
+    return wanted.roles(statements, maker.revocations(by_caller=False))
 
 
 @contextmanager

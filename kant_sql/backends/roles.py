@@ -15,6 +15,8 @@ class Roles(NamedTuple):
         schema: where the auditor's views are, when that is not where the tables are.
         knowledge_base: the one that they are limited to; None for all.
         statements: the SQL that makes them, or brings them up to date.
+        remaining: the SQL that takes from everybody what these roles are not to have, and that
+            needs more rights than the caller has.
     """
 
     writer: str
@@ -23,3 +25,4 @@ class Roles(NamedTuple):
     schema: str | None
     knowledge_base: str | None
     statements: tuple[str, ...]
+    remaining: tuple[str, ...] = ()

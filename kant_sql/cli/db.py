@@ -96,12 +96,15 @@ def roles(
         write_json(document)
     elif dry_run:
         typer.echo("".join(f"{statement};\n" for statement in made.statements), nl=False)
+        typer.echo("".join(f"-- {statement};\n" for statement in made.remaining), nl=False)
     else:
         printer = Printer()
         for name in ("writer", "reader", "auditor", "schema"):
             value = getattr(made, name)
             if value is not None:
                 printer.line(f"{name:8} {value}")
+        for statement in made.remaining:
+            typer.echo(f"this user may not run, but its owner: {statement};", err=True)
 
 
 def _write_version(url: str) -> None:

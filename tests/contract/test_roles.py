@@ -34,6 +34,27 @@ def test_nobody_changes_or_removes_what_is_written(
     assert contents(role_store) == before
 
 
+FILLS = (
+    "CREATE TEMP TABLE head AS SELECT 1",
+    "CREATE TEMP VIEW head AS SELECT 1",
+    "SELECT lo_create(0)",
+    "SELECT lo_creat(-1)",
+    r"SELECT lo_from_bytea(0, '\x00')",
+    "CREATE TABLE more ()",
+    "CREATE FUNCTION more() RETURNS integer RETURN 1",
+    "CREATE SCHEMA more",
+)
+
+
+@EVERY_ROLE
+def test_nobody_fills_the_disk_beside_the_tables(
+    role: int, role_users: Members, limited_users: Members
+) -> None:
+    with psycopg.connect([*role_users, *limited_users][role], autocommit=True) as connection:
+        for statement in FILLS:
+            assert refused(connection, statement), statement
+
+
 # What a writer could try within a transaction; `{kb}` is the knowledge base's id.
 ATTACKS = {
     "open again what has ended": """

@@ -6,6 +6,7 @@ from typing import Any
 
 import psycopg
 import pytest
+from sqlalchemy import make_url
 
 import kant_sql
 from kant_sql import (
@@ -254,7 +255,11 @@ def test_auditors_read_generated_views(server: Server, connect: Connect) -> None
             else:
                 with pytest.raises(psycopg.errors.InsufficientPrivilege):
                     rows_of(limited.auditor, view.name)
-        assert seen_by_a_function(limited.auditor) == [1]
+        with psycopg.connect(url, autocommit=True) as owner:
+            user = str(make_url(limited.auditor).username)
+            owner.execute(named("GRANT TEMPORARY ON DATABASE {} TO {}", owner.info.dbname, user))
+            assert seen_by_a_function(limited.auditor) == [1]
+            owner.execute(named("REVOKE ALL ON DATABASE {} FROM {}", owner.info.dbname, user))
         # What auditors may read is not in the way of making them anew.
         connect(url, knowledge_base=MINE).predicates.save(PddlPredicateDto("near", [WAYPOINT]))
         update_views(url)
