@@ -47,7 +47,12 @@ def test_it_prints_the_names_of_the_roles(url: str) -> None:
 
 def test_json_has_the_same(url: str) -> None:
     result = run("db", "roles", url, "--json")
-    assert json.loads(result.stdout) == {**ROLES, "schema": None, "knowledge_base": None}
+    assert json.loads(result.stdout) == {
+        **ROLES,
+        "schema": None,
+        "knowledge_base": None,
+        "remaining": [],
+    }
     result = run("db", "roles", url, "--json", "--kb", "tiago", "--dry-run")
     document = json.loads(result.stdout)
     assert document["schema"] == "kant_sql_tiago"

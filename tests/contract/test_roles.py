@@ -7,6 +7,9 @@ from concurrent.futures import ThreadPoolExecutor
 import psycopg
 import pytest
 
+from kant_sql.backends.postgresql_policies import NO_DEFINITIONS
+from kant_sql.knowledge.definitions import KINDS
+from kant_sql.knowledge.rows import KIND_TABLES
 from tests.conftest import Connect
 from tests.rights import OTHER, TABLES, Members, contents, mutations, query, refused, rows_of
 from tests.workers import PATIENCE
@@ -150,6 +153,12 @@ def test_a_writer_cannot(
         with psycopg.connect(url, autocommit=True) as connection:
             refused(connection, attack)
     assert contents(role_store) == before
+
+
+def test_each_definition_counts_for_those_who_cache_them() -> None:
+    definitions = {KIND_TABLES[kind].version.table.name for kind in KINDS}
+    versions = {table.name for table in TABLES if "until" in table.c}
+    assert versions - definitions == NO_DEFINITIONS
 
 
 def test_to_begin_a_revision_brings_no_past_row_within_reach(

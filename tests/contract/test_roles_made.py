@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from contextlib import closing
 from typing import Any
 
@@ -11,9 +12,10 @@ import pytest
 import kant_sql
 from kant_sql import KantSqlError, SchemaMissingError, StoreError
 from kant_sql.predicate_views import update_views
+from tests.cli.running import run
 from tests.conftest import Connect, Server
 from tests.pages import Page
-from tests.rights import MINE, Members, members, query, refused
+from tests.rights import MINE, Members, as_user, members, named, query, refused
 from tests.worlds import robot_at
 
 
@@ -115,6 +117,38 @@ def test_the_statements_of_the_page_run(server: Server, connect: Connect) -> Non
     assert all(name in page.text for name in roles[:4] if name is not None)
     with psycopg.connect(url) as owner, owner.transaction(force_rollback=True):
         blocks = page.of("sql")
-        assert len(blocks) == 2
+        assert len(blocks) == 3
+        owner.execute("CREATE ROLE other_program")
         for block in blocks:
-            owner.execute(block.encode())
+            # The page's database, by the name that it has here.
+            owner.execute(block.replace(" fleet ", f' "{owner.info.dbname}" ').encode())
+
+
+def test_what_only_others_may_revoke_is_left_to_them_by_name(
+    server: Server, connect: Connect
+) -> None:
+    url = server.new_database()
+    user = f"maker_{os.getpid()}"
+    with psycopg.connect(url, autocommit=True) as admin:
+        admin.execute(named("CREATE ROLE {} LOGIN CREATEROLE", user))
+        admin.execute(named("GRANT CREATE ON SCHEMA public TO {}", user))
+        try:
+            own = as_user(url, user)
+            kant_sql.upgrade(own)
+            roles = kant_sql.create_roles(own)
+            assert not {*roles.statements} & {*roles.remaining}
+            assert [sql.split(" FROM ")[0] for sql in roles.remaining] == [
+                f"REVOKE EXECUTE ON FUNCTION lo_creat{arguments}"
+                for arguments in ("(integer)", "e(oid)")
+            ] + [
+                "REVOKE EXECUTE ON FUNCTION lo_from_bytea(oid,bytea)",
+                f"REVOKE TEMPORARY ON DATABASE {admin.info.dbname}",
+            ]
+            shown = run("db", "roles", own).stderr.splitlines()
+            assert [line.split(": ", 1)[1] for line in shown] == [f"{s};" for s in roles.remaining]
+            for statement in roles.remaining:
+                admin.execute(statement.encode())
+            assert kant_sql.create_roles(own).remaining == ()
+        finally:
+            admin.execute(named("DROP OWNED BY {} CASCADE", user))
+            admin.execute(named("DROP ROLE {}", user))

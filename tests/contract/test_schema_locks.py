@@ -1,4 +1,4 @@
-"""Who changes the schema on PostgreSQL waits for nobody without end, and holds nobody up meanwhile."""
+"""Changes of the schema on PostgreSQL wait for nobody without end, and hold nobody up."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from tests.workers import PATIENCE
 from tests.worlds import robot_at, waypoint
 
 # What anyone could lock who can connect, as earlier versions did for migrations.
-ADVISORY = "SELECT pg_advisory_lock(hashtext('kant_sql')), pg_advisory_lock(7740109569926391660)"
+ADVISORY = "SELECT pg_advisory_lock(hashtext('kant_sql')), pg_advisory_lock(7737587080895885676)"
 
 
 @pytest.fixture
