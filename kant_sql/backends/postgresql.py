@@ -27,7 +27,7 @@ from ..errors import (
 from .backend import Backend, refuse_unknown_options
 from .postgresql_locks import holders, lock_schema
 from .postgresql_roles import make_roles
-from .postgresql_session import PostgresqlSession
+from .postgresql_session import PostgresqlSession, read_all_times
 from .postgresql_waiting import PostgresqlListener
 from .roles import Roles
 from .session import Session
@@ -81,6 +81,7 @@ class PostgresqlBackend(Backend):
             record.info["made_at"] = time.monotonic()
             connection.autocommit = True
             connection.execute(f"SET lock_timeout = '{LOCK_TIMEOUT}'")
+            read_all_times(connection)
 
         @event.listens_for(engine, "checkout")
         def refuse_old(_: object, record: Any, __: object) -> None:

@@ -59,6 +59,35 @@ def _store_place(element: StorePlace, compiler: Any, **options: Any) -> str:
     )
 
 
+def read_all_times(connection: Any) -> None:
+    """Let a connection read times that Python has none for, as texts.
+
+    The driver refuses all rows of an answer for one such time, whoever has written it.
+
+    Args:
+        connection: the driver's connection.
+    """
+    from psycopg import DataError, pq
+    from psycopg.adapt import Loader
+
+    registry = connection.adapters
+    oid = registry.types["timestamptz"].oid
+    driver: type[Loader] = registry.get_loader(oid, pq.Format.TEXT)
+
+    class AnyTime(Loader):
+        def __init__(self, oid: int, context: Any = None) -> None:
+            super().__init__(oid, context)
+            self._load = driver(oid, context).load
+
+        def load(self, data: Any) -> Any:
+            try:
+                return self._load(data)
+            except DataError:
+                return bytes(data).decode()
+
+    registry.register_loader(oid, AnyTime)
+
+
 class PostgresqlSession(Session):
     """A session on PostgreSQL."""
 
@@ -162,8 +191,9 @@ class PostgresqlSession(Session):
 
     def to_time(self, raw: Any) -> datetime:
         """Give the moment in UTC, whatever zone the connection is set to."""
-        moment: datetime = raw
-        return moment.astimezone(UTC)
+        if not isinstance(raw, datetime):
+            raise ValueError(f"{raw!r} is no time of the years 1 to 9999")
+        return raw.astimezone(UTC)
 
     def close(self) -> None:
         """Give the connection back, unless it is broken."""
