@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 VERSION_TABLE = "kant_sql_version"
 # Oldest first; the last is what this version of the library works on.
-VERSIONS = ("0001", "0002", "0003", "0004", "0005")
+VERSIONS = ("0001", "0002", "0003", "0004", "0005", "0006")
 
 _VERSION = Query(select(column("version_num")).select_from(table(VERSION_TABLE)))
 _MIGRATING = threading.Lock()

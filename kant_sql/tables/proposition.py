@@ -109,6 +109,8 @@ class PropositionVersionRow(Version, Base):
             "until",
             "proposition_id",
         ),
+        # Whoever asks what changed last finds the last goals without a look at the facts.
+        _goal_index("ix_proposition_version_goal_since", "kb_id", "since"),
     )
 
     proposition_id: Mapped[int] = owner_column()

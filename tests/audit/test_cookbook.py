@@ -33,5 +33,5 @@ def test_a_question_is_one_statement_about_the_stable_views_alone(question: str)
     assert ";" not in question
     mentioned = set(re.findall(r"\b(?:FROM|JOIN) (\w+)", question))
     assert mentioned
-    named = set(re.findall(r"(\w+) AS \(\s+SELECT", question))
+    named = set(re.findall(r"(\w+) AS (?:MATERIALIZED )?\(\s+SELECT", question))
     assert {name for name in mentioned if not name.startswith("audit_")} <= named

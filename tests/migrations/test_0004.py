@@ -92,9 +92,9 @@ def test_a_view_of_somebody_elses_on_these_is_not_dropped_by_the_way(old_url: st
 def test_the_sql_that_is_written_offline_has_them(dialect: str) -> None:
     out = io.StringIO()
     upgrade_sql(f"{dialect}://", out)
-    assert {line.split()[2] for line in out.getvalue().splitlines() if "CREATE VIEW" in line} == (
-        VIEWS
-    )
+    assert {
+        line.split()[2] for line in out.getvalue().splitlines() if "CREATE VIEW" in line
+    } >= VIEWS
     out = io.StringIO()
     config = alembic_config(out)
     config.attributes["url"] = f"{dialect}://"
