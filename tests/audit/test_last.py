@@ -96,7 +96,7 @@ def record(url: str) -> str:
                 with kb.transaction():
                     kb.propositions.delete(PddlPropositionDto(ROBOT_AT, [RB1, here]))
                     kb.propositions.save(PddlPropositionDto(ROBOT_AT, [RB1, there]))
-                    kb.function_values.set(BATTERY, [RB1], int(there.name[2:]))
+                    kb.function_values.set(BATTERY, objects=[RB1], value=int(there.name[2:]))
     return url
 
 

@@ -27,7 +27,7 @@ def old_url(empty_url: str, connect: Connect) -> str:
     kb = connect(empty_url, knowledge_base="courier")
     record_story(kb)
     kb.close()
-    kant_sql.downgrade(empty_url, "0005")
+    kant_sql.downgrade(empty_url, revision="0005")
     return empty_url
 
 
@@ -46,10 +46,10 @@ def unchanged(url: str, change: Callable[[], None]) -> bool:
 def test_data_and_answers_survive_up_and_down(old_url: str) -> None:
     assert dump_of(old_url) == record("0005", old_url)
     assert views(old_url) == VIEWS
-    assert unchanged(old_url, lambda: kant_sql.upgrade(old_url, "0006"))
+    assert unchanged(old_url, lambda: kant_sql.upgrade(old_url, revision="0006"))
     assert views(old_url) == {*VIEWS, NEW}
     assert dump_of(old_url) == record("0006", old_url)
-    assert unchanged(old_url, lambda: kant_sql.downgrade(old_url, "0005"))
+    assert unchanged(old_url, lambda: kant_sql.downgrade(old_url, revision="0005"))
     assert dump_of(old_url) == record("0005", old_url)
     kant_sql.upgrade(old_url)
     check_chain(old_url)
@@ -57,7 +57,7 @@ def test_data_and_answers_survive_up_and_down(old_url: str) -> None:
 
 
 def test_the_new_view_says_where_a_knowledge_base_stands(old_url: str) -> None:
-    kant_sql.upgrade(old_url, "0006")
+    kant_sql.upgrade(old_url, revision="0006")
     assert current(old_url) == "0006"
     last = "2026-03-03T08:00:00.000000Z"
     assert ask(old_url, f"SELECT * FROM {NEW}") == [f"courier | 36 | {last} | 1772524800.0"]
