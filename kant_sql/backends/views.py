@@ -28,6 +28,17 @@ _RELATIONS = {
         "SELECT typname, NULL FROM pg_type WHERE typrelid = 0 AND pg_type_is_visible(oid)"
     ),
 }
+# Seconds since 1970 of `{0}`, and those from `{0}` to `{1}`, exact to the microsecond, as the views
+# for auditors have them.
+_EPOCHS = {
+    "sqlite": "(strftime('%s', substr({0}, 1, 19)) * 1000000 + substr({0}, 21, 6)) / 1000000.0",
+    "postgresql": "CAST(extract(epoch FROM {0}) AS double precision)",
+}
+_SECONDS = {
+    "sqlite": "((strftime('%s', substr({1}, 1, 19)) - strftime('%s', substr({0}, 1, 19)))"
+    " * 1000000 + substr({1}, 21, 6) - substr({0}, 21, 6)) / 1000000.0",
+    "postgresql": "CAST(extract(epoch FROM {1} - {0}) AS double precision)",
+}
 # Whoever may read what all knowledge bases have in common may read what one of them has.
 _READERS = Query(
     text(
@@ -108,6 +119,33 @@ def goal_condition(session: Session, is_goal: bool) -> str:
     """
     is_true = "v.is_goal = 1" if session.backend.dialect.name == "sqlite" else "v.is_goal"
     return is_true if is_goal else "NOT v.is_goal"
+
+
+def epoch(session: Session, time: str) -> str:
+    """Write a time as seconds since 1970.
+
+    Args:
+        session: the database.
+        time: the time, as SQL.
+
+    Returns:
+        The SQL of a double.
+    """
+    return _EPOCHS[session.backend.dialect.name].format(time)
+
+
+def seconds_between(session: Session, start: str, end: str) -> str:
+    """Write the seconds from one time to another.
+
+    Args:
+        session: the database.
+        start: the first time, as SQL.
+        end: the other time, as SQL.
+
+    Returns:
+        The SQL of a double; NULL where one of the times is NULL.
+    """
+    return _SECONDS[session.backend.dialect.name].format(start, end)
 
 
 def create_view(

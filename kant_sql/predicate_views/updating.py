@@ -14,10 +14,12 @@ from ..backends.views import (
     Mark,
     create_view,
     drop_view,
+    epoch,
     goal_condition,
     mark_of,
     readers,
     relations,
+    seconds_between,
 )
 from ..dto.parameters import either_text, variable_name
 from ..errors import KantSqlError
@@ -31,7 +33,7 @@ from ..tables import (
     TypeRow,
 )
 from .names import KINDS, column_names, prefixes, view_names
-from .queries import INTERVAL, METADATA, view_query
+from .queries import INTERVAL, METADATA, RECKONED, Words, view_query
 
 # PostgreSQL holds a lock for each view until the end, and has room for some thousands of locks.
 CHANGES_AT_ONCE = 1_000
@@ -234,7 +236,7 @@ def _wanted(
     session: Session, kbs: Mapping[int, str], chosen: set[int], taken: set[str]
 ) -> Iterator[_Wanted]:
     begins = {kind: dict(zip(kbs, prefixes(kind, [*kbs.values()]), strict=True)) for kind in KINDS}
-    conditions = {kind: goal_condition(session, kind == "goal") for kind in KINDS}
+    words = {kind: _words(session, kind) for kind in KINDS}
     for kb_id in [kb_id for kb_id in kbs if kb_id in chosen]:
         predicates = session.rows(_PREDICATES, kb_id=kb_id)
         arguments = _arguments(session, kb_id)
@@ -243,10 +245,19 @@ def _wanted(
             named = view_names(begins[kind][kb_id], names, taken)
             for (predicate_id, predicate), name in zip(predicates, named, strict=True):
                 columns = column_names(arguments.get(predicate_id, ()), (*INTERVAL, *METADATA))
-                definition = view_query(kb_id, predicate_id, conditions[kind], columns)
+                reckoned = column_names(RECKONED, (*columns, *INTERVAL, *METADATA))
+                definition = view_query(kb_id, predicate_id, words[kind], columns, reckoned)
                 mark = mark_of(kb_id, predicate_id, kind, definition)
-                all_columns = (*columns, *INTERVAL, *METADATA)
+                all_columns = (*columns, *INTERVAL, *METADATA, *reckoned)
                 yield _Wanted(name, kbs[kb_id], predicate, all_columns, definition, mark)
+
+
+def _words(session: Session, kind: str) -> Words:
+    return Words(
+        condition=goal_condition(session, kind == "goal"),
+        epoch=epoch(session, "r.committed_at"),
+        seconds=seconds_between(session, "s.committed_at", "u.committed_at"),
+    )
 
 
 def _arguments(session: Session, kb_id: int) -> dict[int, list[str]]:
