@@ -15,6 +15,8 @@ from .tables import HeadRow, KnowledgeBaseRow, RevisionRow
 
 FIRST_ID = 1
 
+_NUMBERS = ("revision", "definition_revision", "next_id", "archived_revision")
+
 _LOCK = Query(
     select(
         HeadRow.revision,
@@ -119,10 +121,21 @@ def lock_head(session: Session, kb_id: int) -> Head | None:
 
     Returns:
         The head, or None when there is no such knowledge base any more.
+
+    Raises:
+        StoreIntegrityError: a number of the head is none.
     """
     row = session.first(_LOCK, kb=kb_id)
     if row is None:
         return None
+    for name, value in zip(_NUMBERS, (row[0], row[1], row[2], row[5]), strict=True):
+        # A column of SQLite keeps what no integer is, and all that is written would go by it.
+        if not isinstance(value, int):
+            raise StoreIntegrityError(
+                f"{session.backend.label}: column {name} of table head has {value!r} for knowledge "
+                f"base {kb_id}, which is no integer; nothing was written; 'kant-sql verify' shows "
+                "what else was changed by hand"
+            )
     committed_at = None if row[4] is None else session.to_time(row[4])
     return Head(row[0], row[1], row[2], row[3], committed_at, row[5], session.now(row[6]))
 

@@ -25,6 +25,7 @@ from sqlalchemy import (
     Update,
     bindparam,
     literal_column,
+    text,
 )
 from sqlalchemy.dialects.postgresql.base import PGDialect
 from sqlalchemy.sql.expression import Executable
@@ -64,6 +65,18 @@ class Query:
             assert not constants, f"constants in {compiled}: {constants}"
             text = self._texts[dialect.name] = str(compiled)
         return text
+
+
+def raw(sql: str) -> Query:
+    """Make a statement of a text, which no parameter is in.
+
+    Args:
+        sql: the text; a colon in it is one.
+
+    Returns:
+        The statement.
+    """
+    return Query(text(sql.replace(":", r"\:")))
 
 
 class InList(FunctionElement[bool]):

@@ -184,13 +184,19 @@ class HistoryMethods:
         return self._history.restore(when, reason=reason, actor=actor)
 
     def verify(
-        self, anchor: Anchor | None = None, *, progress: Progress | None = None
+        self,
+        anchor: Anchor | None = None,
+        *,
+        progress: Progress | None = None,
+        structure: bool = True,
     ) -> Verification:
         """Recompute every hash from the tables, and compare what is said twice.
 
         Args:
             anchor: what `anchor()` gave at an earlier time, kept elsewhere.
             progress: called with how much is checked, and how much there is to check.
+            structure: whether indexes, constraints and views are checked as well. All knowledge
+                bases of a store have them in common: of several, one is enough.
 
         Returns:
             What was checked, and what is wrong: the first revision, and what differs.
@@ -198,7 +204,7 @@ class HistoryMethods:
         Raises:
             ReadOnlyError: the thread has a transaction open.
         """
-        return self._history.verify(anchor, progress=progress)
+        return self._history.verify(anchor, progress=progress, structure=structure)
 
     def anchor(self) -> Anchor:
         """Give the heads of all knowledge bases of the store, to keep elsewhere.

@@ -67,10 +67,14 @@ class SqlHistory(SqlDao, History):
         return restore(self._store, state_at(self._store, when), reason, actor)
 
     def verify(
-        self, anchor: Anchor | None = None, *, progress: Progress | None = None
+        self,
+        anchor: Anchor | None = None,
+        *,
+        progress: Progress | None = None,
+        structure: bool = True,
     ) -> Verification:
         """Recompute every hash from the tables, and compare what is said twice."""
-        return verify(self._store, anchor, progress)
+        return verify(self._store, anchor, progress, structure)
 
     def anchor(self) -> Anchor:
         """Give the heads of all knowledge bases of the store, to keep elsewhere."""

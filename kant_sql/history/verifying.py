@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from ..backends import Session
-from ..errors import ReadOnlyError, StoreError
+from ..errors import NotADatabaseError, ReadOnlyError, StoreError
 from ..store import Store
 from ..verification.chain import Chain, check_chain
 from ..verification.definitions import DefinitionCheck
@@ -22,7 +22,8 @@ from ..verification.head import (
 )
 from ..verification.naming import ObjectFunctions, check_names
 from ..verification.records import PlanCheck
-from ..verification.strays import check_strays
+from ..verification.strays import check_strays, check_types
+from ..verification.structure import check_indexes, check_structure
 from .anchors import Anchor, AnchoredHead
 
 __all__ = ["Finding", "Progress", "Verification", "verify", "verify_session"]
@@ -57,13 +58,17 @@ class Verification(NamedTuple):
         return not self.findings
 
 
-def verify(store: Store, anchor: Anchor | None, progress: Progress | None) -> Verification:
+def verify(
+    store: Store, anchor: Anchor | None, progress: Progress | None, structure: bool = True
+) -> Verification:
     """Recompute every hash from the tables, and compare what is said twice.
 
     Args:
         store: the store.
         anchor: where the knowledge bases stood at an earlier time.
         progress: called with how much is checked, and how much there is.
+        structure: whether indexes, constraints and views are checked, too, which all knowledge
+            bases of the store have in common.
 
     Returns:
         What was checked, and what is wrong.
@@ -77,9 +82,15 @@ def verify(store: Store, anchor: Anchor | None, progress: Progress | None) -> Ve
             "can be verified; end it first"
         )
     anchored = None if anchor is None else anchor.head(store.name)
-    return store.look(
-        lambda session, kb_id: verify_session(session, kb_id, store.name, anchored, progress)
-    )
+
+    def check(session: Session, kb_id: int | None) -> Verification:
+        report = Report()
+        if structure:
+            _guarded(session, report, lambda: check_structure(session, report))
+            _guarded(session, report, lambda: check_indexes(session, report))
+        return verify_session(session, kb_id, store.name, anchored, progress, report)
+
+    return store.look(check)
 
 
 def verify_session(
@@ -88,6 +99,7 @@ def verify_session(
     name: str,
     anchored: AnchoredHead | None = None,
     progress: Progress | None = None,
+    report: Report | None = None,
 ) -> Verification:
     """Verify one knowledge base in the transaction of a session.
 
@@ -97,11 +109,12 @@ def verify_session(
         name: its name.
         anchored: where it stood at an earlier time.
         progress: called with how much is checked, and how much there is.
+        report: has what was found before.
 
     Returns:
         What was checked, and what is wrong.
     """
-    report = Report()
+    report = Report() if report is None else report
     _guarded(session, report, lambda: check_strays(session, kb_id, report))
     if kb_id is None:
         if anchored is not None:
@@ -133,6 +146,7 @@ class _Verifier:
         session, report = self._session, self._report
         wanted = frozenset() if anchored is None else frozenset([anchored.revision])
         _guarded(session, report, lambda: check_rows_of(session, self._kb_id, report))
+        _guarded(session, report, lambda: check_types(session, self._kb_id, report))
         _guarded(session, report, lambda: self._check_chain(wanted))
         _guarded(session, report, self._check_rows)
         chain = self._chain
@@ -188,6 +202,8 @@ def _guarded(session: Session, report: Report, check: Callable[[], None]) -> Non
         check()
     except _WRONG_VALUES as error:
         fault = f"a value is none that can stand there: {error}"
+    except NotADatabaseError as error:
+        fault = f"the file is damaged: {error}"
     except StoreError as error:
         # The others are of the connection, not of what is stored.
         if type(error) is not StoreError:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from math import copysign
 
 from sqlalchemy import func
 
@@ -182,6 +183,8 @@ def _has_its_kind(row: Row, version: Row) -> bool:
 
 def _is_nearest(number: float, value: str) -> bool:
     try:
-        return float(value) == number
+        nearest = float(value)
     except ValueError:
         return False
+    # Zero has no sign, but where a number is too small for a double; SQLite drops it even there.
+    return nearest == number and (number != 0 or copysign(1, number) >= copysign(1, nearest))
