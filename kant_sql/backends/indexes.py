@@ -6,7 +6,6 @@ its table has, it does not matter which of them a query is answered by.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from itertools import groupby
@@ -19,8 +18,9 @@ from .session import Session
 # By these settings the server reads the tables themselves, by the others nothing but the indexes.
 _TABLES_ONLY = ("enable_indexscan", "enable_indexonlyscan", "enable_bitmapscan")
 _INDEXES_ONLY = ("enable_seqscan", "enable_bitmapscan", "enable_sort", "enable_incremental_sort")
-# What the key of an index has is in the index: without this, it is not looked up in the table.
-_KEYS_ONLY = (*_INDEXES_ONLY, "enable_indexscan")
+# What a sorted index has as its keys is read without a look at the table. In a hash there are no
+# keys to read.
+_WAYS = {"btree": (*_INDEXES_ONLY, "enable_indexscan"), "hash": _INDEXES_ONLY}
 _PLAIN = "SET LOCAL jit = off; SET LOCAL max_parallel_workers_per_gather = 0"
 
 _INDEXES = """
@@ -37,7 +37,6 @@ WHERE c.oid = ANY(ARRAY[{tables}]::regclass[]) AND c.relkind = 'r'
     AND i.indisvalid AND i.indisready AND i.indislive
     AND a.amname IN ('btree', 'hash') AND i.indexprs IS NULL
 """
-_METHODS = ("btree", "hash")
 # The extension amcheck reads an index page by page, where it is installed and may be used.
 _CHECKER = """
 SELECT p.oid::regproc::text FROM pg_proc AS p
@@ -127,31 +126,32 @@ def _sqlite(session: Session, tables: Sequence[str]) -> Iterator[IndexFault]:
 
 
 def _postgresql(session: Session, tables: Sequence[str]) -> Iterator[IndexFault]:
-    names = ", ".join(f"to_regclass('{table}')" for table in tables)
-    indexes = [_Index(*row) for row in _run(session, _INDEXES.replace("{tables}", names))]
+    indexes = _indexes_of(session, tables)
     if indexes:
         had = _numbers(session, _TABLES_ONLY, _by_tables(indexes))
-        sorted_, hashed = ([each for each in indexes if each.method == m] for m in _METHODS)
-        found = _by_indexes(session, _KEYS_ONLY, sorted_) | _by_indexes(
-            session, _INDEXES_ONLY, hashed
-        )
+        found = _by_indexes(session, indexes)
         for index in indexes:
             # What the server does not use even now, it uses for no other question.
             if index.number in found and found[index.number] != had[index.number]:
                 yield IndexFault(index.table, _difference(index, had, found))
-        yield from _amcheck(session, sorted_)
+        yield from _amcheck(session, indexes)
+
+
+def _indexes_of(session: Session, tables: Sequence[str]) -> list[_Index]:
+    names = ", ".join(f"to_regclass('{table}')" for table in tables)
+    return [_Index(*row) for row in _run(session, _INDEXES.replace("{tables}", names))]
 
 
 def _difference(index: _Index, had: _Found, found: _Found) -> str:
     in_table, in_index = had[index.number][0], found[index.number][0]
     what = (
-        f"has {in_index} rows of {in_table}"
+        f"has {in_index} of the {in_table} rows that the table has for it"
         if in_table != in_index
-        else f"has other keys than the {in_table} rows"
+        else f"has other keys than the {in_table} rows that the table has for it"
     )
     return (
-        f"index {index.name} {what} that the table has for it: what is asked for by it is not "
-        f"what is stored; make it again with: REINDEX INDEX {index.name}"
+        f"index {index.name} {what}, so questions that are answered by it have wrong answers; make "
+        f"it again with: REINDEX INDEX {index.name}"
     )
 
 
@@ -174,16 +174,18 @@ def _table_of(index: _Index) -> str:
     return index.table
 
 
-def _by_indexes(session: Session, off: Iterable[str], indexes: list[_Index]) -> _Found:
+def _by_indexes(session: Session, indexes: list[_Index]) -> _Found:
     """Give the numbers of those indexes by which the server can be made to answer."""
-    if not indexes:
-        return {}
-    query = " UNION ALL ".join(index.reading() for index in indexes)
-    with _settings(session, off):
-        ((plan,),) = _run(session, f"EXPLAIN (FORMAT JSON, COSTS OFF) {query}")
-    used = {*_used(plan if isinstance(plan, list) else json.loads(plan))}
-    found = _numbers(session, off, query)
-    return {index.number: found[index.number] for index in indexes if index.name in used}
+    numbers: _Found = {}
+    for method, off in _WAYS.items():
+        chosen = [index for index in indexes if index.method == method]
+        if chosen:
+            query = " UNION ALL ".join(index.reading() for index in chosen)
+            with _settings(session, off):
+                ((plan,),) = _run(session, f"EXPLAIN (FORMAT JSON, COSTS OFF) {query}")
+            used, found = {*_used(plan)}, _numbers(session, off, query)
+            numbers |= {each.number: found[each.number] for each in chosen if each.name in used}
+    return numbers
 
 
 def _used(plan: Any) -> Iterator[str]:
@@ -216,7 +218,7 @@ def _settings(session: Session, off: Iterable[str]) -> Iterator[None]:
 def _amcheck(session: Session, indexes: list[_Index]) -> Iterator[IndexFault]:
     """Let the extension amcheck read each index, where it may."""
     for (function,) in _run(session, _CHECKER)[:1]:
-        for index in indexes:
+        for index in (each for each in indexes if each.method == "btree"):
             savepoint, fault = session.savepoint(), None
             try:
                 _run(session, f"SELECT {function}({index.oid}::regclass, true)")

@@ -59,7 +59,7 @@ def mutations(bare: Bare) -> Iterator[Mutation]:
     for name, table in TABLES.items():
         rows = bare.rows(name)
         assert rows, f"the story has no row in {name}"
-        chosen = samples(rows, name)
+        chosen = [*samples(rows, name), *_without_version(bare, name, rows)]
         for row in chosen:
             yield Mutation(name, "delete", row, {})
         yield Mutation(name, "double", rows[0], {})
@@ -70,6 +70,27 @@ def mutations(bare: Bare) -> Iterator[Mutation]:
             for row in own:
                 for value in _values(column, row, rows):
                     yield Mutation(name, column.name, row, {column.name: value})
+            if bare.session.placeholder == "?":
+                for value in _of_other_type(chosen[0][column.name]):
+                    yield Mutation(name, column.name, chosen[0], {column.name: value})
+
+
+def _without_version(bare: Bare, table: str, rows: list[Row]) -> list[Row]:
+    """Choose a fact all versions of which are in an archive."""
+    if table != "proposition":
+        return []
+    held = {row[f"{table}_id"] for row in bare.rows(f"{table}_version")}
+    moved = [row for row in rows if row["id"] not in held]
+    assert moved, "each proposition has a version"
+    return moved[:1]
+
+
+def _of_other_type(now: Any) -> Iterator[Any]:
+    """Give values that SQLite keeps in a column that is of another type."""
+    if isinstance(now, int):
+        yield from (now + 0.5, float("inf"), f"{now}x", str(now).encode())
+    elif now is not None:
+        yield str(now).encode()
 
 
 def _next_key(table: str, rows: list[Row]) -> Row:

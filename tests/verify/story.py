@@ -70,8 +70,12 @@ def _change(kb: KnowledgeBase) -> None:
     kb.goals.save(Or((CONDITIONS["object fluent"], CONDITIONS["arithmetic"])))
     kb.goals.delete(CONDITIONS["shadowed"])
     kb.constraints.save(CONSTRAINTS["hold-during"])
-    fact = next(fact for fact in kb.propositions.get_all() if str(fact) == "(at t1 p1)")
-    kb.propositions.delete(fact)
+    facts = {str(fact): fact for fact in kb.propositions.get_all()}
+    fact = facts["(at t1 p1)"]
+    with kb.transaction():
+        kb.propositions.delete(fact)
+        # All that is said of it goes into the archive.
+        kb.propositions.delete(facts["(linked hub p1)"])
     kb.propositions.save(fact)
     function = kb.functions.get("fuel")
     assert function is not None

@@ -1,0 +1,410 @@
+"""What the tables stand in: indexes that leave rows out, and what no migration has made."""
+
+from __future__ import annotations
+
+import json
+import sqlite3
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import psycopg
+import pytest
+from sqlalchemy import make_url
+
+import kant_sql
+from kant_sql import KnowledgeBase
+from kant_sql.backends import create_backend, indexes
+from kant_sql.errors import StoreIntegrityError
+from kant_sql.schema import VERSIONS
+from kant_sql.tables import Base
+from kant_sql.verification.structure import TABLES, recorded
+from tests.cli.running import run
+from tests.conftest import Connect
+from tests.pages import opened
+from tests.rights import DOMAIN, MINE, PROBLEM, members
+from tests.rights import OTHER as OTHER_KB
+from tests.verify.story import NAME, write_story
+from tests.verifying import findings
+from tests.worlds import WP2, robot_at, waypoint
+
+FACT, OTHER = robot_at(), robot_at(place=WP2)
+
+
+def is_sqlite(url: str) -> bool:
+    return make_url(url).get_backend_name() == "sqlite"
+
+
+def tamper(url: str, *statements: str) -> None:
+    with opened(url) as store:
+        for sql in statements:
+            store.execute(sql, {})
+
+
+def messages(url: str) -> str:
+    return "\n".join(f"{each.table}: {each.message}" for each in findings(url))
+
+
+@pytest.fixture
+def filled(shared_url: str, connect: Connect) -> str:
+    """A store with two facts and the end of a third."""
+    with connect(shared_url, knowledge_base="tiago") as kb:
+        kb.propositions.save(FACT)
+        kb.propositions.save(OTHER)
+        kb.propositions.save(robot_at(place=waypoint(3)))
+        kb.propositions.delete(robot_at(place=waypoint(3)))
+    assert findings(shared_url) == []
+    return shared_url
+
+
+def facts(url: str) -> list[str]:
+    with kant_sql.connect(url, knowledge_base="tiago") as kb:
+        return sorted(str(fact) for fact in kb.propositions.get_all())
+
+
+def hide_a_fact(url: str) -> None:
+    """Make an index that leaves a fact out, and put the text of the old one back."""
+    with opened(url) as store:
+        ((hidden,),) = store.execute(
+            "SELECT id FROM proposition WHERE NOT is_goal ORDER BY id LIMIT 1", {}
+        )
+    name = "ix_proposition_version_now"
+    on = "ON proposition_version (kb_id, predicate_id, proposition_id, until) WHERE until IS NULL"
+    narrow = f"CREATE INDEX {name} {on} AND proposition_id <> {hidden}"
+    if is_sqlite(url):
+        with sqlite3.connect(str(make_url(url).database), isolation_level=None) as file:
+            ((text,),) = file.execute(f"SELECT sql FROM sqlite_master WHERE name = '{name}'")
+            file.execute(f"DROP INDEX {name}")
+            file.execute(narrow)
+            file.execute("PRAGMA writable_schema = ON")
+            file.execute(f"UPDATE sqlite_master SET sql = ? WHERE name = '{name}'", (text,))
+        file.close()
+        return
+    tamper(
+        url,
+        f"DROP INDEX {name}",
+        narrow,
+        f"CREATE INDEX copy {on}",
+        "UPDATE pg_index SET indpred = (SELECT indpred FROM pg_index WHERE indexrelid = "
+        f"'copy'::regclass) WHERE indexrelid = '{name}'::regclass",
+        "DROP INDEX copy",
+    )
+
+
+def test_an_index_that_leaves_a_row_out_is_a_finding(filled: str) -> None:
+    hide_a_fact(filled)
+    found = messages(filled)
+    assert "ix_proposition_version_now" in found
+    if is_sqlite(filled):
+        assert facts(filled) == [str(OTHER)]
+        assert "missing from index ix_proposition_version_now" in found
+    else:
+        assert "has 1 of the 2 rows that the table has for it" in found
+        assert "REINDEX INDEX ix_proposition_version_now" in found
+        tamper(filled, "REINDEX INDEX ix_proposition_version_now")
+        assert findings(filled) == []
+
+
+def test_an_anchor_does_not_make_a_lying_index_true(filled: str) -> None:
+    with kant_sql.connect(filled, knowledge_base="tiago") as kb:
+        anchor = kb.anchor()
+    hide_a_fact(filled)
+    with kant_sql.connect(filled, knowledge_base="tiago") as kb:
+        assert not kb.verify(anchor).is_intact
+        assert kb.verify(anchor, structure=False).is_intact
+
+
+def test_an_index_for_looking_up_texts_is_compared_too(filled: str) -> None:
+    """It is a hash on PostgreSQL, which cannot be read in order."""
+    if is_sqlite(filled):
+        pytest.skip("SQLite has one kind of index")
+    tamper(
+        filled,
+        "DROP INDEX ix_proposition_text",
+        f"CREATE INDEX ix_proposition_text ON proposition USING hash (text) WHERE text <> '{FACT}'",
+        "UPDATE pg_index SET indpred = NULL WHERE indexrelid = 'ix_proposition_text'::regclass",
+    )
+    assert "index ix_proposition_text has 2 of the 3 rows that the table has" in messages(filled)
+
+
+def flips(path: Path, index: str, count: int) -> Iterator[bytes]:
+    """Give the file with one flipped bit in the root page of an index, for several bits of it."""
+    with sqlite3.connect(path) as file:
+        file.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+        ((size,),) = file.execute("PRAGMA page_size")
+        ((page,),) = file.execute("SELECT rootpage FROM sqlite_master WHERE name = ?", (index,))
+    file.close()
+    whole = path.read_bytes()
+    # The header with the cells' places is at its begin, the keys are at its end.
+    places = [*range(12), *range(size - count + 12, size)]
+    for place in places:
+        changed = bytearray(whole)
+        changed[(page - 1) * size + place] ^= 1
+        yield bytes(changed)
+
+
+def test_a_flipped_bit_in_a_page_of_an_index_does_not_hide_a_fact(
+    tmp_path: Path, connect: Connect
+) -> None:
+    path = tmp_path / "store.db"
+    url = f"sqlite:///{path}"
+    with connect(url, knowledge_base="tiago") as kb:
+        kb.propositions.save_all([FACT, OTHER])
+    hidden = 0
+    for content in flips(path, "ix_proposition_version_now", 40):
+        copy = tmp_path / "copy.db"
+        copy.write_bytes(content)
+        copied = f"sqlite:///{copy}"
+        try:
+            is_hidden = facts(copied) != [str(FACT), str(OTHER)]
+        except kant_sql.errors.StoreError:
+            is_hidden = True
+        hidden += is_hidden
+        if is_hidden:
+            assert findings(copied) != []
+    assert hidden > 5
+
+
+COMMON = {
+    "DROP INDEX ix_proposition_version_now": (
+        "proposition_version: index ix_proposition_version_now is missing"
+    ),
+    "CREATE INDEX more ON proposition (kb_id)": "proposition: there is something that the migra",
+    "DROP VIEW audit_goal": "audit_goal: view audit_goal is missing",
+    "DROP VIEW audit_goal; CREATE VIEW audit_goal AS SELECT * FROM audit_fact WHERE kind = 'goal'"
+    " AND text <> '(x)'": "audit_goal: view audit_goal was changed",
+    "ALTER TABLE archive RENAME TO kept; CREATE VIEW archive AS SELECT * FROM kept": (
+        "archive: table archive is missing"
+    ),
+    "ALTER TABLE proposition ADD COLUMN more integer": "proposition: table proposition was changed",
+    "DROP INDEX uq_proposition_version_live; CREATE INDEX uq_proposition_version_live"
+    " ON proposition_version (kb_id, proposition_id) WHERE until IS NULL": (
+        "index uq_proposition_version_live"
+    ),
+}
+SQLITE = {
+    "CREATE TRIGGER t AFTER INSERT ON proposition_version BEGIN SELECT 1; END": "CREATE TRIGGER t",
+    "CREATE TRIGGER t INSTEAD OF INSERT ON audit_fact BEGIN SELECT 1; END": "CREATE TRIGGER t",
+    "PRAGMA writable_schema = ON; UPDATE sqlite_master SET sql = replace(sql,"
+    " 'CHECK (since < until)', 'CHECK (since < until OR 1)') WHERE name = 'type_version'": (
+        "type_version: table type_version was changed"
+    ),
+    "ALTER TABLE archive RENAME TO kept; CREATE VIRTUAL TABLE archive USING fts5(text)": (
+        "table archive"
+    ),
+}
+POSTGRESQL = {
+    "CREATE FUNCTION f() RETURNS trigger LANGUAGE plpgsql AS 'BEGIN RETURN NULL; END';"
+    "CREATE TRIGGER t BEFORE INSERT ON proposition_version FOR EACH ROW EXECUTE FUNCTION f()": (
+        "trigger t on proposition_version"
+    ),
+    "CREATE RULE r AS ON DELETE TO proposition DO INSTEAD NOTHING": "rule r on proposition",
+    "ALTER TABLE proposition DISABLE TRIGGER ALL": "disabled check of a foreign key of propositi",
+    "ALTER TABLE type_version DROP CONSTRAINT fk_type_version_kb_id_since": (
+        "'CONSTRAINT fk_type_version_kb_id_since FOREIGN KEY"
+    ),
+    "ALTER TABLE type_version DROP CONSTRAINT ck_type_version_since_before_until, ADD CONSTRAINT"
+    " ck_type_version_since_before_until CHECK (since < until) NOT VALID": "NOT VALID",
+    "CREATE POLICY p ON proposition USING (false)": "policy p on proposition",
+    "ALTER TABLE proposition FORCE ROW LEVEL SECURITY": "forced row security on proposition",
+    "CREATE TABLE more () INHERITS (proposition)": "table more, whose rows are read as those of",
+    "ALTER TABLE plan_step_argument SET UNLOGGED": "without a log, which loses its rows in a crash",
+    "UPDATE pg_index SET indisvalid = false WHERE indexrelid = 'ix_proposition_version_now'"
+    "::regclass": "not valid",
+    "CREATE SCHEMA evil; CREATE TABLE evil.proposition_argument (LIKE proposition_argument);"
+    "DO $$ BEGIN EXECUTE 'ALTER DATABASE ' || current_database() ||"
+    " ' SET search_path TO evil, public'; END $$": (
+        "relation that statements find in its place: evil.proposition_argument"
+    ),
+    "CREATE SCHEMA evil; DO $$ BEGIN EXECUTE 'ALTER DATABASE ' || current_database() ||"
+    " ' SET search_path TO evil, public, pg_catalog'; END $$": (
+        "schema evil, which the search path has before the system's own"
+    ),
+    "ALTER TABLE function_value_version ALTER until SET DEFAULT 5": "DEFAULT 5",
+    'ALTER TABLE proposition ALTER arguments TYPE text COLLATE "default"': (
+        "table proposition was changed"
+    ),
+    "ALTER TABLE archive RENAME TO kept; CREATE MATERIALIZED VIEW archive AS SELECT * FROM kept": (
+        "table archive is missing"
+    ),
+}
+
+
+@pytest.mark.parametrize(("sql", "message"), [*COMMON.items(), *SQLITE.items()])
+def test_what_the_migrations_have_not_made_is_a_finding_on_sqlite(
+    tmp_path: Path, connect: Connect, sql: str, message: str
+) -> None:
+    url = f"sqlite:///{tmp_path / 'store.db'}"
+    with connect(url, knowledge_base="tiago") as kb:
+        kb.propositions.save(FACT)
+    with sqlite3.connect(str(make_url(url).database), isolation_level=None) as file:
+        file.executescript(sql)
+    file.close()
+    assert message in messages(url)
+
+
+@pytest.mark.parametrize(("sql", "message"), [*COMMON.items(), *POSTGRESQL.items()])
+def test_what_the_migrations_have_not_made_is_a_finding_on_postgresql(
+    server: Any, connect: Connect, sql: str, message: str
+) -> None:
+    url = server.new_store()
+    with connect(url, knowledge_base="tiago") as kb:
+        kb.propositions.save(FACT)
+    with psycopg.connect(url, autocommit=True) as owner:
+        owner.execute(sql.encode())
+    assert message in messages(url)
+    server.drop_database(url)
+
+
+@pytest.mark.parametrize("value", ["500.5", "9e999", "'many'", "x'00'", "NULL"])
+@pytest.mark.parametrize(
+    "column", ["next_id", "revision", "definition_revision", "archived_revision"]
+)
+def test_a_head_with_no_integer_is_a_finding_and_no_revision_is_made(
+    tmp_path: Path, connect: Connect, column: str, value: str
+) -> None:
+    url = f"sqlite:///{tmp_path / 'store.db'}"
+    with connect(url, knowledge_base="tiago") as kb:
+        kb.propositions.save(FACT)
+    if value == "NULL":
+        tamper(url, "PRAGMA ignore_check_constraints = ON")
+        with pytest.raises(sqlite3.IntegrityError):
+            tamper(url, f"UPDATE head SET {column} = {value}")
+        return
+    tamper(url, f"UPDATE head SET {column} = {value}")
+    with connect(url, knowledge_base="tiago") as kb:
+        assert any(
+            each.table == "head" and f"column {column} has 1 value that" in each.message
+            for each in kb.verify().findings
+        )
+        with pytest.raises(StoreIntegrityError, match=f"column {column} of table head has"):
+            kb.propositions.save(OTHER)
+
+
+def test_a_source_that_is_bytes_is_a_finding(tmp_path: Path, connect: Connect) -> None:
+    url = f"sqlite:///{tmp_path / 'store.db'}"
+    with connect(url, knowledge_base="tiago") as kb, kb.transaction(source={"file": "a"}):
+        kb.propositions.save(FACT)
+    tamper(url, "UPDATE revision SET source = CAST(source AS BLOB)")
+    assert messages(url) == "revision: column source has 1 value that are not of its type"
+
+
+def test_what_others_keep_in_the_same_database_is_theirs(filled: str) -> None:
+    tamper(
+        filled,
+        "CREATE TABLE mission (id integer PRIMARY KEY, kb_id bigint, proposition_id bigint, "
+        "FOREIGN KEY (kb_id, proposition_id) REFERENCES proposition (kb_id, id))",
+        "CREATE INDEX mission_of ON mission (kb_id)",
+        "CREATE VIEW overview AS SELECT * FROM audit_fact WHERE predicate = 'robot_at'",
+        "INSERT INTO mission VALUES (1, 1, (SELECT min(id) FROM proposition))",
+    )
+    if is_sqlite(filled):
+        tamper(filled, "CREATE TRIGGER m AFTER INSERT ON mission BEGIN SELECT 1; END")
+    else:
+        tamper(
+            filled,
+            "CREATE SEQUENCE counter",
+            "CREATE FUNCTION f() RETURNS integer LANGUAGE sql AS 'SELECT 1'",
+            "CREATE RULE r AS ON DELETE TO mission DO INSTEAD NOTHING",
+        )
+    assert findings(filled) == []
+
+
+def test_a_story_with_views_an_archive_and_an_earlier_version_is_intact(
+    shared_url: str, tmp_path: Path
+) -> None:
+    archive = f"sqlite:///{tmp_path / 'archive.db'}"
+    write_story(shared_url, archive)
+    kant_sql.update_views(shared_url)
+    assert findings(shared_url) == findings(archive) == []
+    with kant_sql.connect(shared_url, knowledge_base=NAME) as kb:
+        kb.restore(20)
+    assert findings(shared_url) == []
+    kant_sql.downgrade(shared_url, revision=VERSIONS[-2])
+    kant_sql.upgrade(shared_url)
+    assert findings(shared_url) == []
+
+
+def test_a_store_with_roles_is_intact_for_its_owner_and_for_who_reads(server: Any) -> None:
+    url = server.new_store()
+    for name in (MINE, OTHER_KB):
+        with kant_sql.connect(url, knowledge_base=name) as kb:
+            kb.load_domain(DOMAIN)
+            kb.load_problem(PROBLEM)
+    kant_sql.update_views(url)
+    roles, own = kant_sql.create_roles(url), kant_sql.create_roles(url, knowledge_base=MINE)
+    assert findings(url) == []
+    with members(url, roles) as users, members(url, own) as limited:
+        assert findings(users.reader) == findings(users.writer) == []
+        with kant_sql.connect(limited.reader, knowledge_base=MINE) as kb:
+            assert kb.verify().findings == ()
+    server.drop_database(url)
+
+
+@pytest.mark.parametrize("has_statistics", [False, True])
+def test_every_index_can_be_read_by_itself(
+    server: Any, tmp_path: Path, has_statistics: bool
+) -> None:
+    """Whatever the server knows of the tables: else what is compared is another index."""
+    url = server.new_store()
+    write_story(url, f"sqlite:///{tmp_path / 'archive.db'}")
+    if has_statistics:
+        tamper(url, "VACUUM ANALYZE")
+    backend = create_backend(url)
+    with backend.open_session() as session:
+        session.begin(write=False)
+        made = indexes._indexes_of(session, TABLES)
+        assert len(made) > 100
+        assert len(indexes._by_indexes(session, made)) == len(made)
+        session.rollback()
+    backend.close()
+    server.drop_database(url)
+
+
+def test_what_amcheck_finds_is_a_finding(server: Any, connect: Connect) -> None:
+    """A function that stands for it, for not every server has the extension."""
+    url = server.new_store()
+    with connect(url, knowledge_base="tiago") as kb:
+        kb.propositions.save(FACT)
+    tamper(
+        url,
+        "CREATE FUNCTION bt_index_check(index regclass, heapallindexed boolean) RETURNS void "
+        "LANGUAGE plpgsql AS 'BEGIN IF index = ''pk_object''::regclass AND heapallindexed THEN "
+        "RAISE EXCEPTION ''heap tuple lacks matching index tuple'' USING ERRCODE = ''XX002''; "
+        "END IF; END'",
+    )
+    (finding,) = findings(url)
+    assert finding.table == "object"
+    assert finding.message.startswith("index pk_object: ")
+    assert "heap tuple lacks matching index tuple" in finding.message
+    server.drop_database(url)
+
+
+def test_knowledge_bases_have_the_structure_in_common(filled: str) -> None:
+    with kant_sql.connect(filled, knowledge_base="pepper") as kb:
+        kb.propositions.save(FACT)
+    tamper(filled, "DROP VIEW audit_goal")
+    result = run("verify", filled, "--all", "--json")
+    assert result.exit_code == 1
+    first, second = map(json.loads, result.stdout.splitlines())
+    assert [each["table"] for each in first["findings"]] == ["audit_goal"]
+    assert (second["findings"], second["is_intact"]) == ([], True)
+
+
+def test_a_store_in_memory_has_its_structure_too(connect: Connect) -> None:
+    kb: KnowledgeBase = connect("sqlite://", knowledge_base="tiago")
+    kb.propositions.save(FACT)
+    assert kb.verify().is_intact
+
+
+def test_the_records_are_of_the_last_version(dialect_name: str) -> None:
+    heads = {each.head for each in recorded(dialect_name)}
+    assert {f"CREATE TABLE {table}" for table in Base.metadata.tables} <= {
+        head.replace('"', "") for head in heads
+    }
+
+
+@pytest.fixture(params=["sqlite", "postgresql"])
+def dialect_name(request: pytest.FixtureRequest) -> str:
+    name: str = request.param
+    return name
