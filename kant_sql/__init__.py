@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import logging
+
 from .backends import Roles
 from .documents import Loaded
 from .dto import (
@@ -160,3 +162,6 @@ __all__ = [
     "update_views",
     "upgrade",
 ]
+
+# Whoever uses the library decides what becomes of its log; without a word, nothing.
+logging.getLogger(__name__).addHandler(logging.NullHandler())

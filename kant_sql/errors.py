@@ -9,6 +9,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 
+def printable(text: str) -> str:
+    """Escape what could pass for another line of a log, or command a terminal.
+
+    Args:
+        text: any text.
+
+    Returns:
+        The same on one line, with what is not printable as Python escapes it.
+    """
+    return "".join(letter if letter.isprintable() else repr(letter)[1:-1] for letter in text)
+
+
 class KantSqlError(Exception):
     """The root: catch it to catch all that this library raises on purpose."""
 

@@ -6,6 +6,7 @@ last changed one.
 
 from __future__ import annotations
 
+import logging
 import threading
 from collections.abc import Callable
 from contextlib import suppress
@@ -28,6 +29,8 @@ from .transaction import Transaction
 from .view import DefinitionsMovedError, View, open_view, read_definition_revision
 
 T = TypeVar("T")
+
+logger = logging.getLogger("kant_sql.store")
 
 _FIND = Query(select(KnowledgeBaseRow.id).where(KnowledgeBaseRow.name == bindparam("name")))
 _CLOCK = Query(select(StoreClock()))
@@ -61,6 +64,7 @@ class Reader:
         ensure_schema(backend)
         with backend.open_session() as session:
             self._find(session)
+        logger.info("%s: connected, knowledge base %r, actor %r", backend.label, name, actor)
 
     def _forked(self) -> None:
         # Another thread may have had the locks of the old ones.

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import logging
 import random
 import time
 from collections.abc import Callable
 from typing import TypeVar
 
 from .backends import Backend
-from .errors import ConnectionLostError, StoreBusyError, StoreUnreachableError
+from .errors import ConnectionLostError, StoreBusyError, StoreUnreachableError, printable
 
 T = TypeVar("T")
+
+logger = logging.getLogger("kant_sql.retry")
 
 RETRY_FOR = 10.0
 FIRST_PAUSE, LONGEST_PAUSE = 0.02, 0.5
@@ -33,7 +36,9 @@ def retrying(backend: Backend, work: Callable[[], T]) -> T:
     """
     deadline = time.monotonic() + RETRY_FOR
     pause = FIRST_PAUSE
+    attempt = 0
     while True:
+        attempt += 1
         try:
             return work()
         except (StoreBusyError, ConnectionLostError, StoreUnreachableError) as error:
@@ -44,5 +49,6 @@ def retrying(backend: Backend, work: Callable[[], T]) -> T:
                 raise
             if time.monotonic() + pause > deadline:
                 raise
+            logger.warning("attempt %d failed, trying again: %s", attempt, printable(str(error)))
         time.sleep(pause * random.uniform(0.5, 1.5))
         pause = min(2 * pause, LONGEST_PAUSE)

@@ -264,6 +264,7 @@ def _migrate_once(backend: Backend, run: Callable[[Config], None]) -> None:
         # Alembic keeps the migration under way in module globals: one at a time in a process.
         with _MIGRATING, backend.migration_connection() as connection:
             config.attributes["connection"] = connection
+            config.attributes["label"] = backend.label
             run(config)
     except CommandError as error:
         version = _current(backend)

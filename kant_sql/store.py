@@ -188,6 +188,12 @@ class Store(Reader):
             committed = transaction.committed
             if committed is None or not self._is_stored(transaction.kb_id, committed):
                 raise
+            logger.warning(
+                "%s: the answer to the COMMIT of revision %d of %r was lost; it is in the store",
+                self.backend.label,
+                committed.number,
+                self.name,
+            )
         self._publish(transaction, committed)
 
     def _publish(self, transaction: Transaction, committed: Committed | None) -> None:
@@ -196,6 +202,29 @@ class Store(Reader):
             if transaction.redefined:
                 self._definitions.keep(committed.number, transaction.definitions.publish())
         transaction.publish()
+        if committed is not None and logger.isEnabledFor(logging.DEBUG):
+            self._log_revision(transaction, committed)
+
+    def _log_revision(self, transaction: Transaction, made: Committed) -> None:
+        took, said = transaction.age, transaction.metadata
+        logger.debug(
+            # What others have written must not pass for a line of its own.
+            "knowledge base %r: revision %d by %r because %r: %d changes, %.3f ms",
+            self.name,
+            made.number,
+            said.actor,
+            said.reason,
+            transaction.changed,
+            took,
+            extra={
+                "knowledge_base": self.name,
+                "revision": made.number,
+                "actor": said.actor,
+                "reason": said.reason,
+                "changes": transaction.changed,
+                "milliseconds": took,
+            },
+        )
 
     def _is_stored(self, kb_id: int, made: Committed) -> bool:
         """Tell whether a commit got through whose answer was lost."""

@@ -8,7 +8,7 @@ no trace, and a call that fails inside a transaction is undone alone.
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from contextlib import AbstractContextManager
 from datetime import timedelta
 from itertools import chain
@@ -53,6 +53,7 @@ class Transaction:
         step_statuses: the steps of plans that it has touched.
         committed: the revision, from just before COMMIT is sent.
         redefined: whether the revision changes a definition.
+        changed: how many changes the revision has.
     """
 
     def __init__(
@@ -81,6 +82,7 @@ class Transaction:
         self._parts = (self.propositions, self.values, self.records, self.step_statuses)
         self.committed: Committed | None = None
         self.redefined = False
+        self.changed = 0
         self._next_id = head.next_id
         self._started = time.monotonic()
         self._writer = DefinitionWriter(session, kb_id, self.number, self.definitions)
@@ -88,6 +90,11 @@ class Transaction:
         # What sets an entry of the state, or many, for `scope` to undo.
         self.assign = self._undo.assign
         self.assign_all = self._undo.assign_all
+
+    @property
+    def age(self) -> float:
+        """How many milliseconds ago it began."""
+        return (time.monotonic() - self._started) * 1e3
 
     @property
     def is_stateless(self) -> bool:
@@ -215,6 +222,7 @@ class Transaction:
         else:
             parts = self._writer, *self._parts
             changes = sorted(chain.from_iterable(part.changes() for part in parts))
+            self.changed = len(changes)
         if not changes:
             self.session.rollback()
             return None
@@ -266,12 +274,17 @@ class Transaction:
 
     def _stored_changes(self) -> Iterable[Change]:
         """Give the changes as the tables say them, for they were too many to keep."""
-        stream = (
+        stream = self._counted(
             change
             for _, change in stream_changes(self.session, self.kb_id, self.number, self.number)
         )
         first = next(stream, None)
         return () if first is None else chain((first,), stream)
+
+    def _counted(self, changes: Iterable[Change]) -> Iterator[Change]:
+        for change in changes:
+            self.changed += 1
+            yield change
 
     def _state(self) -> list[dict[Any, Any]]:
         parts: list[dict[Any, Any]] = [self._writer.written]

@@ -7,6 +7,7 @@ import os
 from contextlib import nullcontext
 
 from alembic import context
+from alembic.runtime.migration import MigrationInfo
 from sqlalchemy import Connection
 
 from kant_sql.backends import backend_name, create_backend, roles_set_aside
@@ -47,6 +48,23 @@ def changes_version() -> bool:
     return bool(wanted != context.get_context().get_current_revision())
 
 
+def log_step(ctx: object, step: MigrationInfo, heads: object, run_args: object) -> None:
+    """Log that the tables went from one version to another; not yet committed.
+
+    Args:
+        ctx: where it ran.
+        step: the migration.
+        heads: the versions that the tables have now.
+        run_args: what it was given.
+    """
+    before, after = (
+        ", ".join(versions) or "no tables"
+        for versions in (step.source_revision_ids, step.destination_revision_ids)
+    )
+    place = f"{config.attributes['label']}: " if "label" in config.attributes else ""
+    logger.info("%smigrating from %s to %s", place, before, after)
+
+
 def run_online(connection: Connection) -> None:
     """Run the migrations on a connection that is in a transaction.
 
@@ -63,6 +81,7 @@ def run_online(connection: Connection) -> None:
         # SQLite has transactional DDL too, once the driver begins nothing of its own.
         transactional_ddl=True,
         transaction_per_migration=False,
+        on_version_apply=log_step,
     )
     with roles_set_aside(connection) if changes_version() else nullcontext():
         if changes_version() and (views := drop_generated_views(connection)):

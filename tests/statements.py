@@ -39,8 +39,9 @@ class _Recorder(logging.Handler):
         self.statements: list[str] = []
 
     def emit(self, record: logging.LogRecord) -> None:
-        if not is_bracket(record.getMessage()):
-            self.statements.append(record.getMessage())
+        sql: str = record.sql  # type: ignore[attr-defined]
+        if not is_bracket(sql):
+            self.statements.append(sql)
 
 
 def is_bracket(sql: str) -> bool:

@@ -14,7 +14,7 @@ from sqlalchemy import URL, Connection, Dialect, Engine, PoolProxiedConnection
 from sqlalchemy.exc import InvalidRequestError
 from sqlalchemy.exc import TimeoutError as PoolTimeoutError
 
-from ..errors import ConnectionLostError, InvalidUrlError, StoreBusyError, StoreError
+from ..errors import ConnectionLostError, InvalidUrlError, StoreBusyError, StoreError, printable
 from .roles import Roles
 from .session import Session
 from .waiting import Listener
@@ -224,7 +224,7 @@ def url_label(url: URL) -> str:
         Its text.
     """
     hidden = {key: "..." for key in url.query if "pass" in key.lower()}
-    return url.update_query_dict(hidden).render_as_string(hide_password=True)
+    return printable(url.update_query_dict(hidden).render_as_string(hide_password=True))
 
 
 def refuse_unknown_options(url: URL, known: set[str]) -> None:

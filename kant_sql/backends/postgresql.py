@@ -8,6 +8,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
+from urllib.parse import quote, quote_plus
 
 from sqlalchemy import Connection, CursorResult, Engine, create_engine, event
 from sqlalchemy.exc import DBAPIError, DisconnectionError
@@ -231,9 +232,13 @@ class PostgresqlBackend(Backend):
 
     def _text(self, error: Exception) -> str:
         text = " ".join(str(error).split())
-        for password in (self.url.password, self.url.query.get("password")):
-            if password:
-                text = text.replace(str(password), "***")
+        secrets: list[object] = [self.url.password]
+        for key, value in self.url.query.items():
+            if "pass" in key.lower():
+                secrets += [value] if isinstance(value, str) else value
+        for secret in map(str, filter(None, secrets)):
+            for form in (secret, quote(secret), quote(secret, safe=""), quote_plus(secret)):
+                text = text.replace(form, "***")
         return text
 
 

@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import itertools
+import logging
+import threading
+import time
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from datetime import UTC, datetime
 from typing import Any
 
@@ -15,13 +19,45 @@ from .cursor import Row
 from .postgresql_locks import lock_schema
 from .postgresql_waiting import channel
 from .query import IdsQuery, InList, InRows, Query, RowsOfIds, StoreClock, StorePlace, unnest_text
-from .session import FETCH_SIZE, Session, logger
+from .session import FETCH_SIZE, Session, log_statement
 
 COPY_FROM_ROWS = 50
 LIST_FROM_IDS = 10
 REPLAN_FROM_ROWS = 2_500
 # Several may be read at once.
 _STREAMS = itertools.count(1)
+
+logger = logging.getLogger("kant_sql.postgresql")
+_work = threading.local()
+
+
+class _ReportedAlready(logging.Filter):
+    """Keeps psycopg from warning of an error while it raises the one that came before.
+
+    When the connection breaks within a pipeline, as `executemany` opens one, or within a COPY,
+    psycopg raises the error and logs what fails after it. We raise the first; the second says
+    nothing new.
+    """
+
+    def filter(self, record: logging.LogRecord) -> bool:
+        """Let all else through, and whatever is logged while others use psycopg."""
+        doubled = getattr(_work, "is_ours", False) and str(record.msg).startswith("error ignored")
+        if doubled:
+            logger.debug("psycopg: %s", " ".join(record.getMessage().split()))
+        return not doubled
+
+
+logging.getLogger("psycopg").addFilter(_ReportedAlready())
+
+
+@contextmanager
+def _one_report() -> Iterator[None]:
+    """Hear of an error of the block only by what is raised."""
+    _work.is_ours = True
+    try:
+        yield
+    finally:
+        _work.is_ours = False
 
 
 @compiles(InList, "postgresql")
@@ -105,14 +141,20 @@ class PostgresqlSession(Session):
             return
         columns = ", ".join(column.name for column in table.columns)
         sql = f"COPY {table.name} ({columns}) FROM STDIN"
-        logger.debug("%s", sql)
         cursor: Any = self._cursor
+        started = time.perf_counter()
         try:
-            with cursor.copy(sql) as copy:
+            with _one_report(), cursor.copy(sql) as copy:
                 for row in rows:
                     copy.write_row(row)
         except self.backend.driver_errors as error:
             raise self.backend.translate(error) from error
+        finally:
+            log_statement(sql, started)
+
+    def _execute_many(self, sql: str, parameters: Sequence[Any]) -> None:
+        with _one_report():
+            super()._execute_many(sql, parameters)
 
     def run_for(self, query: IdsQuery, ids: Sequence[int], **parameters: Any) -> None:
         """Run a statement for each of some ids: many of them at once."""
@@ -172,11 +214,12 @@ class PostgresqlSession(Session):
         """Give a query's rows one after the other, by a cursor in the server."""
         connection: Any = self._pooled.driver_connection
         sql = query.text(self.backend.dialect)
-        logger.debug("%s", sql)
+        started = time.perf_counter()
         try:
             with connection.cursor(name=f"kant_sql_stream_{next(_STREAMS)}") as cursor:
                 cursor.itersize = FETCH_SIZE
                 cursor.execute(sql, parameters)
+                log_statement(sql, started)
                 yield from cursor
         except self.backend.driver_errors as error:
             raise self.backend.translate(error) from error
@@ -199,6 +242,8 @@ class PostgresqlSession(Session):
         """Give the connection back, unless it is broken."""
         connection: Any = self._pooled.driver_connection
         if connection is not None and connection.closed:
+            if connection.broken and not self.is_abandoned:
+                logger.warning("%s: a connection was lost", self.backend.label)
             self.backend.sessions.pop(self, None)
             self._pooled.invalidate()
         else:

@@ -7,6 +7,7 @@ bases would wait for each other.
 
 from __future__ import annotations
 
+import logging
 import selectors
 import time
 from typing import TYPE_CHECKING, Any
@@ -15,6 +16,8 @@ from .waiting import Listener
 
 if TYPE_CHECKING:
     from .postgresql import PostgresqlBackend
+
+logger = logging.getLogger("kant_sql.postgresql")
 
 # Where nothing is told of, it is looked for so often.
 UNTOLD_PAUSE = 0.1
@@ -61,7 +64,13 @@ class PostgresqlListener(Listener):
         except self._backend.driver_errors as error:
             self._drop()
             self._is_deaf = getattr(error, "sqlstate", None) == _STANDBY
-            if not self._is_deaf:
+            if self._is_deaf:
+                logger.warning(
+                    "%s: a standby lets nobody listen; news is looked for every %g s",
+                    self._backend.label,
+                    UNTOLD_PAUSE,
+                )
+            else:
                 raise self._backend.translate(error) from error
 
     def _listen(self, kb_id: int) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import threading
+import time
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
 from datetime import UTC, datetime
@@ -11,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from sqlalchemy import PoolProxiedConnection, Table
 
+from ..errors import printable
 from .cursor import AbandonedCursor, Cursor, Row
 from .query import IdsQuery, Query, insert_text
 
@@ -21,6 +23,7 @@ if TYPE_CHECKING:
 logger = logging.getLogger("kant_sql.sql")
 
 FETCH_SIZE = 5_000
+LONGEST_LOGGED = 200
 
 
 class Session(ABC):
@@ -257,17 +260,38 @@ class Session(ABC):
             raise self.backend.translate(error) from error
 
     def _execute(self, sql: str, parameters: Any = ()) -> None:
-        if logger.isEnabledFor(logging.DEBUG):
-            logger.debug("%s", sql)
+        started = time.perf_counter() if logger.isEnabledFor(logging.DEBUG) else None
         try:
             self._cursor.execute(sql, parameters)
         except self.backend.driver_errors as error:
             raise self.backend.translate(error) from error
+        finally:
+            if started is not None:
+                log_statement(sql, started)
 
     def _execute_many(self, sql: str, parameters: Sequence[Any]) -> None:
-        if logger.isEnabledFor(logging.DEBUG):
-            logger.debug("%s", sql)
+        started = time.perf_counter() if logger.isEnabledFor(logging.DEBUG) else None
         try:
             self._cursor.executemany(sql, parameters)
         except self.backend.driver_errors as error:
             raise self.backend.translate(error) from error
+        finally:
+            if started is not None:
+                log_statement(sql, started)
+
+
+def log_statement(sql: str, started: float) -> None:
+    """Log a statement, shortened; without its parameters, which are the robot's knowledge.
+
+    Args:
+        sql: the statement; the record has all of it as `sql`.
+        started: when it began, by `time.perf_counter`.
+    """
+    if not logger.isEnabledFor(logging.DEBUG):
+        return
+    took = (time.perf_counter() - started) * 1e3
+    text = " ".join(sql.split())
+    if len(text) > LONGEST_LOGGED:
+        text = f"{text[:LONGEST_LOGGED]}..."
+    said = {"sql": sql, "milliseconds": took}
+    logger.debug("%s (%.3f ms)", printable(text), took, extra=said)

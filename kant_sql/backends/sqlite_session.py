@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import time
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from datetime import datetime
@@ -14,7 +15,7 @@ from ..canonical import time_text
 from ..tables.types import text_time
 from .cursor import Row
 from .query import InList, InRows, Query, StoreClock, StorePlace
-from .session import FETCH_SIZE, Session, logger
+from .session import FETCH_SIZE, Session, log_statement
 
 if TYPE_CHECKING:
     from .sqlite import SqliteBackend
@@ -55,10 +56,11 @@ class SqliteSession(Session):
     def stream(self, query: Query, **parameters: Any) -> Iterator[Row]:
         """Give a query's rows one after the other, by a cursor of their own."""
         sql = query.text(self.backend.dialect)
-        logger.debug("%s", sql)
         cursor: Any = self._cursor if self.is_abandoned else self._pooled.cursor()
+        started = time.perf_counter()
         try:
             cursor.execute(sql, parameters)
+            log_statement(sql, started)
             while rows := cursor.fetchmany(FETCH_SIZE):
                 yield from rows
         except self.backend.driver_errors as error:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import sys
 from io import TextIOWrapper
@@ -143,7 +144,17 @@ def run() -> None:
     if isinstance(sys.stdout, TextIOWrapper):
         # Standard error does so by itself: what its encoding lacks is escaped, and no failure.
         sys.stdout.reconfigure(errors="backslashreplace")
+    _log()
     app()
+
+
+def _log() -> None:
+    """Log to standard error: warnings, or what `KANT_SQL_LOG` says."""
+    level = os.environ.get("KANT_SQL_LOG", "warning").upper()
+    if level not in logging.getLevelNamesMapping():
+        sys.exit(f"KANT_SQL_LOG={level.lower()}: expected debug, info, warning or error")
+    logging.basicConfig(format="%(levelname)s %(name)s: %(message)s")
+    logging.getLogger("kant_sql").setLevel(level)
 
 
 if __name__ == "__main__":

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import dataclasses
+import logging
 from collections.abc import Callable
 from typing import TypeVar
 
 from ..dao.base import SqlDao
 from ..dto.name import is_name
-from ..errors import InvalidKnowledgeError, PddlError
+from ..errors import InvalidKnowledgeError, PddlError, printable
 from ..knowledge.definitions import Definitions
 from ..knowledge.document import DOMAIN
 from ..pddl import read_domain, read_problem, used_requirements
 from ..pddl.collector import without_collector
-from ..pddl.document import Domain, Problem
+from ..pddl.document import Domain, PddlWarning, Problem
 from ..pddl.tokens import Source
 from ..pddl.writer import write, write_domain
 from ..transaction import Transaction
@@ -27,6 +28,8 @@ from .problem_loading import load_problem
 
 T = TypeVar("T")
 
+logger = logging.getLogger("kant_sql.documents")
+
 
 class SqlExchange(SqlDao, Exchange):
     """Loads domains and problems into an SQL store, and builds them from it."""
@@ -36,7 +39,7 @@ class SqlExchange(SqlDao, Exchange):
         domain = read_domain(*sources, strict=strict)
         replace = self._is_replacing(mode)
         revision = self._write(lambda transaction: load_domain(transaction, domain, replace))
-        return Loaded(revision, domain.warnings)
+        return self._loaded("domain", domain.name, revision, domain.warnings)
 
     @without_collector()
     def load_problem(
@@ -56,7 +59,7 @@ class SqlExchange(SqlDao, Exchange):
             load_problem(transaction, problem, replace)
 
         revision = self._write(work)
-        return Loaded(revision, problem.warnings)
+        return self._loaded("problem", problem.name, revision, problem.warnings)
 
     @without_collector()
     def put(self, domain: Domain, *, problem: Problem, mode: Mode = "replace") -> Loaded:
@@ -70,7 +73,8 @@ class SqlExchange(SqlDao, Exchange):
             load_domain(transaction, checked, replace)
             load_problem(transaction, own, replace)
 
-        return Loaded(self._write(work), domain.warnings + problem.warnings)
+        warnings = domain.warnings + problem.warnings
+        return self._loaded("domain and problem", problem.name, self._write(work), warnings)
 
     def domain(self) -> Domain:
         """Build the domain."""
@@ -105,6 +109,21 @@ class SqlExchange(SqlDao, Exchange):
         """Compute which requirements domain and problem use."""
         state = self.state()
         return used_requirements(state.domain, problem=state.problem)
+
+    def _loaded(
+        self, kind: str, name: str, revision: int | None, warnings: tuple[PddlWarning, ...]
+    ) -> Loaded:
+        logger.info(
+            "knowledge base %r: loaded %s %r, revision %s, %d warnings",
+            self._store.name,
+            kind,
+            name,
+            revision,
+            len(warnings),
+        )
+        for warning in warnings:
+            logger.info("%s", printable(str(warning)))
+        return Loaded(revision, warnings)
 
     def _read(self, work: Callable[[View], T]) -> T:
         return self._store.read_together(work, self._at)

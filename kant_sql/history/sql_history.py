@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterator
 
 from ..dao.base import SqlDao
@@ -18,6 +19,8 @@ from .revisions import LogEntry, Revision
 from .verifying import Progress, Verification, verify
 from .versions import Version, blame, read_versions
 from .watching import watch
+
+logger = logging.getLogger("kant_sql.history")
 
 
 class SqlHistory(SqlDao, History):
@@ -64,7 +67,12 @@ class SqlHistory(SqlDao, History):
     ) -> int | None:
         """Make the state equal to a past one, as a new revision."""
         self._check_writable()
-        return restore(self._store, state_at(self._store, when), reason, actor)
+        past = state_at(self._store, when)
+        made = restore(self._store, past, reason, actor)
+        logger.info(
+            "knowledge base %r: revision %d restored, by revision %s", self._store.name, past, made
+        )
+        return made
 
     def verify(
         self,
@@ -92,4 +100,13 @@ class SqlHistory(SqlDao, History):
     ) -> Archived:
         """Move versions that ended before a time into another store."""
         self._check_writable()
-        return archive(self._store, before, to, dry_run, actor, reason, progress)
+        moved = archive(self._store, before, to, dry_run, actor, reason, progress)
+        logger.info(
+            "knowledge base %r: %d versions that ended up to revision %d %s %s",
+            self._store.name,
+            sum(moved.versions.values()),
+            moved.upto,
+            "would be moved to" if dry_run else "were moved to",
+            moved.target,
+        )
+        return moved

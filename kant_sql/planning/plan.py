@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import logging
 import os
 import pickle
 import signal
@@ -14,9 +15,17 @@ from decimal import Decimal
 from hashlib import sha256
 from pathlib import Path
 
-from ..errors import KantSqlError, NoPlanError, PlannerMissingError, UnsupportedConstructError
+from ..errors import (
+    KantSqlError,
+    NoPlanError,
+    PlannerMissingError,
+    UnsupportedConstructError,
+    printable,
+)
 from ..pddl.document import Domain, Problem
 from .extra import require_unified_planning
+
+logger = logging.getLogger("kant_sql.planning")
 
 _ERRORS: dict[str, type[KantSqlError]] = {
     error.__name__: error for error in (PlannerMissingError, UnsupportedConstructError)
@@ -115,7 +124,9 @@ def solve(
         if not result.exists():
             reason = log.strip().splitlines()[-1:] or ["no reason was given"]
             raise NoPlanError(f"the planner's process ended early: {reason[0]}", "internal_error")
-        outcome = pickle.loads(result.read_bytes())
+        outcome, fallbacks = pickle.loads(result.read_bytes())
+    for fallback in fallbacks:
+        logger.warning("%s", printable(fallback))
     if isinstance(outcome, Plan):
         return outcome
     kind, message, status = outcome

@@ -65,6 +65,8 @@ class Search:
         self._names: Names | None = None
         self._failures: dict[str, str] = {}
         self._missing: dict[str, set[str]] = {}
+        # What the caller did not ask for, and is to hear of.
+        self.fallbacks: list[str] = []
 
     def run(self) -> Plan | tuple[str, str, str]:
         """Ask the engines in turn.
@@ -85,10 +87,18 @@ class Search:
                     continue
                 plan = self._ask(name, form)
                 if plan is not None:
+                    self._note_fallbacks(name, form)
                     return plan
                 if self._failures.get(name) == "unsolvable_proven":
                     return self._failed()
         return self._failed()
+
+    def _note_fallbacks(self, name: str, form: Form) -> None:
+        if self._failures:
+            failed = ", ".join(f"{engine}: {why}" for engine, why in self._failures.items())
+            self.fallbacks.append(f"{name} was asked because others found no plan ({failed})")
+        if self._problem.metric is not None and not form.problem.quality_metrics:
+            self.fallbacks.append(f"{name} was asked without the metric: the plan is not measured")
 
     def _failed(self) -> tuple[str, str, str]:
         if self._failures:
@@ -189,12 +199,14 @@ def main(directory: str) -> None:
     subprocess.Popen = GroupedProcess  # type: ignore[misc,assignment]
     domain, problem, engine = pickle.loads(Path(directory, "task").read_bytes())
     outcome: Plan | tuple[str, str, str]
+    fallbacks: list[str] = []
     try:
-        outcome = Search(domain, problem, engine).run()
+        search = Search(domain, problem, engine)
+        outcome, fallbacks = search.run(), search.fallbacks
     except KantSqlError as error:
         outcome = (type(error).__name__, str(error), "unsupported_problem")
     made = Path(directory, "result.part")
-    made.write_bytes(pickle.dumps(outcome))
+    made.write_bytes(pickle.dumps((outcome, fallbacks)))
     made.rename(Path(directory, "result"))
     _end_group()
 

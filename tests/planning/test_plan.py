@@ -197,7 +197,7 @@ def test_preferred_goals() -> None:
 
 
 @pytest.mark.usefixtures("quick_start")
-def test_a_metric_that_no_engine_knows_is_left_aside() -> None:
+def test_a_metric_that_no_engine_knows_is_left_aside(caplog: pytest.LogCaptureFixture) -> None:
     given = documents(
         functions="(:functions (total-cost))",
         effect="(increase (total-cost) 1)",
@@ -206,6 +206,9 @@ def test_a_metric_that_no_engine_knows_is_left_aside() -> None:
         goal="(at rb c)",
     )
     assert solve_pair(given, timeout=60).steps == STEPS
+    (record,) = [record for record in caplog.records if record.name == "kant_sql.planning"]
+    assert record.levelname == "WARNING"
+    assert "was asked without the metric: the plan is not measured" in record.getMessage()
 
 
 @pytest.mark.usefixtures("quick_start")

@@ -1,0 +1,414 @@
+"""What is logged: by which logger, at which level, and never a password or a forged line."""
+
+from __future__ import annotations
+
+import logging
+import re
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
+
+import pytest
+from sqlalchemy import make_url
+
+import kant_sql
+from kant_sql import KantSqlError, KnowledgeBase, PddlTypeDto, retry
+from kant_sql.backends import Session
+from tests.conftest import Connect, Server
+from tests.disturbing import terminate
+from tests.docs.test_docs import ROOT, parse
+from tests.statements import fact, fill
+
+DOMAIN = """(define (domain shop) (:requirements :strips :typing)
+  (:types robot) (:predicates (free ?r - robot)))"""
+# The object is declared twice.
+PROBLEM = """(define (problem day) (:domain shop) (:objects r1 r1 - robot)
+  (:init (free r1)) (:goal (free r1)))"""
+
+
+@pytest.fixture
+def log(caplog: pytest.LogCaptureFixture) -> pytest.LogCaptureFixture:
+    caplog.set_level(logging.DEBUG, "kant_sql")
+    return caplog
+
+
+def said(log: pytest.LogCaptureFixture, name: str, level: int) -> list[str]:
+    return [
+        record.getMessage()
+        for record in log.records
+        if (record.name, record.levelno) == (f"kant_sql.{name}", level)
+    ]
+
+
+def test_opening_is_told(url: str, connect: Connect, log: pytest.LogCaptureFixture) -> None:
+    connect(url, knowledge_base="tiago", actor="boss")
+    label = make_url(url).render_as_string(hide_password=True)
+    (line,) = said(log, "store", logging.INFO)
+    assert line == f"{label}: connected, knowledge base 'tiago', actor 'boss'"
+
+
+@pytest.mark.usefixtures("real_migrations")
+def test_migrations_are_told(tmp_path: Path, log: pytest.LogCaptureFixture) -> None:
+    url = f"sqlite:///{tmp_path / 'new.db'}"
+    kant_sql.upgrade(url)
+    kant_sql.downgrade(url, revision="0001")
+    steps = said(log, "schema", logging.INFO)
+    assert steps[0] == f"{url}: migrating from no tables to 0001"
+    assert steps[1] == f"{url}: migrating from 0001 to 0002"
+    assert steps[-1] == f"{url}: migrating from 0002 to 0001"
+
+
+def test_a_load_is_told_with_its_warnings(
+    fresh_kb: KnowledgeBase, log: pytest.LogCaptureFixture
+) -> None:
+    fresh_kb.load_domain(DOMAIN)
+    loaded = fresh_kb.load_problem(PROBLEM)
+    assert loaded.warnings
+    name = fresh_kb.factory._store.name  # type: ignore[attr-defined]
+    number = len(loaded.warnings)
+    assert said(log, "documents", logging.INFO) == [
+        f"knowledge base {name!r}: loaded domain 'shop', revision 1, 0 warnings",
+        f"knowledge base {name!r}: loaded problem 'day', revision 2, {number} warnings",
+        *map(str, loaded.warnings),
+    ]
+
+
+def test_restore_and_archive_are_told(
+    shared_url: str, connect: Connect, tmp_path: Path, log: pytest.LogCaptureFixture
+) -> None:
+    kb = connect(shared_url, knowledge_base="tiago")
+    fill(kb, 3)
+    kb.restore(1)
+    moved = kb.archive(kb.revision, to=f"sqlite:///{tmp_path / 'archive.db'}")
+    restored, archived = said(log, "history", logging.INFO)
+    assert restored == "knowledge base 'tiago': revision 1 restored, by revision 3"
+    assert archived == (
+        f"knowledge base 'tiago': {sum(moved.versions.values())} versions that ended up to "
+        f"revision {moved.upto} were moved to {moved.target}"
+    )
+
+
+def test_each_revision_is_told(fresh_kb: KnowledgeBase, log: pytest.LogCaptureFixture) -> None:
+    fill(fresh_kb, 3)
+    log.clear()
+    with fresh_kb.transaction(actor="executive", reason="done"):
+        fresh_kb.propositions.delete(fact(1))
+        fresh_kb.propositions.save(fact(7))
+    (record,) = [
+        record
+        for record in log.records
+        if record.name == "kant_sql.store" and record.levelno == logging.DEBUG
+    ]
+    attributes = vars(record)
+    assert attributes["revision"] == fresh_kb.revision
+    assert (attributes["actor"], attributes["reason"]) == ("executive", "done")
+    # The fact that went, the one that came, and its object.
+    assert attributes["changes"] == 3
+    assert 0 < attributes["milliseconds"] < 60_000
+    told = rf"revision {fresh_kb.revision} by 'executive' because 'done': 3 changes, [\d.]+ ms$"
+    assert re.search(told, record.getMessage())
+
+
+def test_the_changes_of_a_large_revision_are_counted(
+    fresh_kb: KnowledgeBase, log: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fill(fresh_kb, 3)
+    monkeypatch.setattr("kant_sql.propositions.SPILL_AT", 10)
+    log.clear()
+    fresh_kb.propositions.save_all(fact(number) for number in range(100, 150))
+    (counted,) = [vars(each)["changes"] for each in log.records if hasattr(each, "changes")]
+    # Each fact, and its object.
+    assert counted == 100
+
+
+def test_a_revision_that_is_not_made_is_not_told(
+    fresh_kb: KnowledgeBase, log: pytest.LogCaptureFixture
+) -> None:
+    fill(fresh_kb, 3)
+    log.clear()
+    fresh_kb.propositions.save(fact(1))
+    with suppress(ZeroDivisionError), fresh_kb.transaction():
+        fresh_kb.propositions.save(fact(9))
+        raise ZeroDivisionError
+    assert said(log, "store", logging.DEBUG) == []
+
+
+def test_statements_are_told_shortened_with_their_time(
+    fresh_kb: KnowledgeBase, log: pytest.LogCaptureFixture
+) -> None:
+    fill(fresh_kb, 3)
+    log.clear()
+    fresh_kb.propositions.get_all()
+    (record,) = [record for record in log.records if record.name == "kant_sql.sql"]
+    attributes = vars(record)
+    assert len(attributes["sql"]) > 200
+    assert attributes["milliseconds"] > 0
+    text = " ".join(attributes["sql"].split())
+    assert record.getMessage().startswith(f"{text[:200]}... (")
+    assert re.search(r"\([\d.]+ ms\)$", record.getMessage())
+
+
+def test_a_statement_that_fails_is_told_too(
+    fresh_kb: KnowledgeBase, log: pytest.LogCaptureFixture
+) -> None:
+    with fresh_kb.factory._store.backend.open_session() as session:  # type: ignore[attr-defined]
+        with pytest.raises(KantSqlError):
+            session.define("SELECT nothing FROM nowhere")
+        session.rollback()
+    assert any(line.startswith("SELECT nothing") for line in said(log, "sql", logging.DEBUG))
+
+
+def test_parameters_are_not_told(fresh_kb: KnowledgeBase, log: pytest.LogCaptureFixture) -> None:
+    fresh_kb.types.save(PddlTypeDto("xyzzy"))
+    fresh_kb.types.get("xyzzy")
+    assert not any("xyzzy" in line for line in said(log, "sql", logging.DEBUG))
+
+
+def test_what_writers_say_makes_no_line_of_its_own(
+    fresh_kb: KnowledgeBase, log: pytest.LogCaptureFixture
+) -> None:
+    forged = "x\nCRITICAL kant_sql.store: all is lost\r\x1b[2J\u2028\x85"
+    with suppress(KantSqlError), fresh_kb.transaction(actor=forged, reason=forged):
+        fresh_kb.types.save(PddlTypeDto("robot"))
+    with fresh_kb.transaction(actor="boss", reason=forged):
+        fresh_kb.types.save(PddlTypeDto("door"))
+    fresh_kb.load_domain(DOMAIN.replace("shop)", 'shop) ; "\x1b[2J"'))
+    assert any("all is lost" in record.getMessage() for record in log.records)
+    assert all(record.getMessage().isprintable() for record in log.records)
+
+
+def test_the_name_of_a_file_makes_no_line_of_its_own(
+    tmp_path: Path, connect: Connect, log: pytest.LogCaptureFixture
+) -> None:
+    kb = connect(f"sqlite:///{tmp_path}/a\nCRITICAL b.db")
+    kb.types.save(PddlTypeDto("robot"))
+    assert any("CRITICAL" in record.getMessage() for record in log.records)
+    assert all(record.getMessage().isprintable() for record in log.records)
+
+
+def test_retries_and_lost_connections_are_told(
+    server: Server, connect: Connect, log: pytest.LogCaptureFixture
+) -> None:
+    url = server.new_store()
+    kb = connect(url)
+    fill(kb, 3)
+    terminate(url)
+    kb.propositions.get_all()
+    (retried,) = said(log, "retry", logging.WARNING)
+    assert retried.startswith("attempt 1 failed, trying again: ")
+    (lost,) = said(log, "postgresql", logging.WARNING)
+    assert lost.endswith(": a connection was lost")
+
+
+def test_a_lost_connection_within_a_transaction_is_told(
+    server: Server, connect: Connect, log: pytest.LogCaptureFixture
+) -> None:
+    url = server.new_store()
+    kb = connect(url)
+    fill(kb, 3)
+
+    def work() -> None:
+        with kb.transaction():
+            terminate(url)
+            kb.propositions.get_all()
+
+    with pytest.raises(kant_sql.ConnectionLostError):
+        work()
+    assert len(said(log, "postgresql", logging.WARNING)) == 1
+
+
+PIPELINE = """
+import sys
+import kant_sql
+from tests.disturbing import terminate
+from tests.statements import fact, fill
+url, many = sys.argv[1], int(sys.argv[2])
+kb = kant_sql.connect(url)
+fill(kb, 3)
+try:
+    with kb.transaction():
+        kb.propositions.save_all(fact(number) for number in range(10, 10 + many))
+        terminate(url)
+        kb.propositions.get_all()
+except kant_sql.ConnectionLostError:
+    print("lost")
+"""
+
+
+# The first sends many statements in a pipeline, the second by COPY.
+@pytest.mark.parametrize("many", [20, 200])
+def test_psycopg_says_nothing_on_standard_error(server: Server, many: int) -> None:
+    """Without a handler, Python writes warnings of whatever logger to standard error."""
+    done = subprocess.run(
+        [sys.executable, "-c", PIPELINE, server.new_store(), str(many)],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert (done.stdout, done.stderr) == ("lost\n", "")
+
+
+def test_what_others_do_with_psycopg_is_told_as_ever(caplog: pytest.LogCaptureFixture) -> None:
+    with caplog.at_level(logging.WARNING, "psycopg"):
+        logging.getLogger("psycopg").warning("error ignored terminating %r: %s", 1, 2)
+    assert len(caplog.records) == 1
+
+
+@pytest.fixture
+def everything() -> Iterator[list[str]]:
+    """Give all that any logger says, arguments and attributes included."""
+    texts: list[str] = []
+
+    class Recorder(logging.Handler):
+        def emit(self, record: logging.LogRecord) -> None:
+            texts.append(f"{logging.Formatter().format(record)} {vars(record)!r}")
+
+    root, recorder = logging.getLogger(), Recorder()
+    levels = {
+        name: logging.getLogger(name).level
+        for name in ("", "kant_sql", "psycopg", "sqlalchemy", "alembic")
+    }
+    root.addHandler(recorder)
+    for name in levels:
+        logging.getLogger(name).setLevel(logging.DEBUG)
+    yield texts
+    for name, level in levels.items():
+        logging.getLogger(name).setLevel(level)
+    root.removeHandler(recorder)
+
+
+def with_password(url: str, where: str) -> str:
+    """Give a URL of a server that trusts all, with a password."""
+    parsed = make_url(url)
+    if where == "user":
+        parsed = parsed.set(username="postgres", password="s3cret")
+    elif where == "percent":
+        parsed = parsed.set(username="postgres", password="s3cret/@%:")
+    else:
+        parsed = parsed.update_query_dict({where: "s3cret/@"})
+    return parsed.render_as_string(hide_password=False)
+
+
+@pytest.mark.parametrize("where", ["user", "percent", "password", "sslpassword"])
+def test_no_password_is_told(
+    server: Server,
+    everything: list[str],
+    where: str,
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
+) -> None:
+    monkeypatch.setattr(retry, "RETRY_FOR", 0.5)
+    url = with_password(server.new_store(), where)
+    assert "s3cret" in url
+    with kant_sql.connect(url, knowledge_base="tiago", actor="boss") as kb:
+        fill(kb, 60)
+        kb.load_domain(DOMAIN)
+        kb.load_problem(PROBLEM)
+        kb.restore(1)
+        kb.verify()
+        list(kb.log())
+        kb.archive(kb.revision, to=with_password(server.new_store(), where))
+        with suppress(KantSqlError), kb.transaction():
+            kb.propositions.save_all(fact(number) for number in range(100, 120))
+            terminate(url)
+            kb.propositions.get_all()
+        terminate(url)
+        kb.propositions.get_all()
+        kant_sql.update_views(url)
+        kant_sql.upgrade(url)
+        kant_sql.downgrade(url, revision="base")
+        with pytest.raises(KantSqlError):
+            kb.propositions.get_all()
+    with pytest.raises(KantSqlError):
+        kant_sql.connect(url)
+    parsed = make_url(url)
+    for other in (parsed.set(database="none"), parsed.set(host="127.0.0.1", port=1, query={})):
+        with suppress(KantSqlError):
+            kant_sql.connect(other.render_as_string(hide_password=False))
+    assert len(everything) > 100
+    assert any("kant_sql.sql" in text for text in everything)
+    assert not [text for text in everything if "s3cret" in text]
+
+
+def test_nothing_is_written_without_a_word() -> None:
+    program = (
+        "import logging, kant_sql\n"
+        "kb = kant_sql.connect('sqlite://')\n"
+        "kb.types.save(kant_sql.PddlTypeDto('robot'))\n"
+        "logging.getLogger('kant_sql.retry').warning('a warning')\n"
+        "assert not logging.getLogger().handlers\n"
+        "log = logging.getLogger('kant_sql')\n"
+        "assert [type(each) for each in log.handlers] == [logging.NullHandler]\n"
+        "assert log.level == logging.NOTSET\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, cwd=ROOT, check=False
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+
+
+def test_nothing_is_formatted_while_it_is_off(
+    fresh_kb: KnowledgeBase, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*_: object, **__: object) -> None:
+        raise AssertionError
+
+    logging.getLogger("kant_sql").setLevel(logging.INFO)
+    monkeypatch.setattr("kant_sql.backends.session.log_statement", refuse)
+    monkeypatch.setattr("kant_sql.store.Store._log_revision", refuse)
+    try:
+        fill(fresh_kb, 3)
+        fresh_kb.propositions.get_all()
+    finally:
+        logging.getLogger("kant_sql").setLevel(logging.NOTSET)
+    assert Session._execute.__module__ == "kant_sql.backends.session"
+
+
+def test_spans_of_opentelemetry_are_made_of_the_records() -> None:
+    pytest.importorskip("opentelemetry.sdk")
+    from opentelemetry.sdk.trace import TracerProvider
+    from opentelemetry.sdk.trace.export import SimpleSpanProcessor
+    from opentelemetry.sdk.trace.export.in_memory_span_exporter import InMemorySpanExporter
+
+    (block,) = [
+        example.parsed
+        for example in parse(ROOT / "docs" / "logging.md").examples()
+        if "class Spans" in str(example.parsed)
+    ]
+    names: dict[str, object] = {"logging": logging}
+    exec(str(block), names)
+    exporter, provider = InMemorySpanExporter(), TracerProvider()
+    provider.add_span_processor(SimpleSpanProcessor(exporter))
+    tracer = provider.get_tracer("test")
+    handler = names["Spans"](tracer)  # type: ignore[operator]
+    logger = logging.getLogger("kant_sql")
+    logger.addHandler(handler)
+    logger.setLevel(logging.DEBUG)
+    try:
+        with (
+            kant_sql.connect("sqlite://") as kb,
+            tracer.start_as_current_span("errand"),
+            kb.transaction(actor="boss", reason="why"),
+        ):
+            kb.types.save(PddlTypeDto("robot"))
+    finally:
+        logger.removeHandler(handler)
+        logger.setLevel(logging.NOTSET)
+    spans = exporter.get_finished_spans()
+    (errand,) = [span for span in spans if span.name == "errand"]
+    (revision,) = [span for span in spans if span.name == "kant_sql.store"]
+    assert revision.attributes == {
+        "kant_sql.knowledge_base": "default",
+        "kant_sql.revision": 1,
+        "kant_sql.actor": "boss",
+        "kant_sql.reason": "why",
+        "kant_sql.changes": 1,
+    }
+    assert revision.parent is not None
+    assert revision.parent.span_id == errand.context.span_id
+    assert (revision.start_time or 0) < (revision.end_time or 0)
+    statements = [span for span in spans if span.name == "kant_sql.sql"]
+    assert any("INSERT" in str((span.attributes or {})["db.query.text"]) for span in statements)
