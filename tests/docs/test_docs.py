@@ -70,7 +70,15 @@ def empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command_folder
 
 @pytest.mark.usefixtures("empty_folder")
 @pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: path.name)
-def test_code_blocks_run_in_order_in_an_empty_folder(path: Path) -> None:
+def test_code_blocks_run_in_order_in_an_empty_folder(
+    path: Path, tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if path.name == "tools.md":
+        from tests.audit.duck import install_sqlite_extension
+
+        # DuckDB would download its extension.
+        monkeypatch.setenv("HOME", str(tmp_path_factory.mktemp("home")))
+        install_sqlite_extension()
     for example in parse(path).examples():
         example.evaluate()
 
