@@ -17,7 +17,7 @@ from typing import Any
 from .atoms import AtomCache
 from .backends import Session
 from .canonical import FORM, Metadata, revision_hash, time_text
-from .dto.name import fold, is_name
+from .dto.name import fold, is_word
 from .errors import ConnectionLostError
 from .fluents import FluentCache
 from .function_values import PendingFunctionValues
@@ -138,7 +138,7 @@ class Transaction:
             if key not in elements.interned
             and elements.get(elements.ids.get(key)) is None
             # What is no name is refused when it is saved; a driver might refuse to send it.
-            and is_name(name)
+            and is_word(name)
         }
         if keys:
             for key, identity in find_identities(self.session, self.kb_id, kind, keys).items():

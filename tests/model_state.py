@@ -27,13 +27,44 @@ ROOT = "object"
 TIMES = {"at start", "over all", "at end"}
 RESERVED = {
     "type": {"either"},
-    "predicate": {"and", "or", "not", "imply", "forall", "exists", "when", "="},
+    "predicate": {
+        "and",
+        "or",
+        "not",
+        "imply",
+        "forall",
+        "exists",
+        "when",
+        *("=", "<", "<=", ">=", ">"),
+    },
 }
 
 
 def fold(name: str) -> str:
     """Names that PDDL holds equal have the same key."""
     return unicodedata.normalize("NFC", unicodedata.normalize("NFC", name).casefold())
+
+
+UNSEEN = frozenset(
+    chr(code)
+    for first, last in (
+        *((0x34F, 0x34F), (0x115F, 0x1160), (0x17B4, 0x17B5), (0x180B, 0x180D), (0x180F, 0x180F)),
+        *((0x2800, 0x2800), (0x3164, 0x3164), (0xFE00, 0xFE0F), (0xFFA0, 0xFFA0)),
+        *((0x16FE4, 0x16FE4), (0x1D159, 0x1D159), (0xE0100, 0xE01EF)),
+    )
+    for code in range(first, last + 1)
+)
+
+
+def reads_as_number(name: str) -> bool:
+    """`#t` is the time that passes; others are what Python takes for a number, digits in ASCII."""
+    if name in ("#t", "#T"):
+        return True
+    try:
+        float(name)
+    except ValueError:
+        return False
+    return set(name) <= set("0123456789+-.eE")
 
 
 def check_name(kind: str, name: str) -> None:
@@ -43,6 +74,9 @@ def check_name(kind: str, name: str) -> None:
         or name == "-"
         or name.startswith(":")
         or fold(name) in RESERVED.get(kind, ())
+        or (kind in ("type", "object") and (name[0] == "-" or reads_as_number(name)))
+        or unicodedata.category(name[0]).startswith("M")
+        or not UNSEEN.isdisjoint(name)
         or any(sign.isspace() or sign in "();?\"'`" for sign in name)
         or any(unicodedata.category(sign) in ("Cc", "Cf", "Cs", "Co", "Cn") for sign in name)
     ):

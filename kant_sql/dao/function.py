@@ -6,8 +6,7 @@ from typing import ClassVar
 
 from ..arguments import expect, expect_list
 from ..dto import PddlEitherTypeDto, PddlFunctionDto, PddlTypeDto
-from ..dto.formula import ARITHMETIC, COMPARISONS
-from ..dto.name import check_name
+from ..dto.name import check_name, function_kind
 from ..dto.pddl_function_dto import function_text
 from ..errors import ConflictError
 from ..knowledge.function import FunctionDefinition
@@ -26,9 +25,6 @@ from .parameters import (
     type_text,
     type_texts,
 )
-
-# Words that begin an expression: as a function's name, the text could not be read back.
-RESERVED_FUNCTIONS = frozenset({*ARITHMETIC, *COMPARISONS, "is-violated"})
 
 
 def ensure_function(
@@ -101,7 +97,7 @@ def put_function(
         The function, and whether it has changed.
     """
     role = f"function {dto.name!r}"
-    check_name("function", dto.name, RESERVED_FUNCTIONS)
+    check_name(function_kind(dto.types, dto.value_types), dto.name)
     expect_list(dto.value_types, PddlTypeDto, f"the list of value types of {role}")
     stored = transaction.definitions.functions.named(dto.name)
     present = stored.parameters if stored else ()

@@ -6,7 +6,7 @@ from typing import ClassVar
 
 from ..arguments import expect, expect_list
 from ..dto import PddlPredicateDto, PddlTypeDto
-from ..dto.name import RESERVED_PREDICATES, check_name
+from ..dto.name import check_name
 from ..dto.parameters import declaration_text
 from ..errors import ConflictError
 from ..knowledge.predicate import PredicateDefinition
@@ -67,7 +67,7 @@ def put_predicate(
     Returns:
         The predicate, and whether it has changed.
     """
-    check_name("predicate", dto.name, RESERVED_PREDICATES)
+    check_name("predicate", dto.name)
     stored = transaction.definitions.predicates.named(dto.name)
     present = stored.parameters if stored else ()
     parameters = put_parameters(transaction, dto, f"predicate {dto.name!r}", present)

@@ -26,7 +26,7 @@ from ..dto.formula import (
 )
 from ..dto.name import ROOT_TYPE, check_name, fold
 from ..dto.number import decimal_text
-from ..errors import ArityError, InvalidKnowledgeError, TypeMismatchError
+from ..errors import ArityError, InvalidKnowledgeError, InvalidNameError, TypeMismatchError
 from ..knowledge import tree as kinds
 from ..knowledge.function import FunctionDefinition
 from ..knowledge.predicate import ParameterDefinition, PredicateDefinition
@@ -133,6 +133,7 @@ class TermWriter:
         self._has_duration = kind == DURATIVE_ACTION
         self._has_time = kind in (DURATIVE_ACTION, PROCESS)
         self._nodes: list[Node] = []
+        self._check_duration(parameters)
 
     def _open(self, parent: int | None, operator: str, **fields: Any) -> int:
         position = len(self._nodes)
@@ -207,9 +208,18 @@ class TermWriter:
 
     def _bind(self, variables: Sequence[TypedName]) -> Bound:
         bound = tuple(self._variable(variable) for variable in variables)
+        self._check_duration(bound)
         if len({fold(variable.name) for variable in bound}) < len(bound):
             self._fail(f"one quantifier binds a variable twice: {variables_text(variables)}")
         return bound
+
+    def _check_duration(self, variables: Sequence[ParameterDefinition]) -> None:
+        """Refuse a variable that the text would take for the duration of the action."""
+        if self._has_duration and any(fold(each.name) == _DURATION for each in variables):
+            raise InvalidNameError(
+                f"{self._role}: ?{_DURATION} is the duration of a durative action; give the "
+                "variable of that name another one"
+            )
 
     def _variable(self, variable: TypedName) -> ParameterDefinition:
         if not isinstance(variable, TypedName):

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 from ..arguments import expect, expect_list
 from ..dto import PddlEitherTypeDto, PddlTypeDto
-from ..dto.name import RESERVED_TYPES, ROOT_TYPE, check_name, fold
+from ..dto.name import ROOT_TYPE, check_name, fold
 from ..dto.parameters import either_text
 from ..errors import ConflictError, InvalidKnowledgeError, TypeCycleError
 from ..knowledge.type import TypeDefinition
@@ -87,7 +87,7 @@ def put_type(
     Returns:
         The type, and whether it has changed.
     """
-    check_name("type", dto.name, RESERVED_TYPES)
+    check_name("type", dto.name)
     _check_chain(dto)
     parents: tuple[int, ...] = ()
     if dto.parent is not None:

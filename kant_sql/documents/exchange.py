@@ -166,7 +166,7 @@ class SqlExchange(SqlDao, Exchange):
     @property
     def _default_name(self) -> str:
         """What a document is called that was never loaded: as the knowledge base, if PDDL can."""
-        return self._store.name if is_name(self._store.name) else "default"
+        return self._store.name if is_name(self._store.name, "domain") else "default"
 
     @staticmethod
     def _is_replacing(mode: str) -> bool:

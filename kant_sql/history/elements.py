@@ -17,8 +17,8 @@ from ..dto import (
     PddlTypeDto,
 )
 from ..dto.dto import Dto, NamedDto
-from ..dto.formula import COMPARISONS, Node
-from ..dto.name import RESERVED_PREDICATES, fold, is_name
+from ..dto.formula import Node
+from ..dto.name import RESERVED, fold, is_word
 from ..errors import InvalidKnowledgeError
 from ..knowledge.sources import FACT, GOAL, VALUE
 from ..pddl.tokens import tokenize
@@ -173,7 +173,7 @@ def _of_list(head: str, words: list[str]) -> Iterator[Sought]:
     elif head in _DEFINITIONS or head == "define":
         kind = _DEFINITIONS.get(head, "document")
         yield Named((kind,), next((word for word in words[2:] if word not in "()"), ""))
-    elif len(words) > 3 and words[2][0] == "?" and is_name(head):
+    elif len(words) > 3 and words[2][0] == "?" and is_word(head):
         yield Named(("predicate", "function"), head)
     else:
         yield from _of_formula(words)
@@ -183,22 +183,22 @@ def _of_declaration(words: list[str], text: str) -> Named:
     """Read a name, or the text of a type or an object: `wp1 - wp`."""
     if len(words) > 2 and words[1] == "-":
         return Named(("type", "object"), words[0])
-    if len(words) != 1 or not is_name(words[0]):
+    if len(words) != 1 or not is_word(words[0]):
         raise _refusal(text)
     return Named(NAMED_KINDS, words[0])
 
 
 def _of_formula(words: list[str]) -> Iterator[Sought]:
     inner = words[1:-1]
-    is_flat = "(" not in inner and all(map(is_name, inner))
-    if is_flat and inner[0] not in RESERVED_PREDICATES:
+    is_flat = "(" not in inner and all(map(is_word, inner))
+    if is_flat and inner[0] not in RESERVED["predicate"]:
         yield _applied((FACT, GOAL, VALUE), inner[0], inner[1:])
-    if not is_flat or inner[0] in (*RESERVED_PREDICATES, *COMPARISONS):
+    if not is_flat or inner[0] in RESERVED["predicate"]:
         yield Written(comparable(" ".join(words)))
     # `(= (fuel t1) 7)`: what the fluent is, and perhaps a goal.
     if inner[:2] == ["=", "("] and inner.index(")") == len(inner) - 2:
         fluent = inner[2:-2]
-        if fluent and "(" not in fluent and all(map(is_name, fluent)):
+        if fluent and "(" not in fluent and all(map(is_word, fluent)):
             yield _applied((VALUE,), fluent[0], fluent[1:])
 
 

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 from sqlalchemy import bindparam, literal_column, select, union_all
 
 from ..backends import Query, Session, in_list
-from ..dto.name import is_name
+from ..dto.name import is_word
 from ..knowledge.loading import KB
 from ..knowledge.rows import KIND_TABLES, table_of
 from ..knowledge.sources import FACT, GOAL, PROPOSITION, VALUE
@@ -80,7 +80,7 @@ def find_owners(session: Session, kb_id: int, wanted: list[Sought]) -> list[Owne
     Returns:
         Those that were ever known, each once.
     """
-    keys = sorted({key for each in wanted for key in _keys(each) if is_name(key)})
+    keys = sorted({key for each in wanted for key in _keys(each) if is_word(key)})
     ids: _Ids = {}
     if keys:
         rows = session.rows(_IDENTITIES, kb=kb_id, keys=session.list_value(keys))

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 from sqlalchemy import ColumnElement, Select, Text, bindparam, cast, literal_column, select
 
-from ..dto.name import is_name
+from ..dto.name import is_word
 from ..knowledge.loading import KB
 from ..knowledge.sources import FACT, GOAL, PROPOSITION, SOURCES, VALUE
 from ..tables import FunctionRow, ObjectRow, PredicateRow
@@ -42,9 +42,9 @@ def places(wanted: list[Sought]) -> tuple[Place, ...] | None:
     """
     match wanted:
         case [Named(kinds, name)]:
-            return tuple(map(Place, kinds)) if is_name(name) else ()
+            return tuple(map(Place, kinds)) if is_word(name) else ()
         case [Applied(roles, name, arguments)] if len(arguments) <= MOST_ARGUMENTS:
-            return _of_roles(roles, len(arguments)) if all(map(is_name, (name, *arguments))) else ()
+            return _of_roles(roles, len(arguments)) if all(map(is_word, (name, *arguments))) else ()
     return None
 
 

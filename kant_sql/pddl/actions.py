@@ -12,7 +12,6 @@ from ..dto.formula import (
     TypedName,
     Variable,
 )
-from ..dto.name import RESERVED_PREDICATES
 from .conjuncts import flatten
 from .cursor import hint
 from .document import DURATIVE_ACTION, PROCESS, Action, Predicate
@@ -175,7 +174,7 @@ class DerivedReader(EffectReader):
         """
         self.open(section, section.keyword)
         self.at = 3
-        name = self.declared_name("predicate", RESERVED_PREDICATES)
+        name = self.declared_name("predicate")
         return Predicate(name, self.bind(self.typed_list(VARIABLES)))
 
     def rule(self, section: Section) -> Derived:

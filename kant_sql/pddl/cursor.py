@@ -20,14 +20,16 @@ class Reading:
 
     Attributes:
         strict: whether what violates the standard is refused.
-        standard_names: names that were found to be as in the standard, or noted.
+        standard_names: names in typed lists that were found to be as in the standard, or noted.
         standard_variables: the same of variables, with their question marks.
+        odd_names: other names that were noted.
     """
 
     def __init__(self, strict: bool) -> None:
         self.strict = strict
         self.standard_names: set[str] = set()
         self.standard_variables: set[str] = set()
+        self.odd_names: set[str] = set()
         self._noted: dict[Section, dict[int, list[str]]] = {}
         self._whole: list[PddlWarning] = []
 

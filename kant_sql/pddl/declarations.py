@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from ..dto.formula import TypedName
-from ..dto.name import RESERVED_PREDICATES, fold
+from ..dto.name import fold, function_kind, is_name, is_requirement
 from .cursor import Reading
 from .document import Function, Predicate
 from .section import Section
@@ -47,6 +47,8 @@ class DeclarationReader(ListReader):
             if word[0] != ":":
                 self.deviate(f"':{word}'", "read so", at=self.at - 1)
                 word = f":{word}"
+            if not is_requirement(word):
+                self.fail("a requirement such as :typing", at=self.at - 1)
             if fold(word) in found:
                 self.deviate("each requirement once", "left out", at=self.at - 1)
             found.setdefault(fold(word), word)
@@ -81,7 +83,7 @@ class DeclarationReader(ListReader):
         at = self.at
         if self.tokens[at][:1] == ":":
             self.fail(f"a {kind}")
-        name = self.declared_name(kind, RESERVED_PREDICATES)
+        name = self.declared_name(kind)
         nesting, self.nesting = self.nesting, f"{kind} {name}"
         parameters = self._parameters(self.typed_list(VARIABLES))
         self.nesting = nesting
@@ -119,6 +121,8 @@ class DeclarationReader(ListReader):
             elif token != ")":
                 self.fail("a function such as (distance ?a ?b)")
             for at, name, parameters in pending:
+                if not is_name(name, function_kind(parameters, types)):
+                    self.fail(f"the name of another function than ({name})", at=at)
                 add(Function(name, parameters, types), at)
             pending = []
             if token == ")":

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from ..dto.formula import Derived, Formula, TypedName
-from ..dto.name import RESERVED_TYPES, ROOT_TYPE, fold
+from ..dto.name import ROOT_TYPE, fold, is_name
 from .actions import ActionReader, DerivedReader
 from .cursor import Cursor, Reading
 from .declarations import DeclarationReader
@@ -105,7 +105,7 @@ class DomainReader:
     def _read_types(self, reader: DeclarationReader) -> None:
         for group in reader.names():
             for at, name in enumerate(group.words, group.at):
-                if fold(name) in RESERVED_TYPES:
+                if not is_name(name, "type"):
                     reader.fail("the name of the type, which is no reserved word", at=at)
                 if fold(name) != ROOT_TYPE:
                     self._types.add(reader, name, group, at)

@@ -18,29 +18,26 @@ from ..dto.formula import (
     Term,
     Variable,
 )
-from ..dto.name import fold
+from ..dto.name import NUMBER, fold
 from ..dto.number import MAX_DIGITS
 from .cursor import hint
 from .hierarchy import Fit
 from .signatures import Signature
-from .terms import TermReader
+from .terms import DURATION, TermReader
 
 TOTAL_TIME, TOTAL_COST = "total-time", "total-cost"
 _DURATION = Variable("duration")
 _STANDARD_NUMBER = re.compile(r"-?[0-9]+(\.[0-9]+)?")
-_NUMBER = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]{1,4})?")
 
 
 class ExpressionReader(TermReader):
     """A reader of numeric expressions and comparisons.
 
     Attributes:
-        duration_allowed: whether `?duration` is the duration of the action.
         time_allowed: whether `#t` may be used.
         metric: whether it is a metric, which knows `total-time` and `is-violated`.
     """
 
-    duration_allowed = False
     time_allowed = False
     metric = False
 
@@ -149,7 +146,7 @@ class ExpressionReader(TermReader):
                 self.fail("a number", f"'{token}' outside of a process or a durative action")
             self.at += 1
             return ContinuousTime()
-        if not (self.duration_allowed and fold(token) == "?duration"):
+        if not (self.duration_allowed and fold(token) == DURATION):
             self.fail("a number")
         self.at += 1
         return _DURATION
@@ -165,7 +162,7 @@ class ExpressionReader(TermReader):
         """
         if token == ")":
             self.fail("a number")
-        if self.metric and fold(token) == TOTAL_TIME:
+        if self.metric and fold(token) == TOTAL_TIME and self.symbols.functions.find(token) is None:
             self.at += 1
             return Fluent(TOTAL_TIME)
         signature = self.symbols.functions.find(token)
@@ -179,7 +176,7 @@ class ExpressionReader(TermReader):
 
     def is_number(self) -> bool:
         """Whether the next token is a number."""
-        return _NUMBER.fullmatch(self.tokens[self.at]) is not None
+        return NUMBER.fullmatch(self.tokens[self.at]) is not None
 
     def number_here(self) -> Number | None:
         """Read the next token as a number, without passing it.
@@ -189,7 +186,7 @@ class ExpressionReader(TermReader):
         """
         token = self.tokens[self.at]
         if _STANDARD_NUMBER.fullmatch(token) is None:
-            if _NUMBER.fullmatch(token) is None:
+            if NUMBER.fullmatch(token) is None:
                 return None
             value = self._sized(token)
             self.deviate(_plain_form(value), "read so")
@@ -244,8 +241,8 @@ class ExpressionReader(TermReader):
                 return not signature.types
             return True if head in ARITHMETIC or not self.symbols.unknown_domain else None
         if token[:1] == "?":
-            return self.duration_allowed and fold(token) == "?duration"
-        if token[:1] == "#" or _NUMBER.fullmatch(token) is not None:
+            return self.duration_allowed and fold(token) == DURATION
+        if token in ("#t", "#T") or NUMBER.fullmatch(token) is not None:
             return self.symbols.unknown_domain or not self.symbols.is_object(token)
         if self.symbols.is_object(token):
             return False

@@ -223,13 +223,20 @@ class FormulaReader(ExpressionReader):
             self._misplaced(context)
         return self.atom(signature, depth)
 
+    def _may_be_predicate(self) -> bool:
+        """Whether the word behind the next parenthesis names a predicate, as far as is known."""
+        unknown = self.symbols.unknown_domain
+        return unknown or self.symbols.predicates.find(self.tokens[self.at + 1]) is not None
+
     def _is_predicate(self) -> bool:
         """Whether the word that is next, an operator, is used as a predicate's name."""
         declared = self.symbols.predicates.find(self.tokens[self.at + 1]) is not None
         return declared and self.tokens[self.at + 2] != "("
 
     def _preference(self, depth: int, context: int) -> Formula:
-        if self._is_predicate() and not context & PREFERENCES:
+        # What is preferred is a formula, alone or behind a name; terms are no formulas.
+        behind = self.tokens[self.at + 2 : self.at + (4 if context & PREFERENCES else 3)]
+        if (behind[0] == ")" or "(" not in behind) and self._may_be_predicate():
             return self._named_like_operator(depth, context)
         if not context & PREFERENCES:
             self.fail("a formula; a preference belongs to the top of a goal or precondition")
@@ -242,10 +249,20 @@ class FormulaReader(ExpressionReader):
         self.expect(")", "')' after the formula that is preferred")
         return Preference(name, formula)
 
+    def _takes_operands(self, numbers: int) -> bool:
+        """Whether what is behind the word that is next are the operands of a modal operator.
+
+        A predicate of that name takes neither a formula, nor a number: no object's name is one.
+        """
+        self.at += 2
+        found = self.is_number() if numbers else self.tokens[self.at] == "("
+        self.at -= 2
+        return found or not self._may_be_predicate()
+
     def _modal(self, depth: int, context: int) -> Formula:
         operator = self.tokens[self.at + 1].lower()
         wanted, formulas = MODALS[operator]
-        if self._is_predicate() and not (wanted and context & CONSTRAINTS):
+        if not self._takes_operands(wanted):
             return self._named_like_operator(depth, context)
         if not context & (CONSTRAINTS | MODAL):
             self.fail("a formula; constraints belong to (:constraints ...)")

@@ -166,10 +166,19 @@ class InitialStateReader(FormulaReader):
             self.at += 2
             self._elements(depth + 1)
             self.at += 1
-        elif head in _FOREIGN and self.symbols.predicates.find(head) is None:
+        elif head in _FOREIGN and self._is_foreign(head):
             self.fail("a fact", f"'({head}', which is of {_FOREIGN[head]}")
         else:
             self._fact()
+
+    def _is_foreign(self, head: str) -> bool:
+        """Whether the word that is next is an operator, and not a predicate of that name."""
+        if self.symbols.predicates.find(head) is not None:
+            return False
+        self.at += 2
+        takes_operands = self.tokens[self.at] == "(" or self.is_number()
+        self.at -= 2
+        return takes_operands or not self.symbols.unknown_domain
 
     def _fact(self) -> None:
         start = self.at

@@ -40,16 +40,17 @@ from ..dto.formula import (
     When,
     variables_text,
 )
-from ..dto.name import RESERVED_PREDICATES, RESERVED_TYPES, fold
+from ..dto.name import RESERVED, check_name, fold
 from ..dto.number import decimal_text
 from ..errors import InvalidKnowledgeError
 from .tokens import MAX_DEPTH
 from .walk import children
 
+PREFERENCE, DEFINE = "preference", "define"
 # What the reader does not count as a level, at the bottom of a formula.
 _FLAT = (Atom, Equal, Comparison, Fluent)
 # A parenthesis behind these is read as a formula or a fluent of theirs, and not as a term.
-_OPERATORS = {"preference", *MODALS, *ASSIGNMENTS}
+_OPERATORS = {DEFINE, PREFERENCE, *MODALS, *ASSIGNMENTS}
 _TIME_WORDS = {tuple(time.split()) for time in TIMES}
 
 
@@ -105,7 +106,7 @@ def check_types(names: Iterable[TypedName]) -> None:
     for name in names:
         if not name.types:
             raise InvalidKnowledgeError(f"{name.name!r} has no type; give it 'object'")
-        if not RESERVED_TYPES.isdisjoint(map(fold, name.types)):
+        if not RESERVED["type"].isdisjoint(map(fold, name.types)):
             raise InvalidKnowledgeError(
                 f"{name.name!r} is of a type called 'either', a reserved word; choose another name"
             )
@@ -118,12 +119,10 @@ def check_predicate(name: str) -> None:
         name: the name.
 
     Raises:
-        InvalidKnowledgeError: the word is reserved.
+        InvalidNameError: the word is reserved.
     """
-    if fold(name) in RESERVED_PREDICATES or name in COMPARISONS:
-        raise InvalidKnowledgeError(
-            f"{name!r} cannot name a predicate: the word is reserved in PDDL; choose another name"
-        )
+    if fold(name) in RESERVED["predicate"]:
+        check_name("predicate", name)
 
 
 def check_word(what: str, word: str, allowed: Iterable[str]) -> None:
@@ -150,12 +149,22 @@ def _atom(node: Atom) -> str:
                 f"'{node.predicate}' of the object '{name}' and a function's value is read as a"
                 " time; rename the object"
             )
-        case (Fluent(), *_) if word in _OPERATORS:
+        case (Fluent(), *_) | (_, Fluent(), *_) if word == PREFERENCE or (
+            word in _OPERATORS and isinstance(node.terms[0], Fluent)
+        ):
             raise InvalidKnowledgeError(
                 f"'{node.predicate}' of a function's value is read as the operator; rename the"
                 " predicate"
             )
     return node.predicate
+
+
+def _fluent(node: Fluent) -> str:
+    if node.terms and isinstance(node.terms[0], Fluent) and fold(node.function) == DEFINE:
+        raise InvalidKnowledgeError(
+            f"'{node.function}' of a function's value is read as a definition; rename the function"
+        )
+    return node.function
 
 
 def _arithmetic(node: Arithmetic) -> str:
@@ -223,7 +232,7 @@ _LEAVES: dict[type, Callable[[Any], str]] = {
     Number: _number,
 }
 _HEADS: dict[type, Callable[[Any], str]] = {
-    Fluent: lambda node: node.function,
+    Fluent: _fluent,
     Arithmetic: _arithmetic,
     Atom: _atom,
     Equal: lambda _: "=",

@@ -78,7 +78,7 @@ class ProblemReader:
             name = cursor.word("the name of the domain")
             if self._domain is not None and fold(name) != fold(self._domain.name):
                 cursor.fail(f"the domain {self._domain.name}", f"the domain {name}", 2)
-            if not is_name(name):
+            if not is_name(name, "domain"):
                 cursor.fail("the name of the domain", at=2)
             cursor.expect(")", "')' after the name of the domain")
             finish(cursor)

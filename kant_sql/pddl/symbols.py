@@ -163,7 +163,7 @@ class Symbols:
         found = self.objects.get(name)
         if found is None:
             found = self._declared_objects.get(fold(name))
-            if found is None and self.unknown_domain and is_name(name):
+            if found is None and self.unknown_domain and is_name(name, "object"):
                 found = self._declared_objects[fold(name)] = (Constant(name), ANY)
             if found is not None:
                 self.objects[name] = found

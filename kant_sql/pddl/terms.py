@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NoReturn
 
 from ..dto.formula import Atom, Constant, Fluent, Term, TypedName
-from ..dto.name import RESERVED_PREDICATES, fold, is_name
+from ..dto.name import fold, is_name
 from .cursor import Reading, hint
 from .hierarchy import Fit, Types
 from .section import Section
@@ -13,14 +13,19 @@ from .signatures import Named, Signature
 from .symbols import Bound, Entity, Symbols
 from .typed_lists import VARIABLES, Group, ListReader
 
+DURATION = "?duration"
+
 
 class TermReader(ListReader):
     """A reader of terms and atoms.
 
     Attributes:
+        duration_allowed: whether `?duration` is the duration of the action.
         symbols: the names that may be used.
         scope: the variables that may be used, in the spellings that were met, each with its `?`.
     """
+
+    duration_allowed = False
 
     def __init__(self, reading: Reading, section: Section, symbols: Symbols, nesting: str) -> None:
         super().__init__(reading, section, nesting)
@@ -61,6 +66,9 @@ class TermReader(ListReader):
             types = self.resolve(symbols, group.types, group.types_at)
             for word in group.words:
                 bound = symbols.bound(word, types)
+                if self.duration_allowed and bound.key == DURATION:
+                    place = group.at + group.words.index(word)
+                    self.fail("a variable that is not the duration of the action", at=place)
                 if bound.key in scope:
                     self._shadow(scope, bound, found, group.at + group.words.index(word))
                 scope[bound.key] = scope[word] = bound.entity
@@ -244,8 +252,7 @@ class TermReader(ListReader):
         found = named.find(name)
         if found is not None:
             return found
-        guessed = self.symbols.unknown_domain and fold(name) not in RESERVED_PREDICATES
-        if guessed and is_name(name):
+        if self.symbols.unknown_domain and is_name(name, named.kind):
             found = Signature(name, None, ())
             named.add(found)
         else:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from typing import NamedTuple
 
-from ..dto.name import RESERVED_TYPES, fold, is_name
+from ..dto.name import fold, is_name
 from .cursor import Cursor, hint
 from .hierarchy import Types
 from .symbols import ANY, Symbols
@@ -76,12 +76,15 @@ class ListReader(Cursor):
         Returns:
             The types, as written.
         """
+        if not count and token != "-":
+            # It is a name rather than a type that nothing has.
+            self.fail(f"a {kind}, which does not begin with '-'")
         if not count:
             self.deviate(f"a {kind} before the type", "the type left out")
         return self.after_dash(token)
 
     def _check_name(self, kind: str, token: str) -> None:
-        """Check a name once, and remember it."""
+        """Check a name of a typed list once, and remember it."""
         name, known = token, self.reading.standard_names
         if kind == VARIABLES:
             if token[:1] != "?":
@@ -99,27 +102,28 @@ class ListReader(Cursor):
             kind: what it names, for messages.
         """
         article = "an" if kind[0] in "aeiou" else "a"
-        if not is_name(name):
+        if not is_name(name, kind if kind != OBJECTS else "object"):
             self.fail(f"the name of {article} {kind}" if kind != OBJECTS else "a name")
         expected = f"{article} {kind} of a letter and letters, digits, '-' and '_'"
         self.deviate(expected, "taken as it is")
 
-    def declared_name(self, kind: str, reserved: frozenset[str] = frozenset()) -> str:
-        """Pass a name that is declared here.
+    def declared_name(self, kind: str) -> str:
+        """Pass a name that is declared here, and in no typed list.
 
         Args:
-            kind: what it names, for messages.
-            reserved: folded words that may not name it.
+            kind: what it names.
 
         Returns:
             The name.
         """
         name = self.word(f"the name of the {kind}")
         self.at -= 1
-        if name not in self.reading.standard_names:
-            self._check_name(kind, name)
-        if reserved and fold(name) in reserved:
+        if not is_name(name, kind):
             self.fail(f"the name of the {kind}, which is no reserved word")
+        # What may name a predicate, `5` for one, may not name an object.
+        if _STANDARD_NAME.fullmatch(name) is None and name not in self.reading.odd_names:
+            self.reading.odd_names.add(name)
+            self.odd_name(name, kind)
         self.at += 1
         return name
 
@@ -188,7 +192,7 @@ class ListReader(Cursor):
     def _resolve(self, symbols: Symbols, name: str, at: int) -> str:
         known = symbols.types.get(fold(name))
         if known is None:
-            if not is_name(name) or fold(name) in RESERVED_TYPES:
+            if not is_name(name, "type"):
                 self.fail("a type", f"'{name}'", self._token_of(name, at))
             if not symbols.unknown_domain:
                 place = self._token_of(name, at)

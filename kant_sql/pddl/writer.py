@@ -21,12 +21,13 @@ from ..dto.formula import (
     Formula,
     Node,
     Number,
+    Preference,
     TimedLiteral,
     variables_text,
 )
-from ..dto.name import ROOT_TYPE
+from ..dto.name import ROOT_TYPE, check_name, function_kind, is_requirement
 from ..dto.number import decimal_text
-from ..errors import InvalidKnowledgeError
+from ..errors import InvalidKnowledgeError, InvalidNameError
 from .declaration_text import function_lines, skeleton, typed_lines
 from .document import (
     ACTION,
@@ -40,6 +41,7 @@ from .document import (
     Problem,
 )
 from .node_text import check_predicate, check_types, check_word, node_text
+from .walk import walk
 
 _INNER = "    "
 # Each fact's terms are constants by then, and there are many: this runs in C.
@@ -79,6 +81,7 @@ def write_domain(domain: Domain) -> str:
     Raises:
         InvalidKnowledgeError: it says something that text could not carry.
     """
+    _check_names(domain)
     lines = [f"(define (domain {domain.name})", *_requirements(domain.requirements)]
     typed = bool(domain.types)
     lines += _section("types", typed_lines(domain.types, typed))
@@ -109,6 +112,7 @@ def write_problem(
     Raises:
         InvalidKnowledgeError: it says something that text could not carry.
     """
+    _check_names(problem)
     lines = [f"(define (problem {problem.name})", f"  (:domain {problem.domain})"]
     lines += _requirements(problem.requirements)
     typed = any(name.types != (ROOT_TYPE,) for name in problem.objects)
@@ -130,6 +134,42 @@ def write_problem(
             expression = node_text(problem.metric.expression)
             lines.append(f"  (:metric {problem.metric.optimization} {expression})")
     return "\n".join([*lines, ")\n"])
+
+
+def _check_names(document: Domain | Problem) -> None:
+    """Refuse names that could not be read back; what refers to an element has its name."""
+    roots: list[Node] = [*document.constraints]
+    if isinstance(document, Domain):
+        check_name("domain", document.name)
+        kinds: list[tuple[str, Iterable[str]]] = [
+            (kind, [element.name for element in elements])
+            for kind, elements in (
+                ("type", document.types),
+                ("constant", document.constants),
+                ("predicate", document.predicates),
+                ("action", document.actions),
+            )
+        ]
+        kinds += [(function_kind(f.parameters, f.types), [f.name]) for f in document.functions]
+        for elements in (document.predicates, document.functions, document.actions):
+            parameters = [element.parameters for element in elements]
+            kinds += [("parameter", map(_NAME, each)) for each in parameters]
+        for action in document.actions:
+            roots += [*action.duration, *action.condition, *action.effect]
+        roots += document.derived
+    else:
+        check_name("problem", document.name)
+        check_name("domain", document.domain)
+        kinds = [("object", map(_NAME, document.objects))]
+        roots += document.goal
+    for kind, names in kinds:
+        for name in names:
+            check_name(kind, name)
+    for node in walk(*roots):
+        for variable in getattr(node, "variables", ()):
+            check_name("variable", variable.name)
+        if isinstance(node, Preference) and node.name is not None:
+            check_name("preference", node.name)
 
 
 def fact_texts(facts: Sequence[Atom]) -> list[str]:
@@ -167,10 +207,9 @@ def _within(where: str) -> Iterator[None]:
 
 def _requirements(requirements: Sequence[str]) -> list[str]:
     for requirement in requirements:
-        if not requirement.startswith(":"):
-            raise InvalidKnowledgeError(
-                f"{requirement!r} is no requirement; write it ':{requirement}'"
-            )
+        if not is_requirement(requirement):
+            check_name("requirement", requirement.removeprefix(":"))
+            raise InvalidNameError(f"{requirement!r} is no requirement; write it ':{requirement}'")
     return [f"  (:requirements {' '.join(requirements)})"] if requirements else []
 
 

@@ -5,12 +5,11 @@ from __future__ import annotations
 import re
 
 from ..dto.formula import ASSIGNMENTS, MODALS
-from ..dto.name import RESERVED_PREDICATES, RESERVED_TYPES, ROOT_TYPE, fold
+from ..dto.name import RESERVED, ROOT_TYPE, fold
 from ..errors import InvalidNameError
 
 _RESERVED = (
-    RESERVED_PREDICATES
-    | RESERVED_TYPES
+    frozenset().union(*RESERVED.values())
     | set(ASSIGNMENTS)
     | set(MODALS)
     | {ROOT_TYPE, "number", "preference", "is-violated", "undefined", "total-time"}

@@ -11,19 +11,19 @@ from kant_sql import (
     KnowledgeBase,
     PddlActionDto,
     PddlConditionEffectDto,
+    PddlFunctionDto,
     PddlObjectDto,
     PddlPredicateDto,
     PddlPropositionDto,
     PddlTypeDto,
 )
-from tests.reading import facts, nothing_changes, refuses, state, undone
+from tests.reading import beside, facts, nothing_changes, refuses, state, undone
 from tests.worlds import RB1, ROBOT, WAYPOINT, robot_at
 
 STRANGE = [
     "%",
     "_",
     "100%_--",
-    "--",
     "\\",
     "\\N",
     "\\.",
@@ -40,10 +40,9 @@ STRANGE = [
     "/*",
     "<b>",
     "a=b",
-    "1",
-    "1e5",
+    "1-2",
     "0x10",
-    "+1",
+    "1.2.3",
     "true",
     "[red]",
     "Küche",
@@ -236,3 +235,35 @@ def test_elements_of_different_kinds_may_share_a_name(fresh_kb: KnowledgeBase) -
     fresh_kb.actions.save(action("THING"))
     fresh_kb.actions.delete(PddlActionDto("thing"))
     assert facts(fresh_kb) == ["(thing thing)"]
+
+
+def test_names_that_an_older_version_stored_stay_readable(
+    fresh_kb: KnowledgeBase, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    names = ["-b", "5", "\u3164", "\u0301a"]
+    with monkeypatch.context() as older:
+        for module in ("object", "predicate", "function", "type"):
+            older.setattr(f"kant_sql.dao.{module}.check_name", lambda *_: None)
+        for name in names:
+            fresh_kb.propositions.save(fact(name))
+        fresh_kb.propositions.save(fact(">="))
+        fresh_kb.function_values.set(PddlFunctionDto("not"), value=3)
+    kb = beside(fresh_kb, fresh_kb.factory._store.name)  # type: ignore[attr-defined]
+    for seen in (kb, kb.at(kb.revision)):
+        assert [dto.name for dto in seen.objects.get_all()] == [*names, ">="]
+        assert [str(each) for each in seen.propositions.get_by_predicate(">=")] == ["(>= >=)"]
+        assert seen.function_values.get("not") == 3
+        assert [thing.name for thing in seen.problem().objects] == [*names, ">="]
+    for name in names:
+        assert kb.history(PddlObjectDto(PddlTypeDto(name), name))
+        assert kb.blame(fact(name)) is not None
+        assert kb.propositions.insert(fact(name)) is False
+    assert kb.verify().findings == ()
+    with pytest.raises(InvalidNameError, match="cannot name an object"):
+        kb.problem_pddl()
+    with pytest.raises(InvalidNameError, match="cannot name a"):
+        kb.domain_pddl()
+    for name in [*names, ">="]:
+        assert kb.types.delete(PddlTypeDto(name))
+    assert kb.functions.delete(PddlFunctionDto("not"))
+    assert "(:objects" not in kb.problem_pddl() + kb.domain_pddl()

@@ -25,7 +25,7 @@ from kant_sql import (
     PddlPropositionDto,
     PddlTypeDto,
 )
-from kant_sql.dto.name import RESERVED_PREDICATES, fold, is_name
+from kant_sql.dto.name import fold, is_name
 from kant_sql.errors import KantSqlError, StoreError
 from kant_sql.predicate_views import PredicateView, drop_views, update_views, updating
 from kant_sql.predicate_views.names import RESERVED_WORDS, column_names, prefixes, view_names
@@ -399,7 +399,7 @@ def hostile_kb(kb: KnowledgeBase, predicates: list[str]) -> dict[str, int]:
     found: dict[str, int] = {}
     dtos = []
     for name in predicates:
-        if fold(name) not in map(fold, found) and fold(name) not in RESERVED_PREDICATES:
+        if fold(name) not in map(fold, found):
             found[name] = len(found) % 3 + 1
             predicate = PddlPredicateDto(name, [WAYPOINT], parameter_names=[name])
             dtos += [
@@ -430,14 +430,14 @@ def test_hostile_names_are_safe(shared_url: str, connect: Connect) -> None:
         *((name, short) for name in ("x" * 255, "é" * 255, "fact", "__", " ", "sqlite", "a_b")),
     ):
         kb = connect(shared_url, knowledge_base=kb_name)
-        found = hostile_kb(kb, [name for name in predicates if is_name(name)])
+        found = hostile_kb(kb, [name for name in predicates if is_name(name, "predicate")])
         kb.close()
         if kb_name == "default":
             found["_fact__x"] = 0
         check_hostile(shared_url, kb_name, found)
 
 
-PDDL_NAMES = st.text(min_size=1, max_size=80).filter(is_name)
+PDDL_NAMES = st.text(min_size=1, max_size=80).filter(lambda name: is_name(name, "predicate"))
 
 
 @pytest.mark.parametrize("backend", ["one_file", "one_database"])

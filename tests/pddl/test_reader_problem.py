@@ -143,7 +143,10 @@ def test_without_the_domain_names_are_guessed_by_their_place() -> None:
             "(= (f) (+ (g) 1))",
             Comparison("=", Fluent("f"), Arithmetic("+", (Fluent("g"), number("1")))),
         ),
-        ("(p (f a) 3)", Atom("p", (Fluent("f", (Constant("a"),)), Constant("3")))),
+        ("(p (f a) b)", Atom("p", (Fluent("f", (Constant("a"),)), Constant("b")))),
+        ("(preference a b)", Atom("preference", (Constant("a"), Constant("b")))),
+        ("(preference a (p))", Preference("a", Atom("p"))),
+        ("(within a)", Atom("within", (Constant("a"),))),
     ],
 )
 def test_without_the_domain_equations_are_guessed(goal: str, expected: object) -> None:
@@ -166,11 +169,20 @@ def test_total_time(domain: Domain, bare: str) -> None:
     assert found.metric == Metric("maximize", Fluent("total-time"))
 
 
-def test_numbers_may_name_objects(domain: Domain) -> None:
-    text = problem("(at 10 12)", objects="(:objects 10 - crate 12 - place)")
+@pytest.mark.parametrize("name", ["10", "-1", "+1.5", "1e3", ".5", "#t", "#T", "-a", "--"])
+def test_numbers_and_what_begins_with_a_dash_name_no_objects(domain: Domain, name: str) -> None:
+    with pytest.raises(PddlError):
+        read_problem(problem("", objects=f"(:objects {name} - crate)"), domain=domain)
+    with pytest.raises(PddlError):
+        read_domain(f"(define (domain d) (:types {name} - object))")
+    with pytest.raises(PddlError):
+        read_domain(f"(define (domain d) (:constants a - {name}))")
+
+
+def test_names_may_begin_with_digits(domain: Domain) -> None:
+    text = problem("(at 10-1 2b)", objects="(:objects 10-1 - crate 2b - place)")
     found = read_problem(text, domain=domain)
-    assert found.facts == (Atom("at", (Constant("10"), Constant("12"))),)
-    assert found.timed == ()
+    assert found.facts == (Atom("at", (Constant("10-1"), Constant("2b"))),)
 
 
 def test_at_is_a_time_before_a_parenthesis(domain: Domain) -> None:
