@@ -247,7 +247,7 @@ def test_names_that_an_older_version_stored_stay_readable(
         for name in names:
             fresh_kb.propositions.save(fact(name))
         fresh_kb.propositions.save(fact(">="))
-        fresh_kb.function_values.set(PddlFunctionDto("not"), value=3)
+        fresh_kb.function_values.set(PddlFunctionDto("not"), objects=[], value=3)
     kb = beside(fresh_kb, fresh_kb.factory._store.name)  # type: ignore[attr-defined]
     for seen in (kb, kb.at(kb.revision)):
         assert [dto.name for dto in seen.objects.get_all()] == [*names, ">="]
