@@ -6,6 +6,8 @@ Alembic runs the migrations; it is imported only when one is to be run.
 from __future__ import annotations
 
 import io
+import logging
+import re
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -29,11 +31,15 @@ if TYPE_CHECKING:
     from alembic.config import Config
 
 VERSION_TABLE = "kant_sql_version"
+BASE = "base"
+# Where the migrations' environment leaves how many views of predicates it has dropped.
+DROPPED_VIEWS = "dropped_views"
 # Oldest first; the last is what this version of the library works on.
 VERSIONS = ("0001", "0002", "0003", "0004", "0005", "0006")
 
 _VERSION = Query(select(column("version_num")).select_from(table(VERSION_TABLE)))
 _MIGRATING = threading.Lock()
+logger = logging.getLogger(__name__)
 
 
 def ensure_schema(backend: Backend) -> None:
@@ -125,7 +131,7 @@ def upgrade(url: str, *, revision: str = "head") -> None:
         StoreError: the database refused; nothing was changed.
     """
     with _backend(url) as backend:
-        _upgrade(backend, revision)
+        _upgrade(backend, revision if revision == "head" else _later(backend, revision))
 
 
 def downgrade(url: str, *, revision: str) -> None:
@@ -133,16 +139,38 @@ def downgrade(url: str, *, revision: str) -> None:
 
     Args:
         url: the database URL.
-        revision: the version to go back to; `base` drops the tables and all that they hold.
+        revision: the version to go back to, or as `-1` how many versions; `base` drops the tables
+            and all that they hold.
 
     Raises:
-        SchemaError: there is no such version.
+        SchemaError: there is no such version, or it is later than the one that the tables have, or
+            it has no place for something that is stored; nothing was changed.
         StoreError: the database refused; nothing was changed.
     """
     from alembic import command
 
     with _backend(url) as backend:
-        _migrate(backend, lambda config: command.downgrade(config, revision))
+        target = _earlier(backend, revision)
+        if target is not None:
+            _migrate(backend, lambda config: command.downgrade(config, target))
+
+
+def earlier_version(url: str, revision: str) -> str | None:
+    """Tell which version `downgrade` would go back to. Nothing is changed.
+
+    Args:
+        url: the database URL.
+        revision: as for `downgrade`.
+
+    Returns:
+        The version, or `base`; None when the tables are there already.
+
+    Raises:
+        SchemaError: there is no such version, or it is later than the one that the tables have.
+        StoreError: the database cannot be opened.
+    """
+    with _backend(url) as backend:
+        return _earlier(backend, revision)
 
 
 def upgrade_sql(url: str, out: TextIO) -> None:
@@ -181,6 +209,20 @@ def alembic_config(out: TextIO | None = None) -> Config:
     return config
 
 
+def report_dropped_views(config: Config) -> None:
+    """Log how many views of predicates a migration has dropped, when it is committed.
+
+    Args:
+        config: the configuration that the migration was run with.
+    """
+    if count := config.attributes.get(DROPPED_VIEWS):
+        logger.warning(
+            "%d views of predicates are dropped, for tables that have them cannot be changed; "
+            "when the tables are up to date, make them anew with: kant-sql views",
+            count,
+        )
+
+
 def migrations_folder() -> Path:
     """Find the migrations: in the installed package, or beside it in a clone.
 
@@ -216,6 +258,50 @@ def _backend(url: str) -> Iterator[Backend]:
         yield backend
     finally:
         backend.close()
+
+
+def _earlier(backend: Backend, revision: str) -> str | None:
+    """Find the version to go back to; None when the tables are there already."""
+    places, here = _places(backend)
+    back = re.fullmatch(r"-([1-9]\d{0,3})", str(revision))
+    there = here - int(back[1]) if back else _index(places, revision)
+    if there is None or there < 0:
+        raise _no_version(backend, revision, "go back to", places[: here + 1])
+    if there > here:
+        raise SchemaError(
+            f"{backend.label}: the tables are of version {places[here]}, which is before "
+            f"{revision}; nothing was changed"
+        )
+    return None if there == here else places[there]
+
+
+def _later(backend: Backend, revision: str) -> str:
+    """Find the version to go on to."""
+    places, here = _places(backend)
+    on = re.fullmatch(r"\+([1-9]\d{0,3})", str(revision))
+    there = here + int(on[1]) if on else _index(places, revision)
+    if there is None or not 0 < there < len(places):
+        raise _no_version(backend, revision, "go on to", places[max(1, here) :])
+    return places[there]
+
+
+def _places(backend: Backend) -> tuple[tuple[str, ...], int]:
+    """Give all versions, and the position of the one that the tables have."""
+    places, version = (BASE, *VERSIONS), _current(backend)
+    if version is not None and version not in VERSIONS:
+        _judge(backend, version)
+    return places, places.index(version or BASE)
+
+
+def _index(places: tuple[str, ...], revision: str) -> int | None:
+    return places.index(revision) if revision in places else None
+
+
+def _no_version(backend: Backend, revision: str, verb: str, places: tuple[str, ...]) -> SchemaError:
+    return SchemaError(
+        f"{backend.label}: there is no version {revision!r} to {verb}, only {', '.join(places)}; "
+        "nothing was changed"
+    )
 
 
 def _read_version(session: Session) -> str | None:
@@ -266,6 +352,8 @@ def _migrate_once(backend: Backend, run: Callable[[Config], None]) -> None:
             config.attributes["connection"] = connection
             config.attributes["label"] = backend.label
             run(config)
+        # Only now: a migration that fails leaves the views as they were.
+        report_dropped_views(config)
     except CommandError as error:
         version = _current(backend)
         if version is not None and version not in VERSIONS:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 import os
 from contextlib import nullcontext
 
@@ -12,11 +11,10 @@ from sqlalchemy import Connection
 
 from kant_sql.backends import backend_name, create_backend, roles_set_aside
 from kant_sql.backends.views import drop_generated_views
-from kant_sql.schema import VERSION_TABLE
+from kant_sql.schema import DROPPED_VIEWS, VERSION_TABLE, report_dropped_views
 from kant_sql.tables import Base
 
 config = context.config
-logger = logging.getLogger("kant_sql.schema")
 
 
 def find_url() -> str:
@@ -84,12 +82,9 @@ def run_online(connection: Connection) -> None:
         on_version_apply=log_step,
     )
     with roles_set_aside(connection) if changes_version() else nullcontext():
-        if changes_version() and (views := drop_generated_views(connection)):
-            logger.warning(
-                "%d views of predicates are dropped, for tables that have them cannot be changed; "
-                "when the tables are up to date, make them anew with: kant-sql views",
-                len(views),
-            )
+        if changes_version():
+            # A table that has views cannot be changed.
+            config.attributes[DROPPED_VIEWS] = len(drop_generated_views(connection))
         context.run_migrations()
     if not context.get_context().get_current_heads():
         # Alembic would leave its own table behind: a store that went back to base has none.
@@ -121,4 +116,5 @@ else:
     backend = create_backend(find_url())
     with backend.migration_connection() as own:
         run_online(own)
+    report_dropped_views(config)
     backend.close()

@@ -15,6 +15,7 @@ from sqlalchemy.exc import InvalidRequestError
 from sqlalchemy.exc import TimeoutError as PoolTimeoutError
 
 from ..errors import ConnectionLostError, InvalidUrlError, StoreBusyError, StoreError, printable
+from .query import Query
 from .roles import Roles
 from .session import Session
 from .waiting import Listener
@@ -142,6 +143,17 @@ class Backend(ABC):
             False when a connection would create it.
         """
         return True
+
+    def remove(self, mark: Query) -> bool:
+        """Remove the database, if nobody uses it and nothing of the library is stored in it.
+
+        Args:
+            mark: what finds a row where something is stored.
+
+        Returns:
+            Whether it was removed; a server's database never is.
+        """
+        return False
 
     def create_roles(self, knowledge_base: str | None, dry_run: bool) -> Roles:
         """Create the roles of the database, or bring them up to date.

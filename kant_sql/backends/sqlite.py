@@ -25,6 +25,7 @@ from ..errors import (
     TableMissingError,
 )
 from .backend import Backend, refuse_unknown_options, url_label
+from .query import Query
 from .session import Session
 from .sqlite_file import WAL_LIMIT, StoreFile
 from .sqlite_session import FileSession, MemorySession
@@ -239,6 +240,27 @@ class SqliteBackend(Backend):
         except OSError:
             # SQLite says better what is wrong with it.
             return True
+        return True
+
+    def remove(self, mark: Query) -> bool:
+        """Remove the file, if nobody else has it open and nothing is stored in it."""
+        if self.in_memory or not self.exists():
+            return False
+        connection = self.connect()
+        try:
+            connection.execute("PRAGMA busy_timeout=0")
+            # This fails while another connection is open, and leaves one file of three.
+            connection.execute("PRAGMA journal_mode=DELETE")
+            connection.execute("BEGIN EXCLUSIVE")
+            if connection.execute("SELECT 1 FROM sqlite_master LIMIT 1").fetchone() and (
+                connection.execute(mark.text(self.dialect)).fetchone()
+            ):
+                return False
+            Path(str(self.url.database)).resolve().unlink()
+        except (sqlite3.Error, OSError):
+            return False
+        finally:
+            connection.close()
         return True
 
     def is_empty(self, session: Session) -> bool:

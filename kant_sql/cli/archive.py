@@ -9,7 +9,7 @@ import typer
 from ..history import Archived
 from .output import Printer, printable, write_json
 from .progress import bar
-from .stores import Name, Url, open_to_read
+from .stores import Name, Url, leaving_nothing, open_to_read
 from .times import parse_when
 
 
@@ -47,7 +47,11 @@ def archive(
     That store then answers for it.
     """
     when = parse_when(before, "--before")
-    with open_to_read(url, kb) as (name, knowledge_base), bar(name) as told:
+    with (
+        open_to_read(url, kb) as (name, knowledge_base),
+        leaving_nothing(to),
+        bar(name) as told,
+    ):
         done = knowledge_base.archive(
             when, to=to, dry_run=dry_run, reason=reason, actor=actor, progress=told
         )

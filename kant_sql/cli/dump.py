@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from .output import printable_lines
+from .output import AsJson, printable_lines, write_json
 from .stores import Name, Url, open_state
 from .times import At
 
@@ -18,15 +18,22 @@ def dump(
     at: At = None,
     domain: Annotated[bool, typer.Option("--domain", help="Only the domain.")] = False,
     problem: Annotated[bool, typer.Option("--problem", help="Only the problem.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Write the domain and then the problem as PDDL.
 
     'kant-sql load' reads both from one file.
     """
-    with open_state(url, kb, at) as (_, state):
-        texts = [state.domain_pddl()] if domain or not problem else []
-        texts += [state.problem_pddl()] if problem or not domain else []
-    text = "\n".join(texts)
+    with open_state(url, kb, at) as (name, state):
+        texts = {"domain": state.domain_pddl()} if domain or not problem else {}
+        if problem or not domain:
+            texts["problem"] = state.problem_pddl()
+        revision = state.revision
+    if as_json:
+        nothing = {"domain": None, "problem": None}
+        write_json({"knowledge_base": name, "revision": revision, **nothing, **texts})
+        return
+    text = "\n".join(texts.values())
     if sys.stdout.isatty():
         text = printable_lines(text)
     # In UTF-8, whatever the terminal's encoding: that is what planners read.

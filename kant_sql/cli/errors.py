@@ -1,4 +1,7 @@
-"""How a command ends: with an exit code, and one line on standard error when it failed."""
+"""How a command ends: with an exit code, and one line on standard error when it failed.
+
+The line is text, or a JSON document when the output was to be JSON.
+"""
 
 from __future__ import annotations
 
@@ -10,9 +13,10 @@ from collections.abc import Callable, Sequence
 import typer
 
 from ..errors import KantSqlError, SourceError
-from .output import printable
+from .output import JSON_OPTION, json_text, printable
 
 FAILED, WRONG_USAGE, INTERRUPTED = 1, 2, 130
+_WRONG_USAGE = "UsageError"
 
 _AUTHORITY = re.compile(r"(://[^\s:@/]*:)\S*@")
 _WHOLE_URL = re.compile(r"(://[^:@/]*:).*@", re.DOTALL)
@@ -53,19 +57,20 @@ def run_to_exit_code(command: Callable[[], object], words: Sequence[str]) -> int
     except (KeyboardInterrupt, typer.Abort):
         return INTERRUPTED
     except SourceError as error:
-        return _complain(f"{error.filename}: {error.strerror}", words, FAILED)
+        return _complain(error, f"{error.filename}: {error.strerror}", words, FAILED)
     except KantSqlError as error:
-        return _complain(str(error), words, FAILED)
+        return _complain(error, str(error), words, FAILED)
     except OSError as error:
         if error.filename is not None:
-            return _complain(f"{error.filename}: {error.strerror}", words, FAILED)
+            return _complain(error, f"{error.filename}: {error.strerror}", words, FAILED)
         _drop_output()
-        return _complain(f"cannot write the output: {error.strerror or error}", words, FAILED)
+        message = f"cannot write the output: {error.strerror or error}"
+        return _complain(error, message, words, FAILED)
     except Exception as error:
         # Typer's own errors; their base class has another home in each version of it.
         if not hasattr(error, "format_message"):
             raise
-        return _complain(_usage(error), words, WRONG_USAGE)
+        return _complain(error, _usage(error), words, WRONG_USAGE)
     return code if isinstance(code, int) else 0
 
 
@@ -91,10 +96,21 @@ def _usage(error: Exception) -> str:
     return f"{message}; try: {context.command_path if context else 'kant-sql'} --help"
 
 
-def _complain(message: str, words: Sequence[str], code: int) -> int:
-    line = printable(" ".join(without_passwords(message, words).split()))
-    sys.stderr.write(f"kant-sql: {line}\n")
+def _complain(error: Exception, message: str, words: Sequence[str], code: int) -> int:
+    line = " ".join(without_passwords(message, words).split())
+    if _wants_json(words):
+        name = _WRONG_USAGE if code == WRONG_USAGE else type(error).__name__
+        document = {"error": line, "type": name, "exit_code": code}
+        sys.stderr.write(f"{json_text(document, sys.stderr)}\n")
+    else:
+        sys.stderr.write(f"kant-sql: {printable(line)}\n")
     return code
+
+
+def _wants_json(words: Sequence[str]) -> bool:
+    """Tell whether the output is to be JSON, also where the words make no sense."""
+    options = words[: words.index("--")] if "--" in words else words
+    return JSON_OPTION in options
 
 
 def _drop_output() -> None:

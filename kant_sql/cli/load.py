@@ -18,9 +18,9 @@ from ..history import LogEntry, Revision
 from ..knowledge_base import KnowledgeBase, connect
 from ..pddl import PddlWarning
 from .files import Inputs, read_inputs
-from .output import Printer, printable
+from .output import AsJson, Printer, printable, write_json
 from .progress import progress_console
-from .stores import DEFAULT_NAME, URL_VARIABLE, choose, split_url
+from .stores import DEFAULT_NAME, URL_VARIABLE, choose, leaving_nothing, split_url
 
 _USAGE = "[URL] FILE..."
 _EXAMPLE = "sqlite:///robot.db domain.pddl problem.pddl"
@@ -60,6 +60,7 @@ def load(
     reason: Annotated[
         str | None, typer.Option(metavar="TEXT", show_default=False, help="Why.")
     ] = None,
+    as_json: AsJson = False,
 ) -> None:
     """Load a domain, a problem or both, in one revision or not at all."""
     url, paths = split_url(words, _USAGE, _EXAMPLE)
@@ -67,10 +68,13 @@ def load(
     if not inputs.domains:
         # A problem needs a domain: without one, no store is created for it.
         _choose_with_domain(kb, url, paths)
-    with connect(url, knowledge_base=kb) as knowledge_base:
+    with leaving_nothing(url), connect(url, knowledge_base=kb) as knowledge_base:
         warnings, made = _store(
             knowledge_base, inputs, "merge" if merge else "replace", strict, actor, reason
         )
+        if as_json:
+            write_json(_document(kb, knowledge_base, made, warnings))
+            return
         sys.stderr.writelines(f"{printable(str(warning))}\n" for warning in warnings)
         _write_result(kb, knowledge_base, made)
 
@@ -123,15 +127,36 @@ def _write_result(name: str, knowledge_base: KnowledgeBase, made: Revision | Non
     for sign, style in (("+", "green"), ("-", "red")):
         counts = _counts(entry, sign)
         if counts:
-            printer.line(f"{sign} {counts}", style)
+            said = ", ".join(
+                f"{count} {label}{'' if count == 1 else 's'}" for label, count in counts.items()
+            )
+            printer.line(f"{sign} {said}", style)
 
 
-def _counts(entry: LogEntry, sign: str) -> str:
+def _document(
+    name: str,
+    knowledge_base: KnowledgeBase,
+    made: Revision | None,
+    warnings: Iterable[PddlWarning],
+) -> dict[str, object]:
+    """Give what was loaded in the form that becomes JSON."""
+    asserted, retracted = {}, {}
+    if made is not None:
+        (entry,) = knowledge_base.at(made.number).log(limit=1)
+        asserted, retracted = _counts(entry, "+"), _counts(entry, "-")
+    return {
+        "knowledge_base": name,
+        "revision": None if made is None else made.number,
+        "head": knowledge_base.revision if made is None else made.number,
+        "asserted": asserted,
+        "retracted": retracted,
+        "warnings": [warning._asdict() for warning in warnings],
+    }
+
+
+def _counts(entry: LogEntry, sign: str) -> dict[str, int]:
     kinds = (change.kind for change in entry.changes if change.sign == sign)
-    counts = Counter(_LABELS.get(kind, kind) for kind in kinds)
-    return ", ".join(
-        f"{count} {label}{'' if count == 1 else 's'}" for label, count in sorted(counts.items())
-    )
+    return dict(sorted(Counter(_LABELS.get(kind, kind) for kind in kinds).items()))
 
 
 @contextmanager

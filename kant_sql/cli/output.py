@@ -6,11 +6,16 @@ import json
 import re
 import sys
 from collections.abc import Sequence
+from typing import Annotated, TextIO
 
+import typer
 from rich.cells import cell_len
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
+
+JSON_OPTION = "--json"
+AsJson = Annotated[bool, typer.Option(JSON_OPTION, help="One JSON document.")]
 
 # What would steer a terminal, or what some reader takes for the end of a line.
 _STEERING = r"\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069\ud800-\udfff]"
@@ -52,16 +57,31 @@ def _escaped(match: re.Match[str]) -> str:
     return json.dumps(match[0])[1:-1]
 
 
-def json_text(value: object) -> str:
+def plural(count: int, noun: str) -> str:
+    """Write how many there are of something.
+
+    Args:
+        count: the number.
+        noun: what it is, of which the plural ends in s.
+
+    Returns:
+        As `1 file`, `1,204 files`.
+    """
+    return f"{count:,} {noun}{'' if count == 1 else 's'}"
+
+
+def json_text(value: object, to: TextIO | None = None) -> str:
     """Write JSON on one line.
 
     Args:
         value: what JSON can say.
+        to: where it is to be written; standard output when not given.
 
     Returns:
-        The document; characters that standard output cannot take are escaped.
+        The document; characters that the stream cannot take are escaped.
     """
-    ascii_only = (sys.stdout.encoding or "").lower().replace("-", "") != "utf8"
+    encoding = (to or sys.stdout).encoding or ""
+    ascii_only = encoding.lower().replace("-", "") != "utf8"
     return printable(json.dumps(value, ensure_ascii=ascii_only))
 
 

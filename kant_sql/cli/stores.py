@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import os
+import signal
+import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from typing import Annotated
+from typing import Annotated, NoReturn
 
 import typer
 
-from ..catalog import knowledge_bases
+from ..catalog import knowledge_bases, removed_on_failure
 from ..errors import KantSqlError
 from ..knowledge_base import KnowledgeBase, connect
 from ..pddl.cursor import hint
@@ -20,6 +22,7 @@ from .times import parse_state
 URL_VARIABLE = "KANT_SQL_URL"
 DEFAULT_NAME = "default"
 _NAMES_SHOWN = 20
+_ENDING = "SIGTERM", "SIGHUP"
 
 Url = Annotated[
     str,
@@ -66,6 +69,39 @@ def split_url(words: Sequence[str], usage: str, example: str) -> tuple[str, list
             param_hint=usage,
         )
     return words[0], list(words[1:])
+
+
+@contextmanager
+def leaving_nothing(url: str) -> Iterator[None]:
+    """Remove the SQLite file that the block creates, when the block fails or is stopped.
+
+    Args:
+        url: the database URL.
+
+    Yields:
+        Nothing.
+    """
+    with removed_on_failure(url), _stopping_by_exception():
+        yield
+
+
+@contextmanager
+def _stopping_by_exception() -> Iterator[None]:
+    """Let the signals that end a process end the block, so that it can clean up behind itself."""
+
+    def stop(number: int, frame: object) -> NoReturn:
+        raise SystemExit(128 + number)
+
+    is_main = threading.current_thread() is threading.main_thread()
+    numbers = [getattr(signal, name) for name in _ENDING if is_main and hasattr(signal, name)]
+    changed = [one for one in numbers if signal.getsignal(one) is signal.SIG_DFL]
+    for one in changed:
+        signal.signal(one, stop)
+    try:
+        yield
+    finally:
+        for one in changed:
+            signal.signal(one, signal.SIG_DFL)
 
 
 @contextmanager

@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 
+import pytest
+
 import kant_sql
+from kant_sql import StoreError
 from kant_sql.canonical import time_text
+from kant_sql.history import archiving
 from tests.archiving import target_url
 from tests.cli.running import one_line, run
 
@@ -65,7 +70,7 @@ def test_a_time_says_before_when(own_store: str, tmp_path: Path) -> None:
     assert "up to revision 2" in result.stdout
     result = run("archive", own_store, "--before", "90 days ago", "--to", to)
     assert result.stdout == "knowledge base tiago: nothing is here that ended up to revision 0\n"
-    result = run("archive", own_store, "--before", "yesterday", "--to", to)
+    result = run("archive", own_store, "--before", "soon", "--to", to)
     assert result.exit_code == 2
 
 
@@ -74,3 +79,18 @@ def test_errors_are_one_line(own_store: str, tmp_path: Path) -> None:
     assert (result.exit_code, "in memory" in one_line(result.stderr)) == (1, True)
     result = run("archive", own_store, "--before", "9", "--to", target_url(tmp_path))
     assert "no revision 9" in one_line(result.stderr)
+
+
+def test_an_archive_that_fails_leaves_no_new_file(
+    own_store: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_: object) -> None:
+        raise StoreError("no")
+
+    before = set(os.listdir(tmp_path))
+    monkeypatch.setattr(archiving, "_replicate", fail)
+    to = f"sqlite:///{tmp_path}/archive.db"
+    result = run("archive", own_store, "--before", "3", "--to", to)
+    assert one_line(result.stderr) == "kant-sql: no"
+    assert {name for name in os.listdir(tmp_path) if "archive" in name} == set()
+    assert before <= set(os.listdir(tmp_path))

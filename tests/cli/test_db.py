@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import os
+import signal
 import sqlite3
 import sys
 from pathlib import Path
@@ -11,8 +13,10 @@ import psycopg
 import pytest
 
 import kant_sql
-from kant_sql import schema
-from tests.cli.running import child, one_line, run
+from kant_sql import PddlFunctionDto, SchemaError, schema
+from kant_sql.cli.stores import leaving_nothing
+from kant_sql.predicate_views import update_views
+from tests.cli.running import CHILD_TIMEOUT, child, one_line, run, start
 from tests.warm import MODULES, python
 from tests.worlds import robot_at
 
@@ -82,8 +86,10 @@ def test_one_back_is_a_version_to_go_back_to(new_url: str) -> None:
 @pytest.mark.parametrize(
     ("revision", "code", "message"),
     [
-        ("0007", 1, "Can't locate revision identified by '0007'"),
-        ("-7", 1, "didn't produce 7 migrations"),
+        ("9999", 1, "there is no version '9999' to go back to, only base, 0001, "),
+        ("-77", 1, "there is no version '-77' to go back to"),
+        ("000", 1, "there is no version '000' to go back to"),
+        ("head", 1, "there is no version 'head' to go back to"),
         ("", 2, "give a URL"),
     ],
 )
@@ -94,6 +100,125 @@ def test_a_version_that_does_not_exist_is_refused(
     assert message in one_line(result.stderr)
     assert result.exit_code == code
     assert schema.current(store) == HEAD
+
+
+def test_a_later_version_is_not_gone_back_to(new_url: str) -> None:
+    run("db", "upgrade", new_url)
+    assert run("db", "downgrade", new_url, "0004").stdout == "0004\n"
+    assert run("db", "downgrade", new_url, "0004").stdout == "0004\n"
+    result = run("db", "downgrade", new_url, "0005")
+    assert "of version 0004, which is before 0005; nothing was changed" in one_line(result.stderr)
+    assert result.exit_code == 1
+
+
+def test_a_version_that_does_not_exist_drops_no_view_and_says_nothing_of_views(
+    own_store: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    assert len(update_views(own_store)) == 2
+    for change, revision in (
+        (schema.downgrade, "9999"),
+        (schema.downgrade, "-99"),
+        (schema.upgrade, "9999"),
+        (schema.upgrade, "+1"),
+    ):
+        with pytest.raises(SchemaError, match="there is no version"):
+            change(own_store, revision=revision)
+    assert [record for record in caplog.records if "dropped" in record.getMessage()] == []
+    assert [view.change for view in update_views(own_store)] == ["unchanged"] * 2
+
+
+def test_a_downgrade_that_fails_does_not_say_that_it_has_dropped_views(
+    own_store: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    update_views(own_store)
+    with kant_sql.connect(own_store, knowledge_base="tiago") as kb:
+        kb.functions.save(PddlFunctionDto("fuel", []))
+    with pytest.raises(SchemaError, match="has no place for"):
+        schema.downgrade(own_store, revision="0001")
+    assert [record for record in caplog.records if "dropped" in record.getMessage()] == []
+    assert [view.change for view in update_views(own_store)] == ["unchanged"] * 2
+    schema.downgrade(own_store, revision=schema.VERSIONS[-2])
+    assert "2 views of predicates are dropped" in caplog.text
+
+
+LOST = "all tables are dropped, and with them 3 revisions of 1 knowledge base, for ever: tiago (3)"
+
+
+def test_what_would_destroy_revisions_is_refused_where_nobody_can_be_asked(own_store: str) -> None:
+    for words in (["base"], ["base", "--json"]):
+        result = run("db", "downgrade", own_store, *words)
+        assert f"{LOST}; nothing was changed: to do this without a question, add --yes" in (
+            result.stderr
+        )
+        assert (result.exit_code, result.stdout) == (1, "")
+    with kant_sql.connect(own_store, knowledge_base="tiago") as kb:
+        assert kb.revision == 3
+    result = run("db", "downgrade", own_store, "base", "--yes", "--json")
+    assert json.loads(result.stdout) == {"version": None, "newest": HEAD, "lost_revisions": 3}
+
+
+def test_one_back_from_the_first_version_is_base_and_asks(own_store: str) -> None:
+    assert schema.earlier_version(own_store, revision=f"-{len(schema.VERSIONS)}") == "base"
+    result = run("db", "downgrade", own_store, f"-{len(schema.VERSIONS)}")
+    assert LOST in one_line(result.stderr)
+
+
+@pytest.mark.parametrize(("answer", "code"), [("y", 0), ("n", 1), ("", 1), ("\x03", 130)])
+def test_in_a_terminal_it_asks(own_store: str, answer: str, code: int) -> None:
+    import pty
+
+    if code and own_store.startswith("postgresql"):
+        pytest.skip("the question does not depend on the database")
+    controller, terminal = pty.openpty()
+    process = start(
+        "db", "downgrade", own_store, "base", stdin=terminal, stderr=terminal,
+        start_new_session=True,
+    )  # fmt: skip
+    os.close(terminal)
+    asked = b""
+    while b"[y/N]" not in asked:
+        asked += os.read(controller, 4096)
+    assert LOST in asked.decode()
+    if answer == "\x03":
+        process.send_signal(signal.SIGINT)
+    else:
+        os.write(controller, f"{answer}\n".encode())
+    output, _ = process.communicate(timeout=CHILD_TIMEOUT)
+    os.close(controller)
+    assert (process.returncode, output) == (code, b"" if code else b"none\n")
+    assert schema.current(own_store) == (HEAD if code else None)
+
+
+def test_every_command_writes_json(new_url: str) -> None:
+    version = {"version": HEAD, "newest": HEAD}
+    for words, document in (
+        (["upgrade"], version),
+        (["current"], version),
+        (["check"], version),
+        (["downgrade", "base"], {"version": None, "newest": HEAD, "lost_revisions": 0}),
+        (["current"], {"version": None, "newest": HEAD}),
+    ):
+        result = run("db", *words, "--json", url=new_url)
+        assert json.loads(result.stdout) == document, result.stderr
+    result = run("db", "check", "--json", url=new_url)
+    error = json.loads(result.stderr)
+    assert "db upgrade" in error.pop("error")
+    assert error == {"type": "SchemaMissingError", "exit_code": 1}
+    assert (result.exit_code, result.stdout) == (1, "")
+    sql = json.loads(run("db", "sql", "--json", url=new_url).stdout)
+    assert sql == {"version": HEAD, "sql": run("db", "sql", url=new_url).stdout}
+
+
+def test_an_upgrade_that_fails_leaves_no_new_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(_: object) -> None:
+        raise RuntimeError("the disk is full")
+
+    monkeypatch.setattr(schema, "report_dropped_views", fail)
+    with pytest.raises(RuntimeError), leaving_nothing(f"sqlite:///{tmp_path}/new.db"):
+        schema.upgrade(f"sqlite:///{tmp_path}/new.db")
+    assert os.listdir(tmp_path) == []
 
 
 def test_one_argument_of_downgrade_is_the_version_when_the_url_is_known(new_url: str) -> None:

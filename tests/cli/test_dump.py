@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import pytest
@@ -136,3 +137,13 @@ def test_nothing_is_created(tmp_path: Path) -> None:
     result = run("dump", f"sqlite:///{tmp_path / 'missing.db'}")
     assert "there is no such file" in one_line(result.stderr)
     assert (result.exit_code, list(tmp_path.iterdir())) == (1, [])
+
+
+@pytest.mark.parametrize("words", [[], ["--domain"], ["--problem"], ["--at", "1"]])
+def test_json_has_the_same_texts(store: str, words: list[str]) -> None:
+    document = json.loads(run("dump", store, "--json", *words).stdout)
+    assert document["knowledge_base"] == "tiago"
+    assert document["revision"] == (1 if "--at" in words else 3)
+    texts = [text for text in (document["domain"], document["problem"]) if text is not None]
+    assert "\n".join(texts) == run("dump", store, *words).stdout
+    assert len(texts) == (1 if words in (["--domain"], ["--problem"]) else 2)

@@ -4,17 +4,31 @@ from __future__ import annotations
 
 import hashlib
 import io
+import json
 import os
 import shlex
+import signal
 import subprocess
+import time
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 import kant_sql
+from kant_sql import InvalidKnowledgeError, KnowledgeBase, PddlTypeDto
+from kant_sql.catalog import knowledge_bases
 from kant_sql.pddl import read_domain, read_problem
-from tests.cli.running import CHILD_TIMEOUT, PROGRAM, child, command, environment, one_line, run
+from tests.cli.running import (
+    CHILD_TIMEOUT,
+    PROGRAM,
+    child,
+    command,
+    environment,
+    one_line,
+    run,
+    start,
+)
 
 FILES = Path(__file__).parent / "files"
 DOMAIN, PROBLEM = str(FILES / "delivery.pddl"), str(FILES / "coffee.pddl")
@@ -342,3 +356,107 @@ def test_nothing_is_shown_without_standard_error(url: str) -> None:
     line = shlex.join([*PROGRAM, "load", url, DOMAIN])
     done = child("-c", f"{line} 2>&-", program=["sh"])
     assert done.returncode == 0
+
+
+def test_json_says_what_was_loaded(url: str) -> None:
+    document = {
+        "knowledge_base": "default",
+        "revision": 1,
+        "head": 1,
+        "asserted": {
+            "action": 3,
+            "document": 2,
+            "fact": 2,
+            "goal": 1,
+            "object": 4,
+            "predicate": 3,
+            "type": 3,
+        },
+        "retracted": {},
+        "warnings": [],
+    }
+    result = run("load", url, DOMAIN, PROBLEM, "--json")
+    assert (json.loads(result.stdout), result.stderr) == (document, "")
+    result = run("load", url, DOMAIN, PROBLEM, "--json")
+    again = {**document, "revision": None, "asserted": {}}
+    assert json.loads(result.stdout) == again
+
+
+def test_json_has_the_warnings_in_it(url: str, write: Callable[[str, str], str]) -> None:
+    odd = write("odd.pddl", "(define (domain d) (:predicates (p)) (:requirements :strips))")
+    text = run("load", url, odd)
+    result = run("load", url, odd, "--json")
+    assert result.stderr == ""
+    (warning,) = json.loads(result.stdout)["warnings"]
+    assert f"{warning['source']}:{warning['line']}:{warning['column']}" in text.stderr
+    assert warning["message"] in text.stderr
+
+
+WRONG = "(define (domain d) (:predicates (p)) (:action a :effect (q)))"
+
+
+def test_a_load_that_fails_leaves_no_new_file(tmp_path: Path) -> None:
+    (tmp_path / "wrong.pddl").write_text(WRONG)
+    result = run("load", f"sqlite:///{tmp_path}/new.db", str(tmp_path / "wrong.pddl"))
+    one_line(result.stderr)
+    assert result.exit_code == 1
+    assert os.listdir(tmp_path) == ["wrong.pddl"]
+
+
+def test_a_load_that_fails_leaves_a_file_that_was_there(tmp_path: Path) -> None:
+    (tmp_path / "wrong.pddl").write_text(WRONG)
+    (tmp_path / "empty.db").touch()
+    assert run("load", f"sqlite:///{tmp_path}/empty.db", f"{tmp_path}/wrong.pddl").exit_code == 1
+    assert (tmp_path / "empty.db").exists()
+
+
+def test_a_load_that_fails_leaves_what_somebody_else_has_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    url, path = f"sqlite:///{tmp_path}/new.db", tmp_path / "new.db"
+
+    def fail(kb: KnowledgeBase, *_: object, **__: object) -> None:
+        with kant_sql.connect(url, knowledge_base="other") as other:
+            other.types.save(PddlTypeDto("robot"))
+        raise InvalidKnowledgeError("no")
+
+    monkeypatch.setattr(KnowledgeBase, "transaction", fail)
+    assert run("load", url, DOMAIN).exit_code == 1
+    assert knowledge_bases(url) == ["other"]
+    path.unlink()
+    opened = []
+
+    def open_only(kb: KnowledgeBase, *_: object, **__: object) -> None:
+        opened.append(kant_sql.connect(url, knowledge_base="other"))
+        assert opened[0].revision == 0
+        raise InvalidKnowledgeError("no")
+
+    monkeypatch.setattr(KnowledgeBase, "transaction", open_only)
+    assert run("load", url, DOMAIN).exit_code == 1
+    monkeypatch.undo()
+    with opened[0] as other:
+        other.types.save(PddlTypeDto("robot"))
+    assert knowledge_bases(url) == ["other"]
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_a_load_that_is_stopped_leaves_no_new_file(tmp_path: Path, number: signal.Signals) -> None:
+    facts = " ".join(f"(p o{one})" for one in range(40_000))
+    objects = " ".join(f"o{one}" for one in range(40_000))
+    (tmp_path / "large.pddl").write_text(
+        "(define (domain d) (:predicates (p ?x)))"
+        f"(define (problem q) (:domain d) (:objects {objects}) (:init {facts}) (:goal (and)))"
+    )
+    # The warm process does not pass this signal on.
+    program = PROGRAM if number == signal.SIGHUP else ()
+    words = "load", f"sqlite:///{tmp_path}/new.db", f"{tmp_path}/large.pddl"
+    process = start(*words, program=program)
+    deadline = time.monotonic() + CHILD_TIMEOUT
+    while not (tmp_path / "new.db").exists():
+        assert process.poll() is None
+        assert time.monotonic() < deadline
+        time.sleep(0.005)
+    process.send_signal(number)
+    output, error = process.communicate(timeout=CHILD_TIMEOUT)
+    assert (process.returncode, output, error) == (128 + number, b"", b"")
+    assert os.listdir(tmp_path) == ["large.pddl"]

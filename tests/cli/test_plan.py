@@ -125,7 +125,11 @@ def test_what_keeps_from_planning_is_one_line(
 ) -> None:
     answer_with(monkeypatch, error)
     result = run("plan", url, *words)
-    assert one_line(result.stderr) == f"kant-sql: {error}"
+    if words:
+        document = {"error": str(error), "type": type(error).__name__, "exit_code": 1}
+        assert json.loads(result.stderr) == document
+    else:
+        assert one_line(result.stderr) == f"kant-sql: {error}"
     assert (result.exit_code, result.stdout) == (1, "")
 
 
