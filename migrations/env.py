@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 from contextlib import nullcontext
 
@@ -15,6 +16,7 @@ from kant_sql.schema import DROPPED_VIEWS, VERSION_TABLE, report_dropped_views
 from kant_sql.tables import Base
 
 config = context.config
+logger = logging.getLogger("kant_sql.schema")
 
 
 def find_url() -> str:
