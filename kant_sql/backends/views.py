@@ -218,6 +218,30 @@ def generated_views(connection: Connection) -> dict[str, Mark]:
     return {view: mark for view, mark in marks if mark is not None}
 
 
+def altered_views(session: Session) -> list[str]:
+    """List the generated views that say something else than their mark.
+
+    Args:
+        session: the database.
+
+    Returns:
+        Their names; none on PostgreSQL, which keeps no text of a view.
+    """
+    if session.backend.dialect.name != "sqlite":
+        return []
+    altered = []
+    for name, sql in session.rows(Query(text(_RELATIONS["sqlite"]))):
+        mark = _read_mark("sqlite", sql)
+        if mark is not None and sha256(_definition(sql).encode()).hexdigest() != mark.digest:
+            altered.append(name)
+    return altered
+
+
+def _definition(sql: str) -> str:
+    """Give what is behind the mark, and the line feed after it."""
+    return sql.partition("*/")[2][1:]
+
+
 def _read_mark(dialect_name: str, text_: str | None) -> Mark | None:
     if text_ is None:
         return None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import NamedTuple
 
 from ..backends import Session
@@ -23,7 +24,7 @@ from ..verification.head import (
 from ..verification.naming import ObjectFunctions, check_names
 from ..verification.records import PlanCheck
 from ..verification.strays import check_strays, check_types
-from ..verification.structure import check_indexes, check_structure
+from ..verification.structure import check_generated, check_indexes, check_structure
 from .anchors import Anchor, AnchoredHead
 
 __all__ = ["Finding", "Progress", "Verification", "verify", "verify_session"]
@@ -86,8 +87,8 @@ def verify(
     def check(session: Session, kb_id: int | None) -> Verification:
         report = Report()
         if structure:
-            _guarded(session, report, lambda: check_structure(session, report))
-            _guarded(session, report, lambda: check_indexes(session, report))
+            for common in (check_structure, check_generated, check_indexes):
+                _guarded(session, report, partial(common, session, report))
         return verify_session(session, kb_id, store.name, anchored, progress, report)
 
     return store.look(check)

@@ -11,6 +11,7 @@ from functools import cache
 from ..backends import Session
 from ..backends.indexes import index_faults
 from ..backends.structure import Statement, live_statements, read_record
+from ..backends.views import altered_views
 from ..schema import VERSIONS, migrations_folder
 from ..tables import Base
 from .findings import Report
@@ -63,6 +64,22 @@ def check_structure(session: Session, report: Report) -> None:
         if head in expected and found[0].text != expected[head].text:
             message = _difference(expected[head].text, found[0].text)
             report.add(None, found[0].relation, f"{_shown(head)} was changed: {message}")
+
+
+def check_generated(session: Session, report: Report) -> None:
+    """Compare the views that `kant-sql views` has made with the marks that they bear.
+
+    Args:
+        session: the session, in a transaction.
+        report: takes what is wrong.
+    """
+    for view in altered_views(session):
+        report.add(
+            None,
+            view,
+            f"view {view} is not what 'kant-sql views' made; drop it with 'kant-sql views --drop', "
+            "and make it again with 'kant-sql views'",
+        )
 
 
 def check_indexes(session: Session, report: Report) -> None:

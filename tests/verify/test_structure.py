@@ -256,6 +256,39 @@ def test_what_the_migrations_have_not_made_is_a_finding_on_postgresql(
     server.drop_database(url)
 
 
+def test_a_generated_view_that_says_something_else_is_a_finding(
+    tmp_path: Path, connect: Connect
+) -> None:
+    url = f"sqlite:///{tmp_path / 'store.db'}"
+    with connect(url, knowledge_base="tiago") as kb:
+        kb.propositions.save(FACT)
+    kant_sql.update_views(url)
+    assert findings(url) == []
+    with sqlite3.connect(str(make_url(url).database), isolation_level=None) as file:
+        ((sql,),) = file.execute("SELECT sql FROM sqlite_master WHERE name = 'fact_robot_at'")
+        file.execute("DROP VIEW fact_robot_at")
+        file.execute(f"{sql} AND p.id <> 1" if "WHERE" in sql else f"{sql} WHERE false")
+    file.close()
+    (finding,) = findings(url)
+    assert finding.table == "fact_robot_at"
+    assert "'kant-sql views --drop'" in finding.message
+    kant_sql.drop_views(url)
+    kant_sql.update_views(url)
+    assert findings(url) == []
+
+
+@pytest.mark.parametrize(
+    "table", ["proposition_version", "head", "revision", "knowledge_base", "kant_sql_version"]
+)
+def test_a_view_in_place_of_a_table_is_a_finding(filled: str, table: str) -> None:
+    tamper(
+        filled,
+        f"ALTER TABLE {table} RENAME TO hidden",
+        f"CREATE VIEW {table} AS SELECT * FROM hidden",
+    )
+    assert f"{table}: table {table} is missing: the migrations make it" in messages(filled)
+
+
 @pytest.mark.parametrize("value", ["500.5", "9e999", "'many'", "x'00'", "NULL"])
 @pytest.mark.parametrize(
     "column", ["next_id", "revision", "definition_revision", "archived_revision"]
