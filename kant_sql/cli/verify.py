@@ -39,8 +39,9 @@ def verify(
 ) -> int:
     """Tell whether the history is what was written.
 
-    Recomputes every hash from the tables, and compares what they say twice. Writes what is wrong,
-    the first revision first. Ends with 0 when nothing is, and else with 1.
+    Recomputes every hash from the tables, and compares what they say twice, indexes with their
+    tables, and the structure with what the migrations make. Writes what is wrong, the first
+    revision first. Ends with 0 when nothing is, and else with 1.
     """
     if kb is not None and verify_all:
         raise typer.BadParameter("give --kb or --all, not both", param_hint="--all")

@@ -97,10 +97,10 @@ def _write(session: Session, digests: list[tuple[str, int]]) -> None:
     cursor.execute(head.replace("?", "%s"), (digests[-1][0],))
 
 
-def verify(url: str) -> None:
+def verify(url: str, structure: bool) -> None:
     """Verify by the library."""
     with kant_sql.connect(url, knowledge_base=NAME) as kb:
-        verification = kb.verify()
+        verification = kb.verify(structure=structure)
     assert verification.findings == (), verification.findings[:3]
 
 
@@ -143,13 +143,15 @@ def measure(name: str, url: str, count: int) -> tuple[str, ...]:
     """Fill a store, and measure one line of the table."""
     fill(url, count, knowledge_bases=1)
     seal(url)
-    bare, library = seconds(lambda: read(url)), seconds(lambda: verify(url))
+    bare, library = seconds(lambda: read(url)), seconds(lambda: verify(url, False))
+    whole = seconds(lambda: verify(url, True))
     return (
         f"{name}, {count:,}",
         f"{bare:.1f} s",
         f"{library:.1f} s",
         f"{count / library:,.0f}",
         f"{library / bare:.2f}",
+        f"{whole:.1f} s",
         f"{peak(url):.0f} MB",
     )
 
@@ -157,7 +159,7 @@ def measure(name: str, url: str, count: int) -> tuple[str, ...]:
 def main(argv: list[str]) -> int:
     """Measure, and print the tables."""
     if argv[:1] == ["--verify"]:
-        verify(argv[1])
+        verify(argv[1], True)
         print(status("VmHWM") / 1024)
         return 0
     changes = int(argv[0]) if argv else CHANGES
@@ -168,7 +170,15 @@ def main(argv: list[str]) -> int:
             for name, make in new.items()
             for count in (changes // 10, changes)
         ]
-    header = ("changes", "bare driver", "verify", "changes/s", "ratio", "peak memory")
+    header = (
+        "changes",
+        "bare driver",
+        "verify",
+        "changes/s",
+        "ratio",
+        "with indexes",
+        "peak memory",
+    )
     print_table("Verifying a history", header, rows)
     return 0
 
