@@ -30,7 +30,14 @@ from .plans import PlanDao, RecordedStep
 
 
 class DaoFactory(ABC):
-    """Creates the DAOs of one family, all on one knowledge base. Threads may share it."""
+    """Creates the DAOs of one family, all on one knowledge base. Threads may share it.
+
+    Attributes:
+        has_one_connection: whether threads take turns on one connection, so that a read waits for
+            a transaction that another thread has open.
+    """
+
+    has_one_connection: bool = False
 
     @abstractmethod
     def __init__(
@@ -203,9 +210,10 @@ class DaoFactory(ABC):
     ) -> AbstractContextManager[None]:
         """Make many calls one revision.
 
-        Within the `with` block, this thread's calls on the knowledge base are one transaction:
-        other writers wait, readers see nothing of it, and when the block ends well it becomes one
-        revision. When the block raises, nothing of it has happened. A block within another joins
+        Within the `with` block, the calls of this task (or of this thread, where no task runs) on
+        the knowledge base are one transaction: other threads that write wait, readers see nothing
+        of it, and when the block ends well it becomes one revision. Other tasks, callbacks and
+        copies of the context never join it: in its thread, their writes are refused. When the block raises, nothing of it has happened. A block within another joins
         it: what the outer block says of itself stands, its actor, reason and source and the step
         that is running, and if only the inner one raises, only what it did is undone.
 
@@ -225,6 +233,8 @@ class DaoFactory(ABC):
         Raises:
             StaleRevisionError: on entry, when the head is another than expected.
             StoreBusyError: on entry, when other writers held the store for too long.
+            TransactionOpenError: on entry, when another task or context has a transaction open in
+                this thread.
             ConnectionLostError: the connection was lost; nothing of the block was written.
             InvalidMetadataError: actor, reason or source cannot be kept, or observed_at has no
                 zone.
@@ -254,4 +264,7 @@ class DaoFactory(ABC):
 
     @abstractmethod
     def close(self) -> None:
-        """Close the connections. A store in memory is gone with them."""
+        """Close the connections. A store in memory is gone with them.
+
+        Every later call raises `ClosedError`. A transaction that is open is rolled back.
+        """

@@ -197,6 +197,23 @@ class ConnectionLostError(StoreError):
     """The connection was lost inside a transaction; nothing of it was written."""
 
 
+class ClosedError(StoreError):
+    """The knowledge base was closed; nothing was read or written."""
+
+
+class TransactionOpenError(StoreError):
+    """A task, callback or context would wait for a transaction that its own thread has open.
+
+    Only the task and context that opened a transaction may use it, and to wait for it in the same
+    thread would block the event loop for ever. The call has written nothing, and the open
+    transaction goes on.
+    """
+
+
+class TransactionCancelledError(StoreError):
+    """A call within an asynchronous transaction was cancelled; nothing of the block was written."""
+
+
 class OutcomeUnknownError(StoreError):
     """The connection was lost while a revision was committed, and the store did not come back.
 

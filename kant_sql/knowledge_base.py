@@ -126,6 +126,8 @@ class KnowledgeBase(DocumentMethods, HistoryMethods):
         Raises:
             StaleRevisionError: on entry, when the head is another than expected.
             StoreBusyError: on entry, when other writers held the store for too long.
+            TransactionOpenError: on entry, when another task or context has a transaction open in
+                this thread.
             ConnectionLostError: the connection was lost; nothing of the block was written.
             InvalidMetadataError: actor, reason or source cannot be kept, or observed_at has no
                 zone.
@@ -166,7 +168,11 @@ class KnowledgeBase(DocumentMethods, HistoryMethods):
         return self.factory.revision
 
     def close(self) -> None:
-        """Close the connections. A store in memory is gone with them."""
+        """Close the connections. A store in memory is gone with them.
+
+        Every later call raises `ClosedError`, on views of the past, too. A transaction that is open
+        is rolled back: at once if it is this thread's, else when its block ends.
+        """
         self.factory.close()
 
     def __enter__(self) -> KnowledgeBase:

@@ -7,7 +7,6 @@ last changed one.
 from __future__ import annotations
 
 import logging
-import threading
 from collections.abc import Callable
 from contextlib import suppress
 from datetime import datetime
@@ -22,6 +21,7 @@ from .errors import ConnectionLostError, InvalidMetadataError
 from .fluents import FluentCache
 from .knowledge.cache import DefinitionCache
 from .knowledge.definitions import Definitions
+from .ownership import OPEN, block_ahead, own_block
 from .retry import retrying
 from .schema import ensure_schema
 from .tables import KnowledgeBaseRow
@@ -59,7 +59,7 @@ class Reader:
         self._atoms: AtomCache = AtomCache()
         self._fluents: FluentCache = FluentCache()
         self._archived_revision = 0
-        self._local = threading.local()
+        self._queue = backend.queue(name)
         backend.when_forked.append(self._forked)
         ensure_schema(backend)
         with backend.open_session() as session:
@@ -81,15 +81,30 @@ class Reader:
             self._archived_revision = revision
 
     def current(self) -> Transaction | None:
-        """Give the transaction that this thread has open.
+        """Give the transaction that this thread, task and context has open.
 
         Returns:
             The transaction, or None.
+
+        Raises:
+            ClosedError: there is one, and the knowledge base was closed meanwhile.
         """
-        transaction: Transaction | None = getattr(self._local, "transaction", None)
-        if transaction is not None and transaction.session.is_abandoned:
+        if not OPEN.get():
             return None
+        block = own_block(self)
+        transaction = None if block is None else block.transaction
+        if transaction is None or transaction.session.is_abandoned:
+            return None
+        self.backend.refuse_closed()
         return transaction
+
+    def _take_session(self) -> Session:
+        """Take a connection to read what is committed."""
+        if self.backend.has_one_connection:
+            ahead = block_ahead(self._queue)
+            if ahead is not None and not ahead.is_mine():
+                raise ahead.refuse("to read a store in memory, whose one connection it holds,")
+        return self.backend.session()
 
     def read(self, work: Callable[[View], T], at: int | None = None) -> T:
         """Read from one consistent state.
@@ -201,7 +216,7 @@ class Reader:
         Returns:
             What `work` returns.
         """
-        session = self.backend.session()
+        session = self._take_session()
         try:
             return work(session, self._find(session))
         finally:
@@ -220,7 +235,7 @@ class Reader:
         """Use a session outside the thread's transaction."""
 
         def once() -> T:
-            session = self.backend.session()
+            session = self._take_session()
             try:
                 return work(session)
             finally:

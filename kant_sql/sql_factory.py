@@ -65,10 +65,17 @@ class SqlDaoFactory(DaoFactory):
         self._at: int | None = None
         backend = create_backend(url)
         try:
-            self._store = Store(backend, knowledge_base, actor)
+            self._open_store = Store(backend, knowledge_base, actor)
+            self.has_one_connection = backend.has_one_connection
         except BaseException:
             backend.close()
             raise
+
+    @property
+    def _store(self) -> Store:
+        """The store, if it was not closed."""
+        self._open_store.backend.refuse_closed()
+        return self._open_store
 
     def create_pddl_type_dao(self) -> PddlTypeDao:
         """Create the DAO of types."""
@@ -169,19 +176,20 @@ class SqlDaoFactory(DaoFactory):
     def at(self, when: int | datetime) -> SqlDaoFactory:
         """Look at the past."""
         past = object.__new__(type(self))
-        past._store = self._store
+        past._open_store = self._store
         past._at = state_at(self._store, when, self._at)
         return past
 
     @property
     def revision(self) -> int:
         """The number of the last revision, or of the one that this looks at."""
-        return head_revision(self._store) if self._at is None else self._at
+        store = self._store
+        return head_revision(store) if self._at is None else self._at
 
     def close(self) -> None:
         """Close the connections; a view of the past leaves them to the factory that it is of."""
         if self._at is None:
-            self._store.backend.close()
+            self._open_store.close()
 
 
 class SqliteDaoFactory(SqlDaoFactory):

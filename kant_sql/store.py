@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from datetime import datetime, timedelta
 from typing import TypeVar
 
@@ -20,6 +20,7 @@ from .errors import (
     StoreReplacedError,
 )
 from .head import Committed, Head, create_knowledge_base, is_stored, lock_head
+from .ownership import Block, block_ahead, blocks_of_thread
 from .reader import Reader, end_session
 from .transaction import Transaction
 from .view import vanished
@@ -72,7 +73,7 @@ class Store(Reader):
         observed_at: datetime | None = None,
         plan_step: tuple[int, int] | None = None,
     ) -> Iterator[Transaction]:
-        """Open a transaction; within another of this thread, join that one.
+        """Open a transaction; within another of this thread, task and context, join that one.
 
         Args:
             actor: who writes; the store's actor when not given.
@@ -99,8 +100,25 @@ class Store(Reader):
         with self._transaction(metadata, expected_revision) as transaction:
             yield transaction
 
+    def close(self) -> None:
+        """Close all connections; what this thread has open is rolled back at once.
+
+        A block of another thread is rolled back when it ends, and its further calls are refused.
+        """
+        backend = self.backend
+        backend.is_closed = True
+        for block in blocks_of_thread():
+            transaction = block.transaction
+            if transaction is not None and transaction.session.backend is backend:
+                with suppress(StoreError):
+                    transaction.session.rollback()
+        backend.close()
+
     @contextmanager
     def _transaction(self, metadata: Metadata, expected: int | None) -> Iterator[Transaction]:
+        ahead = block_ahead(self._queue)
+        if ahead is not None:
+            raise ahead.refuse("to write")
         lock = self.backend.write_lock()
         if lock is not None and not lock.acquire(timeout=WRITE_LOCK_TIMEOUT):
             raise StoreBusyError(
@@ -109,13 +127,15 @@ class Store(Reader):
             )
         try:
             transaction = self._retrying(lambda: self._begin(metadata, expected))
-            self._local.transaction = transaction
             try:
-                yield transaction
-                self._local.transaction = None
+                block = Block(self, self._queue, transaction)
+                try:
+                    yield transaction
+                finally:
+                    block.close()
+                self.backend.refuse_closed()
                 self._commit(transaction)
             finally:
-                self._local.transaction = None
                 end_session(transaction.session)
         finally:
             if lock is not None:

@@ -57,8 +57,8 @@ def both_sides_go_on(url: str) -> None:
     kb.close()
     os.close(tell)
     forked.join()
-    assert len(kb.propositions.get_all()) == kb.revision == 4
-    kb.close()
+    with kant_sql.connect(url) as later:
+        assert len(later.propositions.get_all()) == later.revision == 4
 
 
 def children_close_first(url: str) -> None:

@@ -31,7 +31,7 @@ class _SameStore(SqlDaoFactory):
     def __init__(self, of: DaoFactory, name: str, actor: str | None) -> None:
         other: Any = of
         self._at = None
-        self._store = Store(other._store.backend, name, actor)
+        self._open_store = Store(other._store.backend, name, actor)
 
 
 def beside(kb: KnowledgeBase, name: str, actor: str | None = "test") -> KnowledgeBase:

@@ -6,7 +6,7 @@ import os
 import threading
 import weakref
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Hashable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from typing import Any
 
@@ -14,7 +14,14 @@ from sqlalchemy import URL, Connection, Dialect, Engine, PoolProxiedConnection
 from sqlalchemy.exc import InvalidRequestError
 from sqlalchemy.exc import TimeoutError as PoolTimeoutError
 
-from ..errors import ConnectionLostError, InvalidUrlError, StoreBusyError, StoreError, printable
+from ..errors import (
+    ClosedError,
+    ConnectionLostError,
+    InvalidUrlError,
+    StoreBusyError,
+    StoreError,
+    printable,
+)
 from .query import Query
 from .roles import Roles
 from .session import Session
@@ -27,7 +34,8 @@ class Backend(ABC):
     Attributes:
         sessions: the sessions that are open, each with the thread that uses it.
         has_answered: whether there is a server that has answered before, and may come back.
-        closings: how often its connections were closed on purpose.
+        is_closed: whether its connections were closed on purpose, for good.
+        has_one_connection: whether all threads take turns on one connection.
         when_forked: what is called in a child process before anything else is done there.
         no_roles: why there are no roles, and what to do instead; None where there are.
         revision_comes_last: whether the row of a revision is written when nothing else of it is to
@@ -36,7 +44,8 @@ class Backend(ABC):
     """
 
     has_answered = False
-    closings = 0
+    is_closed = False
+    has_one_connection = False
     no_roles: str | None = None
     revision_comes_last = False
     begin_read: str
@@ -74,9 +83,23 @@ class Backend(ABC):
             A session that no other thread uses until it is closed.
 
         Raises:
+            ClosedError: it was closed.
             StoreError: no connection could be made.
         """
+        if self.is_closed:
+            self.refuse_closed()
         return self.wrap(self.take(self.engine))
+
+    def refuse_closed(self) -> None:
+        """Refuse to do anything when it was closed.
+
+        Raises:
+            ClosedError: it was.
+        """
+        if self.is_closed:
+            raise ClosedError(
+                f"{self.label}: this knowledge base was closed; connect again to go on"
+            )
 
     def take(self, engine: Engine) -> PoolProxiedConnection:
         """Take a connection from a pool.
@@ -119,8 +142,8 @@ class Backend(ABC):
             session.close()
 
     def close(self) -> None:
-        """Close all connections."""
-        self.closings += 1
+        """Close all connections, for good."""
+        self.is_closed = True
         self.engine.dispose()
 
     def forked(self) -> None:
@@ -196,6 +219,14 @@ class Backend(ABC):
     @abstractmethod
     def translate_connect(self, error: Exception) -> StoreError:
         """Make an error of this library from a driver's failure to connect."""
+
+    @abstractmethod
+    def queue(self, knowledge_base: str) -> Hashable:
+        """Name what the writers of a knowledge base wait for: equal names are one queue.
+
+        Args:
+            knowledge_base: the knowledge base's name.
+        """
 
     @abstractmethod
     def write_lock(self) -> threading.Lock | None:

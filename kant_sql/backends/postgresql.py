@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Hashable, Iterator
 from contextlib import contextmanager
 from typing import Any
 from urllib.parse import quote, quote_plus
@@ -129,6 +129,12 @@ class PostgresqlBackend(Backend):
         """Make a session."""
         self.has_answered = True
         return PostgresqlSession(self, connection)
+
+    def queue(self, knowledge_base: str) -> Hashable:
+        """Name the row of the head."""
+        url = self.url
+        hosts = tuple(str(url.query.get(key, "")) for key in ("host", "port", "dbname"))
+        return (url.host, url.port, url.database, hosts, knowledge_base)
 
     def write_lock(self) -> threading.Lock | None:
         """Give none: the server queues writers on the head's row."""

@@ -190,7 +190,8 @@ class Session(ABC):
     @property
     def is_current(self) -> bool:
         """Whether the connection is of the pool that is in use, and of this process."""
-        return not self.is_abandoned and self._pool is self.backend.engine.pool
+        backend = self.backend
+        return not (self.is_abandoned or backend.is_closed) and self._pool is backend.engine.pool
 
     def close(self) -> None:
         """Give the connection back to the pool."""

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import sqlite3
 import threading
-from collections.abc import Iterator
+from collections.abc import Hashable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -28,7 +29,7 @@ from .backend import Backend, refuse_unknown_options, url_label
 from .query import Query
 from .session import Session
 from .sqlite_file import WAL_LIMIT, StoreFile
-from .sqlite_session import FileSession, MemorySession
+from .sqlite_session import FileSession, MemorySession, Turns
 from .sqlite_waiting import FileListener, MemoryListener
 from .waiting import Commits, Listener
 
@@ -61,7 +62,8 @@ class SqliteBackend(Backend):
                 "sqlite:///robot.db, and four before an absolute path"
             )
         self.in_memory = url.database in (None, "", ":memory:")
-        self.memory_lock = threading.RLock()
+        self.has_one_connection = self.in_memory
+        self.turns = Turns()
         self.commits = Commits()
         self._write_lock = threading.Lock()
         self.connections: set[sqlite3.Connection] = set()
@@ -110,7 +112,7 @@ class SqliteBackend(Backend):
         write without a lock, and lose what it writes. Of a store in memory, it has a copy.
         """
         self._is_torn |= any(thread != threading.get_ident() for thread in self.sessions.values())
-        self.memory_lock, self._write_lock = threading.RLock(), threading.Lock()
+        self.turns, self._write_lock = Turns(), threading.Lock()
         self.commits = Commits()
         connections = [] if self._is_torn else [*self.connections]
         for connection in connections:
@@ -175,6 +177,7 @@ class SqliteBackend(Backend):
 
     def close(self) -> None:
         """Close all connections; in memory, wait until no other thread uses the one there is."""
+        self.is_closed = True
         idle, self._idle = self._idle, []
         if self.in_memory:
             self._take_turn()
@@ -182,7 +185,7 @@ class SqliteBackend(Backend):
             super().close()
         finally:
             if self.in_memory:
-                self.memory_lock.release()
+                self.turns.end()
         for session in idle:
             session.close()
         self.file.forget()
@@ -201,6 +204,8 @@ class SqliteBackend(Backend):
                 "SQLite does not survive; fork at another moment, or use 'spawn' or 'forkserver'"
             )
         if not self.in_memory:
+            if self.is_closed:
+                self.refuse_closed()
             self.file.check()
             try:
                 session = self._idle.pop()
@@ -212,15 +217,19 @@ class SqliteBackend(Backend):
         try:
             return super().session()
         except BaseException:
-            self.memory_lock.release()
+            self.turns.end()
             raise
 
     def _take_turn(self) -> None:
-        if not self.memory_lock.acquire(timeout=TURN_TIMEOUT):
+        if not self.turns.begin(TURN_TIMEOUT):
             raise StoreBusyError(
                 f"{self.label}: another thread held the store for over {TURN_TIMEOUT:g} s; "
                 "nothing was written, try again"
             )
+
+    def queue(self, knowledge_base: str) -> Hashable:
+        """Name the file: it has one queue for all. A store in memory is nobody else's."""
+        return self if self.in_memory else os.path.realpath(str(self.url.database))
 
     def write_lock(self) -> threading.Lock | None:
         """Give the queue of this process's writers: SQLite itself only polls."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import threading
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
@@ -110,6 +111,36 @@ class FileSession(SqliteSession):
             super().close()
 
 
+class Turns:
+    """A lock that its thread may take again, and that any thread may give back.
+
+    A `with` block may be left in another thread than it was entered in; an `RLock` would then stay
+    locked for ever.
+    """
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._thread: int | None = None
+        self._depth = 0
+
+    def begin(self, seconds: float) -> bool:
+        """Wait for a turn, some seconds at most; tell whether it is this thread's turn."""
+        here = threading.get_ident()
+        if self._thread != here:
+            if not self._lock.acquire(timeout=seconds):
+                return False
+            self._thread = here
+        self._depth += 1
+        return True
+
+    def end(self) -> None:
+        """End a turn, whichever thread began it."""
+        self._depth -= 1
+        if not self._depth:
+            self._thread = None
+            self._lock.release()
+
+
 class MemorySession(SqliteSession):
     """A session on the one connection that an in-memory store has; threads take turns on it.
 
@@ -119,7 +150,7 @@ class MemorySession(SqliteSession):
 
     def __init__(self, backend: SqliteBackend, connection: Any) -> None:
         super().__init__(backend, connection)
-        self._memory_lock = backend.memory_lock
+        self._turns = backend.turns
         self._commits = backend.commits
         self._is_nested = self.in_transaction()
 
@@ -140,4 +171,4 @@ class MemorySession(SqliteSession):
     def close(self) -> None:
         """Let the next thread have the connection."""
         super().close()
-        self._memory_lock.release()
+        self._turns.end()

@@ -25,8 +25,16 @@ class SqlDao:
             store: the store.
             at: the revision to read at, which cannot be written to; None for now.
         """
-        self._store = store
+        self._open_store = store
         self._at = at
+
+    @property
+    def _store(self) -> Store:
+        """The store, if it was not closed: no call goes by without asking."""
+        store = self._open_store
+        if store.backend.is_closed:
+            store.backend.refuse_closed()
+        return store
 
     def _check_writable(self) -> None:
         refuse_past(self._store, self._at)

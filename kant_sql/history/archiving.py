@@ -78,7 +78,7 @@ def archive(
     """
     if store.current() is not None:
         raise ReadOnlyError(
-            f"knowledge base {store.name!r} has a transaction open in this thread: archive when "
+            f"knowledge base {store.name!r} has a transaction open in this task or thread: archive when "
             "it has ended"
         )
     upto = _last_before(store, before)

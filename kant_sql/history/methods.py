@@ -100,7 +100,7 @@ class HistoryMethods:
 
         Raises:
             UnknownRevisionError: the knowledge base has not come to `after` yet.
-            ReadOnlyError: this is a view of the past, or the thread has a transaction open.
+            ReadOnlyError: this is a view of the past, or the task or thread has a transaction open.
             InvalidTimeoutError: `timeout` is negative, or no number.
             StoreError: time ran out while the store could not be reached, or the knowledge base
                 was closed meanwhile.
@@ -202,7 +202,7 @@ class HistoryMethods:
             What was checked, and what is wrong: the first revision, and what differs.
 
         Raises:
-            ReadOnlyError: the thread has a transaction open.
+            ReadOnlyError: the task or thread has a transaction open.
         """
         return self._history.verify(anchor, progress=progress, structure=structure)
 
@@ -246,7 +246,7 @@ class HistoryMethods:
             UnknownRevisionError: there is no such revision yet, or the time lies in the future or
                 has no zone.
             ConflictError: the other store has another knowledge base of this name.
-            ReadOnlyError: this is a view of the past, or the thread has a transaction open.
+            ReadOnlyError: this is a view of the past, or the task or thread has a transaction open.
         """
         return self._history.archive(
             before, to=to, dry_run=dry_run, reason=reason, actor=actor, progress=progress

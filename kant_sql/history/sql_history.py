@@ -40,11 +40,18 @@ class SqlHistory(SqlDao, History):
         limit: int | None = None,
     ) -> Iterator[LogEntry]:
         """Read revisions with what they changed, newest first, in constant memory."""
-        return read_log(self._store, since, until, actor, element, limit, self._at)
+        return self._while_open(
+            read_log(self._store, since, until, actor, element, limit, self._at)
+        )
 
     def changes(self, after: int = 0, *, limit: int | None = None) -> Iterator[LogEntry]:
         """Follow what changes, oldest first: a feed that can be resumed."""
-        return read_changes(self._store, after, limit, self._at)
+        return self._while_open(read_changes(self._store, after, limit, self._at))
+
+    def _while_open(self, entries: Iterator[LogEntry]) -> Iterator[LogEntry]:
+        for entry in entries:
+            self._store.backend.refuse_closed()
+            yield entry
 
     def watch(self, after: int | None = None, *, timeout: float | None = None) -> int | None:
         """Wait until there is a revision that the caller does not know."""

@@ -75,7 +75,7 @@ def verify(
         What was checked, and what is wrong.
 
     Raises:
-        ReadOnlyError: the thread has a transaction open.
+        ReadOnlyError: the task or thread has a transaction open.
     """
     if store.current() is not None:
         raise ReadOnlyError(

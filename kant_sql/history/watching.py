@@ -9,6 +9,7 @@ from contextlib import closing
 
 from ..backends import Listener
 from ..errors import (
+    ClosedError,
     ConnectionLostError,
     InvalidTimeoutError,
     ReadOnlyError,
@@ -56,8 +57,9 @@ def _refuse_where_nothing_comes(store: Store, upto: int | None) -> None:
         )
     if store.current() is not None:
         raise ReadOnlyError(
-            f"this thread has a transaction of knowledge base {store.name!r} open, which keeps "
-            "from it what it would wait for; end the transaction first, or watch in another thread"
+            f"this task or thread has a transaction of knowledge base {store.name!r} open, which "
+            "keeps from it what it would wait for; end the transaction first, or watch in another "
+            "task or thread"
         )
 
 
@@ -85,7 +87,6 @@ class _Watch:
         self._after = after
         self._deadline = deadline
         self._pause = FIRST_PAUSE
-        self._closings = store.backend.closings
 
     def wait(self) -> int | None:
         """Wait until there is news, or time is over.
@@ -116,8 +117,8 @@ class _Watch:
 
     def _refuse_closed(self) -> None:
         backend = self._store.backend
-        if backend.closings != self._closings:
-            raise StoreError(
+        if backend.is_closed:
+            raise ClosedError(
                 f"{backend.label}: knowledge base {self._store.name!r} was closed while this call "
                 "waited for news of it; connect again to go on"
             )

@@ -41,7 +41,7 @@ class SharedFactory(SqlDaoFactory):
 
     def __init__(self, backend: Backend, name: str) -> None:
         self._at = None
-        self._store = Store(backend, name, "test")
+        self._open_store = Store(backend, name, "test")
 
 
 def alike(step: Any) -> Any:

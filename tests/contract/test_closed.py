@@ -1,0 +1,259 @@
+"""A closed knowledge base refuses every call, and writes nothing that it had open."""
+
+from __future__ import annotations
+
+import inspect
+import threading
+from collections.abc import Callable, Iterator
+from functools import partial
+from typing import Any
+
+import pytest
+
+import kant_sql
+from kant_sql import ClosedError, KnowledgeBase, PddlFunctionDto
+from kant_sql.pddl import Metric, Number
+from tests.conftest import Connect
+from tests.missions import TOUR, begin
+from tests.worlds import RB1, ROBOT, robot_at
+
+REMEDY = "was closed; connect again"
+# What needs no store: it ends, or leaves the store to whom it is of.
+FREE = {"close"}
+DOMAIN = "(define (domain d) (:predicates (p)))"
+PROBLEM = "(define (problem e) (:domain d) (:goal (p)))"
+
+
+def arguments(name: str, owner: str, kb: KnowledgeBase, kept: dict[str, Any]) -> dict[str, Any]:
+    """What each call is given, by the names of its parameters."""
+    one = kept.get(owner)
+    return {
+        "name": "robot",
+        "dto": one,
+        "dtos": [one],
+        "formula": one,
+        "formulas": [one],
+        "function": "battery",
+        "objects": ["rb1"],
+        "value": 3,
+        "by": 1,
+        "when": 1,
+        "a": 0,
+        "b": 1,
+        "before": 1,
+        "to": "sqlite://",
+        "element": "rb1",
+        "sources": DOMAIN,
+        "source": PROBLEM,
+        "metric": Metric("minimize", Number(1)),
+        "plan": TOUR,
+        "id_": 1,
+        "step": kept["step"],
+        "status": "started",
+        "problem": kept["up"],
+        "mode": "merge",
+        "url": "sqlite://",
+    }
+
+
+def calls(kb: KnowledgeBase, kept: dict[str, Any]) -> Iterator[tuple[str, Callable[[], Any]]]:
+    """Every public method of a knowledge base, of its DAOs and of its factory, and properties."""
+    owners: dict[str, Any] = {"": kb, "factory": kb.factory}
+    owners |= {name: getattr(kb, name) for name in KnowledgeBase.__annotations__}
+    for owner, thing in owners.items():
+        for name in dir(type(thing)):
+            if name.startswith("_") or name in FREE or name in KnowledgeBase.__annotations__:
+                continue
+            label = f"{owner}.{name}"
+            found = inspect.getattr_static(type(thing), name)
+            if isinstance(found, property):
+                yield label, partial(getattr, thing, name)
+            if not inspect.isfunction(inspect.unwrap(found) if callable(found) else found):
+                continue
+            given = arguments(name, owner, kb, kept)
+            method = getattr(thing, name)
+            yield label, partial(run, method, given)
+
+
+def run(method: Callable[..., Any], given: dict[str, Any]) -> Any:
+    """Call a method with all that it must be given, and use what it returns."""
+    positional, named = [], {}
+    for parameter in inspect.signature(method).parameters.values():
+        if parameter.default is not inspect.Parameter.empty:
+            continue
+        if parameter.kind is inspect.Parameter.KEYWORD_ONLY:
+            named[parameter.name] = given[parameter.name]
+        elif parameter.kind is not inspect.Parameter.VAR_KEYWORD:
+            positional.append(given[parameter.name])
+    made = method(*positional, **named)
+    if hasattr(made, "__enter__") and method.__name__ == "transaction":
+        made.__enter__()
+    return made
+
+
+def error_of(call: Callable[[], Any]) -> Exception | None:
+    try:
+        call()
+    except Exception as error:
+        return error
+    return None
+
+
+def fill(kb: KnowledgeBase) -> dict[str, Any]:
+    begin(kb)
+    recorded = kb.plans.record(TOUR)
+    kb.functions.save(PddlFunctionDto("battery", [ROBOT]))
+    kb.function_values.set("battery", objects=["rb1"], value=1)
+    kept: dict[str, Any] = {
+        name: (getattr(kb, name).get_all() or [None])[0]
+        for name in KnowledgeBase.__annotations__
+        if hasattr(getattr(kb, name), "get_all")
+    }
+    for name in ("processes", "events"):
+        kept[name] = kept["types"]
+    kept["step"] = recorded.steps[0]
+    kept["up"] = kb.to_unified_planning()
+    kept["plan"] = recorded
+    return kept
+
+
+@pytest.fixture
+def open_kb(url: str) -> KnowledgeBase:
+    """A knowledge base that the test closes."""
+    return kant_sql.connect(url, knowledge_base="tiago", actor="test")
+
+
+def test_every_call_after_close_is_refused(open_kb: KnowledgeBase) -> None:
+    pytest.importorskip("unified_planning")
+    kept = fill(open_kb)
+    past = open_kb.at(1)
+    views = {"now": open_kb, "past": past}
+    made = {view: list(calls(kb, kept)) for view, kb in views.items()}
+    open_kb.close()
+    assert all(len(found) > 120 for found in made.values())
+    wrong = {}
+    for view, found in made.items():
+        for label, call in found:
+            error = error_of(call)
+            if not isinstance(error, ClosedError) or REMEDY not in str(error):
+                wrong[f"{view} {label}"] = repr(error)
+    assert wrong == {}
+    for read in (kept["plan"].domain_pddl, kept["plan"].problem_pddl):
+        with pytest.raises(ClosedError):
+            read()
+
+
+def test_closing_twice_is_fine(open_kb: KnowledgeBase) -> None:
+    open_kb.propositions.save(robot_at())
+    with open_kb:
+        open_kb.close()
+    open_kb.close()
+    with pytest.raises(ClosedError), open_kb:
+        open_kb.types.get_all()
+
+
+def test_iterators_begun_before_end_with_the_error(open_kb: KnowledgeBase) -> None:
+    for number in range(300):
+        open_kb.function_values.set(PddlFunctionDto("n"), objects=(), value=number)
+    log, changes = open_kb.log(), open_kb.changes()
+    of_one = open_kb.log(element="(n)")
+    for iterator in (log, changes, of_one):
+        next(iterator)
+    open_kb.close()
+    for iterator in (log, changes, of_one):
+        with pytest.raises(ClosedError):
+            list(iterator)
+
+
+@pytest.mark.parametrize("is_flushed", [True, False])
+def test_what_was_open_is_not_written(url: str, is_flushed: bool, connect: Connect) -> None:
+    kb = kant_sql.connect(url, knowledge_base="tiago")
+    kb.objects.save(RB1)
+
+    def write_and_close() -> None:
+        with kb.transaction():
+            kb.propositions.save(robot_at())
+            if is_flushed:
+                assert kb.propositions.get_all() == [robot_at()]
+            kb.close()
+            for call in (
+                kb.propositions.get_all,
+                lambda: kb.propositions.delete(robot_at()),
+                lambda: kb.objects.get("rb1"),
+                lambda: kb.transaction().__enter__(),
+                lambda: kb.revision,
+            ):
+                with pytest.raises(ClosedError):
+                    call()
+
+    with pytest.raises(ClosedError, match=REMEDY):
+        write_and_close()
+    if url != "sqlite://":
+        again = connect(url, knowledge_base="tiago")
+        assert (again.revision, again.propositions.get_all()) == (1, [])
+        # Nothing holds a lock.
+        again.propositions.save(robot_at())
+
+
+def test_an_error_of_the_block_is_not_hidden_by_the_close(open_kb: KnowledgeBase) -> None:
+    def fail() -> None:
+        with open_kb.transaction():
+            open_kb.propositions.save(robot_at())
+            open_kb.close()
+            raise KeyError
+
+    with pytest.raises(KeyError):
+        fail()
+
+
+def test_a_block_of_another_thread_is_not_written(url: str, connect: Connect) -> None:
+    kb = kant_sql.connect(url, knowledge_base="tiago")
+    kb.objects.save(RB1)
+    is_open, may_go_on = threading.Event(), threading.Event()
+    caught: list[BaseException] = []
+
+    def write() -> None:
+        try:
+            with kb.transaction():
+                kb.propositions.save(robot_at())
+                is_open.set()
+                may_go_on.wait(30)
+        except ClosedError as error:
+            caught.append(error)
+
+    writer = threading.Thread(target=write)
+    writer.start()
+    is_open.wait(30)
+    closing = threading.Thread(target=kb.close)
+    closing.start()
+    while not kb.factory._open_store.backend.is_closed:  # type: ignore[attr-defined]
+        pass
+    may_go_on.set()
+    writer.join(30)
+    closing.join(30)
+    assert len(caught) == 1
+    if url != "sqlite://":
+        assert connect(url, knowledge_base="tiago").revision == 1
+
+
+def test_other_knowledge_bases_go_on(shared_url: str, connect: Connect) -> None:
+    kb, other = kant_sql.connect(shared_url), connect(shared_url)
+    kb.propositions.save(robot_at())
+    kb.close()
+    assert other.propositions.get_all() == [robot_at()]
+    with pytest.raises(ClosedError):
+        kb.propositions.get_all()
+
+
+def test_a_view_of_the_past_closes_nothing_but_is_closed_with_the_rest(
+    open_kb: KnowledgeBase,
+) -> None:
+    open_kb.propositions.save(robot_at())
+    with open_kb.at(1) as past:
+        assert past.propositions.get_all() == [robot_at()]
+    assert open_kb.propositions.get_all() == [robot_at()]
+    open_kb.close()
+    with pytest.raises(ClosedError):
+        past.propositions.get_all()
+    with pytest.raises(ClosedError):
+        assert past.revision
