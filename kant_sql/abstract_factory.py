@@ -213,9 +213,10 @@ class DaoFactory(ABC):
         Within the `with` block, the calls of this task (or of this thread, where no task runs) on
         the knowledge base are one transaction: other threads that write wait, readers see nothing
         of it, and when the block ends well it becomes one revision. Other tasks, callbacks and
-        copies of the context never join it: in its thread, their writes are refused. When the block raises, nothing of it has happened. A block within another joins
-        it: what the outer block says of itself stands, its actor, reason and source and the step
-        that is running, and if only the inner one raises, only what it did is undone.
+        copies of the context never join it: in its thread, their writes are refused. When the block
+        raises, nothing of it has happened. A block within another joins it: what the outer block
+        says of itself stands, its actor, reason and source and the step that is running, and if
+        only the inner one raises, only what it did is undone.
 
         Args:
             actor: who writes; the factory's actor when not given.

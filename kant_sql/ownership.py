@@ -116,7 +116,8 @@ def own_block(store: object) -> Block | None:
     Returns:
         The block, or None.
     """
-    for block in OPEN.get():
+    # The newest first: before it there may be one that this process was forked in.
+    for block in reversed(OPEN.get()):
         if block.store is store and block.is_mine():
             return block
     return None

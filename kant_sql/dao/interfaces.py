@@ -1,7 +1,7 @@
 """The abstract DAOs: what every family of them does with each PDDL element.
 
-One call is one transaction, unless the task or thread has one open: it happens whole or not at all, and
-what changes something makes one revision. Besides the errors that a method names, each can raise
+One call is one transaction, unless the task or thread has one open: it happens whole or not at all,
+and what changes something makes one revision. Besides the errors that a method names, each can raise
 `StoreError` (the database refused or failed; nothing was written) and, if it writes,
 `ReadOnlyError` (on a view of the past).
 

@@ -78,8 +78,8 @@ def archive(
     """
     if store.current() is not None:
         raise ReadOnlyError(
-            f"knowledge base {store.name!r} has a transaction open in this task or thread: archive when "
-            "it has ended"
+            f"knowledge base {store.name!r} has a transaction open in this task or thread: "
+            "archive when it has ended"
         )
     upto = _last_before(store, before)
     leaving = store.look(lambda session, kb_id: _count(session, kb_id, upto))
