@@ -1,8 +1,8 @@
 """The abstract DAOs: what every family of them does with each PDDL element.
 
 One call is one transaction, unless the task or thread has one open: it happens whole or not at all,
-and what changes something makes one revision. Besides the errors that a method names, each can raise
-`StoreError` (the database refused or failed; nothing was written) and, if it writes,
+and what changes something makes one revision. Besides the errors that a method names, each can
+raise `StoreError` (the database refused or failed; nothing was written) and, if it writes,
 `ReadOnlyError` (on a view of the past).
 
 Results are built anew for each call. Within one result, DTOs share the types, predicates and

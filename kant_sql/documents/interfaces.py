@@ -42,11 +42,11 @@ class Exchange(ABC):
     """Loads domains and problems, as text or as documents, and gives them back.
 
     Each load is one transaction, unless the task or thread has one open: all of it is stored or
-    nothing. With mode `replace`, what the document does not say is retracted: of a domain the types,
-    constants, predicates, functions, constraints, derived predicates and actions, and the facts,
-    values and formulas that fit no more; of a problem the objects, the initial state, the goal,
-    the constraints and the metric. With mode `merge` all that stays, and a contradiction to it is
-    refused.
+    nothing. With mode `replace`, what the document does not say is retracted: of a domain the
+    types, constants, predicates, functions, constraints, derived predicates and actions, and the
+    facts, values and formulas that fit no more; of a problem the objects, the initial state, the
+    goal, the constraints and the metric. With mode `merge` all that stays, and a contradiction to
+    it is refused.
     """
 
     @abstractmethod
