@@ -5,12 +5,19 @@ A refusal says which argument it is about, what was expected, and what was given
 
 from __future__ import annotations
 
+import math
 import reprlib
+import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence, Set
 from itertools import islice
 from typing import Any, TypeVar
 
-from .errors import InvalidArgumentError, InvalidKnowledgeError, KantSqlError
+from .errors import (
+    InvalidArgumentError,
+    InvalidKnowledgeError,
+    InvalidTimeoutError,
+    KantSqlError,
+)
 
 T = TypeVar("T")
 
@@ -82,6 +89,7 @@ def expect(
     wanted: type[T] | tuple[type[T], ...],
     role: str,
     error: type[KantSqlError] = InvalidKnowledgeError,
+    expected: str | None = None,
 ) -> T:
     """Check that a value is of the class that its place asks for.
 
@@ -90,6 +98,7 @@ def expect(
         wanted: the class, or several.
         role: what the value is, for the message.
         error: the class of the error.
+        expected: what it has to be, for the message; by default one of the classes.
 
     Returns:
         The value.
@@ -98,7 +107,7 @@ def expect(
         InvalidKnowledgeError: it is something else.
     """
     if not isinstance(value, wanted):
-        raise refusal(role, _named(wanted), value, error)
+        raise refusal(role, expected or _named(wanted), value, error)
     return value
 
 
@@ -221,7 +230,8 @@ def whole_number(
     value: Any,
     role: str,
     *,
-    least: int = 0,
+    least: int | None = 0,
+    expected: str = "a whole number from 0 on",
     error: type[KantSqlError] = InvalidArgumentError,
 ) -> int:
     """Check a whole number.
@@ -229,7 +239,8 @@ def whole_number(
     Args:
         value: the number; True and False are none.
         role: what it is, for the message.
-        least: the least that it can be.
+        least: the least that it can be; None for any.
+        expected: what it has to be, for the message.
         error: the class of the error.
 
     Returns:
@@ -238,8 +249,91 @@ def whole_number(
     Raises:
         InvalidArgumentError: it is no whole number, or too small.
     """
-    if isinstance(value, bool) or not isinstance(value, int) or value < least:
-        raise refusal(role, f"a whole number from {least} on", value, error)
+    is_whole = isinstance(value, int) and not isinstance(value, bool)
+    if not is_whole or (least is not None and value < least):
+        raise refusal(role, expected, value, error)
+    return value  # type: ignore[no-any-return]
+
+
+def seconds(timeout: Any) -> float:
+    """Check how long to wait.
+
+    Args:
+        timeout: seconds; None for as long as it takes.
+
+    Returns:
+        The seconds; infinity for None.
+
+    Raises:
+        InvalidTimeoutError: it is no number, or negative.
+    """
+    if timeout is None:
+        return math.inf
+    is_number = isinstance(timeout, int | float) and not isinstance(timeout, bool)
+    if not is_number or not timeout >= 0:
+        expected = "a number of seconds from 0 on, or None for as long as it takes"
+        raise refusal("timeout", expected, timeout, InvalidTimeoutError)
+    # A larger integer is not added to a time.
+    return float(min(timeout, sys.float_info.max))
+
+
+def optional_text(
+    value: Any, role: str, error: type[KantSqlError] = InvalidArgumentError
+) -> str | None:
+    """Check a text that may be left out.
+
+    Args:
+        value: the text, or None.
+        role: what it is, for the message.
+        error: the class of the error.
+
+    Returns:
+        The value.
+
+    Raises:
+        InvalidArgumentError: it is neither a string nor None.
+    """
+    if value is not None and not isinstance(value, str):
+        raise refusal(role, "a string or None", value, error)
+    return value
+
+
+def optional_call(value: Any, role: str) -> None:
+    """Check what is to be called back.
+
+    Args:
+        value: a function, or None.
+        role: what it is, for the message.
+
+    Raises:
+        InvalidArgumentError: it cannot be called.
+    """
+    if value is not None and not callable(value):
+        raise refusal(role, "a function or None", value, InvalidArgumentError)
+
+
+def one_of(
+    value: Any,
+    choices: Sequence[str],
+    role: str,
+    error: type[KantSqlError] = InvalidArgumentError,
+) -> str:
+    """Check a word of a few.
+
+    Args:
+        value: the word.
+        choices: the words that there are.
+        role: what it is, for the message.
+        error: the class of the error.
+
+    Returns:
+        The word.
+
+    Raises:
+        InvalidArgumentError: it is none of them.
+    """
+    if not isinstance(value, str) or value not in choices:
+        raise error(f"{role} is {shown(value)}, expected {' or '.join(map(repr, choices))}")
     return value
 
 

@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 import rfc8785
 
+from .arguments import shown
 from .errors import InvalidMetadataError
 
 # What new revisions are hashed as; form 1 has neither `observed_at` nor `plan_step`.
@@ -80,9 +81,9 @@ def make_metadata(
         if value is None:
             continue
         if not isinstance(value, str):
-            raise InvalidMetadataError(f"{name} is a string or None, not {value!r}")
+            raise InvalidMetadataError(f"{name} is a string or None, not {shown(value)}")
         if "\0" in value or any("\ud800" <= character <= "\udfff" for character in value):
-            raise InvalidMetadataError(f"{name} {value!r} has a NUL or half a character")
+            raise InvalidMetadataError(f"{name} {shown(value)} has a NUL or half a character")
     if source is None:
         return Metadata(actor, reason, None, *own)
     try:
@@ -97,7 +98,7 @@ def _observed(moment: datetime | None) -> datetime | None:
         return None
     if not isinstance(moment, datetime) or moment.utcoffset() is None:
         raise InvalidMetadataError(
-            f"observed_at is a time with its zone, not {moment!r}; give it one, as UTC"
+            f"observed_at is a time with its zone, not {shown(moment)}; give it one, as UTC"
         )
     try:
         return moment.astimezone(UTC)

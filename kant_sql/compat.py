@@ -7,7 +7,8 @@ A program written for it changes its imports and its URI, nothing else::
     dao_factory = DaoFactoryMethod().create_dao_factory(DaoFamilies.SQL, uri="sqlite:///robot.db")
 
 As there, ill-typed knowledge is answered with False, and the reason goes to the log
-`kant_sql.compat`; an error of the store itself is raised.
+`kant_sql.compat`; an error of the store itself is raised. Constructors and setters of DTOs refuse
+what is no such thing at all, as a predicate that is None, with `InvalidKnowledgeError`.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from collections.abc import Callable
 from enum import IntEnum
 from typing import Generic, TypeVar
 
+from .arguments import shown
 from .dao.interfaces import Dao, NamedDao, PddlPropositionDao
 from .dto import (
     Dto,
@@ -27,7 +29,12 @@ from .dto import (
     PddlPropositionDto,
     PddlTypeDto,
 )
-from .errors import ConflictError, DependantsError, InvalidKnowledgeError
+from .errors import (
+    ConflictError,
+    DependantsError,
+    InvalidArgumentError,
+    InvalidKnowledgeError,
+)
 from .factory import DaoFactory as _SqlDaoFactory
 from .factory import create_dao_factory
 
@@ -247,12 +254,13 @@ class DaoFactoryMethod:
             The factory.
 
         Raises:
-            ValueError: there is no such family.
+            InvalidArgumentError: there is no such family; it is a `ValueError`.
             InvalidUrlError: no DAO family answers to the URI.
             SchemaError: the database's tables are missing, outdated or too new.
             StoreError: the database cannot be opened.
         """
-        DaoFamilies(family)
+        if not isinstance(family, int) or family not in list(DaoFamilies):
+            raise InvalidArgumentError(f"{shown(family)} is not a valid DaoFamilies")
         return DaoFactory(create_dao_factory(uri))
 
 

@@ -6,6 +6,7 @@ from contextlib import AbstractContextManager
 from datetime import datetime
 from types import TracebackType
 
+from .arguments import expect
 from .dao.fluent_interfaces import PddlFunctionDao, PddlFunctionValueDao
 from .dao.formula_interfaces import (
     ConstraintDao,
@@ -25,6 +26,7 @@ from .dao.interfaces import (
     PddlTypeDao,
 )
 from .documents import DocumentMethods
+from .errors import InvalidArgumentError
 from .factory import DaoFactory, create_dao_factory
 from .history import HistoryMethods
 from .plans import PlanDao, RecordedStep
@@ -79,7 +81,7 @@ class KnowledgeBase(DocumentMethods, HistoryMethods):
         Args:
             factory: the factory; the knowledge base owns it.
         """
-        self.factory = factory
+        self.factory = expect(factory, DaoFactory, "the factory", InvalidArgumentError)
         self.types = factory.create_pddl_type_dao()
         self.objects = factory.create_pddl_object_dao()
         self.predicates = factory.create_pddl_predicate_dao()

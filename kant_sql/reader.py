@@ -14,6 +14,7 @@ from typing import TypeVar
 
 from sqlalchemy import bindparam, select
 
+from .arguments import shown
 from .atoms import AtomCache
 from .backends import Backend, Query, Session, StoreClock
 from .canonical import make_metadata
@@ -49,7 +50,7 @@ class Reader:
         make_metadata(actor, None, None)
         if not isinstance(name, str) or not name or len(name) > 255 or not name.isprintable():
             raise InvalidMetadataError(
-                f"{name!r} cannot name a knowledge base; give 1 to 255 printable characters"
+                f"{shown(name)} cannot name a knowledge base; give 1 to 255 printable characters"
             )
         self.backend = backend
         self.name = name

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from decimal import Decimal
 from typing import ClassVar, TypeVar
 
-from ..arguments import expect, expect_list
+from ..arguments import expect, expect_list, shown
 from ..dto import (
     PddlActionDto,
     PddlConditionEffectDto,
@@ -134,13 +134,13 @@ class ActionReader:
             return tuple(duration)
         if isinstance(duration, bool) or not isinstance(duration, int | float | Decimal):
             raise InvalidKnowledgeError(
-                f"{self._role}: the duration is {duration!r:.80}, expected a number of 0 or more"
+                f"{self._role}: the duration is {shown(duration)}, expected a number of 0 or more"
             )
         if not 0 <= duration <= sys.float_info.max:
             # In words: Python itself refuses to print an integer of thousands of digits.
-            shown = "too large" if duration > 0 else "negative" if duration < 0 else "nan"
+            fault = "too large" if duration > 0 else "negative" if duration < 0 else "nan"
             raise InvalidKnowledgeError(
-                f"{self._role}: the duration is {shown}, expected a number of 0 or more"
+                f"{self._role}: the duration is {fault}, expected a number of 0 or more"
             )
         number = Number(Decimal(number_text(duration)))
         return (Comparison("=", Variable("duration"), number),)
@@ -197,12 +197,12 @@ class ActionReader:
         # The original library's programs write no time as an empty text.
         if not self._dto.durative and dto.time not in (None, ""):
             raise InvalidKnowledgeError(
-                f"{role}: {dto} has the time {dto.time!r}, but the action is not durative; "
+                f"{role}: {dto} has the time {shown(dto.time)}, but the action is not durative; "
                 "leave the time out"
             )
         if self._dto.durative and dto.time not in TIMES:
             raise InvalidKnowledgeError(
-                f"{role}: {dto} has the time {dto.time!r}, expected one of "
+                f"{role}: {dto} has the time {shown(dto.time)}, expected one of "
                 f"{', '.join(map(repr, TIMES))}, for the action is durative"
             )
 

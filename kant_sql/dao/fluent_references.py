@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from decimal import Decimal
 from typing import Any
 
-from ..arguments import expect_list
+from ..arguments import expect_list, shown
 from ..dto import PddlFunctionDto, PddlFunctionValueDto, PddlObjectDto
 from ..dto.atom_dto import atom_text
 from ..dto.number import number_text
@@ -99,7 +99,7 @@ class FluentReferences(Arguments):
             return FluentValue(number_text(self.number(function, given, text)))
         if not isinstance(given, str | PddlObjectDto):
             raise TypeMismatchError(
-                f"{text}: the value is {given!r:.80}, expected an object, as in {function.text}"
+                f"{text}: the value is {shown(given)}, expected an object, as in {function.text}"
             )
         object_ = self.object(given)
         if not self._transaction.definitions.any_fits(object_.type_ids, function.type_ids):
@@ -124,7 +124,7 @@ class FluentReferences(Arguments):
         if function.type_ids or isinstance(given, bool) or not isinstance(given, Number):
             expected = "an object" if function.type_ids else "a number"
             raise TypeMismatchError(
-                f"{text}: the value is {given!r:.80}, expected {expected}, as in {function.text}"
+                f"{text}: the value is {shown(given)}, expected {expected}, as in {function.text}"
             )
         try:
             return Decimal(number_text(given))
@@ -136,7 +136,7 @@ class FluentReferences(Arguments):
             named = self._transaction.definitions.functions.named(dto)
             if named is None:
                 raise InvalidKnowledgeError(
-                    f"{_ROLE} refers to function {dto!r:.80}, which is not known; save it first, "
+                    f"{_ROLE} refers to function {shown(dto)}, which is not known; save it first, "
                     "or give a PddlFunctionDto"
                 )
             return named
@@ -178,7 +178,7 @@ def check_fluent(function: FunctionReference, objects: Sequence[ObjectReference]
     if not isinstance(function, str | PddlFunctionDto):
         raise InvalidKnowledgeError(
             f"the function of {_ROLE} is a name or a PddlFunctionDto, not "
-            f"{type(function).__name__}: {function!r:.80}"
+            f"{type(function).__name__}: {shown(function)}"
         )
     kinds: tuple[type[Any], ...] = (PddlObjectDto, str)
     expect_list(objects, kinds, f"the list of objects of {_ROLE}")

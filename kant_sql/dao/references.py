@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+from ..arguments import shown
 from ..atoms import AtomKey
 from ..dto import PddlObjectDto, PddlPredicateDto, PddlPropositionDto
 from ..dto.atom_dto import atom_text
@@ -93,7 +94,7 @@ class Arguments:
             named = self._transaction.definitions.objects.named(dto)
             if named is None:
                 raise InvalidKnowledgeError(
-                    f"{self._role} refers to object {dto!r:.80}, which is not known; save it "
+                    f"{self._role} refers to object {shown(dto)}, which is not known; save it "
                     "first, or give a PddlObjectDto"
                 )
             return named

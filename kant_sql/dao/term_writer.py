@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from enum import Enum
 from typing import Any, NamedTuple, NoReturn
 
+from .. import arguments
 from ..dto import PddlTypeDto
 from ..dto.formula import (
     ARITHMETIC,
@@ -26,6 +27,7 @@ from ..dto.formula import (
 )
 from ..dto.name import ROOT_TYPE, check_name, fold
 from ..dto.number import decimal_text
+from ..dto.terms import Node as SyntaxNode
 from ..errors import ArityError, InvalidKnowledgeError, InvalidNameError, TypeMismatchError
 from ..knowledge import tree as kinds
 from ..knowledge.function import FunctionDefinition
@@ -102,6 +104,8 @@ def shown(node: object) -> str:
     Returns:
         The beginning of its text.
     """
+    if not isinstance(node, SyntaxNode):
+        return arguments.shown(node)
     try:
         return f"{node!s:.80}"
     except RecursionError:
@@ -223,7 +227,7 @@ class TermWriter:
 
     def _variable(self, variable: TypedName) -> ParameterDefinition:
         if not isinstance(variable, TypedName):
-            self._fail(f"{variable!r:.80} is no TypedName, as what a quantifier binds")
+            self._fail(f"{shown(variable)} is no TypedName, as what a quantifier binds")
         check_name("variable", variable.name)
         ids = []
         for name in variable.types:

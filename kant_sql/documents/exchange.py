@@ -7,6 +7,7 @@ import logging
 from collections.abc import Callable
 from typing import TypeVar
 
+from ..arguments import one_of
 from ..dao.base import SqlDao
 from ..dto.name import is_name
 from ..errors import InvalidKnowledgeError, PddlError, printable
@@ -170,6 +171,4 @@ class SqlExchange(SqlDao, Exchange):
 
     @staticmethod
     def _is_replacing(mode: str) -> bool:
-        if mode not in ("replace", "merge"):
-            raise InvalidKnowledgeError(f"the mode is {mode!r}, expected 'replace' or 'merge'")
-        return mode == "replace"
+        return one_of(mode, ("replace", "merge"), "the mode", InvalidKnowledgeError) == "replace"

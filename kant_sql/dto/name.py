@@ -14,6 +14,7 @@ import unicodedata
 from collections.abc import Sized
 from functools import lru_cache
 
+from ..arguments import shown
 from ..errors import InvalidNameError
 
 MAX_NAME_LENGTH = 255
@@ -55,7 +56,7 @@ def fold(name: str) -> str:
         The name in Unicode normal form C, case folded: equal for names that PDDL holds equal.
     """
     if not isinstance(name, str):
-        raise InvalidNameError(f"a name is a string, not {type(name).__name__}: {name!r}")
+        raise InvalidNameError(f"a name is a string, not {type(name).__name__}: {shown(name)}")
     if name.isascii():
         return name.lower()
     # The Unicode Standard, section 3.13, D145: case folding is of decomposed text.
@@ -180,11 +181,13 @@ def check_name(kind: str, name: str) -> None:
             object's or a type's, and begins with `-` or reads as a number.
     """
     if not isinstance(name, str):
-        raise InvalidNameError(f"a name of {kind} is a string, not {type(name).__name__}: {name!r}")
+        raise InvalidNameError(
+            f"a name of {kind} is a string, not {type(name).__name__}: {shown(name)}"
+        )
     if is_name(name, kind):
         return
-    shown = name if len(name) <= 60 else name[:57] + "..."
+    short = name if len(name) <= 60 else name[:57] + "..."
     article = "an" if kind[0] in "aeiou" else "a"
     raise InvalidNameError(
-        f"{shown!r} cannot name {article} {kind}: {_fault(kind, name)}; choose another name"
+        f"{short!r} cannot name {article} {kind}: {_fault(kind, name)}; choose another name"
     )

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from decimal import Decimal
 
-from ..arguments import expect, expect_tuple
+from ..arguments import expect, expect_tuple, items
 from .name import ROOT_TYPE
 from .number import check_number
 from .parameters import either_text
@@ -193,7 +193,8 @@ def variables_text(variables: Iterable[TypedName], explicit: bool = False) -> st
     Returns:
         The PDDL text, for example `?r - robot ?w - (either wp door)`.
     """
-    return typed_text([TypedName(f"?{part.name}", part.types) for part in variables], explicit)
+    given = items(variables, TypedName, "the variables")
+    return typed_text([TypedName(f"?{part.name}", part.types) for part in given], explicit)
 
 
 def typed_text(names: Iterable[TypedName], explicit: bool = False) -> str:
@@ -206,15 +207,15 @@ def typed_text(names: Iterable[TypedName], explicit: bool = False) -> str:
     Returns:
         The PDDL text, for example `rb1 rb2 - robot wp1 - wp`.
     """
-    items = list(names)
-    tail = len(items)
-    while not explicit and tail and items[tail - 1].types == (ROOT_TYPE,):
+    given = items(names, TypedName, "the names")
+    tail = len(given)
+    while not explicit and tail and given[tail - 1].types == (ROOT_TYPE,):
         tail -= 1
     parts = []
-    for position, item in enumerate(items):
+    for position, item in enumerate(given):
         parts.append(item.name)
         last = position + 1 == tail or (
-            position + 1 < tail and items[position + 1].types != item.types
+            position + 1 < tail and given[position + 1].types != item.types
         )
         if position < tail and last:
             parts.append(f"- {item.type_text}")

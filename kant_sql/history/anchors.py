@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 from sqlalchemy import literal_column, select
 
+from ..arguments import expect, shown
 from ..backends import Query, Session
 from ..canonical import time_text
 from ..errors import AnchorError
@@ -112,6 +113,7 @@ def parse_anchor(text: str | bytes) -> Anchor:
     Raises:
         AnchorError: it is no anchor, or one of a later version of the library.
     """
+    expect(text, (str, bytes, bytearray), "the text of an anchor", AnchorError)
     try:
         document = json.loads(text)
     except (ValueError, RecursionError) as error:
@@ -121,20 +123,46 @@ def parse_anchor(text: str | bytes) -> Anchor:
         raise AnchorError("this JSON document is no anchor; give what `kant-sql anchor` printed")
     if given != FORMAT:
         raise AnchorError(
-            f"this anchor is of format {given!r}, and this version of kant_sql reads {FORMAT}; "
-            "use the version that wrote it, or a later one"
+            f"this anchor is of format {shown(given)}, and this version of kant_sql reads "
+            f"{FORMAT}; use the version that wrote it, or a later one"
         )
     heads = tuple(_head(position, head) for position, head in enumerate(document["heads"]))
     names = [head.knowledge_base for head in heads]
     double = next((name for name, count in Counter(names).items() if count > 1), None)
     if double is not None:
-        raise AnchorError(f"this anchor has two heads of knowledge base {double!r}; anchor anew")
+        raise AnchorError(
+            f"this anchor has two heads of knowledge base {shown(double)}; anchor anew"
+        )
     return Anchor(heads, str(document.get("made_at", "")))
 
 
 def _head(position: int, given: object) -> AnchoredHead:
     values = given if isinstance(given, dict) else {}
     head = AnchoredHead(*(values.get(field) for field in AnchoredHead._fields))  # type: ignore[arg-type]
+    return _checked_head(position, head)
+
+
+def check_anchor(anchor: Anchor) -> Anchor:
+    """Check an anchor that someone made without `parse_anchor`.
+
+    Args:
+        anchor: the anchor.
+
+    Returns:
+        The same.
+
+    Raises:
+        AnchorError: it is none.
+    """
+    expect(anchor, Anchor, "the anchor", AnchorError)
+    for position, head in enumerate(
+        expect(anchor.heads, tuple, "heads of the anchor", AnchorError)
+    ):
+        _checked_head(position, expect(head, AnchoredHead, "a head of the anchor", AnchorError))
+    return anchor
+
+
+def _checked_head(position: int, head: AnchoredHead) -> AnchoredHead:
     is_right = (
         isinstance(head.knowledge_base, str)
         and isinstance(head.revision, int)

@@ -19,8 +19,9 @@ from ..archive import (
     remove,
     replicate,
 )
+from ..arguments import flag, optional_call
 from ..backends import Session, create_backend
-from ..errors import ReadOnlyError
+from ..errors import InvalidArgumentError, ReadOnlyError
 from ..knowledge.archive import archive_text
 from ..knowledge.changes import ARCHIVE, ASSERTED, Change
 from ..knowledge.rows import table_of
@@ -81,6 +82,8 @@ def archive(
             f"knowledge base {store.name!r} has a transaction open in this task or thread: "
             "archive when it has ended"
         )
+    optional_call(progress, "progress")
+    flag(dry_run, "dry_run", InvalidArgumentError)
     upto = _last_before(store, before)
     leaving = store.look(lambda session, kb_id: _count(session, kb_id, upto))
     if dry_run or not leaving.versions:

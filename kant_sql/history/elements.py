@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterable, Iterator
 from typing import Any, NamedTuple
 
-from ..arguments import expect, expect_list
+from ..arguments import expect, expect_list, shown
 from ..dto import (
     PddlActionDto,
     PddlFunctionDto,
@@ -124,7 +124,7 @@ def sought(element: object) -> list[Sought]:
 
 
 def _refusal(element: object) -> InvalidKnowledgeError:
-    return InvalidKnowledgeError(f"{element!r:.80} is no element of a knowledge base; {ACCEPTED}")
+    return InvalidKnowledgeError(f"{shown(element)} is no element of a knowledge base; {ACCEPTED}")
 
 
 def _of_dto(dto: Dto) -> Sought:

@@ -9,13 +9,13 @@ from typing import NamedTuple
 from sqlalchemy import select
 
 from ..backends import Query, Session
-from ..errors import ArchivedError, UnknownRevisionError
+from ..errors import ArchivedError
 from ..knowledge.loading import KB
 from ..store import Store
 from ..tables import HeadRow
 from ..view import archive_of, vanished
 from .pages import PAGE, read_page
-from .revisions import LogEntry, at_most, refuse_unknown
+from .revisions import LogEntry, at_most, check_after, refuse_unknown
 
 _HEAD = Query(select(HeadRow.revision, HeadRow.archived_revision).where(HeadRow.kb_id == KB))
 
@@ -48,7 +48,7 @@ def read_changes(
     Returns:
         The entries. The first page is read, so that what is wrong with `after` is known at once.
     """
-    check_number(after)
+    check_after(after)
     left = at_most(limit)
     return _following(store, after, left, upto, _read_page(store, after, min(left, PAGE), upto))
 
@@ -105,16 +105,3 @@ def read_place(session: Session, kb_id: int | None) -> Place:
     if row is None:
         raise vanished(session)
     return Place(kb_id, row[0], row[1])
-
-
-def check_number(after: int) -> None:
-    """Refuse what cannot be a revision's number.
-
-    Args:
-        after: the number; 0 is before the first revision.
-
-    Raises:
-        UnknownRevisionError: it is none.
-    """
-    if isinstance(after, bool) or not isinstance(after, int) or after < 0:
-        raise UnknownRevisionError(f"{after!r} is no revision's number; begin after 0 for all")

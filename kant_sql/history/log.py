@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 
 from sqlalchemy import BigInteger, ColumnElement, bindparam, select
 
+from ..arguments import optional_text
 from ..backends import Query, Session, first_rows, in_list
 from ..dto.dto import Dto
 from ..dto.formula import Node
@@ -30,6 +31,7 @@ from .revisions import (
     LogEntry,
     Revision,
     at_most,
+    check_after,
     make_revision,
     refuse_archived,
 )
@@ -83,7 +85,7 @@ def read_revisions(
     Returns:
         The revisions.
     """
-    after = min(max(after, 0), LARGEST - 1)
+    after = min(check_after(after), LARGEST - 1)
     high = min(LARGEST if upto is None else upto, after + at_most(limit))
 
     def work(session: Session, kb_id: int | None) -> list[Revision]:
@@ -118,6 +120,7 @@ def read_log(
     Returns:
         The entries.
     """
+    optional_text(actor, "actor")
     wanted = None if element is None else sought(element)
     bounds = find_bounds(store, since, until, upto)
     most = at_most(limit)

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 from sqlalchemy import bindparam, literal_column, select
 
+from ..arguments import whole_number
 from ..backends import Query, Session, StoreClock, first_rows
 from ..errors import UnknownRevisionError
 from ..knowledge.loading import KB
@@ -240,7 +241,9 @@ def check_number(store: Store, when: int, last: int) -> int:
     Raises:
         UnknownRevisionError: it is none.
     """
-    if isinstance(when, bool) or not isinstance(when, int):
-        raise UnknownRevisionError(f"{when!r} is neither a revision's number nor a time")
+    expected = "a revision's number, or an aware time"
+    whole_number(
+        when, "what is asked for", least=None, expected=expected, error=UnknownRevisionError
+    )
     refuse_unknown(store.name, when, last)
     return when

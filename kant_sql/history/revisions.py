@@ -10,6 +10,7 @@ from typing import Any
 
 from sqlalchemy import ColumnElement, select
 
+from ..arguments import shown, whole_number
 from ..backends import Query, Row, Session, in_list
 from ..errors import UnknownRevisionError
 from ..knowledge.changes import Change, in_range
@@ -81,13 +82,28 @@ def at_most(limit: int | None) -> int:
         The number, which a column can hold.
 
     Raises:
-        TypeError: it is no number.
+        InvalidArgumentError: it is no number, or negative.
     """
     if limit is None:
         return LARGEST
-    if isinstance(limit, bool) or not isinstance(limit, int):
-        raise TypeError(f"a limit is a whole number, or None for all; this is {limit!r}")
-    return max(0, min(limit, LARGEST))
+    expected = "a whole number from 0 on, or None for all"
+    return min(whole_number(limit, "limit", expected=expected), LARGEST)
+
+
+def check_after(after: int) -> int:
+    """Refuse what cannot be a revision's number.
+
+    Args:
+        after: the number; 0 is before the first revision.
+
+    Returns:
+        The number.
+
+    Raises:
+        UnknownRevisionError: it is none.
+    """
+    expected = "a revision's number, or 0 to begin with the first"
+    return whole_number(after, "after", expected=expected, error=UnknownRevisionError)
 
 
 def refuse_unknown(name: str, number: int, head: int) -> None:
@@ -103,7 +119,7 @@ def refuse_unknown(name: str, number: int, head: int) -> None:
     """
     if not 0 <= number <= head:
         raise UnknownRevisionError(
-            f"knowledge base {name!r} has no revision {number}: it is at {head}"
+            f"knowledge base {name!r} has no revision {shown(number)}: it is at {head}"
         )
 
 

@@ -6,8 +6,9 @@ from collections.abc import Callable
 from functools import partial
 from typing import NamedTuple
 
+from ..arguments import flag, optional_call
 from ..backends import Session
-from ..errors import NotADatabaseError, ReadOnlyError, StoreError
+from ..errors import InvalidArgumentError, NotADatabaseError, ReadOnlyError, StoreError
 from ..store import Store
 from ..verification.chain import Chain, check_chain
 from ..verification.definitions import DefinitionCheck
@@ -25,7 +26,7 @@ from ..verification.naming import ObjectFunctions, check_names
 from ..verification.records import PlanCheck
 from ..verification.strays import check_strays, check_types
 from ..verification.structure import check_generated, check_indexes, check_structure
-from .anchors import Anchor, AnchoredHead
+from .anchors import Anchor, AnchoredHead, check_anchor
 
 __all__ = ["Finding", "Progress", "Verification", "verify", "verify_session"]
 
@@ -82,7 +83,9 @@ def verify(
             f"a transaction of knowledge base {store.name!r} is open, and only what is committed "
             "can be verified; end it first"
         )
-    anchored = None if anchor is None else anchor.head(store.name)
+    optional_call(progress, "progress")
+    flag(structure, "structure", InvalidArgumentError)
+    anchored = None if anchor is None else check_anchor(anchor).head(store.name)
 
     def check(session: Session, kb_id: int | None) -> Verification:
         report = Report()

@@ -17,6 +17,7 @@ from sqlalchemy import (
     union_all,
 )
 
+from ..arguments import shown
 from ..backends import Query, Row, Session, first_rows, in_list, in_rows
 from ..dto.dto import Dto
 from ..dto.formula import Node
@@ -153,7 +154,7 @@ def blame(store: Store, element: Dto | Node | str, at: int | None) -> Version | 
     if len(held) > 1:
         several = ", ".join(f"{version.kind} {version.text}" for version in held)
         raise InvalidKnowledgeError(
-            f"{str(element)[:80]!r} stands for several things: {several}; give a DTO of the one"
+            f"{shown(element)} stands for several things: {several}; give a DTO of the one"
         )
     return held[0] if held else None
 

@@ -2,24 +2,22 @@
 
 from __future__ import annotations
 
-import math
-import sys
 import time
 from contextlib import closing
 
+from ..arguments import seconds
 from ..backends import Listener
 from ..errors import (
     ClosedError,
     ConnectionLostError,
-    InvalidTimeoutError,
     ReadOnlyError,
     StoreBusyError,
     StoreError,
     StoreUnreachableError,
 )
 from ..store import Store
-from .following import Place, check_number, read_place
-from .revisions import refuse_unknown
+from .following import Place, read_place
+from .revisions import check_after, refuse_unknown
 
 # News of which no word came, as when a writer was killed right after its commit, waits so long.
 LOOK_EVERY = 1.0
@@ -43,8 +41,8 @@ def watch(
     """
     _refuse_where_nothing_comes(store, upto)
     if after is not None:
-        check_number(after)
-    deadline = time.monotonic() + _seconds(timeout)
+        check_after(after)
+    deadline = time.monotonic() + seconds(timeout)
     with closing(store.backend.listener()) as listener:
         return _Watch(store, listener, after, deadline).wait()
 
@@ -61,19 +59,6 @@ def _refuse_where_nothing_comes(store: Store, upto: int | None) -> None:
             "keeps from it what it would wait for; end the transaction first, or watch in another "
             "task or thread"
         )
-
-
-def _seconds(timeout: float | None) -> float:
-    if timeout is None:
-        return math.inf
-    is_number = isinstance(timeout, int | float) and not isinstance(timeout, bool)
-    if not is_number or not timeout >= 0:
-        raise InvalidTimeoutError(
-            f"{timeout!r} is no time to wait; give seconds from 0 on, or None to wait for as long "
-            "as it takes"
-        )
-    # A larger integer is not added to a time.
-    return float(min(timeout, sys.float_info.max))
 
 
 class _Watch:

@@ -10,9 +10,11 @@ list of its conjuncts.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
+from ..arguments import expect, expect_tuple
 from ..dto.formula import (
     Atom,
     Constant,
@@ -21,6 +23,7 @@ from ..dto.formula import (
     Fluent,
     Formula,
     Metric,
+    Node,
     Not,
     Number,
     TimedLiteral,
@@ -28,6 +31,20 @@ from ..dto.formula import (
 )
 
 ACTION, DURATIVE_ACTION, PROCESS, EVENT = "action", "durative-action", "process", "event"
+
+
+def _check(
+    document: object, single: dict[str, type], several: Mapping[str, type | tuple[type, ...]]
+) -> None:
+    """Check the fields of a part of a document; a list is kept as a tuple."""
+    of = f"of {type(document).__name__}"
+    for field_name, kind in single.items():
+        expect(getattr(document, field_name), kind, f"{field_name} {of}")
+    for field_name, wanted in several.items():
+        value = getattr(document, field_name)
+        checked: tuple[object, ...] = expect_tuple(value, wanted, f"{field_name} {of}")
+        if checked is not value:
+            object.__setattr__(document, field_name, checked)
 
 
 class PddlWarning(NamedTuple):
@@ -61,6 +78,9 @@ class Predicate:
     name: str
     parameters: tuple[TypedName, ...] = ()
 
+    def __post_init__(self) -> None:
+        _check(self, {"name": str}, {"parameters": TypedName})
+
 
 @dataclass(frozen=True, slots=True)
 class Function:
@@ -75,6 +95,9 @@ class Function:
     name: str
     parameters: tuple[TypedName, ...] = ()
     types: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        _check(self, {"name": str}, {"parameters": TypedName, "types": str})
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,6 +119,10 @@ class Action:
     duration: tuple[Formula, ...] = ()
     condition: tuple[Formula, ...] = ()
     effect: tuple[Formula, ...] = ()
+
+    def __post_init__(self) -> None:
+        formulas = dict.fromkeys(("duration", "condition", "effect"), Node)
+        _check(self, {"kind": str, "name": str}, {"parameters": TypedName, **formulas})
 
 
 @dataclass(frozen=True)
@@ -126,6 +153,22 @@ class Domain:
     actions: tuple[Action, ...] = ()
     warnings: tuple[PddlWarning, ...] = field(default=(), compare=False)
 
+    def __post_init__(self) -> None:
+        _check(self, {"name": str}, _DOMAIN_PARTS)
+
+
+_DOMAIN_PARTS: dict[str, type | tuple[type, ...]] = {
+    "requirements": str,
+    "types": TypedName,
+    "constants": TypedName,
+    "predicates": Predicate,
+    "functions": Function,
+    "constraints": Node,
+    "derived": Derived,
+    "actions": Action,
+    "warnings": PddlWarning,
+}
+
 
 class FunctionValue(NamedTuple):
     """What a fluent is at first.
@@ -137,6 +180,19 @@ class FunctionValue(NamedTuple):
 
     fluent: Fluent
     value: Number | Constant
+
+
+_PROBLEM_PARTS: dict[str, type | tuple[type, ...]] = {
+    "requirements": str,
+    "objects": TypedName,
+    "facts": Atom,
+    "literals": (Not, Equal),
+    "values": FunctionValue,
+    "timed": TimedLiteral,
+    "goal": Node,
+    "constraints": Node,
+    "warnings": PddlWarning,
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,6 +226,14 @@ class Problem:
     constraints: tuple[Formula, ...] = ()
     metric: Metric | None = None
     warnings: tuple[PddlWarning, ...] = field(default=(), compare=False)
+
+    def __post_init__(self) -> None:
+        _check(self, {"name": str, "domain": str}, _PROBLEM_PARTS)
+        if self.metric is not None:
+            expect(self.metric, Metric, "the metric of a Problem")
+        for value in self.values:
+            expect(value.fluent, Fluent, "the fluent of a FunctionValue")
+            expect(value.value, (Number, Constant), "the value of a FunctionValue")
 
     def _said(self) -> tuple[object, ...]:
         return (

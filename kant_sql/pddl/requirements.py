@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
+from ..arguments import expect
 from ..dto.formula import (
     Assign,
     Atom,
@@ -35,6 +36,7 @@ from ..dto.formula import (
     When,
 )
 from ..dto.name import ROOT_TYPE, fold
+from ..errors import InvalidArgumentError
 from .document import DURATIVE_ACTION, EVENT, PROCESS, Action, Domain, Function, Predicate, Problem
 from .numeric import numeric_requirement
 from .walk import children, walk
@@ -75,6 +77,9 @@ def used_requirements(domain: Domain, *, problem: Problem | None = None) -> tupl
     Returns:
         The requirements, in the order of the standard.
     """
+    expect(domain, Domain, "the domain", InvalidArgumentError)
+    if problem is not None:
+        expect(problem, Problem, "the problem", InvalidArgumentError)
     used = {":strips", numeric_requirement(domain, problem), *_of_domain(domain)}
     if problem is not None:
         used.update(_of_problem(problem))

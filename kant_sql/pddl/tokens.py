@@ -14,7 +14,8 @@ from copy import copy
 from itertools import islice
 from typing import NamedTuple
 
-from ..errors import PddlError, SourceError, SourceMissingError
+from ..arguments import expect, refusal
+from ..errors import InvalidArgumentError, PddlError, SourceError, SourceMissingError
 
 STRING = "<string>"
 # Formulas that people and programs write are nested 10 deep; each level costs stack.
@@ -291,19 +292,20 @@ def load(source: Source) -> Text:
     Raises:
         PddlError: the text has NUL characters, or is not UTF-8 outside of comments.
         SourceError: the file cannot be read.
-        TypeError: it is no source.
+        InvalidArgumentError: it is no source.
     """
     if isinstance(source, Text):
         return source
     # A number would be opened as a file descriptor.
-    if not isinstance(source, str | os.PathLike):
-        raise TypeError(
-            "a source is a path, or a string that begins with '(', not "
-            f"{type(source).__name__}: {source!r:.80}"
-        )
+    expected = "a path, or a string that begins with '('"
+    expect(source, (str, os.PathLike), "a source", InvalidArgumentError, expected)
     if isinstance(source, str) and is_text(source):
         return Text(STRING, source)
-    return decode(os.fsdecode(source), read_file(source))
+    try:
+        path = os.fsdecode(source)
+    except Exception as error:
+        raise refusal("a source", expected, source, InvalidArgumentError) from error
+    return decode(path, read_file(path))
 
 
 def decode(name: str, data: bytes) -> Text:

@@ -8,6 +8,7 @@ from decimal import Decimal
 from fractions import Fraction
 from typing import TYPE_CHECKING
 
+from ..arguments import expect
 from ..dto.formula import (
     Arithmetic,
     Assign,
@@ -24,6 +25,7 @@ from ..dto.formula import (
     TypedName,
 )
 from ..dto.name import ROOT_TYPE, fold
+from ..errors import InvalidArgumentError
 from ..pddl.document import (
     ACTION,
     DURATIVE_ACTION,
@@ -73,6 +75,10 @@ def from_unified_planning(problem: UpProblem) -> tuple[Domain, Problem]:
         UnsupportedConstructError: PDDL cannot express something exactly; the message says what.
     """
     require_unified_planning()
+    from unified_planning.model import AbstractProblem
+
+    expected = "a problem of unified-planning"
+    expect(problem, AbstractProblem, "the problem", InvalidArgumentError, expected)
     return _Reverse(problem).documents()
 
 

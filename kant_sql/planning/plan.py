@@ -10,12 +10,17 @@ import signal
 import subprocess
 import sys
 import tempfile
+import threading
 from dataclasses import dataclass, field
 from decimal import Decimal
 from hashlib import sha256
 from pathlib import Path
 
+from ..arguments import expect, expect_tuple, optional_text, seconds, whole_number
+from ..dto.number import check_number
 from ..errors import (
+    InvalidArgumentError,
+    InvalidKnowledgeError,
     KantSqlError,
     NoPlanError,
     PlannerMissingError,
@@ -48,6 +53,15 @@ class PlanStep:
     arguments: tuple[str, ...] = ()
     duration: Decimal | None = None
 
+    def __post_init__(self) -> None:
+        expect(self.action, str, "the action of a PlanStep")
+        arguments = expect_tuple(self.arguments, str, "the arguments of a PlanStep")
+        if arguments is not self.arguments:
+            object.__setattr__(self, "arguments", arguments)
+        for number, role in ((self.start, "start"), (self.duration, "duration")):
+            if number is not None:
+                check_number(number, f"the {role} of a PlanStep")
+
     def __str__(self) -> str:
         text = f"({' '.join((self.action, *self.arguments))})"
         if self.start is not None:
@@ -74,6 +88,16 @@ class Plan:
     revision: int | None = None
     problem_hash: str | None = field(default=None, compare=False)
 
+    def __post_init__(self) -> None:
+        steps = expect_tuple(self.steps, PlanStep, "the steps of a Plan")
+        if steps is not self.steps:
+            object.__setattr__(self, "steps", steps)
+        expect(self.engine, str, "the engine of a Plan")
+        expect(self.status, str, "the status of a Plan")
+        optional_text(self.problem_hash, "the problem_hash of a Plan", InvalidKnowledgeError)
+        if self.revision is not None:
+            whole_number(self.revision, "the revision of a Plan", error=InvalidKnowledgeError)
+
     def __str__(self) -> str:
         return "".join(f"{step}\n" for step in self.steps)
 
@@ -88,7 +112,10 @@ def problem_hash(domain: str, *, problem: str) -> str:
     Returns:
         The SHA-256 of the UTF-8 of the first and then the second, 64 hexadecimal digits.
     """
-    return sha256((domain + problem).encode()).hexdigest()
+    for text, role in ((domain, "domain"), (problem, "problem")):
+        expect(text, str, role, InvalidArgumentError)
+    # Half a character has no UTF-8; what has one is no PDDL text.
+    return sha256((domain + problem).encode(errors="surrogatepass")).hexdigest()
 
 
 def solve(
@@ -116,11 +143,14 @@ def solve(
         UnsupportedConstructError: something has no exact counterpart in unified-planning.
         NoPlanError: there is no plan, or none was found in time; `status` tells which.
     """
+    check_documents(domain, problem)
+    optional_text(engine, "engine")
+    longest = seconds(timeout)
     require_unified_planning()
     with tempfile.TemporaryDirectory(prefix="kant-sql-plan-") as directory:
         task, result = Path(directory, "task"), Path(directory, "result")
         task.write_bytes(pickle.dumps((domain, problem, engine)))
-        log = _run(directory, timeout)
+        log = _run(directory, longest)
         if not result.exists():
             reason = log.strip().splitlines()[-1:] or ["no reason was given"]
             raise NoPlanError(f"the planner's process ended early: {reason[0]}", "internal_error")
@@ -135,7 +165,21 @@ def solve(
     raise NoPlanError(message, status)
 
 
-def _run(directory: str, timeout: float | None) -> str:
+def check_documents(domain: Domain, problem: Problem) -> None:
+    """Check that what is to be planned with are documents.
+
+    Args:
+        domain: the domain.
+        problem: the problem.
+
+    Raises:
+        InvalidArgumentError: one of them is none.
+    """
+    expect(domain, Domain, "the domain", InvalidArgumentError)
+    expect(problem, Problem, "the problem", InvalidArgumentError)
+
+
+def _run(directory: str, timeout: float) -> str:
     # The process ends when its standard input does: not even a killed parent leaves it behind.
     with Path(directory, "log").open("w+", errors="replace") as log:
         process = subprocess.Popen(
@@ -148,7 +192,8 @@ def _run(directory: str, timeout: float | None) -> str:
             start_new_session=True,
         )
         try:
-            process.wait(timeout)
+            # A longer wait is one without end, and the system's clock cannot count it.
+            process.wait(timeout if timeout <= threading.TIMEOUT_MAX else None)
         except subprocess.TimeoutExpired:
             raise NoPlanError(f"no plan was found within {timeout:g} seconds", "timeout") from None
         finally:

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from ..arguments import expect
+from ..errors import InvalidArgumentError
 from ..pddl.document import Domain, Problem
 from .extra import require_unified_planning
+from .plan import check_documents
 
 if TYPE_CHECKING:
     from unified_planning.environment import Environment
@@ -41,9 +44,12 @@ def to_unified_planning(
         UnsupportedConstructError: something has no exact counterpart; the message names it and
             says where it is.
     """
+    check_documents(domain, problem)
     require_unified_planning()
-    from unified_planning.environment import get_environment
+    from unified_planning.environment import Environment, get_environment
 
+    if environment is not None:
+        expect(environment, Environment, "the environment", InvalidArgumentError)
     from .up_problem import convert
 
     return convert(domain, problem, get_environment(environment)).problem

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from decimal import Decimal
 
+from ..arguments import shown
 from ..dto.atom_dto import atom_text
 from ..dto.number import number_text
 from ..errors import InvalidKnowledgeError, PlanError
@@ -30,7 +31,7 @@ def check_steps(definitions: Definitions, revision: int, plan: Plan) -> tuple[St
         PlanError: a step does not go with that state.
     """
     if not isinstance(plan.steps, tuple | list):
-        raise PlanError(f"the plan has the steps {plan.steps!r:.80}, expected a tuple")
+        raise PlanError(f"the plan has the steps {shown(plan.steps)}, expected a tuple")
     return tuple(
         _StepReader(definitions, revision, position, step).read()
         for position, step in enumerate(plan.steps)
@@ -53,9 +54,9 @@ def check_text(text: str | None, role: str) -> str | None:
     if text is None:
         return None
     if not isinstance(text, str):
-        raise PlanError(f"{role} is a string or None, not {text!r:.80}")
+        raise PlanError(f"{role} is a string or None, not {shown(text)}")
     if "\0" in text or any("\ud800" <= character <= "\udfff" for character in text):
-        raise PlanError(f"{role} {text!r:.80} has a NUL or half a character; leave it out")
+        raise PlanError(f"{role} {shown(text)} has a NUL or half a character; leave it out")
     return text
 
 
@@ -75,7 +76,7 @@ def exact_text(number: Decimal | int | None, role: str) -> str | None:
     if number is None:
         return None
     if isinstance(number, bool) or not isinstance(number, int | float | Decimal):
-        raise PlanError(f"{role} is {number!r:.80}, expected a number or None")
+        raise PlanError(f"{role} is {shown(number)}, expected a number or None")
     try:
         return number_text(number)
     except InvalidKnowledgeError as error:
@@ -93,14 +94,14 @@ class _StepReader:
         self._step = step
         role = f"step {position} of the plan"
         if not isinstance(step, PlanStep):
-            raise PlanError(f"{role} is a PlanStep, not {step!r:.80}")
+            raise PlanError(f"{role} is a PlanStep, not {shown(step)}")
         if not isinstance(step.arguments, tuple | list):
-            raise PlanError(f"{role} has the arguments {step.arguments!r:.80}, expected a tuple")
+            raise PlanError(f"{role} has the arguments {shown(step.arguments)}, expected a tuple")
         names = (step.action, *step.arguments)
         for name in names:
             if not isinstance(name, str):
-                raise PlanError(f"{role}: a name is a string, not {name!r:.80}")
-        self._role = f"{role}, {atom_text(names[0], names[1:])!r:.200}"
+                raise PlanError(f"{role}: a name is a string, not {shown(name)}")
+        self._role = f"{role}, {shown(atom_text(names[0], names[1:]))}"
 
     def read(self) -> StepDefinition:
         action = self._action()
@@ -117,7 +118,7 @@ class _StepReader:
         action = self._definitions.actions.named(self._step.action)
         if action is None:
             raise PlanError(
-                f"{self._role}: action {self._step.action!r} is not known at revision "
+                f"{self._role}: action {shown(self._step.action)} is not known at revision "
                 f"{self._revision}, the state that it was planned from; give the plan the revision "
                 "of the state that has it"
             )
@@ -141,9 +142,9 @@ class _StepReader:
         object_ = self._definitions.objects.named(name)
         if object_ is None:
             raise PlanError(
-                f"{self._role}: object {name!r} is not known at revision {self._revision}, the "
-                "state that it was planned from; give the plan the revision of the state that has "
-                "it"
+                f"{self._role}: object {shown(name)} is not known at revision {self._revision}, "
+                "the state that it was planned from; give the plan the revision of the state that "
+                "has it"
             )
         allowed = action.parameters[number].type_ids
         if not self._definitions.any_fits(object_.type_ids, allowed):

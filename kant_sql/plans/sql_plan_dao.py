@@ -5,6 +5,7 @@ from __future__ import annotations
 from decimal import Decimal
 from typing import NamedTuple
 
+from ..arguments import shown, whole_number
 from ..dao.base import SqlDao
 from ..dao.formula import read_formulas
 from ..errors import PlanError
@@ -55,7 +56,7 @@ class SqlPlanDao(SqlDao, PlanDao):
         """Record a plan."""
         self._check_writable()
         if not isinstance(plan, Plan):
-            raise PlanError(f"what is recorded is a Plan of kant_sql, not {plan!r:.80}")
+            raise PlanError(f"what is recorded is a Plan of kant_sql, not {shown(plan)}")
         revision = self._state_of(plan)
         # What held at a revision never changes, so nobody has to wait while it is written.
         digest, kept = self._compare(plan, revision, domain_pddl, problem_pddl)
@@ -148,7 +149,8 @@ class SqlPlanDao(SqlDao, PlanDao):
 
     def get(self, id_: int) -> RecordedPlan | None:
         """Read a plan."""
-        if isinstance(id_, bool) or not isinstance(id_, int) or not 0 < id_ <= LARGEST:
+        whole_number(id_, "the id of a plan", least=None, expected="a whole number")
+        if not 0 < id_ <= LARGEST:
             return None
         plans = self._read(id_)
         return plans[0] if plans else None

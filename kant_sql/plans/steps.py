@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from ..arguments import one_of, shown
 from ..dto.atom_dto import atom_text
 from ..errors import PlanError
 from ..knowledge.plan import Step
@@ -37,8 +38,7 @@ def set_status(transaction: Transaction, step: RecordedStep, status: StepStatus)
     Raises:
         PlanError: the step is not known, or cannot come to this status from the one it has.
     """
-    if status not in _STATUSES:
-        raise PlanError(f"the status is {status!r:.80}, expected one of {', '.join(_STATUSES)}")
+    one_of(status, _STATUSES, "the status", PlanError)
     place = place_of(step)
     check_step(transaction, step)
     statuses = transaction.step_statuses
@@ -69,7 +69,7 @@ def place_of(step: RecordedStep) -> Step:
     if not isinstance(step, RecordedStep):
         raise PlanError(
             f"a step is one of a recorded plan, as kb.plans.record(plan).steps has them, not "
-            f"{step!r:.80}"
+            f"{shown(step)}"
         )
     return step.plan_id, step.position
 

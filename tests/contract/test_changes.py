@@ -9,7 +9,13 @@ from typing import Any
 import pytest
 from sqlalchemy import make_url
 
-from kant_sql import KnowledgeBase, PddlObjectDto, StoreIntegrityError, UnknownRevisionError
+from kant_sql import (
+    InvalidArgumentError,
+    KnowledgeBase,
+    PddlObjectDto,
+    StoreIntegrityError,
+    UnknownRevisionError,
+)
 from kant_sql.errors import ArchivedError
 from kant_sql.history import following, pages
 from kant_sql.history.revisions import LogEntry
@@ -228,11 +234,11 @@ def _execute(url: str, sql: str) -> None:
         store.execute(sql, {})
 
 
-@pytest.mark.parametrize("limit", ["1", 1.5, True])
+@pytest.mark.parametrize("limit", ["1", 1.5, True, -1, float("nan"), -(10**5000)])
 def test_a_limit_is_a_whole_number(kb: KnowledgeBase, limit: Any) -> None:
     kb.objects.save(waypoint(0))
     for call in (kb.changes, kb.revisions, kb.log):
-        with pytest.raises(TypeError, match="whole number, or None for all"):
+        with pytest.raises(InvalidArgumentError, match="whole number from 0 on, or None for all"):
             list(call(limit=limit))
 
 
@@ -240,5 +246,5 @@ def test_a_limit_and_a_place_may_be_larger_than_any_number(kb: KnowledgeBase) ->
     kb.objects.save(waypoint(0))
     for call in (kb.changes, kb.revisions, kb.log):
         assert len(list(call(limit=10**30))) == 1
-        assert list(call(limit=-1)) == []
+        assert list(call(limit=0)) == []
     assert kb.revisions(after=2**70) == []

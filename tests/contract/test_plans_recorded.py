@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 
 from kant_sql import (
+    InvalidArgumentError,
     KnowledgeBase,
     PddlObjectDto,
     PddlPropositionDto,
@@ -69,8 +70,12 @@ def test_a_plan_is_read_as_it_was_recorded(fresh_kb: KnowledgeBase) -> None:
     newcomer = beside(kb, kb.factory._store.name)  # type: ignore[attr-defined]
     assert newcomer.plans.get(made.id) == made == kb.plans.get(made.id)
     assert newcomer.plans.get_all() == [made]
-    for strange in (made.id + 1, made.id - 1, 0, -1, 10**30, "1", None, True):
-        assert newcomer.plans.get(strange) is None  # type: ignore[arg-type]
+    for strange in (made.id + 1, made.id - 1, 0, -1, 10**30):
+        assert newcomer.plans.get(strange) is None
+    nonsense: list[Any] = ["1", None, True, 1.0]
+    for strange in nonsense:
+        with pytest.raises(InvalidArgumentError, match="the id of a plan is a whole number, not"):
+            newcomer.plans.get(strange)
 
 
 def test_what_is_not_said_is_taken_from_the_plan_and_the_state(fresh_kb: KnowledgeBase) -> None:
@@ -149,13 +154,6 @@ WRONG: list[tuple[PlanStep, str]] = [
     (step("charge", "wp1", "home"), "argument 1, 'Wp1', is 'Wp1 - place'"),
     (step("rest", start="-1"), "its start is -1, expected 0 seconds or more"),
     (step("rest", duration="-0.001"), "its duration is -0.001, expected 0 seconds or more"),
-    (step("rest", start="NaN"), "its start: NaN is no number"),
-    (step("rest", start="Infinity"), "its start: Infinity is no number"),
-    (step("rest", start="1e999"), "its start: 1E+999 is no number"),
-    (PlanStep(None, None), "a name is a string, not None"),  # type: ignore[arg-type]
-    (PlanStep("0", "rest"), "its start is '0', expected a number"),  # type: ignore[arg-type]
-    (PlanStep(True, "rest"), "its start is True, expected a number"),  # type: ignore[arg-type]
-    (PlanStep(None, "rest", "ab"), "has the arguments 'ab'"),  # type: ignore[arg-type]
     ("rest", "step 1 of the plan is a PlanStep, not 'rest'"),  # type: ignore[list-item]
 ]
 
@@ -179,9 +177,6 @@ def test_what_cannot_be_kept_is_refused(fresh_kb: KnowledgeBase) -> None:
     assert "domain_pddl" in refuses(fresh_kb, TOUR, domain_pddl="\0")
     assert "problem_pddl" in refuses(fresh_kb, TOUR, problem_pddl="\udfff")
     assert "a Plan of kant_sql, not 'a plan'" in refuses(fresh_kb, "a plan")
-    strange: list[Any] = [None, iter(STEPS)]
-    for steps in strange:
-        assert "expected a tuple" in refuses(fresh_kb, replace(TOUR, steps=steps))
 
 
 def test_a_plan_is_of_a_state_that_there_is(fresh_kb: KnowledgeBase) -> None:

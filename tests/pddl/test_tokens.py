@@ -190,5 +190,7 @@ def test_lexing_takes_memory_in_proportion() -> None:
 
 @pytest.mark.parametrize("source", [5, None, b"(a)", ["(a)"]])
 def test_what_is_no_source_is_refused(source: Any) -> None:
-    with pytest.raises(TypeError, match="a source is a path, or a string that begins with"):
+    with pytest.raises(
+        InvalidArgumentError, match="a source is a path, or a string that begins with"
+    ):
         load(source)
