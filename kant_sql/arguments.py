@@ -333,7 +333,9 @@ def one_of(
         InvalidArgumentError: it is none of them.
     """
     if not isinstance(value, str) or value not in choices:
-        raise error(f"{role} is {shown(value)}, expected {' or '.join(map(repr, choices))}")
+        few = " or ".join(map(repr, choices))
+        expected = few if len(choices) < 3 else f"one of {', '.join(choices)}"
+        raise error(f"{role} is {shown(value)}, expected {expected}")
     return value
 
 

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from contextlib import closing
 
+from .arguments import flag, optional_text
 from .backends import Roles, create_backend
+from .errors import InvalidArgumentError
 from .retry import retrying
 from .schema import check
 
@@ -31,6 +33,8 @@ def create_roles(url: str, *, knowledge_base: str | None = None, dry_run: bool =
         StoreBusyError: somebody keeps a table locked, which the message names; nothing was changed.
         StoreError: the database has no roles, as SQLite, or refused; nothing was changed.
     """
+    optional_text(knowledge_base, "knowledge_base")
+    flag(dry_run, "dry_run", InvalidArgumentError)
     with closing(create_backend(url)) as backend:
         if backend.no_roles is None:
             check(url)

@@ -17,8 +17,10 @@ from typing import TYPE_CHECKING, TextIO
 from sqlalchemy import column, select, table
 from sqlalchemy.exc import DBAPIError
 
+from .arguments import expect
 from .backends import Backend, Query, Session, backend_name, create_backend
 from .errors import (
+    InvalidArgumentError,
     SchemaError,
     SchemaMissingError,
     SchemaOutdatedError,
@@ -130,6 +132,7 @@ def upgrade(url: str, *, revision: str = "head") -> None:
         StoreBusyError: somebody keeps a table locked, which the message names.
         StoreError: the database refused; nothing was changed.
     """
+    expect(revision, str, "revision", InvalidArgumentError)
     with _backend(url) as backend:
         _upgrade(backend, revision if revision == "head" else _later(backend, revision))
 
@@ -149,6 +152,7 @@ def downgrade(url: str, *, revision: str) -> None:
     """
     from alembic import command
 
+    expect(revision, str, "revision", InvalidArgumentError)
     with _backend(url) as backend:
         target = _earlier(backend, revision)
         if target is not None:
@@ -358,7 +362,7 @@ def _migrate_once(backend: Backend, run: Callable[[Config], None]) -> None:
         version = _current(backend)
         if version is not None and version not in VERSIONS:
             _judge(backend, version)
-        raise SchemaError(f"{backend.label}: {error}") from error
+        raise SchemaError(f"{backend.label}: {error!s:.200}") from error
     except DBAPIError as error:
         driver_error = error.orig if isinstance(error.orig, Exception) else error
         raise backend.translate_connect(driver_error) from error

@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from datetime import datetime
 
 from .abstract_factory import DaoFactory
+from .arguments import whole_number
 from .backends import create_backend
 from .dao.action import SqlActionDao, SqlEventDao, SqlProcessDao
 from .dao.base import refuse_past
@@ -166,6 +167,8 @@ class SqlDaoFactory(DaoFactory):
     ) -> Iterator[None]:
         """Make many calls one revision."""
         refuse_past(self._store, self._at)
+        if expected_revision is not None:
+            whole_number(expected_revision, "expected_revision")
         step = None if plan_step is None else place_of(plan_step)
         own = (actor, reason, source, expected_revision, observed_at, step)
         with self._store.transaction(*own) as transaction:

@@ -9,6 +9,7 @@ from contextlib import contextmanager, suppress
 from datetime import datetime, timedelta
 from typing import TypeVar
 
+from .arguments import shown
 from .backends import Session
 from .canonical import Metadata, make_metadata
 from .errors import (
@@ -195,8 +196,8 @@ class Store(Reader):
     def _expect(self, expected: int | None, actual: int) -> None:
         if expected is not None and expected != actual:
             raise StaleRevisionError(
-                f"knowledge base {self.name!r} is at revision {actual}, not at {expected}: another "
-                "writer came first; read again and decide anew",
+                f"knowledge base {self.name!r} is at revision {actual}, not at {shown(expected)}: "
+                "another writer came first; read again and decide anew",
                 expected,
                 actual,
             )

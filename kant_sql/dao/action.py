@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from decimal import Decimal
 from typing import ClassVar, TypeVar
 
-from ..arguments import expect, expect_list, shown
+from ..arguments import expect, expect_list, flag, shown
 from ..dto import (
     PddlActionDto,
     PddlConditionEffectDto,
@@ -114,7 +114,8 @@ class ActionReader:
         """
         dto = self._dto
         check_name("action", dto.name)
-        duration = self._duration() if dto.durative else ()
+        durative = flag(dto.durative, f"durative of {self._role}")
+        duration = self._duration() if durative else ()
         for parameter in expect_list(dto.parameters, PddlObjectDto, self._part("parameters")):
             self._add_parameter(parameter)
         condition = self._formulas("condition", dto.conditions)
@@ -190,7 +191,7 @@ class ActionReader:
                 )
             terms.append(term)
         atom = Atom(predicate.name, tuple(terms))
-        literal = Not(atom) if dto.is_negative else atom
+        literal = Not(atom) if flag(dto.is_negative, f"is_negative of {role}") else atom
         return Timed(dto.time, literal) if self._dto.durative and dto.time else literal
 
     def _check_time(self, dto: PddlConditionEffectDto, role: str) -> None:

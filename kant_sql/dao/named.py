@@ -6,8 +6,9 @@ from abc import abstractmethod
 from collections.abc import Iterable
 from typing import Any, ClassVar, Generic, TypeVar
 
-from ..arguments import expect
+from ..arguments import expect, flag
 from ..dto.dto import NamedDto
+from ..errors import InvalidArgumentError
 from ..knowledge.definitions import Definitions
 from ..transaction import Transaction
 from .base import SqlDao, batches
@@ -43,6 +44,7 @@ class SqlNamedDao(SqlDao, Generic[D]):
     def save(self, dto: D, *, cascade: bool = False) -> bool:
         """Insert an element, or redefine it."""
         self._check(dto)
+        flag(cascade, "cascade", InvalidArgumentError)
         self._store.write(lambda transaction: self._put(transaction, dto, cascade))
         return True
 
@@ -61,6 +63,7 @@ class SqlNamedDao(SqlDao, Generic[D]):
     def update(self, dto: D, *, cascade: bool = False) -> bool:
         """Redefine an element that is there already."""
         self._check(dto)
+        flag(cascade, "cascade", InvalidArgumentError)
 
         def work(transaction: Transaction) -> bool:
             if self._named(transaction.definitions, dto.name) is None:

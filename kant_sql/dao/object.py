@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from ..arguments import expect
+from ..arguments import expect, flag
 from ..dto import PddlObjectDto, PddlTypeDto
 from ..dto.name import check_name, fold
 from ..dto.parameters import either_text
@@ -87,7 +87,7 @@ def put_object(
     id_, name = (stored.id, stored.name) if stored else transaction.intern("object", dto.name)
     live = transaction.definitions.types.live
     types = either_text(live(type_id).name for type_id in type_ids)
-    is_constant = bool(dto.is_constant)
+    is_constant = flag(dto.is_constant, f"is_constant of object {dto.name!r}")
     text = object_text(name, types, is_constant)
     definition = ObjectDefinition(id_, name, type_ids[0], text, type_ids[1:], is_constant)
     if stored is not None and stored.type_ids != type_ids:

@@ -7,7 +7,7 @@ from typing import Any
 
 from sqlalchemy import ColumnElement, bindparam, false, literal_column, select
 
-from ..arguments import expect, expect_list
+from ..arguments import expect, expect_list, flag
 from ..atoms import AtomKey
 from ..backends import in_rows
 from ..dto import PddlObjectDto, PddlPredicateDto, PddlPropositionDto
@@ -93,7 +93,7 @@ def existing_key(transaction: Transaction, dto: PddlPropositionDto) -> AtomKey |
     ids = transaction.definitions.arguments(object_.name for object_ in dto.objects)
     if predicate is None or ids is None:
         return None
-    return AtomKey(bool(dto.is_goal), predicate.id, ids)
+    return AtomKey(flag(dto.is_goal, "is_goal of a proposition"), predicate.id, ids)
 
 
 class SqlPropositionDao(SqlDao, PddlPropositionDao):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from ..arguments import shown
+from ..arguments import flag, shown
 from ..atoms import AtomKey
 from ..dto import PddlObjectDto, PddlPredicateDto, PddlPropositionDto
 from ..dto.atom_dto import atom_text
@@ -160,7 +160,7 @@ class References(Arguments):
         objects = self.check(dto, predicate, dto.objects)
         ids = " ".join([str(object_.id) for object_ in objects])
         text = atom_text(predicate.name, [object_.name for object_ in objects])
-        return AtomKey(bool(dto.is_goal), predicate.id, ids), text
+        return AtomKey(flag(dto.is_goal, "is_goal of a proposition"), predicate.id, ids), text
 
     def _predicate(self, dto: PddlPredicateDto) -> PredicateDefinition:
         found = self._predicates.get(id(dto))

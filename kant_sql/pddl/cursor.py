@@ -5,8 +5,9 @@ from __future__ import annotations
 from difflib import get_close_matches
 from typing import NoReturn
 
+from ..arguments import flag
 from ..dto.name import fold
-from ..errors import PddlError
+from ..errors import InvalidArgumentError, PddlError
 from .document import PddlWarning
 from .section import Section
 from .tokens import MAX_DEPTH, Text
@@ -26,7 +27,7 @@ class Reading:
     """
 
     def __init__(self, strict: bool) -> None:
-        self.strict = strict
+        self.strict = flag(strict, "strict", InvalidArgumentError)
         self.standard_names: set[str] = set()
         self.standard_variables: set[str] = set()
         self.odd_names: set[str] = set()

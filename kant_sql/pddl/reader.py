@@ -5,7 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TypeVar
 
+from ..arguments import expect
 from ..dto.name import fold
+from ..errors import InvalidArgumentError
 from .collector import without_collector
 from .cursor import Cursor, Reading
 from .document import Domain, Problem
@@ -61,6 +63,8 @@ def read_problem(source: Source, *, domain: Domain | None = None, strict: bool =
         SourceMissingError: there is no such file; it is a `FileNotFoundError`, too.
         SourceError: the file cannot be read.
     """
+    if domain is not None:
+        expect(domain, Domain, "the domain", InvalidArgumentError)
     reading = Reading(strict)
     forms = _of_kind(reading, Scanner(reading, load(source)).scan(), PROBLEM)
     if len(forms) > 1:

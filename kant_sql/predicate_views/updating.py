@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 from sqlalchemy import bindparam, select
 
+from ..arguments import flag, optional_text, shown
 from ..backends import Backend, Query, Session, create_backend
 from ..backends.views import (
     Mark,
@@ -22,7 +23,7 @@ from ..backends.views import (
     seconds_between,
 )
 from ..dto.parameters import either_text, variable_name
-from ..errors import KantSqlError
+from ..errors import InvalidArgumentError, KantSqlError
 from ..retry import retrying
 from ..schema import check, check_session
 from ..tables import (
@@ -145,6 +146,8 @@ def drop_views(
 
 
 def _change(url: str, kb_name: str | None, dry_run: bool, is_drop: bool) -> list[PredicateView]:
+    optional_text(kb_name, "knowledge_base")
+    flag(dry_run, "dry_run", InvalidArgumentError)
     # Without a look at the file first, it would be created.
     check(url)
     with closing(create_backend(url)) as backend:
@@ -185,7 +188,7 @@ def _changes(session: Session, kb_name: str | None, is_drop: bool) -> list[Predi
     if kb_name is not None and kb_name not in kbs.values():
         listed = ", ".join(repr(name) for name in [*kbs.values()][:20]) or "none yet"
         raise KantSqlError(
-            f"there is no knowledge base {kb_name!r} in this store; choose one of: {listed}"
+            f"there is no knowledge base {shown(kb_name)} in this store; choose one of: {listed}"
         )
     chosen = {kb_id for kb_id, name in kbs.items() if kb_name in (None, name)}
     there = relations(session)

@@ -234,7 +234,7 @@ def _execute(url: str, sql: str) -> None:
         store.execute(sql, {})
 
 
-@pytest.mark.parametrize("limit", ["1", 1.5, True, -1, float("nan"), -(10**5000)])
+@pytest.mark.parametrize("limit", ["1", 1.5, True, -1, float("nan"), -(10**30)])
 def test_a_limit_is_a_whole_number(kb: KnowledgeBase, limit: Any) -> None:
     kb.objects.save(waypoint(0))
     for call in (kb.changes, kb.revisions, kb.log):

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from kant_sql import InvalidMetadataError, KnowledgeBase, PddlTypeDto
+from kant_sql import InvalidMetadataError, KnowledgeBase, PddlTypeDto, UnknownRevisionError
 from kant_sql.backends.session import Session
 from tests.conftest import Connect
 from tests.reading import last_changes, nothing_changes
@@ -177,7 +177,8 @@ def test_revisions_are_read_from_where_and_as_many_as_asked_for(fresh_kb: Knowle
     assert numbers(1, 2) == [2, 3]
     assert numbers(4, 2) == [5]
     assert numbers(0, 0) == []
-    assert numbers(-3, 2) == [1, 2]
+    with pytest.raises(UnknownRevisionError, match="after is a revision's number, or 0"):
+        numbers(-3)
     assert numbers(0, None) == numbers(0, 100) == [1, 2, 3, 4, 5]
 
 

@@ -59,8 +59,6 @@ JUNK: list[Any] = [
     robot_at(),
     [robot_at()],
 ]
-# Flags count by their truth value.
-FLAGS = {"is_goal", "is_negative", "durative", "is_constant"}
 # What may be left unsaid.
 OPTIONAL = {"parent", "parameter_names"}
 
@@ -69,7 +67,8 @@ def paths(dto: Any) -> Iterator[Path]:
     """Where in a DTO something can stand."""
     for field in dataclasses.fields(dto):
         value = getattr(dto, field.name)
-        if field.name not in FLAGS:
+        # Whether an object is a constant does not count where it is referred to.
+        if field.name != "is_constant":
             yield (field.name,)
         for item, step in _items(value):
             if step is not None:

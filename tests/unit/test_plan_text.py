@@ -4,13 +4,18 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Callable
+from decimal import Decimal
 from hashlib import sha256
-from typing import Any
+from typing import Any, cast
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from kant_sql.errors import InvalidKnowledgeError
 from kant_sql.knowledge.plan import PlanDefinition, StepDefinition, status_text
+from kant_sql.planning import Plan, PlanStep
 from tests.document_world import NAMES
 
 TEXTS = st.none() | st.text(st.characters(exclude_categories=["Cs"], exclude_characters="\0"))
@@ -92,3 +97,25 @@ def test_the_text_says_all_of_it(plan: PlanDefinition) -> None:
 
 def test_a_status_is_one_line() -> None:
     assert status_text((17, 3), "started") == "(:plan 17 :step 3 started)"
+
+
+def test_what_is_no_plan_is_refused_where_it_is_made() -> None:
+    anything: Any = None
+    wrong: list[tuple[Callable[[], object], str]] = [
+        (lambda: PlanStep(None, anything), "the action of a PlanStep is a str, not NoneType"),
+        (lambda: PlanStep(cast("Any", "0"), "go"), "the start of a PlanStep is a number, not str"),
+        (
+            lambda: PlanStep(cast("Any", True), "go"),
+            "the start of a PlanStep is a number, not bool",
+        ),
+        (lambda: PlanStep(Decimal("NaN"), "go"), "the start of a PlanStep is a finite number"),
+        (lambda: PlanStep(None, "go", cast("Any", "ab")), "the arguments of a PlanStep is a tuple"),
+        (lambda: Plan(cast("Any", ["go"]), "x", "y"), "each item of the steps of a Plan is a Plan"),
+        (lambda: Plan((), anything, "y"), "the engine of a Plan is a str, not NoneType: None"),
+        (lambda: Plan((), "x", "y", -1), "the revision of a Plan is a whole number from 0 on"),
+    ]
+    for make, message in wrong:
+        with pytest.raises(InvalidKnowledgeError, match=message):
+            make()
+    step = PlanStep(None, "go")
+    assert Plan(cast("Any", [step]), "x", "y").steps == (step,)
