@@ -26,6 +26,9 @@ _FOREIGN: Final = {
 }
 
 
+_Place = tuple[Section, int]
+
+
 class InitialState(NamedTuple):
     """What an initial state says.
 
@@ -48,8 +51,12 @@ class InitialStateReader(FormulaReader):
     def __init__(self, reading: Reading, section: Section, symbols: Symbols) -> None:
         super().__init__(reading, section, symbols, section.keyword)
         self._facts: list[Atom] = []
-        self._literals: dict[Not | Equal, None] = {}
+        self._literals: dict[Not | Equal, _Place] = {}
         self._values: list[FunctionValue] = []
+        self._replaced: set[int] = set()
+        # The token that each value begins with, and the first value of each section.
+        self._value_tokens: list[int] = []
+        self._value_sections: list[tuple[int, Section]] = []
         self._timed: dict[TimedLiteral, None] = {}
         self._predicates = Entries(symbols, symbols.predicates)
         self._functions = Entries(symbols, symbols.functions)
@@ -69,6 +76,7 @@ class InitialStateReader(FormulaReader):
             section: the section.
         """
         self.open(section, section.keyword)
+        self._value_sections.append((len(self._values), section))
         self._blocks = Blocks(section.text.code, section.start, section.end)
         # The loop looks as far ahead as the longest fact goes.
         longest = max(
@@ -87,10 +95,29 @@ class InitialStateReader(FormulaReader):
 
         Returns:
             The initial state.
+
+        Raises:
+            PddlError: the reading is strict, and something is denied and asserted.
         """
-        return InitialState(
-            tuple(self._facts), tuple(self._literals), tuple(self._values), tuple(self._timed)
-        )
+        literals = tuple([one for one, place in self._literals.items() if self._agrees(one, place)])
+        values = self._values
+        if self._replaced:
+            values = [one for number, one in enumerate(values) if number not in self._replaced]
+        return InitialState(tuple(self._facts), literals, tuple(values), tuple(self._timed))
+
+    def _agrees(self, literal: Not | Equal, place: _Place) -> bool:
+        """Whether a literal denies no fact; of the two, the fact holds, as VAL has it."""
+        if not isinstance(literal, Not) or not isinstance(literal.formula, Atom):
+            return True
+        atom = literal.formula
+        entry = self._predicates.slow(atom.predicate, len(atom.terms))
+        if tuple([str(term) for term in atom.terms]) not in entry.facts:
+            return True
+        section, index = place
+        found = f"{literal} beside {atom}"
+        read_as = f"left out: {atom} holds"
+        self.reading.deviate(section, index, found, "one of the two", read_as, section.keyword)
+        return False
 
     def _next_block(self) -> bool:
         """Go on to the next block, if there is one."""
@@ -145,8 +172,9 @@ class InitialStateReader(FormulaReader):
             value = entry.value[tokens[end + 1]]
         except NotPlainError:
             return 0
-        entry.values[arguments] = value
+        entry.values[arguments] = len(self._values)
         self._values.append(FunctionValue(Fluent(entry.name, terms), value))
+        self._value_tokens.append(self.base + at)
         return end + 3
 
     def _element(self, depth: int) -> None:
@@ -157,7 +185,8 @@ class InitialStateReader(FormulaReader):
         if head == "=":
             self._equation()
         elif head == "not":
-            self._add_literal(self._negation())
+            start = self.at
+            self._add_literal(self._negation(), start)
         elif head == "at" and self._is_timed():
             self._timed_element()
         elif head == "and":
@@ -228,20 +257,39 @@ class InitialStateReader(FormulaReader):
         if first != "(" and (
             self.symbols.functions.find(first) is None or self.symbols.is_object(first)
         ):
-            self._add_literal(self._equality())
+            start = self.at
+            self._add_literal(self._equality(), start)
             return
         start = self.at
         value = self._value()
         entry = self._functions.slow(value.fluent.function, len(value.fluent.terms))
         key = tuple([str(term) for term in value.fluent.terms])
-        known = entry.values.setdefault(key, value.value)
-        if known is value.value:
+        number = entry.values.setdefault(key, len(self._values))
+        if number == len(self._values):
             self._values.append(value)
-        elif known == value.value:
+            self._value_tokens.append(self.base + start)
+        elif self._values[number].value == value.value:
             self.deviate("each value once", "left out", f"the value of {value.fluent} again", start)
         else:
-            found = f"{value.value} as the value of {value.fluent}"
-            self.fail(f"one value, which was {known}", found, start)
+            self._replace_value(number, value, start)
+            entry.values[key] = len(self._values) - 1
+
+    def _replace_value(self, number: int, value: FunctionValue, start: int) -> None:
+        """Take another value instead of one that came before, as VAL does."""
+        first = self._values[number].value
+        of = f"as the value of {value.fluent}"
+        self.deviate(
+            f"one value, which was {first}", "the last one holds", f"{value.value} {of}", start
+        )
+        section = next(one for least, one in reversed(self._value_sections) if least <= number)
+        expected = f"one value, which is {value.value} further on"
+        index = self._value_tokens[number]
+        self.reading.deviate(
+            section, index, f"{first} {of}", expected, "the last one holds", section.keyword
+        )
+        self._values.append(value)
+        self._value_tokens.append(self.base + start)
+        self._replaced.add(number)
 
     def _value(self) -> FunctionValue:
         self.at += 2
@@ -260,10 +308,10 @@ class InitialStateReader(FormulaReader):
         self.expect(")", "')' after the value")
         return FunctionValue(fluent, value)
 
-    def _add_literal(self, literal: Not | Equal) -> None:
+    def _add_literal(self, literal: Not | Equal, start: int) -> None:
         if literal in self._literals:
             self.deviate("each literal once", "left out", f"{literal} again", self.at - 1)
-        self._literals[literal] = None
+        self._literals.setdefault(literal, (self.section, self.base + start))
 
     def _is_timed(self) -> bool:
         self.at += 2

@@ -61,7 +61,7 @@ class Plain:
         fitting: for each parameter, the objects that fit.
         value: for a function, the numbers or objects that it may have as value.
         facts: the arguments of which it holds, in their declared spelling.
-        values: its values by its arguments, in their declared spelling.
+        values: which of all values it has, by its arguments, in their declared spelling.
     """
 
     __slots__ = ("arity", "facts", "fitting", "name", "value", "values")
@@ -72,7 +72,7 @@ class Plain:
         self.fitting = fitting
         self.value = value
         self.facts: set[tuple[str, ...]] = set()
-        self.values: dict[tuple[str, ...], Number | Constant] = {}
+        self.values: dict[tuple[str, ...], int] = {}
 
 
 class Entries(dict[str, Plain | None]):

@@ -20,6 +20,7 @@ from ..dto.formula import (
     Derived,
     Formula,
     Node,
+    Not,
     Number,
     Preference,
     TimedLiteral,
@@ -158,6 +159,7 @@ def _check_names(document: Domain | Problem) -> None:
             roots += [*action.duration, *action.condition, *action.effect]
         roots += document.derived
     else:
+        _check_initial_state(document)
         check_name("problem", document.name)
         check_name("domain", document.domain)
         kinds = [("object", map(_NAME, document.objects))]
@@ -170,6 +172,23 @@ def _check_names(document: Domain | Problem) -> None:
             check_name("variable", variable.name)
         if isinstance(node, Preference) and node.name is not None:
             check_name("preference", node.name)
+
+
+def _check_initial_state(problem: Problem) -> None:
+    """Refuse an initial state that contradicts itself: it would be read as another one."""
+    facts = set(problem.facts) if problem.literals else set()
+    for literal in problem.literals:
+        if isinstance(literal, Not) and literal.formula in facts:
+            raise InvalidKnowledgeError(
+                f"in :init: {node_text(literal)} denies a fact that holds; leave out one of them"
+            )
+    values = dict(problem.values)
+    if len(values) < len(problem.values):
+        for fluent, value in problem.values:
+            if values[fluent] != value:
+                raise InvalidKnowledgeError(
+                    f"in :init: {fluent} has two values; leave out one of them"
+                )
 
 
 def fact_texts(facts: Sequence[Atom]) -> list[str]:

@@ -88,7 +88,7 @@ def problem() -> Problem:
         (),
         (TypedName("rb1", ROBOT), TypedName("wp2", WP), TypedName("thing")),
         (Atom("robot_at", (rb1, wp2)), FREE),
-        (Not(FREE), Equal(rb1, rb1)),
+        (Not(Atom("robot_at", (rb1, rb1))), Equal(rb1, rb1)),
         (FunctionValue(battery, number("-1.50")), FunctionValue(Fluent("home", (rb1,)), wp2)),
         (
             TimedLiteral(number("5"), Not(FREE)),
@@ -165,7 +165,7 @@ def test_the_layout_of_a_problem() -> None:
   (:init
     (robot_at rb1 wp2)
     (free)
-    (not (free))
+    (not (robot_at rb1 rb1))
     (= rb1 rb1)
     (= (battery rb1) -1.50)
     (= (home rb1) wp2)
