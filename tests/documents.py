@@ -27,6 +27,7 @@ from kant_sql.dto.formula import (
     TypedName,
 )
 from kant_sql.dto.name import ROOT_TYPE, fold
+from kant_sql.dto.node import walk
 from kant_sql.pddl.document import (
     ACTION,
     DURATIVE_ACTION,
@@ -40,7 +41,6 @@ from kant_sql.pddl.document import (
     Problem,
 )
 from kant_sql.pddl.requirements import REQUIREMENTS, used_requirements
-from kant_sql.pddl.walk import walk
 from tests.document_formulas import Formulas
 from tests.document_world import World, distinct, world_of
 

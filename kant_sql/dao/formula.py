@@ -17,6 +17,7 @@ from ..dto.formula import (
     TimedLiteral,
     variables_text,
 )
+from ..dto.node import shown
 from ..errors import InvalidKnowledgeError
 from ..knowledge.definitions import Definitions
 from ..knowledge.formula import (
@@ -42,7 +43,7 @@ from .formula_interfaces import (
     InitialLiteralDao,
     TimedInitialLiteralDao,
 )
-from .term_writer import Place, shown
+from .term_writer import Place
 from .tree_writer import TreeWriter
 
 N = TypeVar("N", bound=Node)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from ..dto.formula import Metric
+from ..dto.node import shown
 from ..errors import InvalidKnowledgeError
 from ..knowledge.definitions import Definitions
 from ..knowledge.formula import METRIC
@@ -10,7 +11,6 @@ from ..transaction import Transaction
 from .base import SqlDao
 from .formula import make_formula, read_formula, read_formulas
 from .formula_interfaces import MetricDao
-from .term_writer import shown
 
 
 class SqlMetricDao(SqlDao, MetricDao):

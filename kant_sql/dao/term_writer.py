@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from enum import Enum
 from typing import Any, NamedTuple, NoReturn
 
-from .. import arguments
 from ..dto import PddlTypeDto
 from ..dto.formula import (
     ARITHMETIC,
@@ -14,10 +13,8 @@ from ..dto.formula import (
     Arithmetic,
     Assign,
     Atom,
-    Comparison,
     Constant,
     ContinuousTime,
-    Equal,
     Fluent,
     IsViolated,
     Number,
@@ -26,25 +23,24 @@ from ..dto.formula import (
     variables_text,
 )
 from ..dto.name import ROOT_TYPE, check_name, fold
+from ..dto.node import shown
 from ..dto.number import decimal_text
-from ..dto.terms import Node as SyntaxNode
 from ..errors import ArityError, InvalidKnowledgeError, InvalidNameError, TypeMismatchError
 from ..knowledge import tree as kinds
 from ..knowledge.function import FunctionDefinition
 from ..knowledge.predicate import ParameterDefinition, PredicateDefinition
 from ..knowledge.tree import Node, Term
 from ..pddl.document import DURATIVE_ACTION, PROCESS
-from ..pddl.tokens import MAX_DEPTH
 from ..transaction import Transaction
 from .type import ensure_type
 
 TOTAL_TIME = "total-time"
 _DURATION = "duration"
-# The reader does not count these as levels, at the bottom of a formula.
-_FLAT = (Atom, Comparison, Equal, Fluent)
 
 Types = tuple[int, ...]
 Bound = tuple[ParameterDefinition, ...]
+# A node whose terms are to be added: its position, what it is, and its function.
+_Below = tuple[int, Fluent, FunctionDefinition]
 
 
 class Place(Enum):
@@ -68,48 +64,19 @@ class Context(NamedTuple):
 
     Attributes:
         place: where it stands.
-        scopes: the nodes that bind variables, outermost first, each with what it binds.
         soft: whether preferences may stand here.
-        depth: how many nodes it is within.
     """
 
     place: Place
-    scopes: tuple[tuple[int, Bound], ...] = ()
     soft: bool = False
-    depth: int = 0
-
-    def below(self) -> Context:
-        """Give what is around the nodes below one here.
-
-        Returns:
-            The same, one deeper.
-        """
-        return self._replace(depth=self.depth + 1)
 
     def hard(self) -> Context:
         """Give what is around the nodes below one here that no preference may stand in.
 
         Returns:
-            The same, one deeper, without preferences.
+            The same, without preferences.
         """
-        return self._replace(depth=self.depth + 1, soft=False)
-
-
-def shown(node: object) -> str:
-    """Give the text of a node for a message, not too long.
-
-    Args:
-        node: the node, however deeply nested.
-
-    Returns:
-        The beginning of its text.
-    """
-    if not isinstance(node, SyntaxNode):
-        return arguments.shown(node)
-    try:
-        return f"{node!s:.80}"
-    except RecursionError:
-        return f"a {type(node).__name__}"
+        return self._replace(soft=False)
 
 
 class TermWriter:
@@ -137,6 +104,8 @@ class TermWriter:
         self._has_duration = kind == DURATIVE_ACTION
         self._has_time = kind in (DURATIVE_ACTION, PROCESS)
         self._nodes: list[Node] = []
+        # The variables that quantifiers bind around the present node, innermost last.
+        self._scope: dict[str, list[tuple[Term, Types]]] = {}
         self._check_duration(parameters)
 
     def _open(self, parent: int | None, operator: str, **fields: Any) -> int:
@@ -147,20 +116,25 @@ class TermWriter:
     def _fail(self, fault: str) -> NoReturn:
         raise InvalidKnowledgeError(f"{self._role}: {fault}")
 
-    def _check_depth(self, node: object, context: Context) -> None:
-        if context.depth > (MAX_DEPTH if isinstance(node, _FLAT) else MAX_DEPTH - 2):
-            self._fail(f"a formula is nested more than {MAX_DEPTH} deep; split it up")
-
     # Expressions.
 
     def _expression(self, expression: object, parent: int, context: Context) -> None:
+        """Add an expression, with a stack of its own: none is nested too deeply for it."""
+        pending = [(expression, parent)]
+        while pending:
+            part, above = pending.pop()
+            if isinstance(part, Arithmetic):
+                position = self._arithmetic(part, above)
+                pending += [(operand, position) for operand in reversed(part.operands)]
+            else:
+                self._number(part, above, context)
+
+    def _number(self, expression: object, parent: int, context: Context) -> None:
         match expression:
             case Number():
                 self._open(parent, kinds.NUMBER, value=self._decimal(expression))
             case Fluent():
                 self._numeric_fluent(expression, parent, context)
-            case Arithmetic():
-                self._arithmetic(expression, parent, context)
             case Variable() if fold(expression.name) == _DURATION and self._has_duration:
                 self._open(parent, kinds.VARIABLE, value=f"?{expression.name}")
             case ContinuousTime() if self._has_time:
@@ -176,18 +150,14 @@ class TermWriter:
             self._fail(f"{shown(number)} is no Number")
         return decimal_text(number.value)
 
-    def _arithmetic(self, expression: Arithmetic, parent: int, context: Context) -> None:
-        self._check_depth(expression, context)
+    def _arithmetic(self, expression: Arithmetic, parent: int) -> int:
         operator, operands = expression.operator, expression.operands
         if operator not in ARITHMETIC:
             self._fail(f"{operator!r} is no operation; use one of {' '.join(ARITHMETIC)}")
         least, most = 1 if operator == "-" else 2, 2 if operator in "-/" else len(operands)
         if not least <= len(operands) <= most:
             self._fail(f"{shown(expression)} has {len(operands)} operands")
-        position = self._open(parent, operator)
-        inner = context.below()
-        for operand in operands:
-            self._expression(operand, position, inner)
+        return self._open(parent, operator)
 
     def _numeric_fluent(self, fluent: Fluent, parent: int, context: Context) -> None:
         named = self._definitions.functions.named(fluent.function)
@@ -198,14 +168,20 @@ class TermWriter:
             self._fail(f"{shown(fluent)} is an object, not a number")
 
     def _fluent(self, fluent: Fluent, parent: int, context: Context) -> FunctionDefinition:
+        position = len(self._nodes)
+        function = self._open_fluent(fluent, parent)
+        self._give_terms(position, fluent, function, context)
+        return function
+
+    def _open_fluent(self, fluent: Fluent, parent: int) -> FunctionDefinition:
+        """Add a function's node, without its terms."""
         function = self._definitions.functions.named(fluent.function)
         if function is None:
             self._fail(
                 f"{shown(fluent)} is of function {fluent.function!r}, which is not known; save "
                 "the function first"
             )
-        position = self._open(parent, kinds.FUNCTION, function_id=function.id)
-        self._give_terms(position, fluent, function, context)
+        self._open(parent, kinds.FUNCTION, function_id=function.id)
         return function
 
     # Terms and variables.
@@ -248,21 +224,39 @@ class TermWriter:
         owner: PredicateDefinition | FunctionDefinition,
         context: Context,
     ) -> None:
-        self._check_depth(formula, context)
+        """Add the terms of a node, with a stack of its own: none is nested too deeply for it."""
+        pending = [self._terms(position, formula, owner, context)]
+        while pending:
+            below = next(pending[-1], None)
+            if below is None:
+                pending.pop()
+            else:
+                pending.append(self._terms(*below, context))
+
+    def _terms(
+        self,
+        position: int,
+        formula: Atom | Fluent,
+        owner: PredicateDefinition | FunctionDefinition,
+        context: Context,
+    ) -> Iterator[_Below]:
+        """Add the terms of a node; what has terms of its own is yielded for these to be added."""
         terms = formula.terms
         if len(terms) != len(owner.parameters):
             raise ArityError(
                 f"{self._role}: {shown(formula)} has {len(terms)} terms, expected "
                 f"{len(owner.parameters)} as in {owner.text}"
             )
-        inner = context.below()
         made = []
         for number, (term, wanted) in enumerate(zip(terms, owner.parameters, strict=True), start=1):
-            term_, types = self._term(term, position, inner)
+            child = len(self._nodes)
+            term_, types, function = self._begin_term(term, position, context)
             if not self._may_fit(term, types, wanted.type_ids):
                 raise TypeMismatchError(
                     f"{self._role}: term {number} of {shown(formula)} does not fit {owner.text}"
                 )
+            if function is not None and isinstance(term, Fluent):
+                yield child, term, function
             made.append(term_)
         self._set_terms(position, made)
 
@@ -275,21 +269,32 @@ class TermWriter:
         return fits(given, wanted) or (not isinstance(term, Constant) and fits(wanted, given))
 
     def _term(self, term: object, position: int, context: Context) -> tuple[Term, Types]:
+        """Add a term with all that is within."""
+        child = len(self._nodes)
+        made, types, function = self._begin_term(term, position, context)
+        if function is not None and isinstance(term, Fluent):
+            self._give_terms(child, term, function, context)
+        return made, types
+
+    def _begin_term(
+        self, term: object, position: int, context: Context
+    ) -> tuple[Term, Types, FunctionDefinition | None]:
+        """Add a term; of a fluent give its function as well, for its terms are not added yet."""
         if isinstance(term, Variable):
-            return self._bound(term, context)
+            return *self._bound(term), None
         if isinstance(term, Constant):
             object_ = self._definitions.objects.named(term.name)
             if object_ is None:
                 self._fail(f"object {term.name!r} is not known; save it first")
-            return Term(object_id=object_.id), object_.type_ids
+            return Term(object_id=object_.id), object_.type_ids, None
         if isinstance(term, Fluent):
             if context.place is Place.INITIAL:
                 self._fail(f"{shown(term)} is no object, as the initial state asks for")
             child = len(self._nodes)
-            types = self._fluent(term, position, context).type_ids
-            if not types:
+            function = self._open_fluent(term, position)
+            if not function.type_ids:
                 self._fail(f"{shown(term)} is a number, not an object")
-            return Term(child=child), types
+            return Term(child=child), function.type_ids, function
         return self._fail(f"{shown(term)} is no term; give a Variable, a Constant or a Fluent")
 
     def _assign_object(
@@ -302,12 +307,20 @@ class TermWriter:
             raise TypeMismatchError(f"{self._role}: the value in {shown(formula)} does not fit")
         self._set_terms(position, [term])
 
-    def _bound(self, variable: Variable, context: Context) -> tuple[Term, Types]:
+    def _enter(self, position: int, bound: Bound) -> None:
+        """Let the variables that a node binds be used, until `_leave`."""
+        for index, one in enumerate(bound):
+            term = Term(quantifier=position, variable=index)
+            self._scope.setdefault(fold(one.name), []).append((term, one.type_ids))
+
+    def _leave(self, bound: Bound) -> None:
+        for one in bound:
+            self._scope[fold(one.name)].pop()
+
+    def _bound(self, variable: Variable) -> tuple[Term, Types]:
         key = fold(variable.name)
-        for quantifier, bound in reversed(context.scopes):
-            for index, one in enumerate(bound):
-                if fold(one.name) == key:
-                    return Term(quantifier=quantifier, variable=index), one.type_ids
+        if around := self._scope.get(key):
+            return around[-1]
         for index, parameter in enumerate(self._parameters):
             if fold(parameter.name) == key:
                 return Term(parameter=index), parameter.type_ids

@@ -6,7 +6,7 @@ What passes the checks is what the reader of PDDL accepts, so that text made of 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from typing import Any
+from typing import Any, NamedTuple
 
 from ..dto.formula import (
     ASSIGNMENTS,
@@ -39,10 +39,10 @@ from ..dto.formula import (
     When,
 )
 from ..dto.name import check_name
+from ..dto.node import shown, walk
 from ..knowledge import tree as kinds
 from ..knowledge.tree import Tree
-from ..pddl.walk import walk
-from .term_writer import Context, Place, TermWriter, shown
+from .term_writer import Bound, Context, Place, TermWriter
 
 _HARD = (Place.CONDITION, Place.TIMED_CONDITION, Place.CONSTRAINT, Place.TRAJECTORY)
 _HOLDS = (Place.CONDITION, Place.TRAJECTORY)
@@ -54,6 +54,12 @@ _WITHIN_TIMED = {
     Place.TRAJECTORY: Place.CONDITION,
 }
 _Parts = Iterable[tuple[object, Context]]
+
+
+class _Left(NamedTuple):
+    """Stands behind what is within a quantifier: its variables are bound no more."""
+
+    bound: Bound
 
 
 class TreeWriter(TermWriter):
@@ -104,12 +110,17 @@ class TreeWriter(TermWriter):
         pending: list[tuple[object, int | None, Context]] = [(formula, parent, context)]
         while pending:
             part, above, around = pending.pop()
+            if isinstance(part, _Left):
+                self._leave(part.bound)
+                continue
             handler = _HANDLERS.get(type(part))
             if handler is None:
                 self._fail(f"{shown(part)} is no formula but {type(part).__name__}")
-            self._check_depth(part, around)
             position = len(self._nodes)
             below = [*handler(self, part, above, around)]
+            if bound := self._nodes[position].variables:
+                self._enter(position, bound)
+                pending.append((_Left(bound), None, context))
             pending += [(child, position, inner) for child, inner in reversed(below)]
 
     def _expect(self, formula: object, context: Context, *places: Place) -> None:
@@ -133,8 +144,7 @@ class TreeWriter(TermWriter):
     def _equal(self, formula: Equal, parent: int | None, context: Context) -> _Parts:
         self._expect(formula, context, *_HOLDS, Place.INITIAL)
         position = self._open(parent, kinds.EQUAL)
-        inner = context.below()
-        terms = [self._term(term, position, inner)[0] for term in (formula.left, formula.right)]
+        terms = [self._term(term, position, context)[0] for term in (formula.left, formula.right)]
         self._set_terms(position, terms)
         return ()
 
@@ -147,7 +157,7 @@ class TreeWriter(TermWriter):
             self._fail(f"{shown(formula)} is no constraint on ?duration")
         position = self._open(parent, formula.operator)
         for side in sides:
-            self._expression(side, position, context.below())
+            self._expression(side, position, context)
         return ()
 
     def _not(self, formula: Not, parent: int | None, context: Context) -> _Parts:
@@ -163,7 +173,7 @@ class TreeWriter(TermWriter):
     def _and(self, formula: And, parent: int | None, context: Context) -> _Parts:
         self._expect(formula, context, *_HARD, *_WITHIN_TIMED, Place.EFFECT)
         self._open(parent, kinds.AND)
-        return [(part, context.below()) for part in formula.formulas]
+        return [(part, context) for part in formula.formulas]
 
     def _connective(self, formula: Or | Imply, parent: int | None, context: Context) -> _Parts:
         self._expect(formula, context, *_HARD)
@@ -179,9 +189,8 @@ class TreeWriter(TermWriter):
         self._expect(formula, context, *_HARD, *effects)
         bound = self._bind(formula.variables)
         operator = kinds.FORALL if is_all else kinds.EXISTS
-        position = self._open(parent, operator, variables=bound)
-        inner = context.below() if is_all else context.hard()
-        return [(formula.formula, inner._replace(scopes=(*context.scopes, (position, bound))))]
+        self._open(parent, operator, variables=bound)
+        return [(formula.formula, context if is_all else context.hard())]
 
     def _timed(self, formula: Timed, parent: int | None, context: Context) -> _Parts:
         time, place = formula.time, context.place
@@ -223,21 +232,19 @@ class TreeWriter(TermWriter):
         self._open(parent, kinds.WHEN)
         is_timed = context.place is Place.TIMED_EFFECT
         place = Place.TIMED_CONDITION if is_timed else Place.CONDITION
-        inner = context.below()
-        return [(formula.condition, inner._replace(place=place)), (formula.effect, inner)]
+        return [(formula.condition, context._replace(place=place)), (formula.effect, context)]
 
     def _assign(self, formula: Assign, parent: int | None, context: Context) -> _Parts:
         self._expect(formula, context, Place.EFFECT, Place.TIMED_EFFECT)
         if formula.operator not in ASSIGNMENTS:
             known = " ".join(ASSIGNMENTS)
             self._fail(f"{formula.operator!r} is no assignment; use one of {known}")
-        position, inner = self._open(parent, formula.operator), context.below()
-        types = self._fluent(formula.fluent, position, inner).type_ids
+        position = self._open(parent, formula.operator)
+        types = self._fluent(formula.fluent, position, context).type_ids
         if types:
-            self._assign_object(formula, position, types, inner)
+            self._assign_object(formula, position, types, context)
         else:
-            self._expression(formula.value, position, inner)
-        # Checked last: then it is no deeper than what can be walked.
+            self._expression(formula.value, position, context)
         if context.place is Place.TIMED_EFFECT and not any(
             isinstance(part, ContinuousTime) for part in walk(formula.value)
         ):
@@ -249,32 +256,32 @@ class TreeWriter(TermWriter):
     def _derived(self, formula: Derived, parent: int | None, context: Context) -> _Parts:
         self._expect(formula, context, Place.DERIVED)
         bound = self._bind(formula.variables)
-        position = self._open(parent, kinds.DERIVED, variables=bound)
+        self._open(parent, kinds.DERIVED, variables=bound)
         head = Atom(formula.predicate, tuple(Variable(part.name) for part in formula.variables))
-        inner = Context(Place.CONDITION, ((position, bound),), depth=context.depth + 1)
+        inner = Context(Place.CONDITION)
         return [(head, inner), (formula.formula, inner)]
 
     def _timed_literal(self, formula: TimedLiteral, parent: int | None, context: Context) -> _Parts:
         self._expect(formula, context, Place.TIMED)
-        effect, inner = formula.effect, context.below()
+        effect = formula.effect
         self._open(parent, kinds.AT, value=self._decimal(formula.time))
         if isinstance(effect, Assign):
             terms = (*effect.fluent.terms, effect.value)
             is_ground = all(isinstance(term, Constant | Number) for term in terms)
             if effect.operator != ASSIGNMENTS[0] or not is_ground:
                 self._fail(f"{shown(formula)} assigns no number and no object to a ground fluent")
-            return [(effect, inner._replace(place=Place.EFFECT))]
+            return [(effect, context._replace(place=Place.EFFECT))]
         atom = effect.formula if isinstance(effect, Not) else effect
         if not isinstance(atom, Atom):
             self._fail(f"{shown(formula)} is no timed literal; give an Atom, a Not or an Assign")
-        return [(effect, inner._replace(place=Place.INITIAL))]
+        return [(effect, context._replace(place=Place.INITIAL))]
 
     def _metric(self, formula: Metric, parent: int | None, context: Context) -> _Parts:
         self._expect(formula, context, Place.METRIC)
         if formula.optimization not in kinds.OPTIMIZATIONS:
             self._fail(f"{formula.optimization!r} is neither minimize nor maximize")
         position = self._open(parent, formula.optimization)
-        self._expression(formula.expression, position, context.below())
+        self._expression(formula.expression, position, context)
         return ()
 
 

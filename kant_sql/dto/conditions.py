@@ -6,11 +6,11 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from ..arguments import expect
+from .node import Branch, FormulaNode
 from .terms import (
     EXPRESSIONS,
     TERMS,
     Expression,
-    FormulaNode,
     Number,
     Term,
     TypedName,
@@ -85,8 +85,8 @@ class Comparison(FormulaNode):
         return list_text(self.operator, self.left, self.right)
 
 
-@dataclass(frozen=True, slots=True)
-class Not(FormulaNode):
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Not(Branch, FormulaNode):
     """A negation; as an effect, a delete.
 
     Attributes:
@@ -98,12 +98,12 @@ class Not(FormulaNode):
     def __post_init__(self) -> None:
         expect(self.formula, FormulaNode, "the formula of a Not")
 
-    def __str__(self) -> str:
-        return list_text("not", self.formula)
+    def _head(self) -> str:
+        return "not"
 
 
-@dataclass(frozen=True, slots=True)
-class And(FormulaNode):
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class And(Branch, FormulaNode):
     """A conjunction.
 
     Attributes:
@@ -115,12 +115,12 @@ class And(FormulaNode):
     def __post_init__(self) -> None:
         self._keep("formulas", FormulaNode, "the formulas of an And")
 
-    def __str__(self) -> str:
-        return list_text("and", *self.formulas)
+    def _head(self) -> str:
+        return "and"
 
 
-@dataclass(frozen=True, slots=True)
-class Or(FormulaNode):
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Or(Branch, FormulaNode):
     """A disjunction.
 
     Attributes:
@@ -132,12 +132,12 @@ class Or(FormulaNode):
     def __post_init__(self) -> None:
         self._keep("formulas", FormulaNode, "the formulas of an Or")
 
-    def __str__(self) -> str:
-        return list_text("or", *self.formulas)
+    def _head(self) -> str:
+        return "or"
 
 
-@dataclass(frozen=True, slots=True)
-class Imply(FormulaNode):
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Imply(Branch, FormulaNode):
     """An implication.
 
     Attributes:
@@ -152,12 +152,12 @@ class Imply(FormulaNode):
         expect(self.condition, FormulaNode, "the condition of an Imply")
         expect(self.formula, FormulaNode, "the formula of an Imply")
 
-    def __str__(self) -> str:
-        return list_text("imply", self.condition, self.formula)
+    def _head(self) -> str:
+        return "imply"
 
 
-@dataclass(frozen=True, slots=True)
-class Forall(FormulaNode):
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Forall(Branch, FormulaNode):
     """A formula, or an effect, for all objects.
 
     Attributes:
@@ -172,12 +172,12 @@ class Forall(FormulaNode):
         self._keep("variables", TypedName, "the variables of a Forall")
         expect(self.formula, FormulaNode, "the formula of a Forall")
 
-    def __str__(self) -> str:
-        return list_text("forall", f"({variables_text(self.variables)})", self.formula)
+    def _head(self) -> str:
+        return f"forall ({variables_text(self.variables)})"
 
 
-@dataclass(frozen=True, slots=True)
-class Exists(FormulaNode):
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Exists(Branch, FormulaNode):
     """A formula that holds for some objects.
 
     Attributes:
@@ -192,12 +192,12 @@ class Exists(FormulaNode):
         self._keep("variables", TypedName, "the variables of an Exists")
         expect(self.formula, FormulaNode, "the formula of an Exists")
 
-    def __str__(self) -> str:
-        return list_text("exists", f"({variables_text(self.variables)})", self.formula)
+    def _head(self) -> str:
+        return f"exists ({variables_text(self.variables)})"
 
 
-@dataclass(frozen=True, slots=True)
-class Timed(FormulaNode):
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Timed(Branch, FormulaNode):
     """A condition or an effect at a time of a durative action; `at end`, a constraint's too.
 
     Attributes:
@@ -212,12 +212,12 @@ class Timed(FormulaNode):
         expect(self.time, str, "the time of a Timed")
         expect(self.formula, FormulaNode, "the formula of a Timed")
 
-    def __str__(self) -> str:
-        return f"({self.time} {self.formula})"
+    def _head(self) -> str:
+        return self.time
 
 
-@dataclass(frozen=True, slots=True)
-class Preference(FormulaNode):
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Preference(Branch, FormulaNode):
     """A soft goal, precondition or constraint (PDDL 3.0, section 3).
 
     Attributes:
@@ -233,12 +233,12 @@ class Preference(FormulaNode):
             expect(self.name, str, "the name of a Preference")
         expect(self.formula, FormulaNode, "the formula of a Preference")
 
-    def __str__(self) -> str:
-        return list_text("preference", *([] if self.name is None else [self.name]), self.formula)
+    def _head(self) -> str:
+        return "preference" if self.name is None else f"preference {self.name}"
 
 
-@dataclass(frozen=True, slots=True)
-class Modal(FormulaNode):
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Modal(Branch, FormulaNode):
     """A constraint on the trajectory (PDDL 3.0, section 2).
 
     Attributes:
@@ -257,5 +257,5 @@ class Modal(FormulaNode):
         self._keep("numbers", Number, "the numbers of a Modal")
         self._keep("formulas", FormulaNode, "the formulas of a Modal")
 
-    def __str__(self) -> str:
-        return list_text(self.operator, *self.numbers, *self.formulas)
+    def _head(self) -> str:
+        return self.operator

@@ -7,13 +7,12 @@ from typing import TYPE_CHECKING
 
 from ..arguments import expect
 from .conditions import Atom, Not
+from .node import Branch, FormulaNode, Node
 from .terms import (
     EXPRESSIONS,
     TERMS,
     Expression,
     Fluent,
-    FormulaNode,
-    Node,
     Number,
     Term,
     TypedName,
@@ -25,8 +24,8 @@ if TYPE_CHECKING:
     from .formula import Formula
 
 
-@dataclass(frozen=True, slots=True)
-class When(FormulaNode):
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class When(Branch, FormulaNode):
     """A conditional effect.
 
     Attributes:
@@ -41,8 +40,8 @@ class When(FormulaNode):
         expect(self.condition, FormulaNode, "the condition of a When")
         expect(self.effect, FormulaNode, "the effect of a When")
 
-    def __str__(self) -> str:
-        return list_text("when", self.condition, self.effect)
+    def _head(self) -> str:
+        return "when"
 
 
 @dataclass(frozen=True, slots=True)

@@ -23,6 +23,7 @@ from .conditions import (
     Timed,
 )
 from .effects import Assign, Derived, Metric, TimedLiteral, When
+from .node import Node
 from .terms import (
     Arithmetic,
     Constant,
@@ -30,7 +31,6 @@ from .terms import (
     Expression,
     Fluent,
     IsViolated,
-    Node,
     Number,
     Term,
     TypedName,

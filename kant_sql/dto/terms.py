@@ -8,31 +8,9 @@ from decimal import Decimal
 
 from ..arguments import expect, expect_tuple, items
 from .name import ROOT_TYPE
+from .node import Branch, Node
 from .number import check_number
 from .parameters import either_text
-
-
-class Node:
-    """A node of a formula, an effect or an expression.
-
-    Whoever makes one is held to the types of its attributes, else gets an `InvalidKnowledgeError`.
-    A list is kept as a tuple.
-    """
-
-    __slots__ = ()
-
-    def _keep(self, field: str, wanted: type | tuple[type, ...], role: str) -> None:
-        """Check a field that is a tuple, and make one of a list."""
-        value = getattr(self, field)
-        checked: tuple[object, ...] = expect_tuple(value, wanted, role)
-        if checked is not value:
-            object.__setattr__(self, field, checked)
-
-
-class FormulaNode(Node):
-    """A node that is a formula or an effect by itself, and can stand in another one."""
-
-    __slots__ = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,8 +71,8 @@ class Constant(Node):
         return self.name
 
 
-@dataclass(frozen=True, slots=True)
-class Fluent(Node):
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Fluent(Branch):
     """A function applied to terms: a number, or an object (PDDL 3.1), that changes over time.
 
     Attributes:
@@ -109,8 +87,8 @@ class Fluent(Node):
         expect(self.function, str, "the function of a Fluent")
         self._keep("terms", TERMS, "the terms of a Fluent")
 
-    def __str__(self) -> str:
-        return list_text(self.function, *self.terms)
+    def _head(self) -> str:
+        return self.function
 
 
 @dataclass(frozen=True, slots=True, init=False)
@@ -139,8 +117,8 @@ class ContinuousTime(Node):
         return "#t"
 
 
-@dataclass(frozen=True, slots=True)
-class Arithmetic(Node):
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Arithmetic(Branch):
     """An operation on numbers.
 
     Attributes:
@@ -155,8 +133,8 @@ class Arithmetic(Node):
         expect(self.operator, str, "the operator of an Arithmetic")
         self._keep("operands", EXPRESSIONS, "the operands of an Arithmetic")
 
-    def __str__(self) -> str:
-        return list_text(self.operator, *self.operands)
+    def _head(self) -> str:
+        return self.operator
 
 
 @dataclass(frozen=True, slots=True)

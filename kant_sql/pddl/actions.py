@@ -12,8 +12,9 @@ from ..dto.formula import (
     TypedName,
     Variable,
 )
+from ..dto.node import Node
 from .conjuncts import flatten
-from .cursor import hint
+from .cursor import Steps, finished, hint
 from .document import DURATIVE_ACTION, PROCESS, Action, Predicate
 from .effects import EffectReader
 from .formulas import PREFERENCES, TIMED
@@ -108,17 +109,20 @@ class ActionReader(EffectReader):
             self.deviate("variables in :parameters", "read as further parameters", at=self.at - 1)
             self._parameters += self.variables()
         else:
-            found = self._read_part(key)
+            found = [*self._read_part(key)]
             while self.tokens[self.at] == "(":
                 self.deviate("one formula: (and ...)", "read as a conjunction")
                 found += self._read_part(key)
-            self._parts[key] = found
+            self._parts[key] = tuple(found)
 
     def _read_part(self, key: str) -> tuple[Formula, ...]:
         if key == ":effect":
             return self.effects(self._context)
         if key == ":duration":
-            return () if self._skip_empty() else flatten(self._duration(1))
+            if self._skip_empty():
+                return ()
+            found = self._duration()
+            return flatten(found if isinstance(found, Node) else finished(found))
         return self.conjuncts(PREFERENCES | self._context)
 
     def _skip_empty(self) -> bool:
@@ -127,32 +131,34 @@ class ActionReader(EffectReader):
         self.at += 2 if empty else 0
         return empty
 
-    def _duration(self, depth: int) -> Formula:
+    def _duration(self) -> Formula | Steps[Formula]:
         self.expect("(", "a duration, such as (= ?duration 5)")
         self.at -= 1
         head = self.tokens[self.at + 1].lower()
         if head == "and":
-            self.check_depth(depth)
-            self.at += 2
-            parts = []
-            while self.tokens[self.at] != ")":
-                parts.append(self._duration(depth + 1))
-            self.at += 1
-            return And(tuple(parts))
+            return self._all_durations()
         time = self.time_here()
-        if time is not None:
-            self.check_depth(depth)
-            self.at += 3
-            formula = self._duration(depth + 1)
-            self.expect(")", f"')' after the duration {time}")
-            return Timed(time, formula)
-        return self._duration_constraint(head, depth)
+        return self._duration_constraint(head) if time is None else self._timed_duration(time)
 
-    def _duration_constraint(self, operator: str, depth: int) -> Formula:
+    def _all_durations(self) -> Steps[Formula]:
+        self.at += 2
+        parts = []
+        while self.tokens[self.at] != ")":
+            parts.append((yield self._duration()))
+        self.at += 1
+        return And(tuple(parts))
+
+    def _timed_duration(self, time: str) -> Steps[Formula]:
+        self.at += 3
+        formula = yield self._duration()
+        self.expect(")", f"')' after the duration {time}")
+        return Timed(time, formula)
+
+    def _duration_constraint(self, operator: str) -> Formula:
         start = self.at
         if operator not in COMPARISONS:
             self.fail("(= ?duration ...), (<= ?duration ...) or (>= ?duration ...)")
-        found = self.comparison(depth)
+        found = self.comparison()
         if not isinstance(found, Comparison) or _DURATION not in (found.left, found.right):
             self.fail("a comparison with ?duration", at=start)
         if operator in "<>":
@@ -201,7 +207,7 @@ class DerivedReader(EffectReader):
             expected = f"{len(parameters)}, as {signature.name} is declared"
             self.fail(expected, f"{len(variables)} variables", 3)
         self._check_variables(groups, parameters)
-        formula = self.formula(1, 0)
+        formula = self.formula(0)
         self.expect(")", "')' after the formula that it follows from")
         return Derived(signature.name, variables, formula)
 

@@ -2,18 +2,51 @@
 
 from __future__ import annotations
 
+from collections.abc import Generator
 from difflib import get_close_matches
-from typing import NoReturn
+from typing import Any, NoReturn, TypeVar
 
 from ..arguments import flag
 from ..dto.name import fold
+from ..dto.node import Node
 from ..errors import InvalidArgumentError, PddlError
 from .document import PddlWarning
 from .section import Section
-from .tokens import MAX_DEPTH, Text
+from .tokens import Text
 
 END = "the end of the text"
 _SHOWN = 60
+
+T = TypeVar("T")
+# What reads something with the like of it within: it yields what is within, or the steps that read
+# that, is sent what was read, and returns the whole.
+Steps = Generator[Any, Any, T]
+
+
+def finished(steps: Steps[T]) -> T:
+    """Take steps, and those that they yield, on a stack that is not the interpreter's.
+
+    Args:
+        steps: what reads something, nested to any depth.
+
+    Returns:
+        What was read.
+    """
+    stack, given = [steps], None
+    while True:
+        try:
+            found = stack[-1].send(given)
+        except StopIteration as end:
+            stack.pop()
+            given = end.value
+            if not stack:
+                return end.value  # type: ignore[no-any-return]
+            continue
+        if isinstance(found, Node):
+            given = found
+        else:
+            stack.append(found)
+            given = None
 
 
 class Reading:
@@ -246,19 +279,6 @@ class Cursor:
             if depth <= 0:
                 self.at = at
                 return
-
-    def check_depth(self, depth: int) -> None:
-        """Refuse what is nested too deeply.
-
-        Args:
-            depth: how deep it is.
-
-        Raises:
-            PddlError: that is more than `MAX_DEPTH`.
-        """
-        if depth > MAX_DEPTH:
-            expected = f"at most {MAX_DEPTH} levels of nesting"
-            self.fail(expected, "a formula that is nested more deeply")
 
 
 def hint(name: str, known: list[str]) -> str:

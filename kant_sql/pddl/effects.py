@@ -19,12 +19,12 @@ from ..dto.formula import (
     Timed,
     When,
 )
+from ..dto.node import Node, walk
 from .conjuncts import flatten
-from .cursor import hint
+from .cursor import Steps, finished, hint
 from .formulas import TIMED, FormulaReader
 from .signatures import Signature
 from .symbols import Head
-from .walk import walk
 
 _TIMED_EFFECT = "(at start ...), (at end ...) or a continuous effect with #t"
 # What formulas know and effects do not.
@@ -48,18 +48,11 @@ class EffectReader(FormulaReader):
         if self.is_empty():
             self.at += 2
             return ()
-        return flatten(self.effect(self.top(), context))
+        found = self._begin(context)
+        return flatten(found if isinstance(found, Node) else finished(found))
 
-    def effect(self, depth: int, context: int) -> Formula:
-        """Read an effect.
-
-        Args:
-            depth: how deeply it is nested.
-            context: whether it must be timed.
-
-        Returns:
-            The effect.
-        """
+    def _begin(self, context: int) -> Formula | Steps[Formula]:
+        """Read an effect, unless there are effects within: then give the steps that read it."""
         tokens, at = self.tokens, self.at
         if tokens[at] != "(":
             self.fail("an effect, which begins with '('")
@@ -68,12 +61,12 @@ class EffectReader(FormulaReader):
         if kind is None:
             kind = self._effect_head(head)
         if not isinstance(kind, Signature):
-            return kind(self, depth + 1, context)
+            return kind(self, context)
         if context & TIMED:
             self.fail(_TIMED_EFFECT)
         if not kind.accepted:
-            return self.atom(kind, depth)
-        return Atom(kind.name, self.arguments(kind, depth))
+            return self.atom(kind)
+        return Atom(kind.name, self.arguments(kind))
 
     def _effect_head(self, head: str) -> Head:
         """Find what a word behind a parenthesis begins, and remember it."""
@@ -94,77 +87,77 @@ class EffectReader(FormulaReader):
         self.symbols.effect_heads[head] = kind
         return kind
 
-    def _all(self, depth: int, context: int) -> Formula:
-        self.check_depth(depth)
+    def _all(self, context: int) -> Steps[Formula]:
         self.at += 2 if self.tokens[self.at + 1] != ")" else 1
         effects = []
         tokens = self.tokens
         while tokens[self.at] != ")":
-            effects.append(self.effect(depth, context))
+            found = self._begin(context)
+            effects.append(found if isinstance(found, Node) else (yield found))
         self.at += 1
         return And(tuple(effects))
 
-    def _delete(self, depth: int, context: int) -> Formula:
+    def _delete(self, context: int) -> Formula:
         if context & TIMED:
             self.fail(_TIMED_EFFECT)
         self.at += 2
         at = self.at
-        formula = self.formula(depth, 0)
+        formula = self.formula(0)
         if not isinstance(formula, Atom):
             self.fail("an atom that is deleted", at=at)
         self.expect(")", "')' after the atom that is deleted")
         return Not(formula)
 
-    def _for_all(self, depth: int, context: int) -> Formula:
-        self.check_depth(depth)
-        outside = self.scope
+    def _for_all(self, context: int) -> Steps[Formula]:
+        outside = self.mark()
         self.at += 2
         variables = self.variables()
-        effect = self.effect(depth, context)
+        effect = yield self._begin(context)
         self.expect(")", "')' after the effect of forall")
-        self.scope = outside
+        self.release(outside)
         return Forall(variables, effect)
 
-    def _when(self, depth: int, context: int) -> Formula:
-        self.check_depth(depth)
+    def _when(self, context: int) -> Steps[Formula]:
         self.at += 2
-        condition = self._empty() if self.is_empty() else self.formula(depth, context)
-        effect = self.effect(depth, context)
+        condition = self._empty() if self.is_empty() else (yield self.begin(context))
+        effect = yield self._begin(context)
         self.expect(")", "')' after the condition and the effect of when")
         return When(condition, effect)
 
-    def _at(self, depth: int, context: int) -> Formula:
+    def _at(self, context: int) -> Formula | Steps[Formula]:
         time = self.time_here()
         if time is None:
             if context & TIMED:
                 self.fail(_TIMED_EFFECT)
-            return self.atom(self.known(self.symbols.predicates, self.tokens[self.at + 1]), depth)
+            return self.atom(self.known(self.symbols.predicates, self.tokens[self.at + 1]))
         if not context & TIMED or time == OVER_ALL:
             self.fail(_TIMED_EFFECT if context & TIMED else "an effect without a time")
-        self.check_depth(depth)
+        return self._happening(time)
+
+    def _happening(self, time: str) -> Steps[Formula]:
         self.at += 3
-        effect = self.effect(depth, 0)
+        effect = yield self._begin(0)
         self.expect(")", f"')' after the effect that happens {time}")
         return Timed(time, effect)
 
-    def _assign(self, depth: int, context: int) -> Formula:
+    def _assign(self, context: int) -> Formula:
         start = self.at
         operator = self.tokens[start + 1]
         if self._is_predicate():
-            return self.atom(self.known(self.symbols.predicates, operator), depth)
+            return self.atom(self.known(self.symbols.predicates, operator))
         operator = operator.lower()
         self.at += 2
-        signature, fluent = self._assigned_fluent(operator, depth)
-        value = self.assigned(signature, depth)
+        signature, fluent = self._assigned_fluent(operator)
+        value = self.assigned(signature)
         self.expect(")", f"')' after the value of {operator}")
         effect = Assign(operator, fluent, value)
         if context & TIMED and not any(isinstance(one, ContinuousTime) for one in walk(value)):
             self.fail(_TIMED_EFFECT, at=start)
         return effect
 
-    def _assigned_fluent(self, operator: str, depth: int) -> tuple[Signature, Fluent]:
+    def _assigned_fluent(self, operator: str) -> tuple[Signature, Fluent]:
         if self.tokens[self.at] == "(":
-            fluent = self.fluent(depth, numeric=None if operator == "assign" else True)
+            fluent = self.fluent(numeric=None if operator == "assign" else True)
         else:
             fluent = self.bare_fluent(self.tokens[self.at])
         signature = self.symbols.functions.find(fluent.function)
@@ -172,7 +165,7 @@ class EffectReader(FormulaReader):
         return signature, fluent
 
 
-_Reader = Callable[[EffectReader, int, int], Formula]
+_Reader = Callable[[EffectReader, int], Formula | Steps[Formula]]
 _READERS: dict[str, _Reader] = {
     "and": EffectReader._all,
     "not": EffectReader._delete,

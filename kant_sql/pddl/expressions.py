@@ -19,8 +19,9 @@ from ..dto.formula import (
     Variable,
 )
 from ..dto.name import NUMBER, fold
+from ..dto.node import Node
 from ..dto.number import MAX_DIGITS
-from .cursor import hint
+from .cursor import Steps, finished, hint
 from .hierarchy import Fit
 from .signatures import Signature
 from .terms import DURATION, TermReader
@@ -41,21 +42,23 @@ class ExpressionReader(TermReader):
     time_allowed = False
     metric = False
 
-    def expression(self, depth: int) -> Expression:
-        """Read a number, or what is computed of numbers.
-
-        Args:
-            depth: how deeply it is nested.
+    def expression(self) -> Expression:
+        """Read a number, or what is computed of numbers, nested to any depth.
 
         Returns:
             The expression.
         """
+        found = self._begin_expression()
+        return found if isinstance(found, Node) else finished(found)
+
+    def _begin_expression(self) -> Expression | Steps[Expression]:
+        """Read a number; of what is computed, give the steps that read it."""
         token = self.tokens[self.at]
         if token == "(":
             head = self.tokens[self.at + 1]
             if head in ARITHMETIC:
-                return self._arithmetic(head, depth)
-            return self._number_fluent(head, depth)
+                return self._arithmetic(head)
+            return self._number_fluent(head)
         if token[:1] == "?" or token in ("#t", "#T"):
             return self._special(token)
         number = self.number_here()
@@ -64,28 +67,27 @@ class ExpressionReader(TermReader):
             return number
         return self.bare_fluent(token)
 
-    def _arithmetic(self, operator: str, depth: int) -> Arithmetic:
-        self.check_depth(depth)
+    def _arithmetic(self, operator: str) -> Steps[Expression]:
         start = self.at
         self.at += 2
         operands = []
         while self.tokens[self.at] != ")":
-            operands.append(self.expression(depth + 1))
+            found = self._begin_expression()
+            operands.append(found if isinstance(found, Node) else (yield found))
         if not operands or (len(operands) == 1 and operator != "-"):
             self.fail(f"two operands of {operator}", f"{len(operands)}")
         if len(operands) > 2 and operator in "-/":
             self.deviate(f"two operands of {operator}", "read from the left", at=start)
-            self.check_depth(depth + len(operands))
             for operand in operands[2:]:
                 operands[:2] = [Arithmetic(operator, tuple(operands[:2])), operand]
             del operands[2:]
         self.at += 1
         return Arithmetic(operator, tuple(operands))
 
-    def _number_fluent(self, head: str, depth: int) -> Expression:
+    def _number_fluent(self, head: str) -> Expression:
         if self.metric and head.lower() == "is-violated":
             return self._is_violated()
-        return self.fluent(depth, numeric=True)
+        return self.fluent(numeric=True)
 
     def _is_violated(self) -> IsViolated:
         self.at += 2
@@ -99,11 +101,10 @@ class ExpressionReader(TermReader):
         self.expect(")")
         return IsViolated(known or name)
 
-    def fluent(self, depth: int, numeric: bool | None = None) -> Fluent:
+    def fluent(self, numeric: bool | None = None) -> Fluent:
         """Read a function applied to terms.
 
         Args:
-            depth: how deeply it is nested.
             numeric: whether its value must be a number, or must not; None for either.
 
         Returns:
@@ -120,7 +121,7 @@ class ExpressionReader(TermReader):
             kinds = ("an object", "a number")
             found = f"({signature.name} ...), which is {kinds[not numeric]}"
             self.fail(kinds[numeric], found)
-        return Fluent(signature.name, self.arguments(signature, depth))
+        return Fluent(signature.name, self.arguments(signature))
 
     def _cost_or_time(self) -> Signature | None:
         """The signature of `total-time` or `total-cost`, when it is here and not declared."""
@@ -202,11 +203,8 @@ class ExpressionReader(TermReader):
             self.fail(f"a number of at most {MAX_DIGITS} digits")
         return value
 
-    def comparison(self, depth: int) -> Comparison | Equal:
+    def comparison(self) -> Comparison | Equal:
         """Read a comparison of numbers, or an equation of objects.
-
-        Args:
-            depth: how deeply it is nested.
 
         Returns:
             It.
@@ -214,10 +212,10 @@ class ExpressionReader(TermReader):
         operator = self.tokens[self.at + 1]
         self.at += 2
         if operator == "=" and self._equates_objects():
-            left, right = self.term(depth + 2)[0], self.term(depth + 2)[0]
+            left, right = self.term()[0], self.term()[0]
             self.expect(")", "')' after two terms")
             return Equal(left, right)
-        first, second = self.expression(depth + 1), self.expression(depth + 1)
+        first, second = self.expression(), self.expression()
         self.expect(")", "')' after two numbers")
         return Comparison(operator, first, second)
 
@@ -248,22 +246,21 @@ class ExpressionReader(TermReader):
             return False
         return self.symbols.functions.find(token) is not None
 
-    def assigned(self, signature: Signature, depth: int) -> Expression | Term:
+    def assigned(self, signature: Signature) -> Expression | Term:
         """Read the value that a fluent gets.
 
         Args:
             signature: the fluent's function.
-            depth: how deeply it is nested.
 
         Returns:
             A number's expression; for an object fluent a term.
         """
         at = self.at
         if signature.parameters is None:
-            return self.expression(depth) if self._is_numeric() else self.term(depth)[0]
+            return self.expression() if self._is_numeric() else self.term()[0]
         if not signature.types:
-            return self.expression(depth)
-        entity = self.term(depth)
+            return self.expression()
+        entity = self.term()
         if self.symbols.fit(entity[1], signature.types) is not Fit.YES:
             self.misfit(entity, signature.types, f"as the value of {signature.name}", at)
         return entity[0]

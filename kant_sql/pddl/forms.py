@@ -15,7 +15,7 @@ from typing import NoReturn
 from ..errors import PddlError
 from .cursor import END, Cursor, Reading, hint
 from .section import Section
-from .tokens import MAX_DEPTH, Text, end_of_tokens, tokenize, unmatched
+from .tokens import Text, end_of_tokens, tokenize, unmatched
 from .typed_lists import ListReader
 
 DOMAIN, PROBLEM = "domain", "problem"
@@ -124,10 +124,10 @@ class Scanner:
         self._reading.check_comments(self._text)
         self._check_start()
         wrong = unmatched(self._code)
-        if wrong is not None and self._code[wrong : wrong + 1] == ")":
-            self._refuse(wrong, "')' that closes nothing", END)
         if wrong is not None:
-            self._refuse(wrong, f"more than {MAX_DEPTH} parentheses that are not closed", "')'")
+            offset, missing = wrong
+            found = (END, f"{missing} more ')'") if missing else ("')' that closes nothing", END)
+            self._refuse(offset, *found)
         if _DEFINE.search(self._code) is None:
             self._refuse_start(0)
         self._split()

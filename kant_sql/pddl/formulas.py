@@ -27,8 +27,9 @@ from ..dto.formula import (
     Timed,
 )
 from ..dto.name import fold
+from ..dto.node import Node
 from .conjuncts import flatten
-from .cursor import hint
+from .cursor import Steps, finished, hint
 from .expressions import ExpressionReader
 from .signatures import Signature
 from .symbols import Head
@@ -57,12 +58,7 @@ class FormulaReader(ExpressionReader):
         Returns:
             Its conjuncts.
         """
-        formula = self._empty() if self.is_empty() else self.formula(self.top(), context)
-        return flatten(formula)
-
-    def top(self) -> int:
-        """The depth of what is next, at the top: the conjunction of its conjuncts is no level."""
-        return 0 if self.tokens[self.at + 1].lower() == "and" else 1
+        return flatten(self._empty() if self.is_empty() else self.formula(context))
 
     def is_empty(self) -> bool:
         """Whether `()` is next."""
@@ -72,15 +68,26 @@ class FormulaReader(ExpressionReader):
         self.at += 2
         return And()
 
-    def formula(self, depth: int, context: int) -> Formula:
+    def formula(self, context: int) -> Formula:
         """Read a formula.
 
         Args:
-            depth: how deeply it is nested.
             context: what it may or must be.
 
         Returns:
             The formula.
+        """
+        found = self.begin(context)
+        return found if isinstance(found, Node) else finished(found)
+
+    def begin(self, context: int) -> Formula | Steps[Formula]:
+        """Read a formula, unless there are formulas within.
+
+        Args:
+            context: what it may or must be.
+
+        Returns:
+            The formula; or the steps that read it.
         """
         tokens, at = self.tokens, self.at
         if tokens[at] != "(":
@@ -90,12 +97,12 @@ class FormulaReader(ExpressionReader):
         if kind is None:
             kind = self._head(head)
         if not isinstance(kind, Signature):
-            return kind(self, depth + 1, context)
+            return kind(self, context)
         if context & _MUST:
             self._misplaced(context)
         if not kind.accepted:
-            return self.atom(kind, depth)
-        return Atom(kind.name, self.arguments(kind, depth))
+            return self.atom(kind)
+        return Atom(kind.name, self.arguments(kind))
 
     def _head(self, head: str) -> Head:
         """Find what a word behind a parenthesis begins, and remember it."""
@@ -128,12 +135,11 @@ class FormulaReader(ExpressionReader):
     def _misplaced(self, context: int) -> None:
         self.fail(_TIMED_FORM if context & TIMED else _CONSTRAINT_FORM)
 
-    def _none(self, depth: int, context: int) -> Formula:
-        del depth, context
+    def _none(self, context: int) -> Formula:
+        del context
         return self._empty()
 
-    def _junction(self, depth: int, context: int) -> Formula:
-        self.check_depth(depth)
+    def _junction(self, context: int) -> Steps[Formula]:
         tokens = self.tokens
         kind = And if tokens[self.at + 1].lower() == "and" else Or
         if kind is Or:
@@ -141,7 +147,8 @@ class FormulaReader(ExpressionReader):
         self.at += 2
         formulas = []
         while tokens[self.at] != ")":
-            formulas.append(self.formula(depth, context))
+            found = self.begin(context)
+            formulas.append(found if isinstance(found, Node) else (yield found))
         self.at += 1
         return kind(tuple(formulas))
 
@@ -152,48 +159,44 @@ class FormulaReader(ExpressionReader):
             self.deviate(f"{expected} instead of ({operator} ...)", "read as it is")
         return context & ~PREFERENCES
 
-    def _not(self, depth: int, context: int) -> Formula:
-        self.check_depth(depth)
+    def _not(self, context: int) -> Steps[Formula]:
         context = self._plain("not", context)
         self.at += 2
-        formula = self.formula(depth, context)
+        formula = yield self.begin(context)
         self.expect(")", "')' after the formula that is negated")
         return Not(formula)
 
-    def _imply(self, depth: int, context: int) -> Formula:
-        self.check_depth(depth)
+    def _imply(self, context: int) -> Steps[Formula]:
         context = self._plain("imply", context)
         self.at += 2
-        condition = self.formula(depth, context)
-        formula = self.formula(depth, context)
+        condition = yield self.begin(context)
+        formula = yield self.begin(context)
         self.expect(")", "')' after the two formulas of imply")
         return Imply(condition, formula)
 
-    def _forall(self, depth: int, context: int) -> Formula:
-        self.check_depth(depth)
-        outside = self.scope
+    def _forall(self, context: int) -> Steps[Formula]:
+        outside = self.mark()
         self.at += 2
         variables = self.variables()
-        formula = self.formula(depth, context)
+        formula = yield self.begin(context)
         self.expect(")", "')' after the formula of forall")
-        self.scope = outside
+        self.release(outside)
         return Forall(variables, formula)
 
-    def _exists(self, depth: int, context: int) -> Formula:
-        self.check_depth(depth)
+    def _exists(self, context: int) -> Steps[Formula]:
         context = self._plain("exists", context)
-        outside = self.scope
+        outside = self.mark()
         self.at += 2
         variables = self.variables()
-        formula = self.formula(depth, context)
+        formula = yield self.begin(context)
         self.expect(")", "')' after the formula of exists")
-        self.scope = outside
+        self.release(outside)
         return Exists(variables, formula)
 
-    def _comparison(self, depth: int, context: int) -> Comparison | Equal:
+    def _comparison(self, context: int) -> Comparison | Equal:
         if context & _MUST:
             self._misplaced(context)
-        return self.comparison(depth)
+        return self.comparison()
 
     def time_here(self) -> str | None:
         """Tell at which time what is next is said to hold or happen.
@@ -204,24 +207,26 @@ class FormulaReader(ExpressionReader):
         words = self.tokens[self.at + 1].lower(), self.tokens[self.at + 2].lower()
         return _TIMES.get(words) if self.tokens[self.at + 3] == "(" else None
 
-    def _at_time(self, depth: int, context: int) -> Formula:
+    def _at_time(self, context: int) -> Formula | Steps[Formula]:
         time = self.time_here()
         if time is None:
-            return self._named_like_operator(depth, context)
+            return self._named_like_operator(context)
         if not (context & TIMED or (time == AT_END and context & (CONSTRAINTS | MODAL))):
             self.fail("a formula without a time", f"({time} ...)")
-        self.check_depth(depth)
+        return self._timed_formula(time)
+
+    def _timed_formula(self, time: str) -> Steps[Formula]:
         self.at += 3
-        formula = self.formula(depth, 0)
+        formula = yield self.begin(0)
         self.expect(")", f"')' after the formula that holds {time}")
         return Timed(time, formula)
 
-    def _named_like_operator(self, depth: int, context: int) -> Formula:
+    def _named_like_operator(self, context: int) -> Formula:
         """Read an atom whose predicate is named like an operator."""
         signature = self.known(self.symbols.predicates, self.tokens[self.at + 1])
         if context & _MUST:
             self._misplaced(context)
-        return self.atom(signature, depth)
+        return self.atom(signature)
 
     def _may_be_predicate(self) -> bool:
         """Whether the word behind the next parenthesis names a predicate, as far as is known."""
@@ -233,19 +238,21 @@ class FormulaReader(ExpressionReader):
         declared = self.symbols.predicates.find(self.tokens[self.at + 1]) is not None
         return declared and self.tokens[self.at + 2] != "("
 
-    def _preference(self, depth: int, context: int) -> Formula:
+    def _preference(self, context: int) -> Formula | Steps[Formula]:
         # What is preferred is a formula, alone or behind a name; terms are no formulas.
         behind = self.tokens[self.at + 2 : self.at + (4 if context & PREFERENCES else 3)]
         if (behind[0] == ")" or "(" not in behind) and self._may_be_predicate():
-            return self._named_like_operator(depth, context)
+            return self._named_like_operator(context)
         if not context & PREFERENCES:
             self.fail("a formula; a preference belongs to the top of a goal or precondition")
-        self.check_depth(depth)
+        return self._preferred(context)
+
+    def _preferred(self, context: int) -> Steps[Formula]:
         self.at += 2
         name = None if self.tokens[self.at] == "(" else self.declared_name("preference")
         if name is not None:
             self.symbols.preferences.setdefault(fold(name), name)
-        formula = self.formula(depth, context & ~PREFERENCES)
+        formula = yield self.begin(context & ~PREFERENCES)
         self.expect(")", "')' after the formula that is preferred")
         return Preference(name, formula)
 
@@ -259,19 +266,23 @@ class FormulaReader(ExpressionReader):
         self.at -= 2
         return found or not self._may_be_predicate()
 
-    def _modal(self, depth: int, context: int) -> Formula:
+    def _modal(self, context: int) -> Formula | Steps[Formula]:
         operator = self.tokens[self.at + 1].lower()
         wanted, formulas = MODALS[operator]
         if not self._takes_operands(wanted):
-            return self._named_like_operator(depth, context)
+            return self._named_like_operator(context)
         if not context & (CONSTRAINTS | MODAL):
             self.fail("a formula; constraints belong to (:constraints ...)")
-        self.check_depth(depth)
+        return self._constraint(operator, wanted, formulas)
+
+    def _constraint(self, operator: str, wanted: int, formulas: int) -> Steps[Formula]:
         self.at += 2
         numbers = tuple([self._time_span(operator) for _ in range(wanted)])
-        parts = tuple([self.formula(depth, MODAL) for _ in range(formulas)])
+        parts = []
+        for _ in range(formulas):
+            parts.append((yield self.begin(MODAL)))
         self.expect(")", f"')' after the {formulas} formula{'s' * (formulas - 1)} of {operator}")
-        return Modal(operator, numbers, parts)
+        return Modal(operator, numbers, tuple(parts))
 
     def _time_span(self, operator: str) -> Number:
         number = self.number_here()
@@ -281,7 +292,7 @@ class FormulaReader(ExpressionReader):
         return number
 
 
-_Reader = Callable[[FormulaReader, int, int], Formula]
+_Reader = Callable[[FormulaReader, int], Formula | Steps[Formula]]
 _READERS: dict[str, _Reader] = {
     "and": FormulaReader._junction,
     "or": FormulaReader._junction,

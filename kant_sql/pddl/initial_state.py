@@ -10,6 +10,7 @@ from operator import getitem
 from typing import Final, NamedTuple
 
 from ..dto.formula import Assign, Atom, Constant, Equal, Fluent, Not, Number, Term, TimedLiteral
+from ..dto.node import shown
 from .cursor import Reading
 from .document import FunctionValue
 from .formulas import FormulaReader
@@ -86,7 +87,7 @@ class InitialStateReader(FormulaReader):
         self._count = 0
         self._next_block()
         self.at = 2
-        self._elements(1)
+        self._elements()
         self.at += 1
         self.tokens[self._count :] = self._blocks.rest() + self._ends
 
@@ -128,11 +129,12 @@ class InitialStateReader(FormulaReader):
         self.at = 0
         return bool(tokens)
 
-    def _elements(self, depth: int) -> None:
+    def _elements(self) -> None:
         """Read facts and the like up to the parenthesis that closes their list."""
         tokens, at = self.tokens, self.at
         predicates, append = self._predicates, self._facts.append
-        while tokens[at] != ")":
+        self._lists = 0
+        while tokens[at] != ")" or self._lists:
             entry = predicates[tokens[at + 1]]
             if entry is not None and tokens[at] == "(":
                 end = at + 2 + entry.arity
@@ -153,7 +155,7 @@ class InitialStateReader(FormulaReader):
                     continue
             self.at = at
             if tokens[at] or not self._next_block():
-                self._element(depth)
+                self._element()
             tokens, at = self.tokens, self.at
         self.at = at
 
@@ -177,8 +179,12 @@ class InitialStateReader(FormulaReader):
         self._value_tokens.append(self.base + at)
         return end + 3
 
-    def _element(self, depth: int) -> None:
-        """Read one element of the initial state, whatever it is."""
+    def _element(self) -> None:
+        """Read one element of the initial state, whatever it is, or the end of a list within."""
+        if self.tokens[self.at] == ")":
+            self.at += 1
+            self._lists -= 1
+            return
         self.expect("(", "a fact, which begins with '('")
         head = self.word("a predicate").lower()
         self.at -= 2
@@ -190,11 +196,9 @@ class InitialStateReader(FormulaReader):
         elif head == "at" and self._is_timed():
             self._timed_element()
         elif head == "and":
-            self.check_depth(depth)
             self.deviate("facts without (and ...)", "read as a list")
             self.at += 2
-            self._elements(depth + 1)
-            self.at += 1
+            self._lists += 1
         elif head in _FOREIGN and self._is_foreign(head):
             self.fail("a fact", f"'({head}', which is of {_FOREIGN[head]}")
         else:
@@ -225,14 +229,14 @@ class InitialStateReader(FormulaReader):
         name = self.word("a predicate")
         self.at -= 2
         start = self.at
-        atom = self.atom(self.known(self.symbols.predicates, name), 1)
+        atom = self.atom(self.known(self.symbols.predicates, name))
         self._check_ground(atom.terms, start)
         return atom
 
     def _check_ground(self, terms: tuple[Term, ...], start: int) -> None:
         for term in terms:
             if not isinstance(term, Constant):
-                self.fail("objects as arguments", f"the argument {term}", start)
+                self.fail("objects as arguments", f"the argument {shown(term)}", start)
 
     def _negation(self) -> Not:
         self.at += 2
@@ -245,9 +249,9 @@ class InitialStateReader(FormulaReader):
 
     def _equality(self) -> Equal:
         start = self.at
-        found = self.comparison(1)
+        found = self.comparison()
         if not isinstance(found, Equal):
-            self.fail("two objects", f"{found}", start)
+            self.fail("two objects", shown(found), start)
         self._check_ground((found.left, found.right), start)
         return found
 
@@ -295,16 +299,16 @@ class InitialStateReader(FormulaReader):
         self.at += 2
         start = self.at
         if self.tokens[self.at] == "(":
-            fluent = self.fluent(1)
+            fluent = self.fluent()
         else:
             fluent = self.bare_fluent(self.tokens[self.at])
         self._check_ground(fluent.terms, start)
         signature = self.symbols.functions.find(fluent.function)
         assert signature is not None
         at = self.at
-        value = self.assigned(signature, 1)
+        value = self.assigned(signature)
         if not isinstance(value, Number | Constant):
-            self.fail("a number" if not signature.types else "an object", f"{value}", at)
+            self.fail("a number" if not signature.types else "an object", shown(value), at)
         self.expect(")", "')' after the value")
         return FunctionValue(fluent, value)
 

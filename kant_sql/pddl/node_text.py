@@ -1,7 +1,7 @@
 """The text of a node, or why no text could carry it.
 
 `str()` of a node is the same text. This is for documents that someone has made by hand: it refuses
-what could not be read back, and nesting is bounded by `MAX_DEPTH` and not by the interpreter.
+what could not be read back.
 """
 
 from __future__ import annotations
@@ -41,14 +41,11 @@ from ..dto.formula import (
     variables_text,
 )
 from ..dto.name import RESERVED, check_name, fold
+from ..dto.node import children
 from ..dto.number import decimal_text
 from ..errors import InvalidKnowledgeError
-from .tokens import MAX_DEPTH
-from .walk import children
 
 PREFERENCE, DEFINE = "preference", "define"
-# What the reader does not count as a level, at the bottom of a formula.
-_FLAT = (Atom, Equal, Comparison, Fluent)
 # A parenthesis behind these is read as a formula or a fluent of theirs, and not as a term.
 _OPERATORS = {DEFINE, PREFERENCE, *MODALS, *ASSIGNMENTS}
 _TIME_WORDS = {tuple(time.split()) for time in TIMES}
@@ -68,23 +65,15 @@ def node_text(node: Node, explicit: bool = False) -> str:
         InvalidKnowledgeError: the text could not be read back.
     """
     texts: list[str] = []
-    # What is around a formula is a level for the reader, too.
-    level = 1
     stack: list[Node | None] = [node]
     while stack:
         part = stack.pop()
         if part is None:
             texts.append(")")
-            level -= 1
         elif (leaf := _LEAVES.get(type(part))) is not None:
             texts.append(f" {leaf(part)}")
         else:
             texts.append(f" ({_head(part, explicit)}")
-            level += 1
-            if level > (MAX_DEPTH + 2 if isinstance(part, _FLAT) else MAX_DEPTH):
-                raise InvalidKnowledgeError(
-                    f"nested more than {MAX_DEPTH} deep, which is more than is read; split it up"
-                )
             stack.append(None)
             stack.extend(reversed(children(part)))
     return "".join(texts)[1:]

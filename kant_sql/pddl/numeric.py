@@ -23,8 +23,8 @@ from ..dto.formula import (
     Variable,
 )
 from ..dto.name import fold
+from ..dto.node import children, walk
 from .document import DURATIVE_ACTION, Domain, FunctionValue, Problem
-from .walk import children, walk
 
 TOTAL_COST, TOTAL_TIME, DURATION = "total-cost", "total-time", "duration"
 NUMERIC_FLUENTS, ACTION_COSTS = ":numeric-fluents", ":action-costs"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from ..dto.formula import Formula, Metric, TypedName
 from ..dto.name import fold, is_name
+from ..dto.node import shown
 from .cursor import Cursor, Reading, hint
 from .declarations import DeclarationReader
 from .document import Domain, Problem
@@ -139,7 +140,7 @@ class ProblemReader:
         return self._read_conjuncts(self._sections(":constraints"), CONSTRAINTS | PREFERENCES)
 
     def _read_conjuncts(self, sections: list[Section], context: int) -> tuple[Formula, ...]:
-        found: tuple[Formula, ...] = ()
+        found: list[Formula] = []
         for section in sections:
             reader = FormulaReader(self._reading, section, self._symbols, section.keyword)
             reader.at = 2
@@ -153,7 +154,7 @@ class ProblemReader:
                 found += reader.conjuncts(context)
             reader.at += 1
             finish(reader)
-        return found
+        return tuple(found)
 
     def _read_metric(self) -> Metric | None:
         metric: Metric | None = None
@@ -164,10 +165,10 @@ class ProblemReader:
             word = reader.word("minimize or maximize")
             if word.lower() not in _OPTIMIZATIONS:
                 reader.fail(f"minimize or maximize{hint(word, list(_OPTIMIZATIONS))}", at=2)
-            found = Metric(word.lower(), reader.expression(2))
+            found = Metric(word.lower(), reader.expression())
             reader.expect(")", "')' after the metric")
             if metric is not None and metric != found:
-                reader.fail("one metric", f"another one, {found}", 0)
+                reader.fail("one metric", f"another one, {shown(found)}", 0)
             metric = found
             finish(reader)
         return metric

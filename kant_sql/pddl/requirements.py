@@ -36,10 +36,10 @@ from ..dto.formula import (
     When,
 )
 from ..dto.name import ROOT_TYPE, fold
+from ..dto.node import children, walk
 from ..errors import InvalidArgumentError
 from .document import DURATIVE_ACTION, EVENT, PROCESS, Action, Domain, Function, Predicate, Problem
 from .numeric import numeric_requirement
-from .walk import children, walk
 
 REQUIREMENTS = (
     ":strips",

@@ -8,10 +8,11 @@ from typing import NamedTuple
 
 from ..dto.formula import Constant, Formula, Preference, Term, TypedName, Variable
 from ..dto.name import ROOT_TYPE, fold, is_name
+from ..dto.node import walk
+from .cursor import Steps
 from .document import Domain
 from .hierarchy import Fit, Types, is_below
 from .signatures import Named, Signature
-from .walk import walk
 
 # What a term is, and the types of what it denotes.
 Entity = tuple[Term, Types]
@@ -33,7 +34,7 @@ class Bound(NamedTuple):
 
 
 # What a word behind a parenthesis begins: an atom, or what a reader's method reads.
-Head = Signature | Callable[..., Formula]
+Head = Signature | Callable[..., Formula | Steps[Formula]]
 
 
 class Symbols:

@@ -6,7 +6,8 @@ from typing import NoReturn
 
 from ..dto.formula import Atom, Constant, Fluent, Term, TypedName
 from ..dto.name import fold, is_name
-from .cursor import Reading, hint
+from ..dto.node import shown
+from .cursor import Reading, Steps, finished, hint
 from .hierarchy import Fit, Types
 from .section import Section
 from .signatures import Named, Signature
@@ -22,7 +23,7 @@ class TermReader(ListReader):
     Attributes:
         duration_allowed: whether `?duration` is the duration of the action.
         symbols: the names that may be used.
-        scope: the variables that may be used, in the spellings that were met, each with its `?`.
+        scope: the variables that may be used, folded and as they were bound, each with its `?`.
     """
 
     duration_allowed = False
@@ -40,6 +41,29 @@ class TermReader(ListReader):
         """
         super().open(section, nesting)
         self.scope: dict[str, Entity] = {}
+        # What each change of the scope took the place of: copies would be quadratic in the depth.
+        self._outside: list[tuple[str, Entity | None]] = []
+
+    def mark(self) -> int:
+        """Mark a place, behind which variables are bound.
+
+        Returns:
+            The mark, for `release`.
+        """
+        return len(self._outside)
+
+    def release(self, mark: int) -> None:
+        """Let only those variables be used that could be at a mark.
+
+        Args:
+            mark: the mark.
+        """
+        while len(self._outside) > mark:
+            spelling, entity = self._outside.pop()
+            if entity is None:
+                del self.scope[spelling]
+            else:
+                self.scope[spelling] = entity
 
     def variables(self) -> tuple[TypedName, ...]:
         """Read a parenthesised list of typed variables, and let them be used from here on.
@@ -60,8 +84,8 @@ class TermReader(ListReader):
             The variables, in order.
         """
         symbols = self.symbols
-        scope = self.scope.copy()
-        found: list[Bound] = []
+        scope = self.scope
+        found: dict[str, Bound] = {}
         for group in groups:
             types = self.resolve(symbols, group.types, group.types_at)
             for word in group.words:
@@ -69,19 +93,22 @@ class TermReader(ListReader):
                 if self.duration_allowed and bound.key == DURATION:
                     place = group.at + group.words.index(word)
                     self.fail("a variable that is not the duration of the action", at=place)
-                if bound.key in scope:
-                    self._shadow(scope, bound, found, group.at + group.words.index(word))
-                scope[bound.key] = scope[word] = bound.entity
-                found.append(bound)
-        self.scope = scope
-        return tuple([bound.declared for bound in found])
-
-    def _shadow(self, scope: dict[str, Entity], bound: Bound, before: list[Bound], at: int) -> None:
-        """Forget the variable of that name that is bound outside, in all spellings."""
-        if any(one.key == bound.key for one in before):
-            self.fail("each variable once", f"the variable '?{bound.declared.name}' again", at)
-        for spelling in [one for one in scope if fold(one) == bound.key]:
-            del scope[spelling]
+                key = bound.key
+                if key in found:
+                    at = group.at + group.words.index(word)
+                    self.fail("each variable once", f"the variable '{word}' again", at)
+                found[key] = bound
+                outside = scope.get(key)
+                if outside is not None and str(outside[0]) != key:
+                    # It is bound in another spelling, too, which means the new one from here on.
+                    self._outside.append((str(outside[0]), outside))
+                    scope[str(outside[0])] = bound.entity
+                self._outside.append((key, outside))
+                scope[key] = bound.entity
+                if word != key:
+                    self._outside.append((word, scope.get(word)))
+                    scope[word] = bound.entity
+        return tuple([bound.declared for bound in found.values()])
 
     def variable(self, token: str) -> Entity | None:
         """Look up a variable.
@@ -92,19 +119,13 @@ class TermReader(ListReader):
         Returns:
             It and its types; None when it is not bound.
         """
-        found = self.scope.get(token)
-        if found is None:
-            found = self.scope.get(fold(token))
-            if found is not None:
-                self.scope[token] = found
-        return found
+        return self.scope.get(token) or self.scope.get(fold(token))
 
-    def atom(self, signature: Signature, depth: int) -> Atom:
+    def atom(self, signature: Signature) -> Atom:
         """Read an atom.
 
         Args:
             signature: its predicate, whose name is the token behind the parenthesis.
-            depth: how deeply it is nested.
 
         Returns:
             The atom.
@@ -112,20 +133,19 @@ class TermReader(ListReader):
         if not signature.accepted and self.tokens[self.at + 2] == ")":
             self.at += 3
             return signature.bare
-        return Atom(signature.name, self.arguments(signature, depth))
+        return Atom(signature.name, self.arguments(signature))
 
-    def arguments(self, signature: Signature, depth: int) -> tuple[Term, ...]:
+    def arguments(self, signature: Signature) -> tuple[Term, ...]:
         """Read the arguments of a predicate or function, and the parenthesis behind them.
 
         Args:
             signature: the predicate or function, whose parenthesis is the next token.
-            depth: how deeply it is nested.
 
         Returns:
             The arguments.
         """
         if signature.parameters is None:
-            return self._any_arguments(depth)
+            return self._any_arguments()
         tokens, scope, objects = self.tokens, self.scope, self.symbols.objects
         start = self.at
         at = start + 2
@@ -135,7 +155,7 @@ class TermReader(ListReader):
             entity = scope.get(word) or objects.get(word)
             if entity is None or (entity[1] is not wanted and entity[1] not in accepted):
                 self.at = at
-                terms.append(self._argument(signature, len(terms), start, depth))
+                terms.append(self._argument(signature, len(terms), start))
                 at = self.at
             else:
                 terms.append(entity[0])
@@ -145,11 +165,11 @@ class TermReader(ListReader):
             self._wrong_number(signature, start, at)
         return tuple(terms)
 
-    def _any_arguments(self, depth: int) -> tuple[Term, ...]:
+    def _any_arguments(self) -> tuple[Term, ...]:
         self.at += 2
         terms = []
         while self.tokens[self.at] != ")":
-            terms.append(self.term(depth + 2)[0])
+            terms.append(self.term()[0])
         self.at += 1
         return tuple(terms)
 
@@ -161,18 +181,22 @@ class TermReader(ListReader):
             self.fail(arguments, f"{given}", at)
         self.fail(f"')' after the {arguments}", at=at)
 
-    def _argument(self, signature: Signature, place: int, start: int, depth: int) -> Term:
+    def _argument(self, signature: Signature, place: int, start: int) -> Term:
         """Read one argument with all checks."""
         at = self.at
         if self.tokens[at] == ")":
             self._wrong_number(signature, start, at)
-        term, types = self.term(depth + 2)
+        entity = self.term()
+        self._check_fit(signature, place, entity, at)
+        return entity[0]
+
+    def _check_fit(self, signature: Signature, place: int, entity: Entity, at: int) -> None:
+        """Check that a term, whose first token is given, fits the parameter in a place."""
         wanted, accepted = signature.accepted[place]
-        if self.symbols.fit(types, wanted) is Fit.YES:
-            accepted.add(types)
+        if self.symbols.fit(entity[1], wanted) is Fit.YES:
+            accepted.add(entity[1])
         else:
-            self.misfit((term, types), wanted, f"as argument {place + 1} of {signature.name}", at)
-        return term
+            self.misfit(entity, wanted, f"as argument {place + 1} of {signature.name}", at)
 
     def misfit(self, entity: Entity, wanted: Types, role: str, at: int) -> None:
         """Note a term that may not fit, or refuse one that does not.
@@ -184,24 +208,25 @@ class TermReader(ListReader):
             at: the index of its first token.
         """
         term, types = entity
-        found = f"{term} of type {TypedName('', types).type_text}"
+        found = f"{shown(term)} of type {TypedName('', types).type_text}"
         expected = f"{TypedName('', wanted).type_text} {role}"
         if isinstance(term, Constant) or self.symbols.fit(types, wanted) is Fit.NO:
             self.fail(expected, found, at)
         self.deviate(expected, "it may be one", found, at)
 
-    def term(self, depth: int) -> Entity:
-        """Read a term.
-
-        Args:
-            depth: how deeply it is nested.
+    def term(self) -> Entity:
+        """Read a term, nested to any depth.
 
         Returns:
             The term, and the types of what it denotes.
         """
+        if self.tokens[self.at] == "(":
+            return finished(self._object_fluent())
+        return self._named_term()
+
+    def _named_term(self) -> Entity:
+        """Read a variable or an object."""
         token = self.tokens[self.at]
-        if token == "(":
-            return self._object_fluent(depth)
         if token == ")":
             self.fail("a term")
         found = self.variable(token) if token[0] == "?" else self.symbols.object(token)
@@ -221,12 +246,28 @@ class TermReader(ListReader):
         expected = f"a variable that is bound here{hint(token, names)}"
         self.fail(expected, f"the variable '{token}'")
 
-    def _object_fluent(self, depth: int) -> Entity:
-        signature = self.function_here()
+    def _object_fluent(self) -> Steps[Entity]:
+        signature, start = self.function_here(), self.at
         if signature.parameters is not None and not signature.types:
             self.fail("a term", f"the number ({signature.name} ...)")
-        self.check_depth(depth)
-        return Fluent(signature.name, self.arguments(signature, depth)), signature.types
+        self.at += 2
+        terms: list[Term] = []
+        declared = signature.parameters is not None
+        while self.tokens[self.at] != ")" and not (
+            declared and len(terms) == len(signature.accepted)
+        ):
+            at = self.at
+            if self.tokens[at] == "(":
+                entity: Entity = yield self._object_fluent()
+            else:
+                entity = self._named_term()
+            if declared:
+                self._check_fit(signature, len(terms), entity, at)
+            terms.append(entity[0])
+        if self.tokens[self.at] != ")" or (declared and len(terms) < len(signature.accepted)):
+            self._wrong_number(signature, start, self.at)
+        self.at += 1
+        return Fluent(signature.name, tuple(terms)), signature.types
 
     def function_here(self) -> Signature:
         """Look up the function whose parenthesis is the next token.

@@ -18,8 +18,8 @@ from ..arguments import expect, refusal
 from ..errors import InvalidArgumentError, PddlError, SourceError, SourceMissingError
 
 STRING = "<string>"
-# Formulas that people and programs write are nested 10 deep; each level costs stack.
-MAX_DEPTH = 150
+# A text with more parentheses that have no counterpart is refused before it is looked into.
+MAX_UNMATCHED = 150
 
 _COMMENT = re.compile(r";[^\n]*")
 _TOKEN = re.compile(r"[()]|[^\s()]+")
@@ -213,29 +213,32 @@ def end_of_tokens(text: str, count: int) -> int:
     return max((found.end() for found in islice(_TOKEN.finditer(text), count)), default=0)
 
 
-def unmatched(code: str) -> int | None:
-    """Find where more than `MAX_DEPTH` parentheses have no counterpart.
+def unmatched(code: str) -> tuple[int, int] | None:
+    """Count the parentheses without counterpart, if these are more than `MAX_UNMATCHED`.
 
     Args:
         code: PDDL text without comments.
 
     Returns:
-        The offset of the first parenthesis that is too deep, or closes nothing; None when there
-        are not that many.
+        The offset of the first that closes nothing, or the end of the code, and how many are
+        missing there, which is 0 for what closes nothing; None when there are not that many.
     """
-    if abs(code.count("(") - code.count(")")) <= MAX_DEPTH:
+    missing = code.count("(") - code.count(")")
+    if missing > MAX_UNMATCHED:
+        return len(code.rstrip()), missing
+    if missing >= -MAX_UNMATCHED:
         return None
     depth = start = 0
     for start in range(0, len(code), _BLOCK):
         gain = code.count("(", start, start + _BLOCK) - code.count(")", start, start + _BLOCK)
-        if not 0 <= depth + gain <= MAX_DEPTH:
+        if depth + gain < 0:
             break
         depth += gain
     for found in re.finditer("[()]", code[start : start + _BLOCK]):
         depth += 1 if found[0] == "(" else -1
-        if not 0 <= depth <= MAX_DEPTH:
-            return start + found.start()
-    return len(code)
+        if depth < 0:
+            return start + found.start(), 0
+    return len(code), 0
 
 
 def is_text(source: str) -> bool:

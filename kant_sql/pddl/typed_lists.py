@@ -143,33 +143,43 @@ class ListReader(Cursor):
         self.at += 1
         return (token[1:],)
 
-    def type_expression(self, depth: int = 0) -> Types:
+    def type_expression(self) -> Types:
         """Read a type, or `(either ...)`.
-
-        Args:
-            depth: how deeply it is nested.
 
         Returns:
             The types, as written.
         """
         if self.tokens[self.at] != "(":
             return (self.word("a type"),)
-        self.check_depth(depth)
+        types: dict[str, str] = {}
+        # How many lists are open, and whether the innermost has a type: the others get its types.
+        opened, filled = 0, False
+        while True:
+            token = self.tokens[self.at]
+            if token == "(":
+                if opened:
+                    self.deviate("a type", "its types read as alternatives")
+                self._open_either()
+                opened, filled = opened + 1, False
+            elif token == ")":
+                if not filled:
+                    self.fail("a type")
+                self.at += 1
+                opened -= 1
+                if not opened:
+                    return tuple(types.values())
+            else:
+                name = self.word("a type")
+                types.setdefault(fold(name), name)
+                filled = True
+
+    def _open_either(self) -> None:
+        """Pass the parenthesis and the word that begin a list of types."""
         self.at += 1
         if self.tokens[self.at].lower() == "either":
             self.at += 1
         else:
             self.deviate("a type or (either ...)", "read as (either ...)", at=self.at - 1)
-        types: dict[str, str] = {}
-        while self.tokens[self.at] != ")":
-            if self.tokens[self.at] == "(":
-                self.deviate("a type", "its types read as alternatives")
-            for name in self.type_expression(depth + 1):
-                types.setdefault(fold(name), name)
-        if not types:
-            self.fail("a type")
-        self.at += 1
-        return tuple(types.values())
 
     def resolve(self, symbols: Symbols, types: Types, at: int) -> Types:
         """Find types among those that are declared.

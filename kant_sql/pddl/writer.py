@@ -27,6 +27,7 @@ from ..dto.formula import (
     variables_text,
 )
 from ..dto.name import ROOT_TYPE, check_name, function_kind, is_requirement
+from ..dto.node import shown, walk
 from ..dto.number import decimal_text
 from ..errors import InvalidKnowledgeError, InvalidNameError
 from .declaration_text import function_lines, skeleton, typed_lines
@@ -42,7 +43,6 @@ from .document import (
     Problem,
 )
 from .node_text import check_predicate, check_types, check_word, node_text
-from .walk import walk
 
 _INNER = "    "
 # Each fact's terms are constants by then, and there are many: this runs in C.
@@ -207,7 +207,7 @@ def fact_texts(facts: Sequence[Atom]) -> list[str]:
         check_predicate(predicate)
     if {type(term) for fact in facts for term in fact.terms} - {Constant}:
         wrong = next(fact for fact in facts if any(type(t) is not Constant for t in fact.terms))
-        raise InvalidKnowledgeError(f"in :init: {wrong} is not ground; give it objects only")
+        raise InvalidKnowledgeError(f"in :init: {shown(wrong)} is not ground; give it objects only")
     return [
         f"({fact.predicate} {' '.join(map(_NAME, fact.terms))})"
         if fact.terms
@@ -292,7 +292,9 @@ def _duration(constraints: Sequence[Formula]) -> list[str]:
 
 def _value(value: FunctionValue) -> str:
     if not isinstance(value.value, Number | Constant):
-        raise InvalidKnowledgeError(f"{value.fluent} is {value.value}, not a number or an object")
+        raise InvalidKnowledgeError(
+            f"{shown(value.fluent)} is {shown(value.value)}, not a number or an object"
+        )
     return f"(= {node_text(value.fluent)} {node_text(value.value)})"
 
 

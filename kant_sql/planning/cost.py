@@ -6,8 +6,8 @@ from collections.abc import Iterator
 
 from ..dto.formula import And, Assign, Fluent, Formula, Node, Number, Timed, TimedLiteral
 from ..dto.name import fold
+from ..dto.node import walk
 from ..pddl.document import ACTION, DURATIVE_ACTION, Action, Domain, Problem
-from ..pddl.walk import walk
 
 TOTAL_COST, TOTAL_TIME = "total-cost", "total-time"
 

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from ..dto.formula import Arithmetic, Assign, ContinuousTime, Node, Number
+from ..dto.node import walk
 from ..errors import UnsupportedConstructError
 from ..pddl.document import Domain, Problem
-from ..pddl.walk import walk
 
 if TYPE_CHECKING:
     from unified_planning.environment import Environment

@@ -25,7 +25,8 @@ from ..dto.formula import (
     TypedName,
 )
 from ..dto.name import ROOT_TYPE, fold
-from ..errors import InvalidArgumentError
+from ..dto.node import walk
+from ..errors import InvalidArgumentError, UnsupportedConstructError
 from ..pddl.document import (
     ACTION,
     DURATIVE_ACTION,
@@ -38,7 +39,6 @@ from ..pddl.document import (
     Problem,
 )
 from ..pddl.requirements import used_requirements
-from ..pddl.walk import walk
 from .cost import TOTAL_COST, TOTAL_TIME
 from .extra import require_unified_planning
 from .from_actions import FromActions
@@ -72,14 +72,21 @@ def from_unified_planning(problem: UpProblem) -> tuple[Domain, Problem]:
     Raises:
         PlannerMissingError: unified-planning is not installed.
         InvalidNameError: two elements of one category would have one name in PDDL.
-        UnsupportedConstructError: PDDL cannot express something exactly; the message says what.
+        UnsupportedConstructError: PDDL cannot express something exactly, or it is nested too deeply
+            for unified-planning's own recursion; the message says what.
     """
     require_unified_planning()
     from unified_planning.model import AbstractProblem
 
     expected = "a problem of unified-planning"
     expect(problem, AbstractProblem, "the problem", InvalidArgumentError, expected)
-    return _Reverse(problem).documents()
+    try:
+        return _Reverse(problem).documents()
+    except RecursionError as error:
+        raise UnsupportedConstructError(
+            f"problem {problem.name} has expressions that are nested too deeply for a conversion "
+            "from unified-planning; give their parts fluents of their own"
+        ) from error
 
 
 class _Reverse:

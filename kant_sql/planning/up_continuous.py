@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from ..dto.formula import Arithmetic, Assign, Constant, ContinuousTime, Expression
-from ..pddl.walk import walk
+from ..dto.node import walk
 from .context import Context
 from .up_effects import Effect, number_of
 from .up_formulas import Formulas

@@ -16,8 +16,8 @@ from ..dto.formula import (
     Variable,
 )
 from ..dto.name import fold
+from ..dto.node import walk
 from ..pddl.document import Action
-from ..pddl.walk import walk
 from .context import Context, Scope
 from .up_formulas import Formulas
 

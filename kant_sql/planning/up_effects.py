@@ -20,7 +20,7 @@ from ..dto.formula import (
     Variable,
     When,
 )
-from ..pddl.walk import walk
+from ..dto.node import walk
 from .context import Context, Scope
 from .up_formulas import Formulas
 

@@ -21,7 +21,7 @@ from ..dto.formula import (
     TypedName,
 )
 from ..dto.name import fold
-from ..pddl.walk import walk
+from ..dto.node import walk
 from .context import Context, Scope
 from .up_formulas import Formulas
 

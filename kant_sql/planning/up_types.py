@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 from ..dto.formula import Exists, Forall, TypedName
 from ..dto.name import ROOT_TYPE, fold
+from ..dto.node import walk
 from ..errors import UnsupportedConstructError
 from ..pddl.document import Domain, Problem
-from ..pddl.walk import walk
 from .names import TYPE, Names
 
 if TYPE_CHECKING:

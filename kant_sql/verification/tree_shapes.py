@@ -48,6 +48,8 @@ class _Shape:
         self._parameters = parameters
         self._object_functions = object_functions
         self._below = kinds.children(tree)
+        # The nodes that bind each name around the present node, innermost last.
+        self._binders: dict[str, list[int]] = {}
 
     def faults(self) -> Iterator[str]:
         """Give what is wrong, as far as it goes: the next may rest on what came before."""
@@ -55,9 +57,16 @@ class _Shape:
         if fault is not None:
             yield fault
             return
+        path: list[Node] = []
         for node in self._tree:
+            while path and path[-1].position != node.parent:
+                for variable in path.pop().variables:
+                    self._binders[fold(variable.name)].pop()
             faults = (self._columns(node), self._terms(node), self._parts(node))
             yield from (f"node {node.position}: {each}" for each in faults if each is not None)
+            for variable in node.variables:
+                self._binders.setdefault(fold(variable.name), []).append(node.position)
+            path.append(node)
 
     def _order(self) -> str | None:
         """Preorder: from 0 without a gap, each below one that is not complete yet."""
@@ -141,11 +150,11 @@ class _Shape:
                 if not self._is_object(child):
                     return f"term {number} is a number"
                 last = term.child
-            if not self._is_bound(node, term):
+            if not self._is_bound(term):
                 return f"term {number} is not what its name means there"
         return None
 
-    def _is_bound(self, node: Node, term: Term) -> bool:
+    def _is_bound(self, term: Term) -> bool:
         """Tell whether a term is one of the four, and the innermost variable of its name."""
         given = (term.parameter, term.object_id, term.variable, term.child)
         if sum(each is not None for each in given) != 1:
@@ -155,7 +164,7 @@ class _Shape:
         if term.parameter is not None:
             if not 0 <= term.parameter < len(self._parameters):
                 return False
-            return self._binder(node, self._parameters[term.parameter].name) is None
+            return self._binder(self._parameters[term.parameter].name) is None
         if term.quantifier is None or term.variable is None:
             return True
         if not 0 <= term.quantifier < len(self._tree):
@@ -163,17 +172,12 @@ class _Shape:
         bound = self._tree[term.quantifier].variables
         if not 0 <= term.variable < len(bound):
             return False
-        return self._binder(node, bound[term.variable].name) == term.quantifier
+        return self._binder(bound[term.variable].name) == term.quantifier
 
-    def _binder(self, node: Node, name: str) -> int | None:
-        """Find the innermost node above that binds a name."""
-        key, above = fold(name), node.parent
-        while above is not None:
-            node = self._tree[above]
-            if any(fold(bound.name) == key for bound in node.variables):
-                return node.position
-            above = node.parent
-        return None
+    def _binder(self, name: str) -> int | None:
+        """Find the innermost node around the present one that binds a name."""
+        binders = self._binders.get(fold(name))
+        return binders[-1] if binders else None
 
 
 def tree_fault(

@@ -1,41 +1,111 @@
-"""Formulas as deep as they may be go through the store, and come back equal."""
+"""Formulas of any depth go through the store, and come back equal."""
 
 from __future__ import annotations
 
+import pickle
+from typing import Any
+
 import pytest
 
-from kant_sql import InvalidKnowledgeError, KnowledgeBase
-from kant_sql.pddl import And, Atom, Not, Or, read_domain, read_problem, write
-from kant_sql.pddl.tokens import MAX_DEPTH
+from kant_sql import KnowledgeBase
+from kant_sql.dto.formula import (
+    Arithmetic,
+    Atom,
+    Comparison,
+    Derived,
+    Exists,
+    Fluent,
+    Metric,
+    Not,
+    Number,
+    TypedName,
+    Variable,
+)
+from kant_sql.pddl import read_domain, read_problem, write
 
 DOMAIN = """
-(define (domain deep) (:requirements :adl :numeric-fluents) (:predicates (p)) (:functions (f))
+(define (domain deep) (:requirements :adl :fluents :derived-predicates :constraints)
+  (:types t) (:constants k - t)
+  (:predicates (p) (q ?x - t) (d)) (:functions (f) - number (next ?x - t) - t)
+  (:constraints {precondition})
+  (:derived (d) {precondition})
   (:action a :parameters () :precondition {precondition} :effect (increase (f) {value})))
 """
-PROBLEM = "(define (problem deeper) (:domain deep) (:init (= (f) 0)) (:goal {goal}))"
+PROBLEM = """
+(define (problem deeper) (:domain deep) (:init (= (f) 0)) (:goal {goal})
+  (:metric minimize {value}))
+"""
+# A thousand through each path; as many as a program may write through one.
+LEVELS, MANY = 1_000, 50_000
 
 
-@pytest.mark.parametrize("opening", ["(or (p) ", "(not ", "(exists (?x) ", "(imply (p) "])
-def test_what_is_as_deep_as_may_be_comes_back_equal(fresh_kb: KnowledgeBase, opening: str) -> None:
-    levels = MAX_DEPTH - 10
+def load(kb: KnowledgeBase, opening: str, levels: int) -> tuple[Any, Any]:
+    """Load documents whose formulas are all deep; a sum that is deep on the left is the metric."""
     formula = f"{opening * levels}(p){')' * levels}"
+    terms = f"(q {'(next ' * levels}k{')' * levels})"
     value = f"{'(+ 1 ' * levels}(f){')' * levels}"
-    domain = read_domain(DOMAIN.format(precondition=formula, value=value))
-    problem = read_problem(PROBLEM.format(goal=formula), domain=domain)
-    fresh_kb.load_domain(write(domain))
-    fresh_kb.load_problem(write(problem))
+    text = DOMAIN.format(precondition=formula, value=value)
+    domain = read_domain(text.replace(f"(:constraints {formula})", ""))
+    left = f"{'(+ ' * levels}(f){' (f))' * levels}"
+    goal = f"(and {formula} {terms})"
+    problem = read_problem(PROBLEM.format(goal=goal, value=left), domain=domain)
+    kb.load_domain(write(domain))
+    kb.load_problem(write(problem))
+    return domain, problem
+
+
+@pytest.mark.parametrize("opening", ["(or (p) ", "(exists (?x) "])
+def test_what_is_deep_comes_back_equal(fresh_kb: KnowledgeBase, opening: str) -> None:
+    domain, problem = load(fresh_kb, opening, LEVELS)
     assert fresh_kb.domain() == domain
     assert fresh_kb.problem() == problem
     assert fresh_kb.at(fresh_kb.revision).problem_pddl() == write(problem)
-    assert fresh_kb.actions.get("a") is not None
+    assert fresh_kb.at(1).domain_pddl() == write(domain)
+    assert fresh_kb.verify().is_intact
+    action = fresh_kb.actions.get("a")
+    assert pickle.loads(pickle.dumps(action)).conditions == action.conditions  # type: ignore[union-attr]
+    fresh_kb.restore(1)
+    fresh_kb.restore(2)
+    assert fresh_kb.problem() == problem
+    fresh_kb.load_domain(write(domain), mode="replace")
+    assert fresh_kb.domain() == domain
 
 
-def test_what_is_deeper_is_refused(fresh_kb: KnowledgeBase) -> None:
-    fresh_kb.load_domain(DOMAIN.format(precondition="(p)", value="1"))
-    formula: And | Or | Not | Atom = Atom("p")
-    for _ in range(5_000):
-        formula = Not(formula)
-    with pytest.raises(InvalidKnowledgeError, match=f"nested more than {MAX_DEPTH} deep"):
-        fresh_kb.goals.save(formula)
-    assert fresh_kb.revision == 1
+def nested(leaf: Any, levels: int) -> Any:
+    for _ in range(levels):
+        leaf = Not(leaf)
+    return leaf
+
+
+def test_daos_take_and_give_what_is_deep(fresh_kb: KnowledgeBase) -> None:
+    fresh_kb.load_domain(
+        DOMAIN.format(precondition="(always (p))", value="1")
+        .replace("(:derived (d) (always (p)))", "(:derived (d) (p))")
+        .replace(":precondition (always (p))", ":precondition (p)")
+    )
+    term: Any = Variable("x")
+    total: Any = Number(1)
+    for _ in range(LEVELS):
+        term, total = Fluent("next", (term,)), Arithmetic("-", (total,))
+    goal = Exists((TypedName("x", ("t",)),), nested(Atom("q", (term,)), LEVELS))
+    fresh_kb.goals.save(goal)
+    fresh_kb.goals.save(Comparison("<", total, Fluent("f")))
+    fresh_kb.metric.set(Metric("minimize", total))
+    fresh_kb.derived_predicates.save(Derived("d", (), nested(Atom("p"), LEVELS)))
+    assert fresh_kb.goals.get_all() == [goal, Comparison("<", total, Fluent("f"))]
+    assert fresh_kb.metric.get() == Metric("minimize", total)
+    assert fresh_kb.verify().is_intact
+    assert fresh_kb.goals.insert(goal) is False
+    assert fresh_kb.goals.delete(goal) is True
+    assert fresh_kb.goals.delete(goal) is False
+    # Deleting a type takes all that mentions it along.
+    assert fresh_kb.functions.delete(fresh_kb.functions.get("f")) is True  # type: ignore[arg-type]
     assert fresh_kb.goals.get_all() == []
+
+
+def test_as_deep_as_programs_write(fresh_kb: KnowledgeBase) -> None:
+    fresh_kb.load_domain("(define (domain d) (:requirements :adl) (:predicates (p)))")
+    goal = nested(Atom("p"), MANY)
+    fresh_kb.goals.save(goal)
+    assert fresh_kb.goals.get_all() == [goal]
+    assert fresh_kb.verify().is_intact

@@ -18,16 +18,15 @@ from kant_sql.dto.formula import (
     Preference,
     Timed,
 )
-from kant_sql.dto.terms import FormulaNode
+from kant_sql.dto.node import Branch, FormulaNode, walk
 from kant_sql.pddl.document import ACTION, DURATIVE_ACTION, EVENT, PROCESS, Domain, Problem
 from kant_sql.pddl.requirements import REQUIREMENTS, used_requirements
-from kant_sql.pddl.walk import walk
 from tests.documents import domains_and_problems
 
 NODES = {
     kind.__name__
-    for kind in (*Node.__subclasses__(), *FormulaNode.__subclasses__())
-    if kind.__module__.startswith("kant_sql.dto.") and kind is not FormulaNode
+    for kind in (*Node.__subclasses__(), *FormulaNode.__subclasses__(), *Branch.__subclasses__())
+    if kind.__module__.startswith("kant_sql.dto.") and kind not in (Branch, FormulaNode)
 }
 
 

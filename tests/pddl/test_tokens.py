@@ -19,7 +19,7 @@ from kant_sql.errors import (
     SourceError,
     SourceMissingError,
 )
-from kant_sql.pddl.tokens import MAX_DEPTH, Blocks, Text, load, tokenize, unmatched
+from kant_sql.pddl.tokens import MAX_UNMATCHED, Blocks, Text, load, tokenize, unmatched
 
 
 def places(text: str) -> list[tuple[str, int, int]]:
@@ -177,10 +177,12 @@ def test_the_rest_behind_some_blocks() -> None:
 
 
 def test_parentheses_without_counterpart() -> None:
-    assert unmatched("()" * 500 + "(" * MAX_DEPTH) is None
-    assert unmatched("()" * 500 + "(" * (MAX_DEPTH + 1)) == 1000 + MAX_DEPTH
-    assert unmatched("()" * 100_000 + "(" * 300) == 200_000 + MAX_DEPTH
-    assert unmatched("()" * 100_000 + ")" * 300) == 200_000
+    assert unmatched("(" * 100_000 + ")" * 100_000) is None
+    for parenthesis in "()":
+        assert unmatched("()" * 500 + parenthesis * MAX_UNMATCHED) is None
+    assert unmatched("()" * 500 + "(" * (MAX_UNMATCHED + 1)) == (1151, MAX_UNMATCHED + 1)
+    assert unmatched("()" * 100_000 + "(" * 300 + " ") == (200_300, 300)
+    assert unmatched("()" * 100_000 + ")" * 300) == (200_000, 0)
 
 
 def test_lexing_takes_memory_in_proportion() -> None:

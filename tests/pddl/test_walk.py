@@ -21,7 +21,7 @@ from kant_sql.dto.formula import (
     TypedName,
     Variable,
 )
-from kant_sql.pddl.walk import children, depth, walk
+from kant_sql.dto.node import children, depth, walk
 
 X, A = Variable("x"), Constant("a")
 P = Atom("p", (X, Fluent("f", (A,))))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import replace
 from decimal import Decimal
 
@@ -28,11 +27,10 @@ from kant_sql.dto.formula import (
     Variable,
     When,
 )
+from kant_sql.dto.node import depth, walk
 from kant_sql.errors import InvalidKnowledgeError
 from kant_sql.pddl import read_domain, read_problem, write
 from kant_sql.pddl.document import Action, Domain, Function, Predicate, Problem
-from kant_sql.pddl.tokens import MAX_DEPTH
-from kant_sql.pddl.walk import depth, walk
 
 FREE = Atom("free")
 BATTERY = Fluent("battery", (Variable("r"),))
@@ -50,27 +48,6 @@ def nested(levels: int) -> Formula:
     return formula
 
 
-def test_nesting_is_bounded_by_the_reader_and_not_by_the_interpreter() -> None:
-    assert depth(nested(5000)) == 5001
-    assert sum(1 for _ in walk(nested(5000))) == 5001
-    deepest = Problem("p", "d", goal=(nested(MAX_DEPTH - 1),))
-    limit = sys.getrecursionlimit()
-    frames = 0
-    frame = sys._getframe()
-    while frame.f_back is not None:
-        frame, frames = frame.f_back, frames + 1
-    try:
-        sys.setrecursionlimit(frames + 60)
-        text = write(deepest)
-    finally:
-        sys.setrecursionlimit(limit)
-    assert text.count("(not ") == MAX_DEPTH - 1
-    with pytest.raises(InvalidKnowledgeError, match=r"in :goal: nested more than 150 deep"):
-        write(Problem("p", "d", goal=(nested(MAX_DEPTH),)))
-    with pytest.raises(InvalidKnowledgeError, match=r"nested more than 150 deep"):
-        write(Problem("p", "d", goal=(nested(100_000),)))
-
-
 KNOWN = Domain("d", (":adl",), predicates=(Predicate("free"),), functions=(Function("f"),))
 
 
@@ -81,26 +58,21 @@ def deep_sum(levels: int) -> Formula:
     return Comparison("<", value, number("1"))
 
 
-def test_the_deepest_that_is_written_is_read() -> None:
-    deepest = nested(MAX_DEPTH - 1)
-    for goal_ in (deepest, deep_sum(MAX_DEPTH - 2)):
-        text = write(Problem("p", "d", goal=(goal_,)))
-        assert write(read_problem(text, domain=KNOWN)) == text
+@pytest.mark.parametrize("levels", [1000, 20_000])
+def test_what_is_nested_deeply_is_written_and_read(levels: int) -> None:
+    deepest = nested(levels)
+    assert depth(deepest) == levels + 1
+    assert sum(1 for _ in walk(deepest)) == levels + 1
+    for goal_ in (deepest, deep_sum(levels)):
+        problem = Problem("p", "d", goal=(goal_,))
+        assert read_problem(write(problem), domain=KNOWN) == problem
     for action in (
         Action("action", "a", condition=(deepest,)),
-        Action("action", "a", effect=(When(nested(MAX_DEPTH - 2), FREE),)),
-        Action("durative-action", "a", condition=(Timed("at end", nested(MAX_DEPTH - 2)),)),
+        Action("action", "a", effect=(When(deepest, FREE),)),
+        Action("durative-action", "a", condition=(Timed("at end", deepest),)),
     ):
-        text = write(replace(KNOWN, actions=(action,)))
-        assert write(read_domain(text)) == text
-
-
-def test_the_deepest_that_is_read_is_written() -> None:
-    levels = MAX_DEPTH - 1
-    deep = f"{'(not ' * levels}(free){')' * levels}"
-    for formula in (deep, f"(and {deep})", f"(and (free) {deep})"):
-        text = f"(define (problem p) (:domain d) (:init) (:goal {formula}))"
-        assert deep in write(read_problem(text, domain=KNOWN))
+        domain = replace(KNOWN, actions=(action,))
+        assert read_domain(write(domain)) == domain
 
 
 def goal(formula: Formula) -> Problem:

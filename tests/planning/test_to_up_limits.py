@@ -11,7 +11,7 @@ import pytest
 
 from kant_sql import PlannerMissingError, UnsupportedConstructError
 from kant_sql.pddl import read_domain, read_problem
-from kant_sql.planning import to_unified_planning
+from kant_sql.planning import from_unified_planning, to_unified_planning
 from tests.planning.corpus import EVERYTHING, pairs, small_pairs
 from tests.planning.normal_form import normal_form, spelled
 from tests.planning.yard import FREE, convert, durative
@@ -104,10 +104,26 @@ def test_several_supertypes_and_objects_of_several_types_are_refused() -> None:
         to_unified_planning(read, problem=read_problem(either, domain=read))
 
 
-def test_formulas_nested_as_deeply_as_can_be_read() -> None:
-    depth = 140
+@pytest.mark.parametrize("depth", [140, 2_000, 50_000])
+def test_formulas_nested_deeply(depth: int) -> None:
     goal = "(not (and (move) " * (depth // 2) + "(clean t1)" + "))" * (depth // 2)
-    assert len(convert(goal=goal).goals) == 1
+    if depth < 150:
+        assert len(convert(goal=goal).goals) == 1
+        return
+    with pytest.raises(UnsupportedConstructError, match="nested too deeply"):
+        convert(goal=goal)
+
+
+def test_expressions_of_unified_planning_nested_too_deeply() -> None:
+    problem = convert()
+    manager = problem.environment.expression_manager
+    goal = problem.goals[0]
+    for _ in range(3_000):
+        goal = manager.And(manager.Not(goal), problem.goals[0])
+    problem.clear_goals()
+    problem.add_goal(goal)
+    with pytest.raises(UnsupportedConstructError, match="nested too deeply"):
+        from_unified_planning(problem)
 
 
 def test_derived_predicates_that_are_nested_too_deeply() -> None:
