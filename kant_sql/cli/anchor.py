@@ -1,4 +1,4 @@
-"""`kant-sql anchor`: where the knowledge bases of a store stand, to keep elsewhere."""
+"""`kant-sql kbs` and `anchor`: where the knowledge bases of a store stand, to see or to keep."""
 
 from __future__ import annotations
 
@@ -6,9 +6,37 @@ from typing import Annotated
 
 import typer
 
-from ..catalog import knowledge_bases
+from ..canonical import time_text
+from ..catalog import knowledge_bases, standings
 from ..knowledge_base import connect
+from .output import AsJson, Printer, printable, write_json
 from .stores import Url
+
+
+def kbs(url: Url, as_json: AsJson = False) -> None:
+    """List the knowledge bases: how far they have come, when, by whom."""
+    found = standings(url)
+    if as_json:
+        write_json(
+            {
+                "knowledge_bases": [
+                    {**one._asdict(), "committed_at": time_text(one.committed_at)} for one in found
+                ]
+            }
+        )
+        return
+    rows = [
+        (
+            printable(one.name),
+            str(one.revision),
+            time_text(one.committed_at),
+            printable(one.actor or ""),
+            printable(one.reason or ""),
+        )
+        for one in found
+    ]
+    columns = "knowledge base", "revision", "last change", "actor", "reason"
+    Printer().table("knowledge bases", columns, rows)
 
 
 def anchor(

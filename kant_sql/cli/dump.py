@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from .output import AsJson, printable_lines, write_json
+from .output import AsJson, is_terminal, printable_lines, write_json
 from .stores import Name, Url, open_state
 from .times import At
 
@@ -34,7 +34,7 @@ def dump(
         write_json({"knowledge_base": name, "revision": revision, **nothing, **texts})
         return
     text = "\n".join(texts.values())
-    if sys.stdout.isatty():
+    if is_terminal():
         text = printable_lines(text)
     # In UTF-8, whatever the terminal's encoding: that is what planners read.
     sys.stdout.buffer.write(text.encode())

@@ -4,27 +4,26 @@ from __future__ import annotations
 
 import sys
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Sequence
 from typing import Annotated
 
 import typer
-from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from ..catalog import knowledge_bases
 from ..documents import Mode
 from ..errors import KantSqlError, SchemaMissingError
-from ..history import LogEntry, Revision
+from ..history import LogEntry, Progress, Revision
 from ..knowledge_base import KnowledgeBase, connect
 from ..pddl import PddlWarning
 from .files import Inputs, read_inputs
 from .output import AsJson, Printer, printable, write_json
-from .progress import progress_console
+from .progress import bar
 from .stores import DEFAULT_NAME, URL_VARIABLE, choose, leaving_nothing, split_url
 
 _USAGE = "[URL] FILE..."
 _EXAMPLE = "sqlite:///robot.db domain.pddl problem.pddl"
-_MEGABYTE = 1_000_000
+# So much of the time of a long load is left when all is stored but not committed.
+_COMMIT = 0.2
 # What the log calls shortly.
 _LABELS = {
     "derived": "derived predicate",
@@ -102,14 +101,21 @@ def _store(
     """Store all that there is in one revision, and find that."""
     source = {"files": list(inputs.files)}
     warnings: list[PddlWarning] = []
-    with _progress() as show, knowledge_base.transaction(actor=actor, reason=reason, source=source):
+    size = sum(len(text.code) for text in inputs.domains)
+    whole = size + (0 if inputs.problem is None else len(inputs.problem.code))
+    with (
+        bar("loading") as told,
+        knowledge_base.transaction(actor=actor, reason=reason, source=source),
+    ):
         before = knowledge_base.revision
         if inputs.domains:
-            show("domain", sum(len(text.code) for text in inputs.domains))
-            warnings += knowledge_base.load_domain(*inputs.domains, mode=mode, strict=strict)[1]
+            warnings += knowledge_base.load_domain(
+                *inputs.domains, mode=mode, strict=strict, progress=_part(told, 0, size, whole)
+            )[1]
         if inputs.problem is not None:
-            show("problem", len(inputs.problem.code))
-            warnings += knowledge_base.load_problem(inputs.problem, mode=mode, strict=strict)[1]
+            warnings += knowledge_base.load_problem(
+                inputs.problem, mode=mode, strict=strict, progress=_part(told, size, whole, whole)
+            )[1]
     made = knowledge_base.revisions(after=before, limit=1)
     # When nothing has changed, the next revision is somebody else's.
     own = [one for one in made if (one.actor, one.reason, one.source) == (actor, reason, source)]
@@ -159,18 +165,10 @@ def _counts(entry: LogEntry, sign: str) -> dict[str, int]:
     return dict(sorted(Counter(_LABELS.get(kind, kind) for kind in kinds).items()))
 
 
-@contextmanager
-def _progress() -> Iterator[Callable[[str, int], None]]:
-    """Show in a terminal what is being loaded, and for how long already."""
-    console = progress_console()
-    if console is None:
-        yield lambda kind, size: None
-        return
-    columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
-    with Progress(*columns, console=console, transient=True) as progress:
-        task = progress.add_task("loading", total=None)
-
-        def show(kind: str, size: int) -> None:
-            progress.update(task, description=f"loading the {kind}, {size / _MEGABYTE:.1f} MB")
-
-        yield show
+def _part(told: Progress | None, begin: int, end: int, whole: int) -> Progress | None:
+    """Make of the progress of one document that of the load, whose last part is the commit."""
+    if told is None:
+        return None
+    return lambda done, of: told(
+        int((begin + (end - begin) * done / max(1, of)) * (1 - _COMMIT)), max(1, whole)
+    )

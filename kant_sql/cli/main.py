@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import functools
 import logging
 import os
 import sys
+from collections.abc import Callable
+from contextlib import nullcontext
 from io import TextIOWrapper
 from pathlib import Path
 from typing import Annotated, Any, NoReturn
@@ -13,7 +16,7 @@ import typer
 from typer.core import TyperArgument, TyperGroup
 
 from .. import __version__
-from .anchor import anchor
+from .anchor import anchor, kbs
 from .archive import archive
 from .check import check
 from .db import db
@@ -23,7 +26,8 @@ from .errors import INTERRUPTED, EndedEarlyError, run_to_exit_code
 from .history import blame, history
 from .load import load
 from .log import log
-from .plan import plan
+from .output import paged, want_pager
+from .plan import plan, plans
 from .restore import restore
 from .show import show
 from .verify import verify
@@ -107,18 +111,44 @@ def _name_arguments(command: Any) -> None:
         _name_arguments(one)
 
 
+def _in_pager(command: Callable[..., object]) -> Callable[..., object]:
+    """Let a command write through a pager, where people read it."""
+
+    @functools.wraps(command)
+    def run_in_pager(*words: Any, **options: Any) -> object:
+        with nullcontext() if options.get("as_json") else paged():
+            return command(*words, **options)
+
+    return run_in_pager
+
+
 # Help is plain text: what it says of URLs would be read as markup.
 app = typer.Typer(
     cls=Commands,
-    add_completion=False,
     context_settings={"help_option_names": ["-h", "--help"]},
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
 app.add_typer(db, name="db")
-_COMMANDS = (load, dump, check, plan, show, log, diff, history, blame, restore, views, watch)
+_PAGED = (dump, plans, kbs, show, log, diff, history, blame)
+_COMMANDS = (
+    load,
+    dump,
+    check,
+    plan,
+    plans,
+    kbs,
+    show,
+    log,
+    diff,
+    history,
+    blame,
+    restore,
+    views,
+    watch,
+)
 for _command in (*_COMMANDS, verify, anchor, archive):
-    app.command()(_command)
+    app.command()(_in_pager(_command) if _command in _PAGED else _command)
 
 
 def _version(wanted: bool) -> None:
@@ -132,8 +162,12 @@ def _kant_sql(
     version: Annotated[
         bool, typer.Option("--version", callback=_version, is_eager=True, help="Tell the version.")
     ] = False,
+    no_pager: Annotated[
+        bool, typer.Option("--no-pager", help="Write long output straight to the terminal.")
+    ] = False,
 ) -> None:
     """Fill, question and plan from the knowledge base that remembers."""
+    want_pager(not no_pager)
 
 
 def run() -> None:

@@ -1,11 +1,18 @@
-"""How the commands write: styled tables in a terminal, plain text in a pipe, or JSON."""
+"""How the commands write: styled tables in a terminal or a pager, plain text in a pipe, or JSON."""
 
 from __future__ import annotations
 
 import json
+import os
 import re
+import shlex
+import shutil
+import signal
+import subprocess
 import sys
-from collections.abc import Sequence
+import threading
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
 from typing import Annotated, TextIO
 
 import typer
@@ -94,6 +101,117 @@ def write_json(value: object) -> None:
     sys.stdout.write(json_text(value) + "\n")
 
 
+PAGER_VARIABLES = "KANT_SQL_PAGER", "PAGER"
+# As git has it: less quits when all fits on the screen, passes colours on, and leaves the text.
+_PAGER_DEFAULTS = {"LESS": "FRX", "LV": "-c"}
+
+
+class _Paging:
+    """Whether a pager is wanted, and whether one is between this process and the terminal."""
+
+    is_wanted = True
+    is_on = False
+
+
+def want_pager(wanted: bool) -> None:
+    """Set whether long output may go through a pager.
+
+    Args:
+        wanted: whether it may.
+    """
+    _Paging.is_wanted = wanted
+
+
+def is_terminal() -> bool:
+    """Tell whether somebody reads standard output in a terminal, perhaps through a pager.
+
+    Returns:
+        Whether it is so.
+    """
+    return _Paging.is_on or sys.stdout.isatty()
+
+
+@contextmanager
+def paged() -> Iterator[None]:
+    """Send what the block writes through a pager, if it goes to a terminal.
+
+    Who quits the pager has read enough: that ends the block, and is no failure.
+
+    Yields:
+        Nothing.
+    """
+    command = _pager() if _Paging.is_wanted and sys.stdout.isatty() else None
+    if command is None:
+        yield
+        return
+    sys.stdout.flush()
+    descriptor = sys.stdout.fileno()
+    terminal = os.dup(descriptor)
+    pager = subprocess.Popen(
+        command, shell=True, stdin=subprocess.PIPE, env={**_PAGER_DEFAULTS, **os.environ}
+    )
+    assert pager.stdin is not None
+    os.dup2(pager.stdin.fileno(), descriptor)
+    pager.stdin.close()
+    _Paging.is_on = True
+    try:
+        yield
+        sys.stdout.flush()
+    except BrokenPipeError:
+        _forget(descriptor)
+    except BaseException:
+        with suppress(BrokenPipeError):
+            sys.stdout.flush()
+        _forget(descriptor)
+        raise
+    finally:
+        _Paging.is_on = False
+        # The pager is at its end when nobody can write to it any more.
+        os.dup2(terminal, descriptor)
+        os.close(terminal)
+        _wait_for(pager)
+
+
+def _pager() -> str | None:
+    """Find the pager's command; None where there is none, or none is wanted."""
+    for variable in PAGER_VARIABLES:
+        if variable in os.environ:
+            command = os.environ[variable].strip()
+            break
+    else:
+        command = "" if os.environ.get("TERM", "dumb") == "dumb" else "less"
+    with suppress(ValueError):
+        words = shlex.split(command)
+        if words in ([], ["cat"]) or shutil.which(words[0]) is None:
+            return None
+    return command
+
+
+def _forget(descriptor: int) -> None:
+    """Let what is still buffered go nowhere."""
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, descriptor)
+    os.close(nowhere)
+    sys.stdout.flush()
+
+
+def _wait_for(pager: subprocess.Popen[bytes]) -> None:
+    """Wait until the pager has been quit: Ctrl-C is for the pager alone."""
+    is_main = threading.current_thread() is threading.main_thread()
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN) if is_main else None
+    try:
+        pager.wait()
+    finally:
+        if is_main:
+            signal.signal(signal.SIGINT, before)
+
+
+class _Console(Console):
+    def on_broken_pipe(self) -> None:
+        """Let it be seen that nobody reads any more: rich would end the process with a failure."""
+        raise BrokenPipeError
+
+
 class Printer:
     """Writes for people: with styles and boxes in a terminal, plain text anywhere else.
 
@@ -102,7 +220,10 @@ class Printer:
     """
 
     def __init__(self) -> None:
-        self._console = Console(highlight=False) if sys.stdout.isatty() else None
+        is_forced = True if _Paging.is_on else None
+        self._console = (
+            _Console(highlight=False, force_terminal=is_forced) if is_terminal() else None
+        )
         if self._console is not None:
             self._console.width = max(self._console.width, _LEAST_WIDTH)
 

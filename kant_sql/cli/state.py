@@ -1,8 +1,10 @@
-"""A state in the form that becomes JSON."""
+"""A state in the form that becomes JSON, and what of it is wanted."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from decimal import Decimal
+from typing import NamedTuple
 
 from ..dto import (
     PddlActionDto,
@@ -15,11 +17,102 @@ from ..dto import (
     PddlTypeDto,
 )
 from ..dto.formula import Atom, Metric, Node
+from ..dto.name import fold
 from ..dto.number import number_text
 from ..dto.pddl_action_dto import Duration
 from ..knowledge_base import KnowledgeBase
+from ..pddl.tokens import tokenize
 
 Document = dict[str, object]
+
+
+class Wanted(NamedTuple):
+    """What of a state is wanted: the elements that all of these conditions apply to.
+
+    Attributes:
+        facts: only facts.
+        predicate: the name of the predicate of facts and goals.
+        objects: the names of objects, folded, of which an element names one; None for any.
+    """
+
+    facts: bool = False
+    predicate: str | None = None
+    objects: frozenset[str] | None = None
+
+
+class Part(NamedTuple):
+    """What is wanted of a state, by the sections that can answer.
+
+    Attributes:
+        objects: the objects.
+        facts: the facts.
+        function_values: the values of functions.
+        goals: the goals.
+    """
+
+    objects: list[PddlObjectDto]
+    facts: list[PddlPropositionDto]
+    function_values: list[PddlFunctionValueDto]
+    goals: Sequence[Node]
+
+
+def wanted_part(state: KnowledgeBase, wanted: Wanted) -> Part:
+    """Read what is wanted of a state.
+
+    Args:
+        state: the knowledge base at a revision.
+        wanted: the conditions.
+
+    Returns:
+        The part.
+    """
+    dao, name = state.propositions, wanted.predicate
+    atoms = dao.get_no_goals() if name is None else dao.get_by_predicate(name)
+    facts = [dto for dto in atoms if not dto.is_goal and _names_one(dto.objects, wanted.objects)]
+    if wanted.facts:
+        return Part([], facts, [], [])
+    goals = [node for node in state.goals.get_all() if _mentions(node, wanted)]
+    if name is not None:
+        return Part([], facts, [], goals)
+    return Part(
+        [dto for dto in state.objects.get_all() if _names_one([dto], wanted.objects)],
+        facts,
+        [dto for dto in state.function_values.get_all() if _has_object(dto, wanted.objects)],
+        goals,
+    )
+
+
+def part_document(part: Part) -> Document:
+    """Give a part of a state in the form that becomes JSON: its sections as `state_document` does.
+
+    Args:
+        part: the part.
+
+    Returns:
+        The document.
+    """
+    return {
+        "objects": [_object(dto) for dto in part.objects],
+        "facts": [_proposition(dto) for dto in part.facts],
+        "function_values": [_value(dto) for dto in part.function_values],
+        "goals": [_goal(node) for node in part.goals],
+    }
+
+
+def _names_one(dtos: Iterable[PddlObjectDto], objects: frozenset[str] | None) -> bool:
+    return objects is None or any(fold(dto.name) in objects for dto in dtos)
+
+
+def _has_object(dto: PddlFunctionValueDto, objects: frozenset[str] | None) -> bool:
+    value = [dto.value] if isinstance(dto.value, PddlObjectDto) else []
+    return _names_one([*dto.objects, *value], objects)
+
+
+def _mentions(node: Node, wanted: Wanted) -> bool:
+    """Tell whether a goal of any form has the predicate and one of the objects in it."""
+    words = set(tokenize(fold(str(node))))
+    has_predicate = wanted.predicate is None or fold(wanted.predicate) in words
+    return has_predicate and (wanted.objects is None or bool(words & wanted.objects))
 
 
 def state_document(state: KnowledgeBase) -> Document:

@@ -18,6 +18,29 @@ from ..knowledge.predicate import ParameterDefinition, PredicateDefinition
 from ..knowledge.type import TypeDefinition
 from ..pddl.document import Function, Predicate
 from ..transaction import Transaction
+from ..verification.findings import Progress
+
+# A caller is told so often how far a load has come.
+_REPORTS = 200
+
+
+class Steps:
+    """Counts the elements that are stored, and reports about each percent of them."""
+
+    def __init__(self, progress: Progress | None = None, whole: int = 0) -> None:
+        self._progress, self._whole = progress, whole
+        self._done = self._next = 0
+
+    def add(self, count: int) -> None:
+        """Count elements that are stored.
+
+        Args:
+            count: how many there are.
+        """
+        self._done += count
+        if self._progress is not None and (self._done >= min(self._next, self._whole)):
+            self._next = self._done + max(1, self._whole // _REPORTS)
+            self._progress(self._done, self._whole)
 
 
 class Declaring:

@@ -20,12 +20,15 @@ from ..knowledge.formula import (
 )
 from ..pddl.document import Action, Domain
 from ..transaction import Transaction
-from .declaring import Declaring
+from ..verification.findings import Progress
+from .declaring import Declaring, Steps
 from .misfits import retract_misfits
 from .ordering import check_title, find_document, merged, put_document
 
 
-def load_domain(transaction: Transaction, domain: Domain, replace: bool) -> None:
+def load_domain(
+    transaction: Transaction, domain: Domain, replace: bool, progress: Progress | None = None
+) -> None:
     """Store a domain.
 
     Args:
@@ -33,6 +36,7 @@ def load_domain(transaction: Transaction, domain: Domain, replace: bool) -> None
         domain: the domain.
         replace: whether what it does not say is retracted; else it must not contradict what is
             stored, and that stays.
+        progress: called with the number of elements that are stored, and to be stored.
 
     Raises:
         ConflictError: it contradicts what is stored.
@@ -41,12 +45,15 @@ def load_domain(transaction: Transaction, domain: Domain, replace: bool) -> None
     if stored is not None and not replace:
         check_title(stored, domain.name)
     declaring = Declaring(transaction, replace)
+    declared = domain.types, domain.constants, domain.predicates, domain.functions
+    steps = Steps(progress, sum(map(len, (*declared, domain.actions))))
     declaring.types(domain.types)
     declaring.objects(domain.constants, is_constant=True)
     declaring.predicates(domain.predicates)
     declaring.functions(domain.functions)
+    steps.add(sum(map(len, declared)))
     formulas = _put_formulas(transaction, domain)
-    actions = _put_actions(transaction, domain.actions, declaring, replace)
+    actions = _put_actions(transaction, domain.actions, declaring, replace, steps)
     if replace:
         _retract_unsaid(transaction, declaring, {each.id for each in formulas}, actions)
         retract_misfits(transaction)
@@ -82,7 +89,11 @@ def _put_formulas(transaction: Transaction, domain: Domain) -> list[FormulaDefin
 
 
 def _put_actions(
-    transaction: Transaction, actions: Sequence[Action], declaring: Declaring, replace: bool
+    transaction: Transaction,
+    actions: Sequence[Action],
+    declaring: Declaring,
+    replace: bool,
+    steps: Steps,
 ) -> set[int]:
     definitions = transaction.definitions
     names = [action.name for action in actions]
@@ -101,6 +112,7 @@ def _put_actions(
                 f"action {stored.name!r} is stored with another definition than the document has; "
                 "load it with mode='replace', or make the two agree"
             )
+        steps.add(1)
     found = (definitions.actions.named(name) for name in names)
     return {action.id for action in found if action is not None}
 

@@ -19,6 +19,7 @@ from ..pddl.document import Domain, PddlWarning, Problem
 from ..pddl.tokens import Source
 from ..pddl.writer import write, write_domain
 from ..transaction import Transaction
+from ..verification.findings import Progress
 from ..view import View, read_revision
 from .domain_building import build_domain
 from .domain_loading import load_domain
@@ -35,16 +36,29 @@ logger = logging.getLogger("kant_sql.documents")
 class SqlExchange(SqlDao, Exchange):
     """Loads domains and problems into an SQL store, and builds them from it."""
 
-    def load_domain(self, *sources: Source, mode: Mode = "replace", strict: bool = False) -> Loaded:
+    def load_domain(
+        self,
+        *sources: Source,
+        mode: Mode = "replace",
+        strict: bool = False,
+        progress: Progress | None = None,
+    ) -> Loaded:
         """Load a domain."""
         domain = read_domain(*sources, strict=strict)
         replace = self._is_replacing(mode)
-        revision = self._write(lambda transaction: load_domain(transaction, domain, replace))
+        revision = self._write(
+            lambda transaction: load_domain(transaction, domain, replace, progress)
+        )
         return self._loaded("domain", domain.name, revision, domain.warnings)
 
     @without_collector()
     def load_problem(
-        self, source: Source, *, mode: Mode = "replace", strict: bool = False
+        self,
+        source: Source,
+        *,
+        mode: Mode = "replace",
+        strict: bool = False,
+        progress: Progress | None = None,
     ) -> Loaded:
         """Load a problem."""
         replace = self._is_replacing(mode)
@@ -57,7 +71,7 @@ class SqlExchange(SqlDao, Exchange):
             if now != domain:
                 # Another writer changed the domain after the problem was checked against it.
                 problem = self._read_problem(source, now, strict)
-            load_problem(transaction, problem, replace)
+            load_problem(transaction, problem, replace, progress)
 
         revision = self._write(work)
         return self._loaded("problem", problem.name, revision, problem.warnings)

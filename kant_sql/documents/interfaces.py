@@ -7,6 +7,7 @@ from typing import Literal, NamedTuple
 
 from ..pddl.document import Domain, PddlWarning, Problem
 from ..pddl.tokens import Source
+from ..verification.findings import Progress
 
 Mode = Literal["replace", "merge"]
 
@@ -50,7 +51,13 @@ class Exchange(ABC):
     """
 
     @abstractmethod
-    def load_domain(self, *sources: Source, mode: Mode = "replace", strict: bool = False) -> Loaded:
+    def load_domain(
+        self,
+        *sources: Source,
+        mode: Mode = "replace",
+        strict: bool = False,
+        progress: Progress | None = None,
+    ) -> Loaded:
         """Load a domain.
 
         Args:
@@ -58,6 +65,8 @@ class Exchange(ABC):
                 not contradict each other.
             mode: `replace` or `merge`.
             strict: whether what violates the standard is refused, not warned of.
+            progress: called from time to time with the number of elements that are stored, and that
+                are to be stored; they are not committed yet.
 
         Returns:
             The revision, and the warnings with their positions.
@@ -72,7 +81,12 @@ class Exchange(ABC):
 
     @abstractmethod
     def load_problem(
-        self, source: Source, *, mode: Mode = "replace", strict: bool = False
+        self,
+        source: Source,
+        *,
+        mode: Mode = "replace",
+        strict: bool = False,
+        progress: Progress | None = None,
     ) -> Loaded:
         """Load a problem of the domain that is stored.
 
@@ -80,6 +94,8 @@ class Exchange(ABC):
             source: a path, or a text that begins with `(`.
             mode: `replace` or `merge`.
             strict: whether what violates the standard is refused, not warned of.
+            progress: called from time to time with the number of elements that are stored, and that
+                are to be stored; they are not committed yet.
 
         Returns:
             The revision, and the warnings with their positions.

@@ -9,6 +9,7 @@ from ..pddl.document import Domain, Problem
 from ..pddl.tokens import Source
 from ..pddl.writer import write
 from ..planning import Plan, from_unified_planning, problem_hash, solve, to_unified_planning
+from ..verification.findings import Progress
 from .interfaces import Exchange, Loaded, Mode
 
 if TYPE_CHECKING:
@@ -26,13 +27,21 @@ class DocumentMethods:
         """
         self._exchange = exchange
 
-    def load_domain(self, *sources: Source, mode: Mode = "replace", strict: bool = False) -> Loaded:
+    def load_domain(
+        self,
+        *sources: Source,
+        mode: Mode = "replace",
+        strict: bool = False,
+        progress: Progress | None = None,
+    ) -> Loaded:
         """Load a domain: one revision or none; `Exchange.load_domain` says all of it.
 
         Args:
             *sources: paths, or texts that begin with `(`; several files are one domain.
             mode: `replace` retracts what the domain does not say, `merge` keeps it.
             strict: whether what violates the standard is refused, not warned of.
+            progress: called from time to time with the number of elements that are stored, and that
+                are to be stored; they are not committed yet.
 
         Returns:
             The revision, and the warnings with their positions.
@@ -43,10 +52,15 @@ class DocumentMethods:
             SourceError: a file cannot be read.
             ConflictError: with mode `merge`, it contradicts what is stored.
         """
-        return self._exchange.load_domain(*sources, mode=mode, strict=strict)
+        return self._exchange.load_domain(*sources, mode=mode, strict=strict, progress=progress)
 
     def load_problem(
-        self, source: Source, *, mode: Mode = "replace", strict: bool = False
+        self,
+        source: Source,
+        *,
+        mode: Mode = "replace",
+        strict: bool = False,
+        progress: Progress | None = None,
     ) -> Loaded:
         """Load a problem: one revision or none; `Exchange.load_problem` says all of it.
 
@@ -54,6 +68,8 @@ class DocumentMethods:
             source: a path, or a text that begins with `(`.
             mode: `replace` retracts what the problem does not say, `merge` keeps it.
             strict: whether what violates the standard is refused, not warned of.
+            progress: called from time to time with the number of elements that are stored, and that
+                are to be stored; they are not committed yet.
 
         Returns:
             The revision, and the warnings with their positions.
@@ -64,7 +80,7 @@ class DocumentMethods:
             SourceError: a file cannot be read.
             ConflictError: with mode `merge`, it contradicts what is stored.
         """
-        return self._exchange.load_problem(source, mode=mode, strict=strict)
+        return self._exchange.load_problem(source, mode=mode, strict=strict, progress=progress)
 
     def domain(self) -> Domain:
         """Build the domain.

@@ -18,14 +18,17 @@ from ..knowledge.document import PROBLEM, Item
 from ..knowledge.formula import CONSTRAINT, GOAL, INITIAL, METRIC, PROBLEM_SECTIONS, TIMED
 from ..pddl.document import Problem
 from ..transaction import Transaction
+from ..verification.findings import Progress
 from .constants import constant_ids
 from .contradictions import refuse_contradictions
-from .declaring import Declaring
+from .declaring import Declaring, Steps
 from .naming import Names
 from .ordering import check_title, find_document, merged, put_document
 
 
-def load_problem(transaction: Transaction, problem: Problem, replace: bool) -> None:
+def load_problem(
+    transaction: Transaction, problem: Problem, replace: bool, progress: Progress | None = None
+) -> None:
     """Store a problem, whose domain is stored.
 
     Args:
@@ -33,6 +36,7 @@ def load_problem(transaction: Transaction, problem: Problem, replace: bool) -> N
         problem: the problem.
         replace: whether what it does not say is retracted; else it must not contradict what is
             stored, and that stays.
+        progress: called with the number of elements that are stored, and to be stored.
 
     Raises:
         ConflictError: it contradicts what is stored.
@@ -43,15 +47,19 @@ def load_problem(transaction: Transaction, problem: Problem, replace: bool) -> N
     is_first = transaction.is_stateless and not transaction.head.revision
     before = _Before(transaction) if replace and not is_first else None
     declaring = Declaring(transaction, replace)
+    steps = Steps(progress, len(problem.objects) + len(problem.facts) + len(problem.values))
     declaring.objects(problem.objects, is_constant=False)
+    steps.add(len(problem.objects))
     names = Names(transaction)
     values, old = names.values(problem.values)
     if not replace:
         refuse_contradictions(transaction, names, problem, values)
     goals = [goal for goal in problem.goal if isinstance(goal, Atom) and is_ground(goal)]
     for atoms, is_goal in ((problem.facts, False), (goals, True)):
-        _hold(transaction, names, atoms, is_goal, {} if before is None else before.atoms)
+        told = Steps() if is_goal else steps
+        _hold(transaction, names, atoms, is_goal, {} if before is None else before.atoms, told)
     transaction.values.set_many(values, old)
+    steps.add(len(problem.values))
     formulas = _Formulas(transaction, names, problem)
     if before is not None:
         before.retract(transaction, {key for key, _, _ in values})
@@ -88,6 +96,7 @@ def _hold(
     atoms: Sequence[Atom],
     is_goal: bool,
     before: dict[AtomKey, LiveAtom],
+    steps: Steps,
 ) -> None:
     """Let atoms hold; those that held before are taken out of there."""
     propositions = transaction.propositions
@@ -99,6 +108,7 @@ def _hold(
             old = [key for key in old if key in texts]
         propositions.hold_all(texts, old)
         propositions.spill()
+        steps.add(len(batch))
 
 
 class _Formulas:

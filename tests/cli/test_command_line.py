@@ -6,6 +6,7 @@ import importlib.metadata
 import os
 import re
 import shlex
+import shutil
 import signal
 import subprocess
 import sys
@@ -220,12 +221,13 @@ def test_closed_output_is_no_error(words: list[str], sqlite_store: str) -> None:
     assert (done.returncode, done.stderr) == (0, "")
 
 
-def in_terminal(*words: str, width: int) -> str:
+def in_terminal(*words: str, width: int, **more: str) -> str:
     """What a command writes to a terminal of a width."""
     import pty
 
     controller, terminal = pty.openpty()
-    variables = environment(TERM="xterm", COLUMNS=str(width))
+    variables = {"TERM": "xterm", "COLUMNS": str(width), "KANT_SQL_PAGER": "", **more}
+    variables = environment(**variables)
     process = subprocess.Popen([*command(), *words], stdout=terminal, env=variables)
     os.close(terminal)
     output = b""
@@ -255,6 +257,102 @@ def test_a_terminal_gets_boxes_and_styles_and_data_is_never_markup(tmp_path: Pat
     assert "\x1b[32m  + fact (robot_at rb1 wp1)" in log
     assert "actor: [red]:smile:[/red]" in log
     assert f"  + type {long_name}" in log
+
+
+MARKING = "sed s/^/paged:/"
+
+
+@pytest.mark.parametrize(
+    ("words", "variables", "is_paged"),
+    [
+        (["show"], {"KANT_SQL_PAGER": MARKING, "PAGER": "false"}, True),
+        (["log"], {"KANT_SQL_PAGER": MARKING}, True),
+        (["dump"], {"KANT_SQL_PAGER": MARKING}, True),
+        (["kbs"], {"KANT_SQL_PAGER": MARKING}, True),
+        (["--no-pager", "show"], {"KANT_SQL_PAGER": MARKING}, False),
+        (["show", "--json"], {"KANT_SQL_PAGER": MARKING}, False),
+        (["db", "current"], {"KANT_SQL_PAGER": MARKING}, False),
+        (["show"], {"KANT_SQL_PAGER": "", "PAGER": MARKING}, False),
+        (["show"], {"KANT_SQL_PAGER": "cat"}, False),
+        (["show"], {"KANT_SQL_PAGER": "there-is-no-such-pager -R"}, False),
+    ],
+)
+def test_a_terminal_gets_long_output_through_a_pager(
+    store: str, words: list[str], variables: dict[str, str], is_paged: bool
+) -> None:
+    if store.startswith("postgresql"):
+        pytest.skip("the pager does not depend on the database")
+    shown = in_terminal(*words, store, width=100, **variables)
+    lines = shown.splitlines()
+    assert len(lines) >= 1
+    assert {line.startswith("paged:") for line in lines} == {is_paged}
+    if words == ["show"]:
+        # Through a pager, too, there are styles and boxes.
+        assert "\x1b[1m" in shown
+        assert "│ rb1" in shown
+
+
+@pytest.mark.skipif(shutil.which("less") is None, reason="less is not installed")
+def test_less_gets_the_options_that_git_gives_it_and_quits_on_one_screen(
+    sqlite_store: str, store: str
+) -> None:
+    wanted = {"KANT_SQL_PAGER": "printenv LESS"}
+    assert in_terminal("log", store, width=80, **wanted) == "FRX\n"
+    assert in_terminal("log", store, width=80, **wanted, LESS="-S") == "-S\n"
+    # Ends by itself: nobody presses q.
+    shown = in_terminal("kbs", sqlite_store, width=100, KANT_SQL_PAGER="less", LINES="50")
+    assert "default" in shown
+
+
+def test_who_quits_the_pager_has_read_enough(sqlite_store: str) -> None:
+    shown = in_terminal("log", sqlite_store, width=80, KANT_SQL_PAGER="head -n 2")
+    assert len(shown.splitlines()) == 2
+
+
+def test_a_pipe_has_no_pager(sqlite_store: str) -> None:
+    done = child("kbs", sqlite_store, KANT_SQL_PAGER=MARKING)
+    assert done.stdout == run("kbs", sqlite_store).stdout
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+def test_a_completion_script_is_written_for_each_shell(shell: str) -> None:
+    done = child(
+        "--show-completion", shell, _TYPER_COMPLETE_TEST_DISABLE_SHELL_DETECTION="1"
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert "_KANT_SQL_COMPLETE" in done.stdout
+    if program := shutil.which(shell):
+        checked = subprocess.run(
+            [program, "-n"], input=done.stdout, text=True, capture_output=True, check=False
+        )
+        assert (checked.returncode, checked.stderr) == (0, "")
+
+
+@pytest.mark.parametrize(
+    ("variables", "expected"),
+    [
+        ({"COMP_WORDS": "kant-sql sh", "COMP_CWORD": "1"}, "show\n"),
+        ({"COMP_WORDS": "kant-sql db up", "COMP_CWORD": "2"}, "upgrade\n"),
+        ({"COMP_WORDS": "kant-sql show --pr", "COMP_CWORD": "2"}, "--predicate\n"),
+    ],
+)
+def test_commands_and_options_are_completed(
+    variables: dict[str, str], expected: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name, value in {"_KANT_SQL_COMPLETE": "complete_bash", **variables}.items():
+        monkeypatch.setenv(name, value)
+    done = child()
+    assert (done.returncode, done.stdout, done.stderr) == (0, expected, "")
+
+
+def test_completion_is_installed_for_the_shell_that_is_named(tmp_path: Path) -> None:
+    done = child(
+        "--install-completion", "bash", HOME=str(tmp_path),
+        _TYPER_COMPLETE_TEST_DISABLE_SHELL_DETECTION="1",
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / ".bash_completions" / "kant-sql.sh").exists()
+    assert "kant-sql.sh" in (tmp_path / ".bashrc").read_text()
 
 
 def test_importing_the_library_imports_neither_drivers_nor_alembic_nor_the_command_line() -> None:

@@ -6,6 +6,7 @@ import hashlib
 import io
 import json
 import os
+import re
 import shlex
 import signal
 import subprocess
@@ -349,6 +350,7 @@ def test_a_terminal_shows_what_is_going_on_and_a_pipe_does_not(url: str) -> None
     os.close(controller)
     output, _ = process.communicate(timeout=CHILD_TIMEOUT)
     assert b"loading" in shown.getvalue()
+    assert re.search(rb"\d+%", shown.getvalue())
     assert output.startswith(b"knowledge base default, revision 2\n")
 
 
@@ -460,3 +462,24 @@ def test_a_load_that_is_stopped_leaves_no_new_file(tmp_path: Path, number: signa
     output, error = process.communicate(timeout=CHILD_TIMEOUT)
     assert (process.returncode, output, error) == (128 + number, b"", b"")
     assert os.listdir(tmp_path) == ["large.pddl"]
+
+
+def test_the_library_says_how_far_a_load_has_come(url: str) -> None:
+    told: list[tuple[int, int]] = []
+    objects = " ".join(f"o{one}" for one in range(3_000))
+    facts = " ".join(f"(p o{one})" for one in range(3_000))
+    with kant_sql.connect(url) as kb:
+        kb.load_domain(
+            "(define (domain d) (:predicates (p ?x)) (:action a :effect ()))",
+            progress=lambda *both: told.append(both),
+        )
+        assert told[-1] == (2, 2)
+        told.clear()
+        kb.load_problem(
+            f"(define (problem q) (:domain d) (:objects {objects}) (:init {facts}) (:goal (and)))",
+            progress=lambda *both: told.append(both),
+        )
+    assert told[0][0] == 3_000
+    assert told[-1] == (6_000, 6_000)
+    assert told == sorted(told)
+    assert len(told) > 2

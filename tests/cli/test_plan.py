@@ -138,3 +138,58 @@ def test_wrong_usage_is_one_line(url: str, words: list[str]) -> None:
     result = run("plan", url, *words)
     one_line(result.stderr)
     assert result.exit_code == 2
+
+
+def test_a_plan_is_recorded_and_listed_with_what_became_of_its_steps(
+    url: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def plan(kb: KnowledgeBase, **words: object) -> Plan:
+        steps = (
+            PlanStep(None, "move", ("rb1", "table1", "kitchen")),
+            PlanStep(None, "move", ("rb1", "kitchen", "table1")),
+        )
+        return Plan(steps, "pyperplan", "solved_satisficing", kb.revision)
+
+    monkeypatch.setattr(KnowledgeBase, "plan", plan)
+    assert run("plans", url).stdout == "\nplans (0)\n"
+    words = "--at", "1", "--record", "--actor", "operator", "--reason", "to see"
+    document = json.loads(run("plan", url, *words, "--json").stdout)
+    assert (document["revision"], document["recorded_in"]) == (1, 3)
+    with kant_sql.connect(url) as kb:
+        (revision,) = kb.revisions(after=2)
+        assert (revision.actor, revision.reason) == ("operator", "to see")
+        (recorded,) = kb.plans.get_all()
+        assert recorded.id == document["plan"]
+        kb.plans.set_status(recorded.steps[0], status="started")
+    assert "1 started, 1 not started" in run("plans", url).stdout
+    (line,) = run("plans", url, "--json").stdout.splitlines()
+    one = json.loads(line)
+    assert (one["knowledge_base"], one["plan"], one["planner"]) == (
+        "default",
+        recorded.id,
+        "pyperplan",
+    )
+    assert [(step["action"], step["status"]) for step in one["steps"]] == [
+        ("move", "started"),
+        ("move", None),
+    ]
+    text = run("plans", url, "--plan", str(recorded.id)).stdout
+    assert f"plan {recorded.id}, recorded in revision 3, planned from revision 1" in text
+    assert "0     (move rb1 table1 kitchen)  started" in text
+    assert "1     (move rb1 kitchen table1)  not started" in text
+    assert f"; plan {recorded.id}" not in run("plan", url, "--at", "1").stdout
+    assert run("plans", url, "--at", "2").stdout == "\nplans (0)\n"
+
+
+def test_a_plan_that_is_not_on_record_is_one_line(url: str) -> None:
+    result = run("plans", url, "--plan", "77")
+    assert "there is no plan 77 in knowledge base 'default'" in one_line(result.stderr)
+    assert result.exit_code == 1
+
+
+@pytest.mark.usefixtures("asked")
+@pytest.mark.parametrize("words", [["--actor", "operator"], ["--reason", "why"]])
+def test_who_and_why_go_with_record(url: str, words: list[str]) -> None:
+    result = run("plan", url, *words)
+    assert "--record" in one_line(result.stderr)
+    assert result.exit_code == 2

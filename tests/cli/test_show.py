@@ -13,7 +13,15 @@ import pytest
 
 import kant_sql
 import kant_sql.cli.show
-from kant_sql import PddlPredicateDto, PddlPropositionDto, PddlTypeDto
+from kant_sql import (
+    PddlFunctionDto,
+    PddlFunctionValueDto,
+    PddlObjectDto,
+    PddlPredicateDto,
+    PddlPropositionDto,
+    PddlTypeDto,
+)
+from kant_sql.canonical import time_text
 from tests.cli.running import child, one_line, run
 from tests.worlds import WP1, navigation, robot_at
 
@@ -320,3 +328,84 @@ def test_json_says_what_not_every_domain_has(watering: str) -> None:
         assert all(list(each) == ["pddl"] for each in state[name])
     earlier = shown(watering, "--at", "1")
     assert (earlier["metric"], earlier["goals"]) == (None, [])
+
+
+FILTERED = [
+    (["--facts"], ["(robot_at rb1 wp2)"], [], []),
+    (["--predicate", "ROBOT_AT"], ["(robot_at rb1 wp2)"], ["(robot_at rb1 wp1)"], []),
+    (["--object", "wp1"], [], ["(robot_at rb1 wp1)"], ["wp1"]),
+    (["--object", "WP2"], ["(robot_at rb1 wp2)"], [], ["wp2"]),
+    (["--object", "wp2", "--facts"], ["(robot_at rb1 wp2)"], [], []),
+    (["--type", "robot"], ["(robot_at rb1 wp2)"], ["(robot_at rb1 wp1)"], ["d1", "rb1"]),
+    (["--type", "drone"], [], [], ["d1"]),
+    (["--type", "drone", "--object", "rb1"], [], [], []),
+    (["--predicate", "robot_at", "--object", "wp2"], ["(robot_at rb1 wp2)"], [], []),
+    (["--facts", "--at", "1"], ["(robot_at rb1 wp1)"], [], []),
+    (["--type", "object", "--facts"], ["(robot_at rb1 wp2)"], [], []),
+]
+
+
+@pytest.mark.parametrize(("words", "facts", "goals", "objects"), FILTERED)
+def test_only_what_is_asked_for_is_shown(
+    store: str, words: list[str], facts: list[str], goals: list[str], objects: list[str]
+) -> None:
+    document = json.loads(run("show", store, "--json", *words).stdout)
+    assert [one["pddl"] for one in document["facts"]] == facts
+    assert [one["pddl"] for one in document["goals"]] == goals
+    assert sorted(one["name"] for one in document["objects"]) == objects
+    assert set(document) == {
+        *("knowledge_base", "revision", "committed_at"),
+        *("objects", "facts", "function_values", "goals"),
+    }
+    text = run("show", store, *words).stdout
+    assert f"facts ({len(facts)})" in text
+    assert all(line in text for line in (*facts, *goals, *objects))
+    assert "actions" not in text
+
+
+def test_function_values_of_an_object_are_shown(tmp_path: Path) -> None:
+    url = f"sqlite:///{tmp_path / 'values.db'}"
+    robot = PddlTypeDto("robot")
+    fuel = PddlFunctionDto("fuel", [robot])
+    with kant_sql.connect(url) as kb:
+        for name in ("r1", "r2"):
+            kb.function_values.save(PddlFunctionValueDto(fuel, [PddlObjectDto(robot, name)], 7))
+    document = json.loads(run("show", url, "--object", "r1", "--json").stdout)
+    assert [value["pddl"] for value in document["function_values"]] == ["(= (fuel r1) 7)"]
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--predicate", "robot_att"], "no predicate 'robot_att'"),
+        (["--predicate", "robot_att"], "(did you mean robot_at?)"),
+        (["--object", "rb11"], "(did you mean rb1?)"),
+        (["--type", "robto"], "(did you mean robot?)"),
+        (["--type", "drone", "--at", "1"], "no type 'drone'"),
+        (["--type", "robot", "--object", "nosuch"], "no object 'nosuch'"),
+    ],
+)
+def test_names_that_do_not_exist_are_errors(store: str, words: list[str], said: str) -> None:
+    result = run("show", store, *words)
+    assert said in one_line(result.stderr)
+    assert (result.exit_code, result.stdout) == (1, "")
+
+
+def test_kbs_lists_the_knowledge_bases_with_their_last_changes(own_store: str) -> None:
+    with kant_sql.connect(own_store, knowledge_base="rb[1]") as kb:
+        with kb.transaction(actor="operator", reason="a new shift"):
+            kb.types.save(PddlTypeDto("robot"))
+        (only,) = kb.revisions()
+    kant_sql.connect(own_store, knowledge_base="never written").close()
+    found = json.loads(run("kbs", own_store, "--json").stdout)["knowledge_bases"]
+    assert [(one["name"], one["revision"]) for one in found] == [("tiago", 3), ("rb[1]", 1)]
+    assert found[1] == {
+        "name": "rb[1]",
+        "revision": 1,
+        "committed_at": time_text(only.committed_at),
+        "actor": "operator",
+        "reason": "a new shift",
+    }
+    text = run("kbs", url=own_store).stdout
+    assert text.splitlines()[1] == "knowledge bases (2)"
+    assert "operator    a new shift" in text
