@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import itertools
+import os
 from collections.abc import Iterator
 
 import pytest
 
 import kant_sql
 from kant_sql import KnowledgeBase
+from tests import aio
 from tests.conftest import BACKENDS, Connect, Server, _extra_urls
 from tests.reading import beside
 from tests.rights import MINE, Members, fill_store, members
@@ -29,13 +31,34 @@ def one_file(tmp_path_factory: pytest.TempPathFactory) -> str:
     return f"sqlite:///{tmp_path_factory.mktemp('common') / 'store.db'}"
 
 
-@pytest.fixture(params=[*BACKENDS, *(f"extra-{n}" for n, _ in enumerate(_extra_urls()))])
+# Backends as the asynchronous front door sees them, and the tests that go through it by default.
+AIO = {
+    "aio-sqlite-file": ("test_dao_",),
+    "aio-postgresql": ("test_dao_propositions", "test_dao_function_values"),
+    "aio-sqlite-memory": ("test_dao_propositions",),
+}
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Leave out what goes through the asynchronous front door only when it is asked for."""
+    if os.environ.get("KANT_SQL_TEST_AIO") == "all":
+        return
+    items[:] = [item for item in items if _is_wanted(item)]
+
+
+def _is_wanted(item: pytest.Item) -> bool:
+    backend = getattr(item, "callspec", None) and item.callspec.params.get("common_url")  # type: ignore[attr-defined]
+    return backend not in AIO or item.path.name.startswith(AIO[backend])
+
+
+@pytest.fixture(params=[*BACKENDS, *AIO, *(f"extra-{n}" for n, _ in enumerate(_extra_urls()))])
 def common_url(request: pytest.FixtureRequest) -> str:
     """The URL of a store that other tests may have used, on each backend in turn."""
-    if request.param == "sqlite-memory":
+    backend = str(request.param).removeprefix("aio-")
+    if backend == "sqlite-memory":
         return "sqlite://"
-    if request.param in COMMON:
-        url: str = request.getfixturevalue(COMMON[request.param])
+    if backend in COMMON:
+        url: str = request.getfixturevalue(COMMON[backend])
         return url
     extra = _extra_urls()[int(request.param.removeprefix("extra-"))]
     kant_sql.upgrade(extra)
@@ -50,13 +73,29 @@ def one_memory() -> Iterator[KnowledgeBase]:
     kb.close()
 
 
+@pytest.fixture(scope="session")
+def event_loop_thread() -> Iterator[aio.Loop]:
+    """An event loop for all tests of the asynchronous front door."""
+    loop = aio.Loop()
+    yield loop
+    loop.close()
+
+
 @pytest.fixture
-def fresh_kb(request: pytest.FixtureRequest, common_url: str, connect: Connect) -> KnowledgeBase:
+def fresh_kb(
+    request: pytest.FixtureRequest, common_url: str, connect: Connect
+) -> Iterator[KnowledgeBase]:
     """An empty knowledge base in a store that others may live in, on each backend in turn."""
     name = f"robot {next(_numbers)}"
-    if common_url == "sqlite://":
-        return beside(request.getfixturevalue("one_memory"), name)
-    return connect(common_url, knowledge_base=name, actor="test")
+    if request.node.callspec.params["common_url"] in AIO:
+        loop = request.getfixturevalue("event_loop_thread")
+        kb = aio.connect(loop, common_url, knowledge_base=name, actor="test")
+        yield kb
+        kb.close()
+    elif common_url == "sqlite://":
+        yield beside(request.getfixturevalue("one_memory"), name)
+    else:
+        yield connect(common_url, knowledge_base=name, actor="test")
 
 
 @pytest.fixture(scope="session")

@@ -248,7 +248,7 @@ REFUSED: dict[str, tuple[type[KantSqlError], Callable[[Any], object], str]] = {
     ),
     "too large": (
         InvalidKnowledgeError,
-        lambda values: values.set("battery", ["rb1"], Decimal("1E+1000000")),
+        lambda values: values.set("battery", objects=["rb1"], value=Decimal("1E+1000000")),
         "(battery rb1): 1E+1000000 is no number that PDDL text carries; give a finite number of "
         "at most 400 digits",
     ),

@@ -12,13 +12,14 @@ from typing import Any
 import pytest
 
 import kant_sql
+import kant_sql.aio
 import kant_sql.pddl
 import kant_sql.planning
 from kant_sql import KnowledgeBase
 from kant_sql.factory import FAMILIES
 from tests.worlds import robot_at
 
-MODULES = (kant_sql, kant_sql.pddl, kant_sql.planning)
+MODULES = (kant_sql, kant_sql.aio, kant_sql.pddl, kant_sql.planning)
 # Two states of one kind, in the order of `git diff A B`.
 TWO_OF_A_KIND = {"diff"}
 POSITIONAL = (inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)

@@ -1,0 +1,58 @@
+"""Several robots patrol at once in one event loop, while a monitor follows what they do."""
+
+from __future__ import annotations
+
+import asyncio
+import sys
+from itertools import pairwise
+
+from kant_sql import PddlObjectDto, PddlPredicateDto, PddlPropositionDto, PddlTypeDto, aio
+from kant_sql.aio import AsyncKnowledgeBase
+
+ROBOT, PLACE = PddlTypeDto("robot"), PddlTypeDto("place")
+AT = PddlPredicateDto("at", [ROBOT, PLACE])
+TOUR = [PddlObjectDto(PLACE, name) for name in ("dock", "hall", "kitchen", "dock")]
+
+
+def at(robot: str, place: PddlObjectDto) -> PddlPropositionDto:
+    """Say where a robot is."""
+    return PddlPropositionDto(AT, [PddlObjectDto(ROBOT, robot), place])
+
+
+async def patrol(kb: AsyncKnowledgeBase, robot: str) -> None:
+    """Go from place to place; each arrival is one revision of that robot."""
+    await kb.propositions.save(at(robot, TOUR[0]))
+    for before, after in pairwise(TOUR):
+        await asyncio.sleep(0.01)  # The robot drives.
+        async with kb.transaction(actor=robot, reason=f"arrived at {after.name}"):
+            await kb.propositions.delete(at(robot, before))
+            await kb.propositions.save(at(robot, after))
+
+
+async def monitor(kb: AsyncKnowledgeBase) -> None:
+    """Print what is done, as it is done, until it is cancelled."""
+    seen = 0
+    while True:
+        await kb.watch(seen)
+        async for entry in kb.changes(seen):
+            seen = entry.revision.number
+            if entry.revision.reason is not None:
+                print(f"{entry.revision.actor} {entry.revision.reason}")
+
+
+async def main(url: str) -> None:
+    """Let three robots patrol, and tell where they are."""
+    async with aio.connect(url, knowledge_base="patrol", actor="setup") as kb:
+        watching = asyncio.create_task(monitor(kb))
+        async with asyncio.TaskGroup() as robots:
+            for name in ("rb1", "rb2", "rb3"):
+                robots.create_task(patrol(kb, name))
+        await asyncio.sleep(0.2)
+        watching.cancel()
+        for fact in await kb.propositions.get_all():
+            print(fact)
+        print(f"revision {await kb.revision()}")
+
+
+if __name__ == "__main__":
+    asyncio.run(main(sys.argv[1] if len(sys.argv) > 1 else "sqlite://"))

@@ -1,0 +1,421 @@
+"""The asynchronous front door: nothing acknowledged is lost, and nothing waits in vain."""
+
+from __future__ import annotations
+
+import asyncio
+import inspect
+import random
+import subprocess
+import sys
+import threading
+import time
+import typing
+from collections.abc import AsyncIterator, Awaitable, Callable
+from contextlib import asynccontextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import kant_sql
+from kant_sql import (
+    ClosedError,
+    KnowledgeBase,
+    StaleRevisionError,
+    TransactionCancelledError,
+    TransactionOpenError,
+    UnknownRevisionError,
+    aio,
+)
+from kant_sql.aio import AsyncKnowledgeBase
+from tests.worlds import RB1, WP2, robot_at, waypoint
+
+Test = Callable[[AsyncKnowledgeBase], Awaitable[None]]
+
+
+class Failed(Exception):
+    """What ends a block that is to fail."""
+
+
+def run(url: str, test: Test) -> None:
+    """Run a test with a knowledge base, whose threads are all gone afterwards."""
+    before = {thread for thread in threading.enumerate() if thread.name.startswith("kant_sql")}
+
+    async def main() -> None:
+        async with aio.connect(url, knowledge_base="tiago", actor="base") as kb:
+            await asyncio.wait_for(test(kb), 60)
+
+    asyncio.run(main(), debug=False)
+    after = {thread for thread in threading.enumerate() if thread.name.startswith("kant_sql")}
+    for thread in after - before:
+        thread.join(5)
+        assert not thread.is_alive()
+
+
+async def written(kb: AsyncKnowledgeBase) -> list[tuple[str | None, list[str]]]:
+    return [
+        (entry.revision.actor, [one.text for one in entry.changes if one.kind in ("fact", "goal")])
+        async for entry in kb.changes()
+    ]
+
+
+@asynccontextmanager
+async def free_loop() -> AsyncIterator[None]:
+    """Check that the loop goes on meanwhile."""
+    longest = 0.0
+
+    async def tick() -> None:
+        nonlocal longest
+        while True:
+            began = time.monotonic()
+            await asyncio.sleep(0.01)
+            longest = max(longest, time.monotonic() - began)
+
+    ticking = asyncio.create_task(tick())
+    yield
+    ticking.cancel()
+    assert longest < 1.0
+
+
+def test_it_can_do_all_that_the_synchronous_front_door_can() -> None:
+    def names(cls: type) -> set[str]:
+        return {name for name in dir(cls) if not name.startswith("_")}
+
+    assert names(KnowledgeBase) <= names(AsyncKnowledgeBase) | {"factory"}
+    for name, dao in typing.get_type_hints(KnowledgeBase).items():
+        assert names(dao) <= names(getattr(aio, f"Async{dao.__name__}")), name
+
+
+def test_types_are_those_of_the_synchronous_methods(tmp_path: Path) -> None:
+    program = tmp_path / "program.py"
+    program.write_text(
+        "import asyncio\n"
+        "from kant_sql import PddlTypeDto, aio\n"
+        "async def main() -> None:\n"
+        "    async with aio.connect('sqlite://') as kb:\n"
+        "        reveal_type(await kb.types.get('robot'))\n"
+        "        reveal_type(await kb.propositions.get_all())\n"
+        "        reveal_type(await kb.watch(3, timeout=1))\n"
+        "        async for entry in kb.changes(0):\n"
+        "            reveal_type(entry)\n"
+        "        await kb.types.save(PddlTypeDto('a'), cascade=True)\n"
+        "        await kb.types.save('a')\n"
+        "        async with kb.transaction('actor'):\n"
+        "            await kb.restore(1, 'reason')\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-m", "mypy", "--strict", "--cache-dir", str(tmp_path), str(program)],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=250,
+    )
+    said = done.stdout
+    for found in (
+        "PddlTypeDto | None",
+        "list[kant_sql.dto.pddl_proposition_dto.PddlPropositionDto]",
+        '"int | None"',
+        "LogEntry",
+        "Too many positional arguments",
+    ):
+        assert found in said, said
+    assert said.count("error:") == 3, said
+
+
+def test_each_transaction_is_its_own_tasks(url: str) -> None:
+    async def test(kb: AsyncKnowledgeBase) -> None:
+        is_open, may_end = asyncio.Event(), asyncio.Event()
+
+        async def well() -> None:
+            async with kb.transaction(actor="well"):
+                await kb.propositions.save(robot_at())
+                is_open.set()
+                await may_end.wait()
+                assert await kb.propositions.get_all() == [robot_at()]
+
+        async def badly() -> None:
+            await is_open.wait()
+            may_end.set()
+            async with kb.transaction(actor="badly"):
+                await kb.propositions.save(robot_at(place=WP2))
+                raise Failed
+
+        async with free_loop():
+            ends = await asyncio.gather(well(), badly(), return_exceptions=True)
+        assert [type(end) for end in ends] == [type(None), Failed]
+        assert await written(kb) == [("well", ["(robot_at rb1 wp1)"])]
+
+    run(url, test)
+
+
+def test_independent_tasks_queue_without_blocking_the_loop(url: str) -> None:
+    async def test(kb: AsyncKnowledgeBase) -> None:
+        async def writer(number: int) -> None:
+            async with kb.transaction(actor=f"t{number}"):
+                await kb.propositions.save(robot_at(place=waypoint(2 * number)))
+                await asyncio.sleep(0.001)
+                await kb.propositions.save(robot_at(place=waypoint(2 * number + 1)))
+
+        async def single(number: int) -> None:
+            await kb.propositions.save(robot_at(place=waypoint(100 + number)))
+
+        async with free_loop():
+            await asyncio.gather(*map(writer, range(20)), *map(single, range(20)))
+        found = await written(kb)
+        assert sorted(len(facts) for _, facts in found) == [1] * 20 + [2] * 20
+        assert len({actor for actor, facts in found if len(facts) == 2}) == 20
+
+    run(url, test)
+
+
+def test_a_task_started_in_a_block_is_refused_at_once(url: str) -> None:
+    async def test(kb: AsyncKnowledgeBase) -> None:
+        async def opens() -> None:
+            async with kb.transaction():
+                raise AssertionError
+
+        async with kb.transaction(actor="parent"):
+            await kb.propositions.save(robot_at())
+            began = time.monotonic()
+            ends = await asyncio.gather(
+                kb.propositions.save(robot_at(place=WP2)), opens(), return_exceptions=True
+            )
+            assert time.monotonic() - began < 5
+            assert [type(end) for end in ends] == [TransactionOpenError] * 2
+            async with kb.transaction(actor="inner"):
+                await kb.propositions.save(robot_at(is_goal=True))
+        assert [actor for actor, _ in await written(kb)] == ["parent"]
+        assert len(await kb.propositions.get_all()) == 2
+
+    run(url, test)
+
+
+def test_what_a_child_reads_is_committed_or_refused(url: str) -> None:
+    async def test(kb: AsyncKnowledgeBase) -> None:
+        await kb.objects.save(RB1)
+        async with kb.transaction():
+            await kb.propositions.save(robot_at())
+            reading = asyncio.create_task(kb.propositions.get_all())
+            if url == "sqlite://":
+                with pytest.raises(TransactionOpenError):
+                    await reading
+            else:
+                assert await reading == []
+
+    run(url, test)
+
+
+def test_an_inner_block_that_fails_is_undone_alone(url: str) -> None:
+    async def test(kb: AsyncKnowledgeBase) -> None:
+        async with kb.transaction():
+            await kb.propositions.save(robot_at())
+            with suppress(Failed):
+                async with kb.transaction():
+                    await kb.propositions.save(robot_at(place=WP2))
+                    raise Failed
+        assert await kb.propositions.get_all() == [robot_at()]
+        with pytest.raises(StaleRevisionError):
+            async with kb.transaction(expected_revision=7):
+                raise AssertionError
+        await kb.propositions.save(robot_at(place=WP2))
+
+    run(url, test)
+
+
+@pytest.mark.parametrize("where", ["call", "pause", "swallowed"])
+def test_cancellation_rolls_back(url: str, where: str) -> None:
+    async def test(kb: AsyncKnowledgeBase) -> None:
+        async def block() -> None:
+            async with kb.transaction():
+                await kb.propositions.save(robot_at())
+                many = [robot_at(place=waypoint(number)) for number in range(3000)]
+                if where == "pause":
+                    await asyncio.sleep(60)
+                elif where == "call":
+                    await kb.propositions.save_all(many)
+                    await asyncio.sleep(60)
+                else:
+                    with suppress(TimeoutError):
+                        async with asyncio.timeout(0.01):
+                            await kb.propositions.save_all(many)
+
+        if where == "swallowed":
+            with pytest.raises(TransactionCancelledError):
+                await block()
+        else:
+            with pytest.raises(TimeoutError):
+                async with asyncio.timeout(0.05):
+                    await block()
+        assert await kb.revision() == 0
+        await kb.propositions.save(robot_at(place=WP2))
+        assert await kb.propositions.get_all() == [robot_at(place=WP2)]
+
+    run(url, test)
+
+
+def test_who_waits_for_a_turn_can_be_cancelled(shared_url: str) -> None:
+    with kant_sql.connect(shared_url, knowledge_base="tiago") as other:
+        other.objects.save(RB1)
+
+        async def test(kb: AsyncKnowledgeBase) -> None:
+            async def write() -> None:
+                async with kb.transaction():
+                    await kb.propositions.save(robot_at())
+
+            with other.transaction(actor="thread"):
+                other.propositions.save(robot_at(place=WP2))
+                began = time.monotonic()
+                with pytest.raises(TimeoutError):
+                    async with asyncio.timeout(0.1):
+                        await write()
+                assert time.monotonic() - began < 5
+            await write()
+            assert [actor for actor, _ in await written(kb)] == [None, "thread", "base"]
+
+        run(shared_url, test)
+
+
+@settings(max_examples=10)
+@given(seed=st.integers(0, 2**32))
+def test_cancelled_anywhere_nothing_acknowledged_is_lost(seed: int) -> None:
+    """Tasks write pairs of facts in blocks, and are cancelled at any moment."""
+
+    async def test(kb: AsyncKnowledgeBase) -> None:
+        chance = random.Random(seed)
+        acknowledged: set[int] = set()
+
+        async def writer(number: int) -> None:
+            async with kb.transaction(actor=f"t{number}"):
+                await kb.propositions.save(robot_at(place=waypoint(2 * number)))
+                await asyncio.sleep(chance.random() / 500)
+                await kb.propositions.save(robot_at(place=waypoint(2 * number + 1)))
+            acknowledged.add(number)
+
+        tasks = [asyncio.create_task(writer(number)) for number in range(12)]
+        for task in chance.sample(tasks, 8):
+            await asyncio.sleep(chance.random() / 200)
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+        there = {proposition.objects[1].name for proposition in await kb.propositions.get_all()}
+        for number in range(12):
+            pair = {f"wp{2 * number}", f"wp{2 * number + 1}"}
+            # Whole or not at all; and whole when its writer went on.
+            assert pair <= there or (not pair & there and number not in acknowledged)
+        async with kb.transaction():
+            await kb.propositions.delete_all()
+
+    run("sqlite://", test)
+
+
+def test_changes_and_log_are_followed(url: str) -> None:
+    async def test(kb: AsyncKnowledgeBase) -> None:
+        for number in range(5):
+            await kb.function_values.set(kant_sql.PddlFunctionDto("n"), objects=(), value=number)
+        assert [entry.revision.number async for entry in kb.changes(2)] == [3, 4, 5]
+        assert [entry.revision.number async for entry in kb.log(limit=2)] == [5, 4]
+        with pytest.raises(UnknownRevisionError):
+            await anext(kb.changes(99))
+        past = await kb.at(2)
+        assert await past.revision() == 2
+        assert await past.function_values.get("n") == 1
+        await past.close()
+        assert await kb.function_values.get("n") == 4
+        assert [one.number for one in await kb.revisions(limit=1)] == [1]
+
+    run(url, test)
+
+
+def test_watch_hears_of_others_and_can_be_cancelled(url: str) -> None:
+    async def test(kb: AsyncKnowledgeBase) -> None:
+        watching = [asyncio.create_task(kb.watch()) for _ in range(12)]
+        await asyncio.sleep(0.3)
+        # More wait than the pool has threads, and the others go on.
+        await kb.propositions.save(robot_at())
+        assert await asyncio.gather(*watching) == [1] * 12
+        assert await kb.watch(1, timeout=0.01) is None
+        with pytest.raises(TimeoutError):
+            async with asyncio.timeout(0.05):
+                await kb.watch(1)
+        with pytest.raises(kant_sql.ReadOnlyError):
+            async with kb.transaction():
+                await kb.watch(1)
+        last = asyncio.create_task(kb.watch(1))
+        await asyncio.sleep(0.05)
+        await kb.close()
+        with pytest.raises(ClosedError):
+            await last
+
+    run(url, test)
+
+
+def test_after_close_every_call_is_refused(url: str) -> None:
+    async def test(kb: AsyncKnowledgeBase) -> None:
+        await kb.propositions.save(robot_at())
+        past, begun = await kb.at(1), kb.changes()
+
+        async def write_and_close() -> None:
+            async with kb.transaction():
+                await kb.propositions.save(robot_at(place=WP2))
+                await kb.close()
+                with pytest.raises(ClosedError):
+                    await kb.propositions.get_all()
+
+        with pytest.raises(ClosedError):
+            await write_and_close()
+        await kb.close()
+        calls: list[Callable[[], Awaitable[Any]]] = [
+            kb.propositions.get_all,
+            lambda: kb.propositions.save(robot_at()),
+            past.propositions.get_all,
+            kb.revision,
+            past.revision,
+            kb.watch,
+            lambda: kb.at(1),
+            kb.domain_pddl,
+            lambda: anext(begun),
+            lambda: anext(kb.log()),
+            lambda: kb.transaction().__aenter__(),
+        ]
+        for call in calls:
+            with pytest.raises(ClosedError):
+                await call()
+
+    run(url, test)
+    if url != "sqlite://":
+        with kant_sql.connect(url, knowledge_base="tiago") as later:
+            assert later.revision == 1
+
+
+def test_several_loops_share_it(shared_url: str) -> None:
+    shared: list[AsyncKnowledgeBase] = []
+
+    async def write(number: int) -> None:
+        for step in range(4):
+            async with shared[0].transaction(actor=f"loop {number}"):
+                await shared[0].propositions.save(robot_at(place=waypoint(10 * number + step)))
+
+    async def test(kb: AsyncKnowledgeBase) -> None:
+        shared.append(kb)
+        threads = [threading.Thread(target=lambda n=n: asyncio.run(write(n))) for n in range(3)]
+        for thread in threads:
+            thread.start()
+        await write(9)
+        for thread in threads:
+            await asyncio.to_thread(thread.join)
+        assert await kb.revision() == 16
+
+    run(shared_url, test)
+
+
+def test_what_cannot_be_opened_is_refused_as_on_the_other_side() -> None:
+    async def main() -> None:
+        with pytest.raises(kant_sql.InvalidUrlError):
+            await aio.connect("nonsense")
+        kb = await aio.connect("sqlite://")
+        assert await kb.revision() == 0
+        await kb.close()
+
+    asyncio.run(main())
+    assert inspect.signature(aio.connect).parameters["actor"].kind is inspect.Parameter.KEYWORD_ONLY
