@@ -37,18 +37,24 @@ AIO = {
     "aio-postgresql": ("test_dao_propositions", "test_dao_function_values"),
     "aio-sqlite-memory": ("test_dao_propositions",),
 }
+# What is given to a call is used in its thread, where nothing can be awaited.
+NOT_AIO = "test_a_generator_may_read_and_write_the_same_knowledge_base"
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Leave out what goes through the asynchronous front door only when it is asked for."""
-    if os.environ.get("KANT_SQL_TEST_AIO") == "all":
-        return
     items[:] = [item for item in items if _is_wanted(item)]
 
 
 def _is_wanted(item: pytest.Item) -> bool:
     backend = getattr(item, "callspec", None) and item.callspec.params.get("common_url")  # type: ignore[attr-defined]
-    return backend not in AIO or item.path.name.startswith(AIO[backend])
+    if backend not in AIO:
+        return True
+    if item.name.startswith(NOT_AIO):
+        return False
+    is_slow = item.path.name.startswith("test_dao_wrong_types")
+    is_asked_for = os.environ.get("KANT_SQL_TEST_AIO") == "all"
+    return is_asked_for or (item.path.name.startswith(AIO[backend]) and not is_slow)
 
 
 @pytest.fixture(params=[*BACKENDS, *AIO, *(f"extra-{n}" for n, _ in enumerate(_extra_urls()))])
