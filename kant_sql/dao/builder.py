@@ -21,6 +21,7 @@ from ..dto.name import fold
 from ..dto.number import decimal_text, number_text
 from ..dto.parameters import variable_name
 from ..dto.pddl_action_dto import Duration
+from ..dto.pddl_proposition_dto import trusted_proposition
 from ..knowledge.action import ActionDefinition
 from ..knowledge.definitions import Definitions
 from ..knowledge.predicate import ParameterDefinition
@@ -140,7 +141,7 @@ class DtoBuilder:
             The DTO.
         """
         objects = [self.object(int(id_)) for id_ in arguments.split()]
-        return PddlPropositionDto(self.predicate(predicate_id), objects, bool(is_goal))
+        return trusted_proposition(self.predicate(predicate_id), objects, bool(is_goal))
 
     def action(self, definition: ActionDefinition) -> PddlActionDto:
         """Build an action.

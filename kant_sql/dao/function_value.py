@@ -9,6 +9,7 @@ from typing import Any
 from ..arguments import expect, expect_list
 from ..dto import PddlFunctionDto, PddlFunctionValueDto, PddlObjectDto
 from ..dto.number import decimal_text
+from ..dto.pddl_function_value_dto import trusted_value
 from ..errors import InvalidKnowledgeError
 from ..fluents import Fluent, FluentValue
 from ..transaction import Transaction
@@ -31,7 +32,7 @@ from .reading import NO_ID
 def _dtos(view: View, rows: Iterable[Any]) -> list[PddlFunctionValueDto]:
     builder = DtoBuilder(view.definitions)
     return [
-        PddlFunctionValueDto(
+        trusted_value(
             builder.function(function_id),
             [builder.object(int(id_)) for id_ in arguments.split()],
             Decimal(number) if object_id is None else builder.object(object_id),

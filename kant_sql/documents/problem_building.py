@@ -12,6 +12,7 @@ from sqlalchemy import and_, case, select
 from ..backends import Query, in_rows
 from ..dao.fluent_reading import ALL
 from ..dao.formula import read_formula, read_formulas
+from ..dto.conditions import trusted_atom
 from ..dto.formula import Atom, Constant, Equal, Fluent, Formula, Not, Number, TypedName
 from ..dto.name import fold
 from ..knowledge.definitions import Definitions
@@ -213,7 +214,7 @@ class ProblemBuilder:
 
     def _atom(self, row: Any) -> Atom:
         predicate = self._definitions.predicates.live(row[1])
-        return Atom(predicate.name, self._terms(row[2]))
+        return trusted_atom(predicate.name, self._terms(row[2]))
 
     def _terms(self, arguments: str) -> tuple[Constant, ...]:
         return tuple([self._constant(int(id_)) for id_ in arguments.split()])

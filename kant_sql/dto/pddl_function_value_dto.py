@@ -117,3 +117,23 @@ def value_text(fluent: str, value: str) -> str:
         The PDDL text, for example `(= (distance wp1 wp2) 10)`.
     """
     return f"(= {fluent} {value})"
+
+
+def trusted_value(
+    function: PddlFunctionDto, objects: list[PddlObjectDto], value: FunctionValue
+) -> PddlFunctionValueDto:
+    """Make a value of what is known to be right: a store gives hundreds of thousands.
+
+    Args:
+        function: the function.
+        objects: the arguments, in order; not copied.
+        value: a number, or an object.
+
+    Returns:
+        The value, unchecked.
+    """
+    dto = object.__new__(PddlFunctionValueDto)
+    dto.function = function
+    dto.objects = objects
+    dto.value = value
+    return dto

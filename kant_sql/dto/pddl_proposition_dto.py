@@ -62,3 +62,23 @@ class PddlPropositionDto(AtomDto):
 
     def __str__(self) -> str:
         return atom_text(self.predicate.name, [object_.name for object_ in self.objects])
+
+
+def trusted_proposition(
+    predicate: PddlPredicateDto, objects: list[PddlObjectDto], is_goal: bool
+) -> PddlPropositionDto:
+    """Make a proposition of what is known to be right: a store gives hundreds of thousands.
+
+    Args:
+        predicate: the predicate.
+        objects: the arguments, in order; not copied.
+        is_goal: whether it is a goal.
+
+    Returns:
+        The proposition, unchecked.
+    """
+    dto = object.__new__(PddlPropositionDto)
+    dto.predicate = predicate
+    dto.objects = objects
+    dto.is_goal = is_goal
+    return dto

@@ -9,6 +9,7 @@ from __future__ import annotations
 from operator import getitem
 from typing import Final, NamedTuple
 
+from ..dto.conditions import trusted_atom
 from ..dto.formula import Assign, Atom, Constant, Equal, Fluent, Not, Number, Term, TimedLiteral
 from ..dto.node import shown
 from .cursor import Reading
@@ -145,7 +146,7 @@ class InitialStateReader(FormulaReader):
                     terms = None
                 if terms is not None and tokens[end] == ")" and arguments not in entry.facts:
                     entry.facts.add(arguments)
-                    append(Atom(entry.name, terms))
+                    append(trusted_atom(entry.name, terms))
                     at = end + 1
                     continue
             elif tokens[at + 1] == "=":

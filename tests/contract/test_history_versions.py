@@ -37,7 +37,18 @@ from tests.conftest import Connect
 from tests.language import HUB, IDLE, PLACE, T1, TRUCK, P, T, again, at, fuel, home, load, number
 from tests.reading import beside, undone
 from tests.statements import count
-from tests.worlds import RB1, ROBOT, ROBOT_AT, WAYPOINT, WP1, WP2, navigation, robot_at, waypoint
+from tests.worlds import (
+    RB1,
+    ROBOT,
+    ROBOT_AT,
+    WAYPOINT,
+    WP1,
+    WP2,
+    assigned,
+    navigation,
+    robot_at,
+    waypoint,
+)
 
 BATTERY = PddlFunctionDto("battery", [ROBOT])
 Told = list[tuple[str, str, int, int | None]]
@@ -279,11 +290,11 @@ def test_what_is_no_element_is_refused(kb_with_past: KnowledgeBase) -> None:
 
 
 WRONG: list[Any] = [
-    PddlTypeDto(3),  # type: ignore[arg-type]
-    PddlPropositionDto("robot_at", [RB1]),  # type: ignore[arg-type]
-    PddlPropositionDto(ROBOT_AT, ["rb1"]),  # type: ignore[list-item]
-    PddlFunctionValueDto("battery", [RB1]),  # type: ignore[arg-type]
-    PddlFunctionValueDto(BATTERY, ["rb1"]),  # type: ignore[list-item]
+    assigned(PddlTypeDto("three"), name=3),
+    assigned(robot_at(), predicate="robot_at"),
+    assigned(robot_at(), objects=["rb1"]),
+    assigned(PddlFunctionValueDto(BATTERY, [RB1]), function="battery"),
+    assigned(PddlFunctionValueDto(BATTERY), objects=["rb1"]),
 ]
 
 
