@@ -15,7 +15,7 @@ from tests.conftest import Connect
 from tests.nonsense import Calling, World, cases, sample
 
 ALL = os.environ.get("KANT_SQL_TEST_NONSENSE") == "all"
-SIZE = 600
+SIZE = 250
 
 
 def test_only_errors_of_the_library_come_of_nonsense(
