@@ -9,14 +9,15 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Callable, Collection, Iterator, Sequence
+from functools import cache
 from itertools import groupby
 from typing import Any, NamedTuple
 
-from sqlalchemy import Boolean, Column, Double, Integer, String, Table
+from sqlalchemy import Boolean, Column, Double, Integer, String, Table, text
 
 from ..tables.types import UtcTime
 from .cursor import Row
-from .query import raw
+from .query import Query, raw
 from .session import Session
 
 # Runs a statement without parameters, and gives all its rows.
@@ -199,7 +200,7 @@ def statements(
 
 
 def wrong_values(
-    session: Session, tables: Sequence[Table], kb_id: int
+    session: Session, tables: tuple[Table, ...], kb_id: int
 ) -> Iterator[tuple[str, str, int]]:
     """Find columns with values of another type than theirs, which SQLite keeps in any column.
 
@@ -211,18 +212,22 @@ def wrong_values(
     Yields:
         The table, the column, and how many such values it has.
     """
-    if session.backend.dialect.name != "sqlite":
-        return
-    named = {table.name: [*table.c] for table in tables}
+    if session.backend.dialect.name == "sqlite":
+        for table, (_, wrong) in zip(tables, session.rows(_wrong(tables), kb=kb_id), strict=True):
+            for column, count in zip(table.c, json.loads(wrong), strict=True):
+                if count:
+                    yield table.name, column.name, count
+
+
+@cache
+def _wrong(tables: tuple[Table, ...]) -> Query:
+    """Make the query that counts the wrong values of each column, in the order of the tables."""
     counts = (
-        f"SELECT '{name}', json_array({', '.join(map(_count_of_wrong, columns))}) "
-        f"FROM {name} WHERE {_quoted(columns[0])} = {int(kb_id)}"
-        for name, columns in named.items()
+        f"SELECT {number}, json_array({', '.join(map(_count_of_wrong, table.c))}) "
+        f"FROM {table.name} WHERE {_quoted(next(iter(table.c)))} = :kb"
+        for number, table in enumerate(tables)
     )
-    for name, wrong in session.rows(raw(" UNION ALL ".join(counts))):
-        for column, count in zip(named[name], json.loads(wrong), strict=True):
-            if count:
-                yield name, column.name, count
+    return Query(text(f"{' UNION ALL '.join(counts)} ORDER BY 1"))
 
 
 def _count_of_wrong(column: Column[Any]) -> str:
@@ -238,14 +243,14 @@ def _quoted(column: Column[Any]) -> str:
     return f'"{column.name}"'
 
 
-def _made(text_: str, relation: str | None = None) -> Statement:
-    head = _HEAD.match(text_)
+def _made(sql: str, relation: str | None = None) -> Statement:
+    head = _HEAD.match(sql)
     if head is None:
-        return Statement(relation, text_, text_)
+        return Statement(relation, sql, sql)
     if relation is None:
-        on = _ON.search(text_) if " INDEX " in head[1] else None
+        on = _ON.search(sql) if " INDEX " in head[1] else None
         relation = head[2].strip('"').partition(".")[0] if on is None else on[1]
-    return Statement(relation, head[0].strip(), text_)
+    return Statement(relation, head[0].strip(), sql)
 
 
 def _sqlite(rows: Rows, names: Collection[str] | None) -> Iterator[Statement]:

@@ -24,6 +24,7 @@ from ..tables import Base, KnowledgeBaseRow
 from .findings import Report
 
 _KB = table_of(KnowledgeBaseRow).c
+_TABLES = tuple(Base.metadata.sorted_tables)
 
 
 def _strays(has_low: bool, has_high: bool) -> Query:
@@ -31,7 +32,7 @@ def _strays(has_low: bool, has_high: bool) -> Query:
 
     What no number is, SQLite has behind all numbers.
     """
-    tables = [table for table in Base.metadata.sorted_tables if "kb_id" in table.c]
+    tables = [table for table in _TABLES if "kb_id" in table.c]
     low, high = (bindparam(name, type_=BigInteger) for name in ("low", "high"))
 
     def within(kb_id: Any) -> list[ColumnElement[bool]]:
@@ -83,6 +84,6 @@ def check_types(session: Session, kb_id: int, report: Report) -> None:
         kb_id: the knowledge base.
         report: takes what is wrong.
     """
-    for table, column, count in wrong_values(session, Base.metadata.sorted_tables, kb_id):
+    for table, column, count in wrong_values(session, _TABLES, kb_id):
         values = "1 value" if count == 1 else f"{count} values"
         report.add(None, table, f"column {column} has {values} that are not of its type")

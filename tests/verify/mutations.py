@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 from collections.abc import Iterator
 from datetime import datetime, timedelta
@@ -56,6 +57,7 @@ def samples(rows: list[Row], table: str) -> list[Row]:
 
 def mutations(bare: Bare) -> Iterator[Mutation]:
     """Give all mutations of a store."""
+    turn = itertools.count()
     for name, table in TABLES.items():
         rows = bare.rows(name)
         assert rows, f"the story has no row in {name}"
@@ -71,7 +73,9 @@ def mutations(bare: Bare) -> Iterator[Mutation]:
                 for value in _values(column, row, rows):
                     yield Mutation(name, column.name, row, {column.name: value})
             if bare.session.placeholder == "?":
-                for value in _of_other_type(chosen[0][column.name]):
+                # One of them for each column, another for the next.
+                others = _of_other_type(chosen[0][column.name])
+                for value in others[next(turn) % 4 :][:1] if len(others) > 1 else others:
                     yield Mutation(name, column.name, chosen[0], {column.name: value})
 
 
@@ -85,12 +89,11 @@ def _without_version(bare: Bare, table: str, rows: list[Row]) -> list[Row]:
     return moved[:1]
 
 
-def _of_other_type(now: Any) -> Iterator[Any]:
+def _of_other_type(now: Any) -> list[Any]:
     """Give values that SQLite keeps in a column that is of another type."""
     if isinstance(now, int):
-        yield from (now + 0.5, float("inf"), f"{now}x", str(now).encode())
-    elif now is not None:
-        yield str(now).encode()
+        return [now + 0.5, float("inf"), f"{now}x", str(now).encode()]
+    return [] if now is None else [str(now).encode()]
 
 
 def _next_key(table: str, rows: list[Row]) -> Row:
