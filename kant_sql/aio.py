@@ -241,8 +241,9 @@ class _Door:
         self.is_closed = True
         self.is_closing.set()
         error = ClosedError("this knowledge base was closed; nothing of the block was written")
-        blocks = list(self.blocks)
-        leaving = [block.leave(error) for block in blocks if block.is_open]
+        # What is only about to begin is ended by who begins it.
+        blocks = [block for block in self.blocks if block.is_open]
+        leaving = [block.leave(error) for block in blocks]
         lane = _Lane()
 
         def close() -> None:
@@ -289,6 +290,12 @@ class _Transaction(AbstractAsyncContextManager[None]):
             raise
         self._door.blocks.add(block)
         await self._begin(block)
+        if self._door.is_closed:
+            cancelled = await _finish(block.leave(_cancelled()))
+            self._end(block)
+            if cancelled is not None:
+                raise cancelled
+            self._door.refuse_closed()
         others = tuple(one for one in _BLOCKS.get() if one.is_open)
         block.is_open = True
         _BLOCKS.set((*others, block))
@@ -357,6 +364,11 @@ class _Transaction(AbstractAsyncContextManager[None]):
         error: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
+        if not block.is_open:
+            # The front door was closed within.
+            if error is None:
+                block.door.refuse_closed()
+            return
         kind = None if error is None else type(error)
         future = block.lane.submit(partial(manager.__exit__, kind, error, traceback))
         cancelled = await _finish(future)

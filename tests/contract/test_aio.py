@@ -31,6 +31,7 @@ from kant_sql import (
     aio,
 )
 from kant_sql.aio import AsyncKnowledgeBase
+from kant_sql.store import Store
 from tests.worlds import RB1, ROBOT, WP2, robot_at, waypoint
 
 Test = Callable[[AsyncKnowledgeBase], Awaitable[None]]
@@ -237,6 +238,44 @@ def test_cancellation_rolls_back(url: str, where: str) -> None:
         assert await kb.revision() == 0
         await kb.propositions.save(robot_at(place=WP2))
         assert await kb.propositions.get_all() == [robot_at(place=WP2)]
+
+    run(url, test)
+
+
+def test_a_commit_under_way_is_waited_for(url: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    commit, has_begun = Store._commit, threading.Event()
+
+    def slow(self: Store, *arguments: Any) -> None:
+        has_begun.set()
+        time.sleep(0.2)
+        commit(self, *arguments)
+
+    async def test(kb: AsyncKnowledgeBase) -> None:
+        async def block() -> None:
+            async with kb.transaction(actor="block"):
+                await kb.propositions.save(robot_at())
+                monkeypatch.setattr(Store, "_commit", slow)
+
+        writing = asyncio.create_task(block())
+        await asyncio.to_thread(has_begun.wait, 30)
+        writing.cancel()
+        with pytest.raises(asyncio.CancelledError) as caught:
+            await writing
+        assert "was committed" in caught.value.__notes__[0]
+        assert [actor for actor, _ in await written(kb)] == ["block"]
+
+    run(url, test)
+
+
+def test_closed_within_an_inner_block(url: str) -> None:
+    async def test(kb: AsyncKnowledgeBase) -> None:
+        async def nested() -> None:
+            async with kb.transaction(), kb.transaction():
+                await kb.propositions.save(robot_at())
+                await kb.close()
+
+        with pytest.raises(ClosedError):
+            await nested()
 
     run(url, test)
 
