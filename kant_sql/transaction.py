@@ -82,6 +82,8 @@ class Transaction:
         self._parts = (self.propositions, self.values, self.records, self.step_statuses)
         self.committed: Committed | None = None
         self.redefined = False
+        # Within a batch, the types that were found to agree with what is stored, by address.
+        self.agreed_types: dict[int, object] | None = None
         self.changed = 0
         self._next_id = head.next_id
         self._started = time.monotonic()

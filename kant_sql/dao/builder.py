@@ -48,13 +48,18 @@ class DtoBuilder:
         Returns:
             The DTO.
         """
-        dto = self._types.get(id_)
-        if dto is None:
-            definition = self._definitions.types.live(id_)
+        pending = [id_] if id_ not in self._types else []
+        # Those above come first, on a stack that is not the interpreter's.
+        while pending:
+            definition = self._definitions.types.live(pending[-1])
             above = definition.parent_ids
+            missing = [each for each in above if each not in self._types]
+            if missing:
+                pending += missing
+                continue
             dto = PddlTypeDto(definition.name, parent=self.types(above) if above else None)
-            self._types[id_] = dto
-        return dto
+            self._types.setdefault(pending.pop(), dto)
+        return self._types[id_]
 
     def types(self, ids: Sequence[int]) -> PddlTypeDto:
         """Build the type that stands for one type, or for several.

@@ -62,7 +62,7 @@ def of_types(definitions: Definitions, type_ids: Collection[int]) -> Scope:
         The types with their subtypes, the objects of these, and the predicates and functions with
         a parameter, or with values, of one.
     """
-    types = {below for type_id in type_ids for below in definitions.subtypes(type_id)}
+    types = definitions.subtypes(*type_ids)
 
     def has(parameters: Iterable[ParameterDefinition]) -> bool:
         return any(not types.isdisjoint(parameter.type_ids) for parameter in parameters)

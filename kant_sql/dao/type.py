@@ -34,19 +34,79 @@ def ensure_type(transaction: Transaction, dto: PddlTypeDto, role: str) -> TypeDe
         InvalidKnowledgeError: it is missing, and not well formed.
     """
     expect(dto, PddlTypeDto, f"the type of {role}")
+    if dto.parent is not None:
+        _ensure_above(transaction, dto, is_saved=False)
+    return _ensure_one(transaction, dto, role)
+
+
+def _ensure_one(transaction: Transaction, dto: PddlTypeDto, role: str) -> TypeDefinition:
+    """Find a type, or save it, when all types above it are known."""
     stored = transaction.definitions.types.named(dto.name)
     if stored is None:
-        return put_type(transaction, dto, cascade=False)[0]
-    if dto.parent is not None:
-        expect(dto.parent, PddlTypeDto, f"the parent of type {dto.name!r}")
+        return _define(transaction, dto, cascade=False)[0]
     if dto.parent is not None and _parent_key(transaction, stored) != fold(dto.parent.name):
         raise ConflictError(
             f"type {dto.name!r} is stored as '{stored.text}', but {role} refers to it as '{dto}'; "
             "use the stored definition, or save the type itself to redefine it"
         )
-    if isinstance(dto.parent, PddlEitherTypeDto) or (dto.parent and dto.parent.parent):
-        ensure_types(transaction, dto.parent, f"type {dto.name!r}")
     return stored
+
+
+def _ensure_above(transaction: Transaction, dto: PddlTypeDto, is_saved: bool) -> None:
+    """Find or save all types above one, from the top: hierarchies may be of any depth."""
+    agreed = transaction.agreed_types
+    done: set[int] = set()
+    path: dict[str, None] = {}
+    stack: list[tuple[PddlTypeDto, str, bool]] = [(dto, "", False)]
+    while stack:
+        current, role, is_complete = stack.pop()
+        key = fold(current.name)
+        if is_complete:
+            del path[key]
+            done.add(id(current))
+            if current is not dto:
+                _ensure_one(transaction, current, role)
+                if agreed is not None:
+                    agreed[id(current)] = current
+            continue
+        if id(current) in done or (agreed is not None and id(current) in agreed):
+            continue
+        if key in path:
+            raise TypeCycleError(
+                f"type {dto.name!r} would be its own ancestor: {' - '.join([*path, key])}; "
+                "leave out one of the parents"
+            )
+        if key == ROOT_TYPE and current.parent is not None:
+            raise InvalidKnowledgeError(
+                f"type {ROOT_TYPE!r} is the root of all types and has no parent, "
+                f"not {current.parent.name!r}"
+            )
+        path[key] = None
+        stack.append((current, role, True))
+        inner = f"type {current.name!r}"
+        if (current is dto and is_saved) or not _agrees_alone(transaction, current):
+            stack += [(parent, inner, False) for parent in reversed(_parents(current))]
+
+
+def _agrees_alone(transaction: Transaction, dto: PddlTypeDto) -> bool:
+    """Tell whether nothing above a type has to be looked at: it is stored, and its parent bare."""
+    parent = dto.parent
+    return (
+        isinstance(parent, PddlTypeDto)
+        and not isinstance(parent, PddlEitherTypeDto)
+        and parent.parent is None
+        and transaction.definitions.types.named(dto.name) is not None
+    )
+
+
+def _parents(dto: PddlTypeDto) -> Sequence[PddlTypeDto]:
+    """Give the types right above one, as its DTO says."""
+    if dto.parent is None:
+        return ()
+    expect(dto.parent, PddlTypeDto, f"the parent of type {dto.name!r}")
+    if isinstance(dto.parent, PddlEitherTypeDto):
+        return expect_list(dto.parent.types, PddlTypeDto, f"the parents of {dto.name!r}")
+    return (dto.parent,)
 
 
 def ensure_types(transaction: Transaction, dto: PddlTypeDto, role: str) -> tuple[int, ...]:
@@ -88,16 +148,34 @@ def put_type(
         The type, and whether it has changed.
     """
     check_name("type", dto.name)
-    _check_chain(dto)
+    if dto.parent is not None:
+        _ensure_above(transaction, dto, is_saved=True)
+    return _define(transaction, dto, cascade)
+
+
+def _define(
+    transaction: Transaction, dto: PddlTypeDto, cascade: bool
+) -> tuple[TypeDefinition, bool]:
+    """Define a type when all types above it are known."""
+    check_name("type", dto.name)
     parents: tuple[int, ...] = ()
     if dto.parent is not None:
-        parents = ensure_types(transaction, dto.parent, f"type {dto.name!r}")
+        _parents(dto)
+        if isinstance(dto.parent, PddlEitherTypeDto) and not dto.parent.types:
+            raise InvalidKnowledgeError(
+                f"the type of type {dto.name!r} is 'either' of no types; give at least one"
+            )
+        known = transaction.definitions.types
+        ids = (known.named(parent.name) for parent in _parents(dto))
+        parents = tuple(each.id for each in ids if each is not None)
     stored = transaction.definitions.types.named(dto.name)
     id_, name = (stored.id, stored.name) if stored else transaction.intern("type", dto.name)
     above = _names(transaction, parents)
     text = f"{name} - {above}" if parents else name
     definition = TypeDefinition(id_, name, parents[0] if parents else None, text, parents[1:])
     if stored is not None and stored != definition:
+        if transaction.agreed_types:
+            transaction.agreed_types.clear()
         for parent in parents:
             _check_cycle(transaction, stored, transaction.definitions.types.live(parent))
         scope = of_types(transaction.definitions, [id_])
@@ -112,31 +190,6 @@ def _parent_key(transaction: Transaction, type_: TypeDefinition) -> str:
 
 def _names(transaction: Transaction, type_ids: Iterable[int]) -> str:
     return either_text(transaction.definitions.types.live(id_).name for id_ in type_ids)
-
-
-def _check_chain(dto: PddlTypeDto, below: Sequence[str] = ()) -> None:
-    """Refuse a DTO that is its own ancestor, and a parent for the root."""
-    seen = list(below)
-    current: PddlTypeDto | None = dto
-    while current is not None:
-        expect(current, PddlTypeDto, f"the parent of type {seen[-1] if seen else dto.name!r}")
-        if isinstance(current, PddlEitherTypeDto):
-            for type_ in expect_list(current.types, PddlTypeDto, f"the parents of {seen[-1]!r}"):
-                _check_chain(type_, seen)
-            return
-        key = fold(current.name)
-        if key in seen:
-            raise TypeCycleError(
-                f"type {dto.name!r} would be its own ancestor: {' - '.join([*seen, key])}; "
-                "leave out one of the parents"
-            )
-        if key == ROOT_TYPE and current.parent is not None:
-            raise InvalidKnowledgeError(
-                f"type {ROOT_TYPE!r} is the root of all types and has no parent, "
-                f"not {current.parent.name!r}"
-            )
-        seen.append(key)
-        current = current.parent
 
 
 def _check_cycle(transaction: Transaction, type_: TypeDefinition, parent: TypeDefinition) -> None:

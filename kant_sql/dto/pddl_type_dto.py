@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import copy
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from ..arguments import expect
 from .dto import NamedDto
 
 
-@dataclass(init=False, eq=False)
+@dataclass(init=False, eq=False, repr=False)
 class PddlTypeDto(NamedDto):
     """A type, and its parent in the hierarchy.
 
@@ -47,6 +48,30 @@ class PddlTypeDto(NamedDto):
         if parent is not None:
             expect(parent, PddlTypeDto, "the parent of a PddlTypeDto")
         self.parent = parent
+
+    def __repr__(self) -> str:
+        texts: list[str] = []
+        current: PddlTypeDto | None = self
+        while type(current) is PddlTypeDto:
+            texts.append(f"PddlTypeDto(name={current.name!r}, parent=")
+            current = current.parent
+        return f"{''.join(texts)}{current!r}{')' * len(texts)}"
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> PddlTypeDto:
+        chain: list[PddlTypeDto] = []
+        current: PddlTypeDto | None = self
+        while current is not None and id(current) not in memo:
+            chain.append(current)
+            made = memo[id(current)] = copy.copy(current)
+            made.__dict__.pop("parent")
+            current = current.parent
+        # From the top, so that what others refer to is there: hierarchies may be of any depth.
+        for one in reversed(chain):
+            made = memo[id(one)]
+            for name, value in vars(one).items():
+                setattr(made, name, copy.deepcopy(value, memo))
+        found: PddlTypeDto = memo[id(self)]
+        return found
 
     def __str__(self) -> str:
         return self.name if self.parent is None else f"{self.name} - {self.parent.name}"

@@ -151,11 +151,11 @@ class Definitions:
         """
         return any(self.fits(type_id, allowed) for type_id in type_ids)
 
-    def subtypes(self, type_id: int) -> set[int]:
-        """Give a type and all types below it.
+    def subtypes(self, *type_ids: int) -> set[int]:
+        """Give types and all types below them.
 
         Args:
-            type_id: the type.
+            *type_ids: the types.
 
         Returns:
             Their ids.
@@ -165,7 +165,7 @@ class Definitions:
             for parent_id in definition.parent_ids:
                 children.setdefault(parent_id, []).append(definition.id)
         found: set[int] = set()
-        pending = [type_id]
+        pending = list(type_ids)
         while pending:
             current = pending.pop()
             if current not in found:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 from difflib import get_close_matches
 from typing import Any, NoReturn, TypeVar
 
@@ -16,6 +16,8 @@ from .tokens import Text
 
 END = "the end of the text"
 _SHOWN = 60
+# Each looks through all names, so only the first warnings of a reading suggest one.
+MAX_SUGGESTIONS = 20
 
 T = TypeVar("T")
 # What reads something with the like of it within: it yields what is within, or the steps that read
@@ -66,6 +68,7 @@ class Reading:
         self.odd_names: set[str] = set()
         self._noted: dict[Section, dict[int, list[str]]] = {}
         self._whole: list[PddlWarning] = []
+        self.suggestions = MAX_SUGGESTIONS
 
     def deviate(
         self, section: Section, index: int, found: str, expected: str, read_as: str, nesting: str
@@ -279,6 +282,23 @@ class Cursor:
             if depth <= 0:
                 self.at = at
                 return
+
+
+def bounded_hint(reading: Reading, name: str, known: Callable[[], list[str]]) -> str:
+    """Suggest a name in a warning, of which a text may get many.
+
+    Args:
+        reading: the call that reads, which has a number of suggestions left.
+        name: the name.
+        known: gives the names that are known.
+
+    Returns:
+        As `hint`; nothing when no suggestions are left.
+    """
+    if not reading.suggestions:
+        return ""
+    reading.suggestions -= 1
+    return hint(name, known())
 
 
 def hint(name: str, known: list[str]) -> str:

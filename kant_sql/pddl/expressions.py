@@ -21,7 +21,7 @@ from ..dto.formula import (
 from ..dto.name import NUMBER, fold
 from ..dto.node import Node
 from ..dto.number import MAX_DIGITS
-from .cursor import Steps, finished, hint
+from .cursor import Steps, bounded_hint, finished, hint
 from .hierarchy import Fit
 from .signatures import Signature
 from .terms import DURATION, TermReader
@@ -94,8 +94,9 @@ class ExpressionReader(TermReader):
         name = self.declared_name("preference")
         known = self.symbols.preference(name)
         if known is None and not self.symbols.unknown_domain:
-            names = list(self.symbols.preferences.values())
-            expected = f"a preference{hint(name, names)}"
+            names = self.symbols.preferences
+            close = bounded_hint(self.reading, name, lambda: list(names.values()))
+            expected = f"a preference{close}"
             found = f"the preference '{name}'"
             self.deviate(expected, "never violated", found, self.at - 1)
         self.expect(")")

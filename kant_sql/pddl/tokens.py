@@ -9,6 +9,7 @@ from __future__ import annotations
 import errno
 import os
 import re
+import stat
 from collections.abc import Iterable, Iterator
 from copy import copy
 from itertools import islice
@@ -271,7 +272,10 @@ def read_file(path: str | os.PathLike[str]) -> bytes:
     """
     name = os.fsdecode(path)
     try:
-        with open(path, "rb") as file:
+        # A pipe without a writer would not even open.
+        with open(path, "rb", opener=_open_at_once) as file:
+            if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
+                raise OSError(errno.EINVAL, "it is no regular file; copy what it gives to one")
             return file.read()
     except (FileNotFoundError, ValueError) as error:
         # No file can have a name with a NUL character or half a character in it.
@@ -280,6 +284,10 @@ def read_file(path: str | os.PathLike[str]) -> bytes:
     except OSError as error:
         number = error.errno or errno.EIO
         raise SourceError(number, error.strerror or os.strerror(number), name) from error
+
+
+def _open_at_once(path: str, flags: int) -> int:
+    return os.open(path, flags | getattr(os, "O_NONBLOCK", 0))
 
 
 def load(source: Source) -> Text:

@@ -6,7 +6,7 @@ import re
 from typing import NamedTuple
 
 from ..dto.name import fold, is_name
-from .cursor import Cursor, hint
+from .cursor import Cursor, bounded_hint
 from .hierarchy import Types
 from .symbols import ANY, Symbols
 
@@ -32,6 +32,9 @@ class Group(NamedTuple):
 
 class ListReader(Cursor):
     """A reader of typed lists."""
+
+    # Behind which token types were looked for last, and where one was found.
+    _found = (-1, -1)
 
     def typed_list(self, kind: str) -> list[Group]:
         """Read a typed list and the parenthesis behind it.
@@ -206,7 +209,8 @@ class ListReader(Cursor):
                 self.fail("a type", f"'{name}'", self._token_of(name, at))
             if not symbols.unknown_domain:
                 place = self._token_of(name, at)
-                expected = f"a type that is declared{hint(name, symbols.type_names())}"
+                close = bounded_hint(self.reading, name, symbols.type_names)
+                expected = f"a type that is declared{close}"
                 if not symbols.grows:
                     self.fail(expected, f"the type '{name}'", place)
                 self.deviate(expected, "added under object", f"the type '{name}'", place)
@@ -215,7 +219,10 @@ class ListReader(Cursor):
 
     def _token_of(self, name: str, at: int) -> int:
         """The index of a type's own token, when it is among those behind the dash."""
-        for index in range(at, self.at):
+        # Types are looked up in their order: from the one before on, each token is met once.
+        start = self._found[1] if self._found[0] == at else at
+        for index in range(start, self.at):
             if self.tokens[index] in (name, f"-{name}"):
+                self._found = at, index
                 return index
         return at
