@@ -99,7 +99,10 @@ def plans(
         bool, typer.Option("--json", help="JSON Lines: one document for each plan.")
     ] = False,
 ) -> None:
-    """List the plans on record, oldest first, and what became of their steps."""
+    """List the plans on record, and what became of them.
+
+    The oldest plan comes first.
+    """
     with open_state(url, kb, at) as (name, state):
         found = state.plans.get_all() if id_ is None else [_get(state, name, id_)]
         if as_json:
