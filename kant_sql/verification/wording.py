@@ -21,6 +21,7 @@ from ..knowledge.tree import PREDICATE
 _WORD = r"[^\s()?]+"
 _IS_WORD = re.compile(_WORD).fullmatch
 _IS_ITEM = re.compile(rf"{_WORD}|\({_WORD}( {_WORD})*\)").fullmatch
+_IS_REQUIREMENT = re.compile(r":[^\s()]+").fullmatch
 _FORMULA_SECTIONS = frozenset((*DOMAIN_SECTIONS, *PROBLEM_SECTIONS))
 _ELEMENTS = ("requirement", "type", "constant", "predicate", "function", "action", "object")
 _DOCUMENT_SECTIONS = _FORMULA_SECTIONS.union(_ELEMENTS)
@@ -116,5 +117,6 @@ def _document_faults(document: DocumentDefinition) -> Iterator[str]:
     for section, name in document.items:
         if section not in _DOCUMENT_SECTIONS:
             yield f"there is no section {section!r}"
-        if _IS_ITEM(name) is None:
+        # Older versions took a requirement with a question mark: it is one word all the same.
+        if (_IS_REQUIREMENT if section == "requirement" else _IS_ITEM)(name) is None:
             yield f"{name!r} is no item of it"

@@ -11,6 +11,7 @@ from kant_sql import (
     KnowledgeBase,
     PddlActionDto,
     PddlConditionEffectDto,
+    PddlError,
     PddlFunctionDto,
     PddlObjectDto,
     PddlPredicateDto,
@@ -267,3 +268,20 @@ def test_names_that_an_older_version_stored_stay_readable(
         assert kb.types.delete(PddlTypeDto(name))
     assert kb.functions.delete(PddlFunctionDto("not"))
     assert "(:objects" not in kb.problem_pddl() + kb.domain_pddl()
+
+
+def test_a_requirement_that_an_older_version_took_is_no_finding(
+    fresh_kb: KnowledgeBase, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    text = "(define (domain d) (:requirements :strips :?x))"
+    with pytest.raises(PddlError):
+        fresh_kb.load_domain(text)
+    with monkeypatch.context() as older:
+        older.setattr("kant_sql.pddl.declarations.is_requirement", lambda _: True)
+        fresh_kb.load_domain(text)
+    assert fresh_kb.verify().findings == ()
+    assert fresh_kb.domain().requirements == (":strips", ":?x")
+    with pytest.raises(InvalidNameError, match="cannot name a requirement"):
+        fresh_kb.domain_pddl()
+    fresh_kb.load_domain(text.replace(" :?x", ""))
+    assert "(:requirements :strips)" in fresh_kb.domain_pddl()

@@ -11,8 +11,9 @@ from pathlib import Path
 
 import pytest
 
+import kant_sql
 from kant_sql.errors import InvalidKnowledgeError, PddlError
-from kant_sql.pddl import read, read_domain, read_problem, write
+from kant_sql.pddl import Domain, Problem, read, read_domain, read_problem, write
 
 HEAD = """(define (domain d) (:requirements :adl :fluents)
 (:types a b - t t) (:constants k - a)
@@ -144,6 +145,9 @@ def test_durative_actions(body: str, column: int, expected: str) -> None:
     [
         ("(:types u - v v - w w - u x - u)", 11, "no cycle of types"),
         ("(:types u - u)", 11, "no cycle of types"),
+        ("(:requirements :strips :?x)", 24, "a requirement such as :typing"),
+        ("(:requirements :)", 16, "a requirement such as :typing"),
+        ("(:requirements a'b)", 16, "a requirement such as :typing"),
         ("(:types either)", 9, "no reserved word"),
         ("(:types object - a)", 9, "no type above object"),
         ("(:types it's)", 9, "a name"),
@@ -423,6 +427,22 @@ def test_any_prefix_and_any_token_left_out_is_read_or_refused() -> None:
         variants += [" ".join([*words[:at], "(", *words[at:]]) for at in range(len(words))]
         variants += [" ".join([*words[:at], ")", *words[at:]]) for at in range(len(words))]
         variants += [" ".join([*words[:at], "-", *words[at:]]) for at in range(len(words))]
-        for variant in variants:
-            with suppress(PddlError):
-                read(variant + " ")
+        with kant_sql.connect("sqlite://") as kb:
+            kb.load_domain(f"{HEAD})")
+            for variant in variants:
+                with suppress(PddlError):
+                    [document] = read(variant + " ")
+                    load(kb, document)
+                # Outside of what may be refused: what was taken is always read back.
+                domain = read_domain(kb.domain_pddl())
+                assert domain == kb.domain()
+                assert read_problem(kb.problem_pddl(), domain=domain) == kb.problem()
+            assert kb.verify().findings == ()
+
+
+def load(kb: kant_sql.KnowledgeBase, document: Domain | Problem) -> None:
+    """Load what was read, if it fits, into a store that may hold others."""
+    if isinstance(document, Domain):
+        kb.load_domain(write(document))
+    else:
+        kb.load_problem(write(document))
