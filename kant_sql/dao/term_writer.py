@@ -25,7 +25,7 @@ from ..dto.formula import (
 from ..dto.name import ROOT_TYPE, check_name, fold
 from ..dto.node import shown
 from ..dto.number import decimal_text
-from ..errors import ArityError, InvalidKnowledgeError, InvalidNameError, TypeMismatchError
+from ..errors import ArityError, InvalidKnowledgeError, TypeMismatchError
 from ..knowledge import tree as kinds
 from ..knowledge.function import FunctionDefinition
 from ..knowledge.predicate import ParameterDefinition, PredicateDefinition
@@ -195,11 +195,9 @@ class TermWriter:
 
     def _check_duration(self, variables: Sequence[ParameterDefinition]) -> None:
         """Refuse a variable that the text would take for the duration of the action."""
-        if self._has_duration and any(fold(each.name) == _DURATION for each in variables):
-            raise InvalidNameError(
-                f"{self._role}: ?{_DURATION} is the duration of a durative action; give the "
-                "variable of that name another one"
-            )
+        if self._has_duration:
+            for each in variables:
+                check_name("variable of a durative action", each.name)
 
     def _variable(self, variable: TypedName) -> ParameterDefinition:
         if not isinstance(variable, TypedName):

@@ -41,6 +41,7 @@ RESERVED: dict[str, frozenset[str]] = {
     # In a metric, `(total-time)` may be of a function of that name, but of no other.
     "function of objects": _OPERATORS | {"+", "-", "*", "/", "is-violated", "total-time"},
     "type": frozenset({"either"}),
+    "variable of a durative action": frozenset({"duration"}),
 }
 # What stands in typed lists and among terms, without a sign of its own.
 _BARE = frozenset({"type", "object", "constant"})
@@ -171,7 +172,7 @@ def check_name(kind: str, name: str) -> None:
     Args:
         kind: what it names: `type`, `object`, `constant`, `predicate`, `function`,
             `function of objects`, `action`, `parameter`, `variable`, `preference`,
-            `requirement`, `domain` or `problem`.
+            `variable of a durative action`, `requirement`, `domain` or `problem`.
         name: the name; a variable's without its question mark.
 
     Raises:

@@ -24,6 +24,7 @@ from ..dto.formula import (
     Number,
     Preference,
     TimedLiteral,
+    TypedName,
     variables_text,
 )
 from ..dto.name import ROOT_TYPE, check_name, function_kind, is_requirement
@@ -156,7 +157,11 @@ def _check_names(document: Domain | Problem) -> None:
             parameters = [element.parameters for element in elements]
             kinds += [("parameter", map(_NAME, each)) for each in parameters]
         for action in document.actions:
-            roots += [*action.duration, *action.condition, *action.effect]
+            parts = [*action.duration, *action.condition, *action.effect]
+            roots += parts
+            if action.kind == DURATIVE_ACTION:
+                bound = [*action.parameters, *_variables(parts)]
+                kinds.append(("variable of a durative action", map(_NAME, bound)))
         roots += document.derived
     else:
         _check_initial_state(document)
@@ -167,11 +172,16 @@ def _check_names(document: Domain | Problem) -> None:
     for kind, names in kinds:
         for name in names:
             check_name(kind, name)
+    for variable in _variables(roots):
+        check_name("variable", variable.name)
     for node in walk(*roots):
-        for variable in getattr(node, "variables", ()):
-            check_name("variable", variable.name)
         if isinstance(node, Preference) and node.name is not None:
             check_name("preference", node.name)
+
+
+def _variables(roots: Iterable[Node]) -> Iterator[TypedName]:
+    for node in walk(*roots):
+        yield from getattr(node, "variables", ())
 
 
 def _check_initial_state(problem: Problem) -> None:

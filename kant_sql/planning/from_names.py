@@ -9,7 +9,8 @@ from ..dto.name import RESERVED, ROOT_TYPE, fold
 from ..errors import InvalidNameError
 
 _RESERVED = (
-    frozenset().union(*RESERVED.values())
+    RESERVED["function"]
+    | RESERVED["type"]
     | set(ASSIGNMENTS)
     | set(MODALS)
     | {ROOT_TYPE, "number", "preference", "is-violated", "undefined", "total-time"}

@@ -377,6 +377,8 @@ def test_what_is_taken_is_read_back_and_all_else_is_refused_everywhere() -> None
     @example({"Zhome": "forall"})
     @example({"Znear": ">="})
     @example({"Znear": "preference", "Zready": "within", "Zidle": "always"})
+    @example({"Zparameter": "duration"})
+    @example({"Zvariable": "Duration"})
     @example({"Zobject": "-b"})
     @example({"Zconstant": "5", "Ztype": "6"})
     @example({"Ztype": "\u115f"})

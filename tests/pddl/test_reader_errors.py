@@ -430,10 +430,13 @@ def test_any_prefix_and_any_token_left_out_is_read_or_refused() -> None:
         with kant_sql.connect("sqlite://") as kb:
             kb.load_domain(f"{HEAD})")
             for variant in variants:
+                before = kb.revision
                 with suppress(PddlError):
                     [document] = read(variant + " ")
                     load(kb, document)
-                # Outside of what may be refused: what was taken is always read back.
+                if kb.revision == before:
+                    continue
+                # What was taken is always read back.
                 domain = read_domain(kb.domain_pddl())
                 assert domain == kb.domain()
                 assert read_problem(kb.problem_pddl(), domain=domain) == kb.problem()
