@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from datetime import datetime
 from typing import Any, NamedTuple
 
@@ -128,16 +129,29 @@ def lock_head(session: Session, kb_id: int) -> Head | None:
     row = session.first(_LOCK, kb=kb_id)
     if row is None:
         return None
-    for name, value in zip(_NUMBERS, (row[0], row[1], row[2], row[5]), strict=True):
-        # A column of SQLite keeps what no integer is, and all that is written would go by it.
+    check_numbers(session, kb_id, zip(_NUMBERS, (row[0], row[1], row[2], row[5]), strict=True))
+    committed_at = None if row[4] is None else session.to_time(row[4])
+    return Head(row[0], row[1], row[2], row[3], committed_at, row[5], session.now(row[6]))
+
+
+def check_numbers(session: Session, kb_id: int, numbers: Iterable[tuple[str, Any]]) -> None:
+    """Check that columns of the head have integers: SQLite keeps anything in any column.
+
+    Args:
+        session: the session that they are from.
+        kb_id: the knowledge base.
+        numbers: the name of each column, and what it has.
+
+    Raises:
+        StoreIntegrityError: one of them is no integer.
+    """
+    for name, value in numbers:
         if not isinstance(value, int):
             raise StoreIntegrityError(
                 f"{session.backend.label}: column {name} of table head has {value!r} for knowledge "
                 f"base {kb_id}, which is no integer; nothing was written; 'kant-sql verify' shows "
                 "what else was changed by hand"
             )
-    committed_at = None if row[4] is None else session.to_time(row[4])
-    return Head(row[0], row[1], row[2], row[3], committed_at, row[5], session.now(row[6]))
 
 
 def is_stored(session: Session, kb_id: int, made: Committed) -> bool:

@@ -11,6 +11,7 @@ from sqlalchemy import bindparam, literal_column, select
 from ..arguments import whole_number
 from ..backends import Query, Session, StoreClock, first_rows
 from ..errors import UnknownRevisionError
+from ..head import check_numbers
 from ..knowledge.loading import KB
 from ..store import Store
 from ..tables import HeadRow, RevisionRow
@@ -85,6 +86,9 @@ def read_stand(store: Store, moments: Sequence[datetime] = ()) -> Stand:
                 _refuse_future(moment, store.clock(session), FIRST_MOMENT)
             return Stand(0, 0, 0, (0,) * len(moments))
         revision, archived, redefined, committed_at, *times = row
+        # From a revision without end, a log would never end.
+        names = ("revision", "archived_revision", "definition_revision")
+        check_numbers(session, kb_id or 0, zip(names, row[:3], strict=True))
         if moments:
             now = session.now(times.pop(0))
             last = FIRST_MOMENT if committed_at is None else session.to_time(committed_at)
