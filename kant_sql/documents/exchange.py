@@ -7,7 +7,7 @@ import logging
 from collections.abc import Callable
 from typing import TypeVar
 
-from ..arguments import one_of
+from ..arguments import one_of, optional_call
 from ..dao.base import SqlDao
 from ..dto.name import is_name
 from ..errors import InvalidKnowledgeError, PddlError, printable
@@ -44,6 +44,7 @@ class SqlExchange(SqlDao, Exchange):
         progress: Progress | None = None,
     ) -> Loaded:
         """Load a domain."""
+        optional_call(progress, "progress")
         domain = read_domain(*sources, strict=strict)
         replace = self._is_replacing(mode)
         revision = self._write(
@@ -61,6 +62,7 @@ class SqlExchange(SqlDao, Exchange):
         progress: Progress | None = None,
     ) -> Loaded:
         """Load a problem."""
+        optional_call(progress, "progress")
         replace = self._is_replacing(mode)
         domain = self.domain()
         problem = self._read_problem(source, domain, strict)
