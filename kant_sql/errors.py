@@ -6,7 +6,8 @@ from the database are raised `from` the driver's own, and never carry a password
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 
 
 def printable(text: str) -> str:
@@ -268,3 +269,56 @@ class NoPlanError(KantSqlError):
     def __init__(self, message: str, status: str) -> None:
         super().__init__(message)
         self.status = status
+
+
+# What breaks where rows make no sense: damaged, or changed by hand.
+UNREADABLE = (
+    ArithmeticError,
+    AssertionError,
+    AttributeError,
+    LookupError,
+    RecursionError,
+    StopIteration,
+    TypeError,
+    ValueError,
+)
+
+
+def unreadable(table: str, key: object, error: Exception) -> StoreIntegrityError:
+    """Make the error for rows that make no sense.
+
+    Args:
+        table: the table.
+        key: what names the rows there.
+        error: what broke.
+
+    Returns:
+        The error to raise from it.
+    """
+    return StoreIntegrityError(
+        f"table {table}, {key}: the rows cannot be read ({type(error).__name__}: "
+        f"{printable(str(error))}); they were damaged, or changed by hand: 'kant-sql verify' shows "
+        "what else was; restore the store from a copy"
+    )
+
+
+@contextmanager
+def reading_rows(table: str, key: object) -> Iterator[None]:
+    """Say of rows that make no sense where they are.
+
+    Args:
+        table: the table.
+        key: what names the rows there.
+
+    Raises:
+        StoreIntegrityError: the block broke on what the rows hold.
+    """
+    try:
+        yield
+    except InvalidKnowledgeError as error:
+        # Rows that make no well-formed knowledge are damaged, too.
+        raise unreadable(table, key, error) from error
+    except KantSqlError:
+        raise
+    except UNREADABLE as error:
+        raise unreadable(table, key, error) from error

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 from sqlalchemy import bindparam, func, select, update
 
 from .backends import Query, Session, StoreClock
-from .errors import StoreBusyError, StoreIntegrityError
+from .errors import StoreBusyError, StoreIntegrityError, reading_rows
 from .knowledge.loading import KB
 from .knowledge.rows import table_of
 from .tables import HeadRow, KnowledgeBaseRow, RevisionRow
@@ -130,7 +130,8 @@ def lock_head(session: Session, kb_id: int) -> Head | None:
     if row is None:
         return None
     check_numbers(session, kb_id, zip(_NUMBERS, (row[0], row[1], row[2], row[5]), strict=True))
-    committed_at = None if row[4] is None else session.to_time(row[4])
+    with reading_rows("head", f"knowledge base {kb_id!r}"):
+        committed_at = None if row[4] is None else session.to_time(row[4])
     return Head(row[0], row[1], row[2], row[3], committed_at, row[5], session.now(row[6]))
 
 

@@ -22,6 +22,7 @@ from ..dto.number import decimal_text, number_text
 from ..dto.parameters import variable_name
 from ..dto.pddl_action_dto import Duration
 from ..dto.pddl_proposition_dto import trusted_proposition
+from ..errors import reading_rows
 from ..knowledge.action import ActionDefinition
 from ..knowledge.definitions import Definitions
 from ..knowledge.predicate import ParameterDefinition
@@ -49,15 +50,20 @@ class DtoBuilder:
             The DTO.
         """
         pending = [id_] if id_ not in self._types else []
+        opened: set[int] = set()
         # Those above come first, on a stack that is not the interpreter's.
         while pending:
             definition = self._definitions.types.live(pending[-1])
             above = definition.parent_ids
             missing = [each for each in above if each not in self._types]
-            if missing:
-                pending += missing
-                continue
-            dto = PddlTypeDto(definition.name, parent=self.types(above) if above else None)
+            with reading_rows("type_version", f"type {definition.id!r}"):
+                if missing and definition.id in opened:
+                    raise ValueError("the type is above itself")
+                opened.add(definition.id)
+                if missing:
+                    pending += missing
+                    continue
+                dto = PddlTypeDto(definition.name, parent=self.types(above) if above else None)
             self._types.setdefault(pending.pop(), dto)
         return self._types[id_]
 
@@ -86,11 +92,12 @@ class DtoBuilder:
         dto = self._objects.get(id_)
         if dto is None:
             definition = self._definitions.objects.live(id_)
-            dto = PddlObjectDto(
-                self.types(definition.type_ids),
-                definition.name,
-                is_constant=definition.is_constant,
-            )
+            with reading_rows("object_version", f"object {id_!r}"):
+                dto = PddlObjectDto(
+                    self.types(definition.type_ids),
+                    definition.name,
+                    is_constant=definition.is_constant,
+                )
             self._objects[id_] = dto
         return dto
 
@@ -106,9 +113,10 @@ class DtoBuilder:
         dto = self._predicates.get(id_)
         if dto is None:
             definition = self._definitions.predicates.live(id_)
-            types = [self._parameter_type(parameter) for parameter in definition.parameters]
-            names = _given_names(types, definition.parameters)
-            dto = PddlPredicateDto(definition.name, types, parameter_names=names)
+            with reading_rows("predicate_version", f"predicate {id_!r}"):
+                types = [self._parameter_type(parameter) for parameter in definition.parameters]
+                names = _given_names(types, definition.parameters)
+                dto = PddlPredicateDto(definition.name, types, parameter_names=names)
             self._predicates[id_] = dto
         return dto
 
@@ -157,6 +165,10 @@ class DtoBuilder:
         Returns:
             The DTO.
         """
+        with reading_rows("action_version", f"action {definition.id!r}"):
+            return self._action(definition)
+
+    def _action(self, definition: ActionDefinition) -> PddlActionDto:
         parameters = [
             PddlObjectDto(self._parameter_type(parameter), parameter.name)
             for parameter in definition.parameters

@@ -18,7 +18,7 @@ from ..dto.formula import (
     variables_text,
 )
 from ..dto.node import shown
-from ..errors import InvalidKnowledgeError
+from ..errors import InvalidKnowledgeError, reading_rows
 from ..knowledge.definitions import Definitions
 from ..knowledge.formula import (
     CONSTRAINT,
@@ -69,7 +69,8 @@ def read_formula(definitions: Definitions, formula: FormulaDefinition) -> Node:
     Returns:
         The node.
     """
-    node: Node = TreeReader(definitions, formula.tree).formula()
+    with reading_rows("formula_version", f"formula {formula.id!r}"):
+        node: Node = TreeReader(definitions, formula.tree).formula()
     return node
 
 

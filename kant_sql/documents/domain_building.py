@@ -9,6 +9,7 @@ from typing import Any, TypeVar
 from ..dao.formula import read_formula, read_formulas
 from ..dto.formula import TypedName
 from ..dto.name import ROOT_TYPE, fold
+from ..errors import reading_rows
 from ..knowledge.action import ActionDefinition
 from ..knowledge.definitions import Definitions
 from ..knowledge.document import DOMAIN, DocumentDefinition
@@ -101,11 +102,12 @@ class DomainBuilder:
         return read_section(self._definitions, self._document, section)
 
     def _action(self, action: ActionDefinition) -> Action:
-        parts = (
-            TreeReader(self._definitions, tree, action.parameters).conjuncts()
-            for tree in action.trees
-        )
-        return Action(action.kind, action.name, self._parameters(action.parameters), *parts)
+        with reading_rows("action_version", f"action {action.id!r}"):
+            parts = (
+                TreeReader(self._definitions, tree, action.parameters).conjuncts()
+                for tree in action.trees
+            )
+            return Action(action.kind, action.name, self._parameters(action.parameters), *parts)
 
 
 def read_section(

@@ -12,7 +12,7 @@ from sqlalchemy import literal_column, select
 from ..arguments import expect, shown
 from ..backends import Query, Session
 from ..canonical import time_text
-from ..errors import AnchorError
+from ..errors import AnchorError, reading_rows
 from ..store import Store
 from ..tables import HeadRow, KnowledgeBaseRow, RevisionRow
 
@@ -92,11 +92,12 @@ def read_anchor(store: Store) -> Anchor:
     """
 
     def work(session: Session, _: int | None) -> Anchor:
-        heads = tuple(
-            AnchoredHead(name, number, digest, time_text(session.to_time(moment)))
-            for name, number, digest, moment in session.rows(_HEADS)
-        )
-        return Anchor(heads, time_text(store.clock(session)))
+        heads = []
+        for name, number, digest, moment in session.rows(_HEADS):
+            with reading_rows("head", f"knowledge base {name!r}"):
+                time = time_text(session.to_time(moment))
+            heads.append(AnchoredHead(name, number, digest, time))
+        return Anchor(tuple(heads), time_text(store.clock(session)))
 
     return store.look(work)
 

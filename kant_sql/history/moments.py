@@ -10,7 +10,7 @@ from sqlalchemy import bindparam, literal_column, select
 
 from ..arguments import whole_number
 from ..backends import Query, Session, StoreClock, first_rows
-from ..errors import UnknownRevisionError
+from ..errors import UnknownRevisionError, reading_rows
 from ..head import check_numbers
 from ..knowledge.loading import KB
 from ..store import Store
@@ -91,7 +91,8 @@ def read_stand(store: Store, moments: Sequence[datetime] = ()) -> Stand:
         check_numbers(session, kb_id or 0, zip(names, row[:3], strict=True))
         if moments:
             now = session.now(times.pop(0))
-            last = FIRST_MOMENT if committed_at is None else session.to_time(committed_at)
+            with reading_rows("head", f"knowledge base {kb_id!r}"):
+                last = FIRST_MOMENT if committed_at is None else session.to_time(committed_at)
             for moment in moments:
                 _refuse_future(moment, now, last)
         found = tuple(number or 0 for number in times[: len(moments)])

@@ -12,7 +12,7 @@ from sqlalchemy import ColumnElement, select
 
 from ..arguments import shown, whole_number
 from ..backends import Query, Row, Session, in_list
-from ..errors import UnknownRevisionError
+from ..errors import UNREADABLE, UnknownRevisionError, unreadable
 from ..knowledge.changes import Change, in_range
 from ..knowledge.loading import KB
 from ..knowledge.revision import OWN_COLUMNS, REVISIONS, STEP_COLUMNS
@@ -199,6 +199,13 @@ def make_revision(session: Session, row: Row) -> Revision:
     Returns:
         The revision.
     """
+    try:
+        return _make_revision(session, row)
+    except UNREADABLE as error:
+        raise unreadable("revision", f"revision {row[0]!r}", error) from error
+
+
+def _make_revision(session: Session, row: Row) -> Revision:
     number, committed_at, actor, reason, source, digest, seen, plan_id, position, *_ = row
     value: Any = None if source is None else json.loads(source, parse_int=_number)
     observed_at = None if seen is None else session.to_time(seen)

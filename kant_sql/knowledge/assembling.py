@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple
 
 from ..backends import Row
+from ..errors import UNREADABLE, reading_rows, unreadable
 from .action import CONDITION, DURATION, EFFECT, ActionDefinition
 from .definitions import KINDS, Definitions
 from .document import DOMAIN, PROBLEM, DocumentDefinition, Item
@@ -57,9 +58,25 @@ def evolve(definitions: Definitions, rows: Iterable[Row]) -> Definitions:
     made: list[Any] = []
     for kind in KINDS:
         changes: dict[int, Any] = {row.owner: None for row in parts[f"{GONE}{kind}"]}
-        changes.update((definition.id, definition) for definition in _ASSEMBLE[kind](parts))
-        made.append(definitions.elements(kind).evolve(changes))
+        try:
+            changes.update((definition.id, definition) for definition in _ASSEMBLE[kind](parts))
+            made.append(definitions.elements(kind).evolve(changes))
+        except UNREADABLE as error:
+            _find_unreadable(kind, parts)
+            raise unreadable(f"{kind}_version", f"some {kind}", error) from error
     return Definitions(*made)
+
+
+def _find_unreadable(kind: str, parts: _Parts) -> None:
+    """Raise the error of the first definition whose rows cannot be read, by its id."""
+    for id_ in dict.fromkeys(row.owner for rows in parts.values() for row in rows):
+        own = defaultdict(list)
+        for part, rows in parts.items():
+            own[part] = [row for row in rows if row.owner == id_]
+        with reading_rows(f"{kind}_version", f"{kind} {id_!r}"):
+            Definitions().elements(kind).evolve(
+                {definition.id: definition for definition in _ASSEMBLE[kind](own)}
+            )
 
 
 def assemble(kind: str, rows: Iterable[Part]) -> list[Any]:

@@ -23,6 +23,7 @@ from sqlalchemy import (
 )
 
 from ..backends import Query, Session
+from ..errors import reading_rows
 from ..tables import (
     ActionNodeRow,
     ActionParameterRow,
@@ -226,7 +227,8 @@ def load(session: Session, kb_id: int) -> tuple[int, Definitions]:
         The revision that last changed a definition, and the definitions.
     """
     rows = session.rows(_NOW, kb=kb_id)
-    definition_revision = next(row[1] for row in rows if row[0] == "head")
+    with reading_rows("head", f"knowledge base {kb_id!r}"):
+        definition_revision = next(row[1] for row in rows if row[0] == "head")
     return definition_revision, evolve(Definitions(), rows)
 
 

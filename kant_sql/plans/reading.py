@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 from sqlalchemy import BigInteger, bindparam, select
 
 from ..backends import Query, Row, Session
+from ..errors import reading_rows
 from ..history import Revision, Version
 from ..history.revisions import LARGEST, read_numbered
 from ..knowledge.changes import PLAN_STEP
@@ -120,7 +121,8 @@ def read_plans(
     parts = _Parts(statuses, revisions, _known(session, view.kb_id, statuses))
     steps: dict[int, list[RecordedStep]] = defaultdict(list)
     for row in session.rows(_STEPS, **own):
-        steps[row[0]].append(_step(row, parts, name))
+        with reading_rows("plan_step", f"step {row[1]!r} of plan {row[0]!r}"):
+            steps[row[0]].append(_step(row, parts, name))
     return [_plan(row, tuple(steps[row[0]]), given) for row in rows]
 
 
@@ -177,7 +179,8 @@ def _step(row: Row, parts: _Parts, name: str) -> RecordedStep:
 
 def _plan(row: Row, steps: tuple[RecordedStep, ...], given: GivenReader) -> RecordedPlan:
     id_, since, revision, digest, planner, version, objective, value, status = row
-    said = (planner, version, objective, to_decimal(value), status)
+    with reading_rows("plan", f"plan {id_!r}"):
+        said = (planner, version, objective, to_decimal(value), status)
     return RecordedPlan(id_, since, revision, digest, *said, steps, given)
 
 

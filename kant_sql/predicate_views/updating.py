@@ -23,7 +23,7 @@ from ..backends.views import (
     seconds_between,
 )
 from ..dto.parameters import either_text, variable_name
-from ..errors import InvalidArgumentError, KantSqlError
+from ..errors import InvalidArgumentError, KantSqlError, reading_rows
 from ..retry import retrying
 from ..schema import check, check_session
 from ..tables import (
@@ -272,8 +272,9 @@ def _arguments(session: Session, kb_id: int) -> dict[int, list[str]]:
     }
     found: dict[int, dict[int, str]] = {}
     for predicate_id, position, since, name in session.rows(_PARAMETERS, kb_id=kb_id):
-        allowed = types[predicate_id, position, since]
-        is_generated = name == variable_name(either_text(allowed), position)
-        called = "_or_".join(allowed) if is_generated else name
-        found.setdefault(predicate_id, {})[position] = called
+        with reading_rows("predicate_parameter", f"parameter {position!r} of {predicate_id!r}"):
+            allowed = types[predicate_id, position, since]
+            is_generated = name == variable_name(either_text(allowed), position)
+            called = "_or_".join(allowed) if is_generated else name
+            found.setdefault(predicate_id, {})[position] = called
     return {predicate_id: [*names.values()] for predicate_id, names in found.items()}

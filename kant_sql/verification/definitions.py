@@ -8,7 +8,7 @@ from typing import Any
 from sqlalchemy import Table, select
 
 from ..backends import Query, Row, Session
-from ..errors import KantSqlError
+from ..errors import UNREADABLE, KantSqlError
 from ..knowledge.action import ActionDefinition
 from ..knowledge.assembling import Part, assemble
 from ..knowledge.definitions import KINDS, Definitions
@@ -25,9 +25,6 @@ from .naming import ObjectFunctions
 from .rebuilding import definition_text
 from .tree_shapes import tree_fault
 from .wording import document_fault, formula_fault, is_end, parameter_fault
-
-# What breaks where rows make no definition.
-UNREADABLE = (ArithmeticError, AttributeError, LookupError, TypeError, ValueError, KantSqlError)
 
 _NODE = {"section": "section", "a": "parent", "b": "predicate_id", "c": "function_id"}
 _TERM = {"b": "parameter", "c": "object_id", "d": "quantifier", "e": "variable", "f": "child"}
@@ -182,7 +179,7 @@ class DefinitionCheck:
         try:
             (definition,) = assemble(kind, parts)
             fault = self._meaning(kind, definition, name, version[1][1])
-        except UNREADABLE as error:
+        except (*UNREADABLE, KantSqlError) as error:
             return f"its rows make no {kind}: {type(error).__name__}: {error}"
         return fault or self._layout(kind, definition, version[1], children)
 
