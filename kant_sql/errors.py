@@ -6,8 +6,12 @@ from the database are raised `from` the driver's own, and never carry a password
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from typing import Any, TypeVar
+
+T = TypeVar("T")
+R = TypeVar("R", bound=Sequence[Any])
 
 
 def printable(text: str) -> str:
@@ -322,3 +326,42 @@ def reading_rows(table: str, key: object) -> Iterator[None]:
         raise
     except UNREADABLE as error:
         raise unreadable(table, key, error) from error
+
+
+def each_readable(table: str, rows: Sequence[R], make: Callable[[R], T]) -> list[T]:
+    """Make something of each row.
+
+    Args:
+        table: the table.
+        rows: the rows, each with its id first.
+        make: what makes it; it is called again where a row makes no sense.
+
+    Returns:
+        What was made.
+
+    Raises:
+        StoreIntegrityError: a row makes no sense; it is named.
+    """
+    try:
+        return [make(row) for row in rows]
+    except UNREADABLE:
+        for row in rows:
+            with reading_rows(table, f"id {row[0]!r}"):
+                make(row)
+        raise
+
+
+def check_integer(table: str, key: object, column: str, value: object) -> None:
+    """Refuse a number that is none: a column of SQLite keeps whatever it is given.
+
+    Args:
+        table: the table.
+        key: what names the row there.
+        column: the column.
+        value: what stands there.
+
+    Raises:
+        StoreIntegrityError: it is no integer.
+    """
+    if not isinstance(value, int):
+        raise unreadable(table, key, TypeError(f"column {column} has {value!r}, no integer"))

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 from .atoms import InternCache
 from .dto.pddl_function_value_dto import value_text
+from .errors import reading_rows
 from .knowledge.past import HOLDS_NOW
 
 
@@ -90,8 +91,16 @@ def read_value(fluent: str, held: str, object_id: int | None) -> FluentValue:
 
     Returns:
         The value.
+
+    Raises:
+        StoreIntegrityError: the text is that of another fluent, or has no number.
     """
-    return FluentValue(held[len(value_text(fluent, "")) - 1 : -1], object_id)
+    begin = value_text(fluent, "")[:-1]
+    text = held[len(begin) : -1]
+    with reading_rows("function_value_version", f"the value of {fluent!r}"):
+        if not held.startswith(begin) or (object_id is None and not Decimal(text).is_finite()):
+            raise ValueError(f"{held!r} is no value of it")
+    return FluentValue(text, object_id)
 
 
 def version_row(kb_id: int, number: int, fluent: Fluent, value: FluentValue) -> tuple[Any, ...]:

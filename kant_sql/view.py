@@ -7,7 +7,7 @@ from typing import NamedTuple
 from sqlalchemy import BigInteger, bindparam, select
 
 from .backends import Query, Session
-from .errors import ArchivedError, StoreIntegrityError
+from .errors import ArchivedError, StoreIntegrityError, check_integer
 from .knowledge.cache import DefinitionCache
 from .knowledge.definitions import Definitions
 from .knowledge.loading import KB
@@ -95,7 +95,9 @@ def _read_head(session: Session, kb_id: int) -> tuple[int, int]:
     row = session.first(_HEAD, kb=kb_id)
     if row is None:
         raise vanished(session)
-    return int(row[0]), int(row[1])
+    for column, value in zip(("definition_revision", "archived_revision"), row, strict=True):
+        check_integer("head", f"knowledge base {kb_id!r}", column, value)
+    return row[0], row[1]
 
 
 def refuse_archived(session: Session, kb_id: int, at: int, archived: int) -> None:
@@ -147,6 +149,7 @@ def read_revision(view: View) -> int:
     row = view.session.first(_REVISION, kb=view.kb_id)
     if row is None:
         raise vanished(view.session)
+    check_integer("head", f"knowledge base {view.kb_id!r}", "revision", row[0])
     return int(row[0])
 
 

@@ -52,7 +52,8 @@ class Damage(NamedTuple):
                 bare.execute(f"DELETE FROM {self.table} WHERE rowid = ?", (self.rowid,))
             else:
                 bare.execute(
-                    f"UPDATE OR REPLACE {self.table} SET {self.column} = {self.value} WHERE rowid = ?",
+                    f"UPDATE OR REPLACE {self.table} SET {self.column} = {self.value} "
+                    "WHERE rowid = ?",
                     (*self.parameters, self.rowid),
                 )
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import ClassVar, Generic, TypeVar
+from typing import ClassVar, Generic, TypeVar, get_args
 
 from ..dto.formula import (
     Atom,
@@ -57,6 +57,14 @@ _PLACES = {
     CONSTRAINT: Place.CONSTRAINT,
     METRIC: Place.METRIC,
 }
+# What the root of a tree may be, in the sections that do not take any formula.
+_CLASSES: dict[str, tuple[type, ...]] = {
+    DERIVED_PREDICATE: (Derived,),
+    INITIAL: (Not, Equal),
+    TIMED: (TimedLiteral,),
+    METRIC: (Metric,),
+}
+_FORMULAS: tuple[type, ...] = get_args(Formula)
 
 
 def read_formula(definitions: Definitions, formula: FormulaDefinition) -> Node:
@@ -71,6 +79,8 @@ def read_formula(definitions: Definitions, formula: FormulaDefinition) -> Node:
     """
     with reading_rows("formula_version", f"formula {formula.id!r}"):
         node: Node = TreeReader(definitions, formula.tree).formula()
+        if not isinstance(node, _CLASSES.get(formula.section, _FORMULAS)):
+            raise TypeError(f"a {type(node).__name__} stands as {formula.section}")
     return node
 
 

@@ -7,10 +7,11 @@ from decimal import Decimal
 from typing import Any
 
 from ..arguments import expect, expect_list
+from ..backends import Row
 from ..dto import PddlFunctionDto, PddlFunctionValueDto, PddlObjectDto
 from ..dto.number import decimal_text
 from ..dto.pddl_function_value_dto import trusted_value
-from ..errors import InvalidKnowledgeError
+from ..errors import InvalidKnowledgeError, each_readable
 from ..fluents import Fluent, FluentValue
 from ..transaction import Transaction
 from ..view import View
@@ -31,14 +32,16 @@ from .reading import NO_ID
 
 def _dtos(view: View, rows: Iterable[Any]) -> list[PddlFunctionValueDto]:
     builder = DtoBuilder(view.definitions)
-    return [
-        trusted_value(
+
+    def make(row: Row) -> PddlFunctionValueDto:
+        _, function_id, arguments, number, object_id = row
+        return trusted_value(
             builder.function(function_id),
             [builder.object(int(id_)) for id_ in arguments.split()],
             Decimal(number) if object_id is None else builder.object(object_id),
         )
-        for _, function_id, arguments, number, object_id in rows
-    ]
+
+    return each_readable("function_value", [*rows], make)
 
 
 class SqlFunctionValueDao(SqlDao, PddlFunctionValueDao):

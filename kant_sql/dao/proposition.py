@@ -11,6 +11,7 @@ from ..arguments import expect, expect_list, flag
 from ..atoms import AtomKey
 from ..backends import in_rows
 from ..dto import PddlObjectDto, PddlPredicateDto, PddlPropositionDto
+from ..errors import each_readable
 from ..knowledge.loading import KB
 from ..knowledge.past import ANY_PREDICATE, held_then
 from ..knowledge.rows import table_of
@@ -68,7 +69,8 @@ class PropositionReading(Reading):
             The propositions, in the order in which each was first known.
         """
         proposition = DtoBuilder(view.definitions).proposition
-        return [proposition(*row[1:]) for row in self.rows(view, **parameters)]
+        rows = [*self.rows(view, **parameters)]
+        return each_readable("proposition", rows, lambda row: proposition(*row[1:]))
 
 
 _ALL = PropositionReading.of_versions()

@@ -9,12 +9,13 @@ from typing import Any, NamedTuple
 
 from sqlalchemy import and_, case, select
 
-from ..backends import Query, in_rows
+from ..backends import Query, Row, in_rows
 from ..dao.fluent_reading import ALL
 from ..dao.formula import read_formula, read_formulas
 from ..dto.conditions import trusted_atom
 from ..dto.formula import Atom, Constant, Equal, Fluent, Formula, Not, Number, TypedName
 from ..dto.name import fold
+from ..errors import each_readable
 from ..knowledge.definitions import Definitions
 from ..knowledge.document import PROBLEM
 from ..knowledge.formula import CONSTRAINT, GOAL, INITIAL, METRIC, TIMED
@@ -189,22 +190,23 @@ class ProblemBuilder:
         ]
 
     def _facts(self) -> tuple[Atom, ...]:
-        return tuple(self._atom(row) for row in self._initial.facts)
+        return tuple(each_readable("proposition", self._initial.facts, self._atom))
 
     def _values(self) -> tuple[FunctionValue, ...]:
-        functions, made = self._definitions.functions, []
-        for _, function_id, arguments, number, object_id in self._initial.values:
-            value: Number | Constant = (
-                Number(Decimal(number)) if object_id is None else self._constant(object_id)
-            )
-            fluent = Fluent(functions.live(function_id).name, self._terms(arguments))
-            made.append(FunctionValue(fluent, value))
-        return tuple(made)
+        return tuple(each_readable("function_value", self._initial.values, self._value))
+
+    def _value(self, row: Row) -> FunctionValue:
+        _, function_id, arguments, number, object_id = row
+        value: Number | Constant = (
+            Number(Decimal(number)) if object_id is None else self._constant(object_id)
+        )
+        name = self._definitions.functions.live(function_id).name
+        return FunctionValue(Fluent(name, self._terms(arguments)), value)
 
     def _goals(self) -> list[Formula]:
-        atoms: list[tuple[str, Formula]] = [
-            (row[3], self._atom(row)) for row in self._initial.goals
-        ]
+        atoms: list[tuple[str, Formula]] = each_readable(
+            "proposition", self._initial.goals, lambda row: (row[3], self._atom(row))
+        )
         formulas: list[tuple[str, Any]] = [
             (formula.name, read_formula(self._definitions, formula))
             for formula in read_formulas(self._definitions, GOAL)

@@ -94,7 +94,7 @@ def read_anchor(store: Store) -> Anchor:
     def work(session: Session, _: int | None) -> Anchor:
         heads = []
         for name, number, digest, moment in session.rows(_HEADS):
-            with reading_rows("head", f"knowledge base {name!r}"):
+            with reading_rows("revision", f"revision {number!r} of {name!r}"):
                 time = time_text(session.to_time(moment))
             heads.append(AnchoredHead(name, number, digest, time))
         return Anchor(tuple(heads), time_text(store.clock(session)))

@@ -16,7 +16,7 @@ from sqlalchemy import (
 )
 
 from ..backends import Query, Session
-from ..knowledge.changes import ASSERTED, RETRACTED, Change
+from ..knowledge.changes import ASSERTED, RETRACTED, Change, unsortable
 from ..knowledge.loading import KB
 from ..knowledge.rows import KIND_TABLES
 from ..knowledge.sources import SOURCES, Source
@@ -88,6 +88,9 @@ def diff(store: Store, a: When, b: When, upto: int | None = None) -> list[Change
             # What came and went is the same on both sides, in another version.
             net[kind, text] = net.get((kind, text), 0) + change
         refuse_archived(session, kb_id, before, net.pop(("", ""), 0))
-        return sorted(Change(came if net[key] > 0 else went, *key) for key in net if net[key])
+        try:
+            return sorted(Change(came if net[key] > 0 else went, *key) for key in net if net[key])
+        except TypeError as error:
+            raise unsortable(net, f"revisions {before} to {after}", error) from error
 
     return store.glance(work)

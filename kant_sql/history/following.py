@@ -9,7 +9,7 @@ from typing import NamedTuple
 from sqlalchemy import select
 
 from ..backends import Query, Session
-from ..errors import ArchivedError
+from ..errors import ArchivedError, check_integer
 from ..knowledge.loading import KB
 from ..store import Store
 from ..tables import HeadRow
@@ -104,4 +104,6 @@ def read_place(session: Session, kb_id: int | None) -> Place:
     row = session.first(_HEAD, kb=kb_id)
     if row is None:
         raise vanished(session)
+    for column, value in zip(("revision", "archived_revision"), row, strict=False):
+        check_integer("head", f"knowledge base {kb_id!r}", column, value)
     return Place(kb_id, row[0], row[1])

@@ -21,7 +21,7 @@ from ..arguments import shown
 from ..backends import Query, Row, Session, first_rows, in_list, in_rows
 from ..dto.dto import Dto
 from ..dto.formula import Node
-from ..errors import InvalidKnowledgeError
+from ..errors import InvalidKnowledgeError, check_integer, unreadable
 from ..knowledge.loading import KB
 from ..knowledge.sources import FACT, GOAL, SOURCES, Source
 from ..store import Store
@@ -206,13 +206,17 @@ def _of_identities(
 
 def _make(session: Session, kb_id: int, rows: Iterable[Row], at: int) -> list[Version]:
     """Make versions of rows, oldest first; what ends after a revision holds there."""
-    known = [
-        (since, until if until is not None and until <= at else None, kind, text)
-        for kind, text, since, until in rows
-    ]
+    known = []
+    for kind, text, since, until in rows:
+        for number in (since, until or 0):
+            check_integer(f"of the versions of each {kind}", repr(text), "since or until", number)
+        ended = until if until is not None and until <= at else None
+        known.append((since, ended, kind, text))
     known.sort(key=lambda row: (row[0], row[1] is None, row[1] or 0, row[2:]))
     numbers = {number for row in known for number in row[:2] if number is not None}
     revisions = read_numbered(session, kb_id, numbers)
+    for number in numbers - revisions.keys():
+        raise unreadable("revision", f"revision {number!r}", LookupError("there is none"))
     return [
         Version(kind, text, revisions[since], None if until is None else revisions[until])
         for since, until, kind, text in known

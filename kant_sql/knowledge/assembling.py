@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any, NamedTuple
 
 from ..backends import Row
@@ -59,7 +59,7 @@ def evolve(definitions: Definitions, rows: Iterable[Row]) -> Definitions:
     for kind in KINDS:
         changes: dict[int, Any] = {row.owner: None for row in parts[f"{GONE}{kind}"]}
         try:
-            changes.update((definition.id, definition) for definition in _ASSEMBLE[kind](parts))
+            changes.update((definition.id, definition) for definition in _made(kind, parts))
             made.append(definitions.elements(kind).evolve(changes))
         except UNREADABLE as error:
             _find_unreadable(kind, parts)
@@ -75,8 +75,20 @@ def _find_unreadable(kind: str, parts: _Parts) -> None:
             own[part] = [row for row in rows if row.owner == id_]
         with reading_rows(f"{kind}_version", f"{kind} {id_!r}"):
             Definitions().elements(kind).evolve(
-                {definition.id: definition for definition in _ASSEMBLE[kind](own)}
+                {definition.id: definition for definition in _made(kind, own)}
             )
+
+
+def _made(kind: str, parts: _Parts) -> Iterator[Any]:
+    """Make the definitions of one kind, each with a name and a text: SQLite keeps anything."""
+    for definition in _ASSEMBLE[kind](parts):
+        if not (
+            isinstance(definition.id, int)
+            and isinstance(definition.name, str)
+            and isinstance(definition.text, str)
+        ):
+            raise TypeError(f"{definition.id!r}, {definition.name!r} is {definition.text!r}")
+        yield definition
 
 
 def assemble(kind: str, rows: Iterable[Part]) -> list[Any]:
@@ -137,6 +149,8 @@ def _actions(parts: _Parts) -> Iterable[ActionDefinition]:
 def _formulas(parts: _Parts) -> Iterable[FormulaDefinition]:
     trees = _trees(parts, "formula")
     for row in parts["formula"]:
+        if not isinstance(row.section, str):
+            raise TypeError(f"the section is {row.section!r}")
         tree = trees.get((row.owner, row.section), ())
         yield FormulaDefinition(row.owner, row.name, row.section, tree, row.text)
 

@@ -18,6 +18,7 @@ from sqlalchemy import (
 )
 
 from ..backends import Query, Row, Session, first_rows, in_list
+from ..errors import StoreIntegrityError, unreadable
 from ..tables import ArchiveRow, PlanRow, PlanStepVersionRow
 from .loading import KB
 from .rows import KIND_TABLES, table_of
@@ -222,7 +223,11 @@ def few_changes(
     rows = session.rows(_FEW[redefined], kb=kb_id, low=low, high=high)
     if len(rows) > FEW:
         return None
-    rows.sort()
+    try:
+        rows.sort()
+    except TypeError as error:
+        said = ((row[2], row[3]) for row in rows)
+        raise unsortable(said, f"revisions {low} to {high}", error) from error
     changes: dict[int, list[Change]] = {}
     last, of_last = 0, list[Change]()
     for number, retracted, kind, text in rows:
@@ -231,6 +236,23 @@ def few_changes(
             changes[number] = of_last
         of_last.append(Change(RETRACTED if retracted else ASSERTED, kind, text))
     return {number: tuple(of_number) for number, of_number in changes.items()}
+
+
+def unsortable(said: Iterable[tuple[Any, Any]], key: str, error: TypeError) -> StoreIntegrityError:
+    """Make the error for changes of which one has no text, or a kind that is none.
+
+    Args:
+        said: the kind and the text of each change.
+        key: where they are from.
+        error: what broke.
+
+    Returns:
+        The error to raise from it.
+    """
+    wrong = sorted(
+        {f"{kind}" for kind, text in said if not (isinstance(kind, str) and isinstance(text, str))}
+    )
+    return unreadable(f"of the versions of each {' or '.join(wrong)}", key, error)
 
 
 def stream_changes_of(

@@ -23,7 +23,7 @@ from sqlalchemy import (
 )
 
 from ..backends import Query, Session
-from ..errors import reading_rows
+from ..errors import check_integer, reading_rows
 from ..tables import (
     ActionNodeRow,
     ActionParameterRow,
@@ -229,6 +229,8 @@ def load(session: Session, kb_id: int) -> tuple[int, Definitions]:
     rows = session.rows(_NOW, kb=kb_id)
     with reading_rows("head", f"knowledge base {kb_id!r}"):
         definition_revision = next(row[1] for row in rows if row[0] == "head")
+        key = f"knowledge base {kb_id!r}"
+        check_integer("head", key, "definition_revision", definition_revision)
     return definition_revision, evolve(Definitions(), rows)
 
 

@@ -266,10 +266,12 @@ def _words(session: Session, kind: str) -> Words:
 def _arguments(session: Session, kb_id: int) -> dict[int, list[str]]:
     """Tell what the arguments of predicates are called, by the last definition that has them."""
     type_names: dict[int, str] = dict(session.rows(_TYPES, kb_id=kb_id))
-    types = {
-        key: [type_names[row[4]] for row in rows]
-        for key, rows in groupby(session.rows(_PARAMETER_TYPES, kb_id=kb_id), lambda row: row[:3])
-    }
+    allowed_types = session.rows(_PARAMETER_TYPES, kb_id=kb_id)
+    with reading_rows("predicate_parameter_type", f"knowledge base {kb_id!r}"):
+        types = {
+            key: [type_names[row[4]] for row in rows]
+            for key, rows in groupby(allowed_types, lambda row: row[:3])
+        }
     found: dict[int, dict[int, str]] = {}
     for predicate_id, position, since, name in session.rows(_PARAMETERS, kb_id=kb_id):
         with reading_rows("predicate_parameter", f"parameter {position!r} of {predicate_id!r}"):
