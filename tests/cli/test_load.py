@@ -223,9 +223,7 @@ def make_unreadable(folder: Path) -> dict[str, Path]:
     contents = {
         "nesting": b"(define (domain deep) (:predicates (p)) (:action a :precondition "
         + b"(not " * 100_000
-        + b"(p)"
-        + b")" * 100_000
-        + b" :effect (p)))",
+        + b"(p)",
         "parentheses": b"(" * 100_000,
         "encoding": b"(define (domain \xff\xfe))",
         "nul": b"(define (domain d)\0)",
@@ -241,7 +239,7 @@ def make_unreadable(folder: Path) -> dict[str, Path]:
 
 
 UNREADABLE = {
-    "nesting": "nested more deeply",
+    "nesting": "found the end of the text, expected 100002 more ')'",
     "parentheses": "found '('",
     "encoding": "1:17: found the byte 0xFF",
     "nul": "a NUL character",
