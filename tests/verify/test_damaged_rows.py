@@ -20,6 +20,7 @@ from kant_sql import ArchivedError, KantSqlError, KnowledgeBase, StoreIntegrityE
 from tests.conftest import Connect, Server
 from tests.damaging import NO_UTF8, Damage, damages, errors_of_reading, write_rich_story
 from tests.verify.story import DOMAIN, NAME, PROBLEM, write_story
+from tests.worlds import robot_at, waypoint
 
 SEEDS, DAMAGES_OF_A_SEED = range(10), 20
 FLIPS = 40
@@ -236,3 +237,37 @@ def test_on_postgresql(rich_server: str, statement: str) -> None:
 def url_of(url: str, database: str) -> str:
     """Give the URL of another database of the same server."""
     return make_url(url).set(database=database).render_as_string(hide_password=False)
+
+
+TIMES = ("-infinity", "infinity", "4000-01-01 BC", "12000-01-01")
+
+
+@pytest.mark.parametrize("moment", TIMES)
+def test_a_time_that_is_none_stops_only_those_who_read_it(
+    moment: str, server: Server, connect: Connect
+) -> None:
+    url = server.new_store()
+    kb, other = (connect(url, knowledge_base=name) for name in ("tiago", "pepper"))
+    for place in range(3):
+        kb.propositions.save(robot_at(place=waypoint(place)))
+        other.propositions.save(robot_at(place=waypoint(place)))
+    before = [entry.revision for entry in kb.log(limit=1)]
+    with psycopg.connect(url) as owner:
+        for column, number in (("committed_at", 1), ("observed_at", 2)):
+            owner.execute(
+                f"UPDATE revision SET {column} = %s FROM knowledge_base AS k "
+                "WHERE k.id = kb_id AND k.name = 'tiago' AND number = %s".encode(),
+                (moment, number),
+            )
+    for opened in (kb, connect(url, knowledge_base="tiago")):
+        assert len(opened.propositions.get_all()) == 3
+        assert len(opened.at(1).propositions.get_all()) == 1
+        assert [entry.revision for entry in opened.log(limit=1)] == before
+        with pytest.raises(StoreIntegrityError, match="table revision, revision 1: .*is no time"):
+            opened.revisions()
+        with pytest.raises(StoreIntegrityError, match="table revision, revision 2: .*is no time"):
+            list(opened.log())
+        assert {finding.revision for finding in opened.verify().findings} == {1, 2}
+    kb.propositions.delete(robot_at(place=waypoint(0)))
+    assert other.verify().is_intact
+    assert len(other.revisions()) == 3
