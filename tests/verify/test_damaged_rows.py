@@ -263,9 +263,9 @@ def test_a_time_that_is_none_stops_only_those_who_read_it(
         assert len(opened.propositions.get_all()) == 3
         assert len(opened.at(1).propositions.get_all()) == 1
         assert [entry.revision for entry in opened.log(limit=1)] == before
-        with pytest.raises(StoreIntegrityError, match="table revision, revision 1: .*is no time"):
+        with pytest.raises(StoreIntegrityError, match=r"table revision, revision 1: .*is no time"):
             opened.revisions()
-        with pytest.raises(StoreIntegrityError, match="table revision, revision 2: .*is no time"):
+        with pytest.raises(StoreIntegrityError, match=r"table revision, revision 2: .*is no time"):
             list(opened.log())
         assert {finding.revision for finding in opened.verify().findings} == {1, 2}
     kb.propositions.delete(robot_at(place=waypoint(0)))
