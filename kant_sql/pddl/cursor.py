@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Iterable
 from difflib import get_close_matches
+from operator import itemgetter
 from typing import Any, NoReturn, TypeVar
 
 from ..arguments import flag
@@ -135,15 +136,28 @@ class Reading:
         found = list(self._whole)
         if not self._noted:
             return tuple(found)
-        for section in sorted(self._noted, key=lambda section: section.start):
-            noted, text = self._noted[section], section.text
-            indexes = sorted(noted)
-            places = text.locate(text.offsets(section.start, indexes))
-            for index, place in zip(indexes, places, strict=True):
-                found += [PddlWarning(text.name, *place, message) for message in noted[index]]
+        for noted in self._noted_by_source():
+            # All at once: each call goes through the source from its beginning.
+            places = noted[0][1].locate(offset for offset, _, _ in noted)
+            for (_, text, messages), place in zip(noted, places, strict=True):
+                found += [PddlWarning(text.name, *place, message) for message in messages]
         sources = dict.fromkeys(section.text.name for section in self._noted)
         order = {name: number for number, name in enumerate(sources)}
         return tuple(sorted(found, key=lambda one: (order.get(one.source, -1), one[1], one[2])))
+
+    def _noted_by_source(self) -> Iterable[list[tuple[int, Text, list[str]]]]:
+        """Give what was noted in each source: the offset in its code, the text, the messages."""
+        sources: dict[int, list[tuple[int, Text, list[str]]]] = {}
+        for section in sorted(self._noted, key=lambda section: section.start):
+            noted, text = self._noted[section], section.text
+            indexes = sorted(noted)
+            sources.setdefault(text.source, []).extend(
+                (offset, text, noted[index])
+                for index, offset in zip(indexes, text.offsets(section.start, indexes), strict=True)
+            )
+        for of_source in sources.values():
+            of_source.sort(key=itemgetter(0))
+        return sources.values()
 
 
 class Cursor:

@@ -79,6 +79,11 @@ class Text:
     def _refusal(self, position: Position, found: str, expected: str) -> PddlError:
         return PddlError(self.name, position.line, position.column, found, expected)
 
+    @property
+    def source(self) -> int:
+        """What tells its source from others: `without` leaves it as it is."""
+        return id(self._whole)
+
     def _at(self, offset: int) -> Position:
         line_start = self._whole.rfind("\n", 0, offset) + 1
         return Position(self._whole.count("\n", 0, offset) + 1, offset - line_start + 1)
