@@ -15,6 +15,8 @@ from .knowledge.rows import table_of
 from .tables import HeadRow, KnowledgeBaseRow, RevisionRow
 
 FIRST_ID = 1
+# A SHA-256 in hexadecimal digits.
+HASH_LENGTH = 64
 
 _NUMBERS = ("revision", "definition_revision", "next_id", "archived_revision")
 
@@ -124,7 +126,7 @@ def lock_head(session: Session, kb_id: int) -> Head | None:
         The head, or None when there is no such knowledge base any more.
 
     Raises:
-        StoreIntegrityError: a number of the head is none.
+        StoreIntegrityError: a number of the head is none, its time, or its hash.
     """
     row = session.first(_LOCK, kb=kb_id)
     if row is None:
@@ -132,6 +134,9 @@ def lock_head(session: Session, kb_id: int) -> Head | None:
     check_numbers(session, kb_id, zip(_NUMBERS, (row[0], row[1], row[2], row[5]), strict=True))
     with reading_rows("head", f"knowledge base {kb_id!r}"):
         committed_at = None if row[4] is None else session.to_time(row[4])
+        # What is hashed next would be chained to it.
+        if row[0] and (not isinstance(row[3], str) or len(row[3]) != HASH_LENGTH):
+            raise ValueError(f"column hash has {row[3]!r}, which is no hash")
     return Head(row[0], row[1], row[2], row[3], committed_at, row[5], session.now(row[6]))
 
 
@@ -144,14 +149,14 @@ def check_numbers(session: Session, kb_id: int, numbers: Iterable[tuple[str, Any
         numbers: the name of each column, and what it has.
 
     Raises:
-        StoreIntegrityError: one of them is no integer.
+        StoreIntegrityError: one of them is no integer from 0 on.
     """
     for name, value in numbers:
-        if not isinstance(value, int):
+        if not isinstance(value, int) or value < 0:
             raise StoreIntegrityError(
                 f"{session.backend.label}: column {name} of table head has {value!r} for knowledge "
-                f"base {kb_id}, which is no integer; nothing was written; 'kant-sql verify' shows "
-                "what else was changed by hand"
+                f"base {kb_id}, which is no integer from 0 on; nothing was written; 'kant-sql "
+                "verify' shows what else was changed by hand"
             )
 
 

@@ -120,7 +120,7 @@ def refuse_archived(session: Session, kb_id: int, at: int, archived: int) -> Non
         )
 
 
-def archive_of(session: Session, kb_id: int, at: int) -> str | None:
+def archive_of(session: Session, kb_id: int, at: int) -> str:
     """Tell where the archive is that has a part of a state.
 
     Args:
@@ -129,10 +129,19 @@ def archive_of(session: Session, kb_id: int, at: int) -> str | None:
         at: the state's revision.
 
     Returns:
-        The archive's URL; None when there is none.
+        The archive's URL.
+
+    Raises:
+        StoreIntegrityError: there is no record of one.
     """
     row = session.first(_ARCHIVE, kb=kb_id, at=at)
-    return None if row is None else str(row[0])
+    if row is None:
+        raise StoreIntegrityError(
+            f"{session.backend.label}: the head of knowledge base {kb_id} says that what ended "
+            f"after revision {at} was moved to an archive, and there is no record of one; "
+            "'kant-sql verify' shows what else was changed by hand"
+        )
+    return str(row[0])
 
 
 def read_revision(view: View) -> int:

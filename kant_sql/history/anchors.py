@@ -12,7 +12,7 @@ from sqlalchemy import literal_column, select
 from ..arguments import expect, shown
 from ..backends import Query, Session
 from ..canonical import time_text
-from ..errors import AnchorError, reading_rows
+from ..errors import AnchorError, StoreIntegrityError, reading_rows
 from ..store import Store
 from ..tables import HeadRow, KnowledgeBaseRow, RevisionRow
 
@@ -22,11 +22,11 @@ _HASH = re.compile(r"[0-9a-f]{64}")
 _HEADS = Query(
     select(KnowledgeBaseRow.name, RevisionRow.number, RevisionRow.hash, RevisionRow.committed_at)
     .join(HeadRow, HeadRow.kb_id == KnowledgeBaseRow.id)
-    .join(
+    .outerjoin(
         RevisionRow,
         (RevisionRow.kb_id == HeadRow.kb_id) & (RevisionRow.number == HeadRow.revision),
     )
-    .where(HeadRow.revision > literal_column("0"))
+    .where(HeadRow.revision.is_distinct_from(literal_column("0")))
     .order_by(KnowledgeBaseRow.id)
 )
 
@@ -89,11 +89,20 @@ def read_anchor(store: Store) -> Anchor:
 
     Returns:
         The heads.
+
+    Raises:
+        StoreIntegrityError: a head is at a revision that there is not.
     """
 
     def work(session: Session, _: int | None) -> Anchor:
         heads = []
         for name, number, digest, moment in session.rows(_HEADS):
+            if number is None:
+                raise StoreIntegrityError(
+                    f"{session.backend.label}: the head of knowledge base {name!r} is at a "
+                    "revision that there is not; run verify to see what else is not as it was "
+                    "written"
+                )
             with reading_rows("revision", f"revision {number!r} of {name!r}"):
                 time = time_text(session.to_time(moment))
             heads.append(AnchoredHead(name, number, digest, time))

@@ -9,7 +9,8 @@ from typing import NamedTuple
 from sqlalchemy import select
 
 from ..backends import Query, Session
-from ..errors import ArchivedError, check_integer
+from ..errors import ArchivedError
+from ..head import check_numbers
 from ..knowledge.loading import KB
 from ..store import Store
 from ..tables import HeadRow
@@ -97,13 +98,12 @@ def read_place(session: Session, kb_id: int | None) -> Place:
         The place.
 
     Raises:
-        StoreIntegrityError: the knowledge base was there, and is gone.
+        StoreIntegrityError: the knowledge base was there, and is gone, or its head has no numbers.
     """
     if kb_id is None:
         return Place(None, 0, 0)
     row = session.first(_HEAD, kb=kb_id)
     if row is None:
         raise vanished(session)
-    for column, value in zip(("revision", "archived_revision"), row, strict=False):
-        check_integer("head", f"knowledge base {kb_id!r}", column, value)
+    check_numbers(session, kb_id, zip(("revision", "archived_revision"), row[:2], strict=True))
     return Place(kb_id, row[0], row[1])

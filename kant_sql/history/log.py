@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 from sqlalchemy import BigInteger, ColumnElement, bindparam, select
 
 from ..arguments import optional_text
-from ..backends import Query, Session, first_rows, in_list
+from ..backends import Query, Row, Session, first_rows, in_list
 from ..dto.dto import Dto
 from ..dto.formula import Node
 from ..knowledge.changes import Change, few_changes, in_range, stream_changes_of, stream_latest
@@ -25,6 +25,7 @@ from .element_changes import changed_revisions
 from .elements import sought
 from .pages import PAGE as LOG_PAGE
 from .pages import PAGE_CHANGES as LOG_CHANGES
+from .pages import missing_revision
 from .revisions import (
     LARGEST,
     OLDEST_FIRST,
@@ -175,6 +176,7 @@ def _small_page(
         return None
     # After the changes: what was moved to an archive before they were read, is said here.
     rows = session.rows(_NEWEST_FIRST, kb=kb_id, low=low, high=high)
+    _refuse_holes(session, rows, high, high - low + 1)
     entries = [LogEntry(make_revision(session, row), changes.get(row[0], ())) for row in rows]
     return _Page(entries, rows[0][-1] if rows else 0, low - 1)
 
@@ -188,6 +190,7 @@ def _page(
     asked: dict[str, Any] = {"kb": kb_id, "low": low, "high": high, "size": size}
     if actor is None:
         rows = session.rows(_OF_ALL, **asked)
+        _refuse_holes(session, rows, high, min(size, high - low + 1))
     else:
         rows = session.rows(_OF_ACTOR, actor=actor, **asked)
     numbers = [row[0] for row in rows]
@@ -205,6 +208,14 @@ def _page(
     ]
     is_end = len(numbers) < size and last == numbers[-1]
     return _Page(entries, rows[0][-1], 0 if is_end else last - 1, 2 * len(entries))
+
+
+def _refuse_holes(session: Session, rows: list[Row], high: int, count: int) -> None:
+    """Refuse a page that lacks revisions: a head far beyond the last one has no end of them."""
+    numbers = {row[0] for row in rows}
+    for number in range(high, high - count, -1):
+        if number not in numbers:
+            raise missing_revision(session, number)
 
 
 def _collect(lines: Iterator[tuple[int, Change]], last: int) -> tuple[_Changes, int]:

@@ -33,9 +33,9 @@ def read_page(session: Session, kb_id: int, low: int, high: int) -> list[LogEntr
     rows = session.rows(OLDEST_FIRST, kb=kb_id, low=low, high=high)
     for number, row in enumerate(rows, low):
         if row[0] != number:
-            raise _missing(session, number)
+            raise missing_revision(session, number)
     if not rows:
-        raise _missing(session, low)
+        raise missing_revision(session, low)
     last = rows[-1][0]
     changes: dict[int, list[Change]] = {row[0]: [] for row in rows}
     end = _collect(stream_changes(session, kb_id, low, last), changes)
@@ -55,7 +55,16 @@ def _collect(lines: Iterator[tuple[int, Change]], changes: dict[int, list[Change
     return None
 
 
-def _missing(session: Session, number: int) -> StoreIntegrityError:
+def missing_revision(session: Session, number: int) -> StoreIntegrityError:
+    """Make the error for a revision that should be there, and is not.
+
+    Args:
+        session: the session.
+        number: the revision.
+
+    Returns:
+        The error.
+    """
     return StoreIntegrityError(
         f"{session.backend.label}: revision {number} is missing; run verify to see what else is "
         "not as it was written"

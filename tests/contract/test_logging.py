@@ -17,7 +17,7 @@ import kant_sql
 from kant_sql import KantSqlError, KnowledgeBase, PddlTypeDto, retry
 from kant_sql.backends import Session
 from tests.conftest import Connect, Server
-from tests.disturbing import terminate
+from tests.disturbing import lose_answer, terminate
 from tests.docs.test_docs import ROOT, parse
 from tests.statements import fact, fill
 
@@ -217,6 +217,26 @@ def test_a_lost_connection_within_a_transaction_is_told(
     with pytest.raises(kant_sql.ConnectionLostError):
         work()
     assert len(said(log, "postgresql", logging.WARNING)) == 1
+
+
+def test_a_commit_whose_answer_was_lost_is_told(
+    server: Server,
+    connect: Connect,
+    monkeypatch: pytest.MonkeyPatch,
+    log: pytest.LogCaptureFixture,
+) -> None:
+    url = server.new_store()
+    kb = connect(url, knowledge_base="tiago")
+    fill(kb, 3)
+    last = kb.revision
+    lose_answer(monkeypatch, True, lambda: terminate(url))
+    kb.propositions.save(fact(4))
+    label = make_url(url).render_as_string(hide_password=True)
+    assert said(log, "store", logging.WARNING) == [
+        f"{label}: the answer to the COMMIT of revision {last + 1} of 'tiago' was lost; it is in "
+        "the store"
+    ]
+    assert kb.revision == last + 1
 
 
 PIPELINE = """

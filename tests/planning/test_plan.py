@@ -211,6 +211,32 @@ def test_a_metric_that_no_engine_knows_is_left_aside(caplog: pytest.LogCaptureFi
     assert "was asked without the metric: the plan is not measured" in record.getMessage()
 
 
+# Imported by each Python when it starts: the engine that is asked first fails.
+BROKEN_ENGINE = """
+from up_fast_downward import FastDownwardPDDLPlanner
+
+def fail(*arguments, **options):
+    raise RuntimeError("no licence\\nfor two")
+
+FastDownwardPDDLPlanner.solve = FastDownwardPDDLPlanner._solve = fail
+"""
+
+
+def test_who_was_asked_in_place_of_another_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    (tmp_path / "sitecustomize.py").write_text(BROKEN_ENGINE)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    plan = solve_pair(documents(), timeout=60)
+    assert (plan.engine, plan.steps) == ("pyperplan", STEPS)
+    (record,) = [record for record in caplog.records if record.name == "kant_sql.planning"]
+    assert record.levelname == "WARNING"
+    assert record.getMessage() == (
+        "pyperplan was asked because others found no plan "
+        "(fast-downward: internal_error (RuntimeError: no licence\\nfor two))"
+    )
+
+
 @pytest.mark.usefixtures("quick_start")
 @pytest.mark.parametrize("engine", [None, "pyperplan"])
 def test_no_plan(engine: str | None) -> None:

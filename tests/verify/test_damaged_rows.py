@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import functools
 import itertools
 import random
 import shutil
 import sqlite3
+import tempfile
 from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
@@ -17,8 +19,15 @@ from sqlalchemy import make_url
 
 import kant_sql
 from kant_sql import ArchivedError, KantSqlError, KnowledgeBase, StoreIntegrityError
-from tests.conftest import Connect, Server
-from tests.damaging import NO_UTF8, Damage, damages, errors_of_reading, write_rich_story
+from tests.conftest import Connect, Server, new_file_store
+from tests.damaging import (
+    NO_UTF8,
+    Damage,
+    damages,
+    errors_of_reading,
+    unguard,
+    write_rich_story,
+)
 from tests.verify.story import DOMAIN, NAME, PROBLEM, write_story
 from tests.worlds import robot_at, waypoint
 
@@ -271,3 +280,123 @@ def test_a_time_that_is_none_stops_only_those_who_read_it(
     kb.propositions.delete(robot_at(place=waypoint(0)))
     assert other.verify().is_intact
     assert len(other.revisions()) == 3
+
+
+@pytest.mark.parametrize(
+    ("cycle", "name"),
+    [
+        ("UPDATE type_version SET parent_id = 1 WHERE type_id = 3", "a"),
+        ("UPDATE type_version SET parent_id = 3 WHERE type_id = 3", "c"),
+        ("INSERT INTO type_parent VALUES (1, 2, 1, 1, 1)", "a"),
+    ],
+    ids=["of three", "of one", "of a further parent"],
+)
+def test_types_that_are_above_themselves_end_a_reader(
+    tmp_path: Path, connect: Connect, cycle: str, name: str
+) -> None:
+    url = new_file_store(tmp_path / "cycle.db")
+    with kant_sql.connect(url) as kb:
+        kb.load_domain("(define (domain d) (:types a - b b - c c - object) (:constants o - a))")
+    with closing(sqlite3.connect(tmp_path / "cycle.db", isolation_level=None)) as bare:
+        bare.execute(cycle)
+    kb = connect(url)
+    for call in (kb.types.get_all, lambda: kb.types.get(name), kb.objects.get_all):
+        with pytest.raises(StoreIntegrityError, match=r"type_version, type .* above itself"):
+            call()
+    assert {finding.table for finding in kb.verify().findings} & {"type_version", "type_parent"}
+
+
+# What reads the head before it does anything else.
+HEAD_READERS: dict[str, Callable[[KnowledgeBase], object]] = {
+    "at": lambda kb: kb.at(2).objects.get_all(),
+    "at a time": lambda kb: kb.at(kb.revisions()[1].committed_at).objects.get_all(),
+    "diff": lambda kb: kb.diff(1, 3),
+    "log": lambda kb: list(kb.log()),
+    "log of a time": lambda kb: list(kb.log(until=kb.revisions()[1].committed_at)),
+    "changes": lambda kb: list(kb.changes()),
+    "watch": lambda kb: kb.watch(0, timeout=0),
+    "restore": lambda kb: kb.restore(1),
+    "archive": lambda kb: kb.archive(2, to="sqlite:///nowhere.db", dry_run=True),
+    "anchor": lambda kb: kb.anchor(),
+    "save": lambda kb: kb.propositions.save(robot_at(place=waypoint(9))),
+}
+# By whether the head is at no number, at one that no revision has, or is damaged elsewhere.
+NO_NUMBER = ("'abc'", "'12x'", "500.5", "9e999", "-9e999", "NULL", "x'ff'")
+BEYOND = ("4611686018427387904", "1000000")
+
+
+@pytest.mark.parametrize("value", [*NO_NUMBER, "-5"])
+def test_a_head_at_no_number_is_an_error_of_each_reader(
+    tmp_path: Path, connect: Connect, value: str
+) -> None:
+    kb = _three_revisions(tmp_path, connect)
+    _damage_head(tmp_path, f"revision = {value}")
+    for name, call in HEAD_READERS.items():
+        with pytest.raises(StoreIntegrityError, match=r"(?i)head|revision"):
+            pytest.fail(f"{name} gave {call(kb)}")
+    assert not kb.verify().is_intact
+
+
+@pytest.mark.parametrize("value", BEYOND)
+@pytest.mark.parametrize("name", ["log", "anchor", "changes"])
+def test_a_head_far_beyond_the_last_revision_ends_a_reader(
+    tmp_path: Path, connect: Connect, value: str, name: str
+) -> None:
+    kb = _three_revisions(tmp_path, connect)
+    _damage_head(tmp_path, f"revision = {value}")
+    with pytest.raises(StoreIntegrityError):
+        HEAD_READERS[name](kb)
+
+
+@pytest.mark.parametrize(
+    ("column", "value"),
+    [
+        *(("committed_at", value) for value in ("5", "x'ff'", "1.5", "'soon'", "9e999")),
+        *(("hash", value) for value in ("5", "NULL", "x'ff'", "1.5", "9e999")),
+        *(("next_id", value) for value in ("'abc'", "500.5", "9e999", "NULL", "-5")),
+        *(("definition_revision", value) for value in NO_NUMBER),
+        *(("archived_revision", value) for value in NO_NUMBER),
+    ],
+)
+def test_a_head_that_is_damaged_elsewhere_is_not_written_on(
+    tmp_path: Path, connect: Connect, column: str, value: str
+) -> None:
+    kb = _three_revisions(tmp_path, connect)
+    _damage_head(tmp_path, f"{column} = {value}")
+    with pytest.raises(StoreIntegrityError, match="head"):
+        HEAD_READERS["save"](kb)
+    assert not kb.verify().is_intact
+
+
+def test_an_archive_of_which_there_is_no_record(tmp_path: Path, connect: Connect) -> None:
+    kb = _three_revisions(tmp_path, connect)
+    _damage_head(tmp_path, "archived_revision = 4611686018427387904")
+    for name in ("at", "diff", "log", "changes", "restore"):
+        with pytest.raises(StoreIntegrityError, match="no record of one"):
+            pytest.fail(f"{name} gave {HEAD_READERS[name](kb)}")
+    assert not kb.verify().is_intact
+
+
+@functools.cache
+def _three_revisions_of_a_file() -> bytes:
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder, "head.db")
+        with kant_sql.connect(new_file_store(path), actor="tester") as kb:
+            for number in range(3):
+                kb.propositions.save(robot_at(place=waypoint(number)))
+        # Without the checks of columns, as a damaged file has none either.
+        with closing(sqlite3.connect(path, isolation_level=None)) as bare:
+            unguard(bare)
+            bare.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+        return path.read_bytes()
+
+
+def _three_revisions(folder: Path, connect: Connect) -> KnowledgeBase:
+    (folder / "head.db").write_bytes(_three_revisions_of_a_file())
+    return connect(f"sqlite:///{folder / 'head.db'}", actor="tester")
+
+
+def _damage_head(folder: Path, assignment: str) -> None:
+    with closing(sqlite3.connect(folder / "head.db", isolation_level=None)) as bare:
+        bare.execute("PRAGMA ignore_check_constraints=ON")
+        bare.execute(f"UPDATE head SET {assignment}")
