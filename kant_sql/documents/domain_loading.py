@@ -23,7 +23,7 @@ from ..transaction import Transaction
 from ..verification.findings import Progress
 from .declaring import Declaring, Steps
 from .misfits import retract_misfits
-from .ordering import check_title, find_document, merged, put_document
+from .ordering import check_title, find_document, put_document
 
 
 def load_domain(
@@ -57,8 +57,7 @@ def load_domain(
     if replace:
         _retract_unsaid(transaction, declaring, {each.id for each in formulas}, actions)
         retract_misfits(transaction)
-    items = merged(stored, _items(domain, formulas), replace)
-    put_document(transaction, DOMAIN, domain.name, None, items)
+    put_document(transaction, DOMAIN, domain.name, None, _items(domain, formulas), replace)
 
 
 def _items(domain: Domain, formulas: Sequence[FormulaDefinition]) -> Iterator[Item]:

@@ -23,7 +23,7 @@ from .constants import constant_ids
 from .contradictions import refuse_contradictions
 from .declaring import Declaring, Steps
 from .naming import Names
-from .ordering import check_title, find_document, merged, put_document
+from .ordering import check_title, find_document, put_document
 
 
 def load_problem(
@@ -66,8 +66,9 @@ def load_problem(
     if replace:
         _retract_unsaid(transaction, declaring, formulas.ids)
     _refuse_second_metric(transaction, formulas.ids)
-    items = merged(stored, _items(problem, formulas), replace)
-    put_document(transaction, PROBLEM, problem.name, problem.domain, items)
+    put_document(
+        transaction, PROBLEM, problem.name, problem.domain, _items(problem, formulas), replace
+    )
 
 
 class _Before:
