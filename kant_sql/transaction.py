@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterable, Iterator
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, contextmanager
 from datetime import timedelta
 from itertools import chain
 from typing import Any
@@ -88,7 +88,7 @@ class Transaction:
         self._next_id = head.next_id
         self._started = time.monotonic()
         self._writer = DefinitionWriter(session, kb_id, self.number, self.definitions)
-        self._undo = Undo(session, self._state)
+        self._undo = Undo(session, self._state, self.definitions.reshape)
         # What sets an entry of the state, or many, for `scope` to undo.
         self.assign = self._undo.assign
         self.assign_all = self._undo.assign_all
@@ -178,8 +178,11 @@ class Transaction:
             Whether that is a change.
         """
         elements = self.definitions.elements(kind)
-        if elements.get(definition.id) == definition:
+        before = elements.get(definition.id)
+        if before == definition:
             return False
+        if kind == "type":
+            self.definitions.reshape(definition.id if before is None else None)
         self.assign(elements.changes, definition.id, definition)
         return True
 
@@ -190,7 +193,22 @@ class Transaction:
             kind: the kind of element.
             id_: its id.
         """
+        if kind == "type":
+            self.definitions.reshape()
         self.assign(self.definitions.elements(kind).changes, id_, None)
+
+    @contextmanager
+    def batch(self) -> Iterator[None]:
+        """Check each type that the elements of a batch refer to once: nobody else runs in between.
+
+        Yields:
+            Nothing.
+        """
+        self.agreed_types = {}
+        try:
+            yield
+        finally:
+            self.agreed_types = None
 
     def scope(self) -> AbstractContextManager[None]:
         """Make what happens within undoable: it happens whole or not at all.

@@ -30,13 +30,20 @@ class _Scope:
 class Undo:
     """The scopes that a transaction has open, and the changes made to its state in them."""
 
-    def __init__(self, session: Session, state: Callable[[], list[_Part]]) -> None:
+    def __init__(
+        self,
+        session: Session,
+        state: Callable[[], list[_Part]],
+        undone: Callable[[], None],
+    ) -> None:
         """Make it for one transaction.
 
         Args:
             session: the transaction's session.
             state: gives all parts of the transaction's state.
+            undone: called when a scope was undone.
         """
+        self._undone = undone
         self._session = session
         self._state = state
         self._journal: list[tuple[_Part, Any, Any]] = []
@@ -112,6 +119,7 @@ class Undo:
                 part.clear()
                 part.update(image)
         del self._journal[scope.start :]
+        self._undone()
 
 
 def _restore(part: _Part, key: Any, before: Any) -> None:

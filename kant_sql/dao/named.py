@@ -82,12 +82,8 @@ class SqlNamedDao(SqlDao, Generic[D]):
                 for dto in batch:
                     self._check(dto)
                 transaction.look_up(self.kind, (dto.name for dto in batch))
-                # What a batch refers to is checked once: nobody else runs in between.
-                transaction.agreed_types = {}
-                try:
+                with transaction.batch():
                     changed += sum(self._put(transaction, dto, False) for dto in batch)
-                finally:
-                    transaction.agreed_types = None
         return changed
 
     def delete(self, dto: D) -> bool:

@@ -162,7 +162,8 @@ class SqlPropositionDao(SqlDao, PddlPropositionDao):
                 names = (object_.name for dto in batch for object_ in dto.objects)
                 # What has no name is refused in its turn.
                 transaction.look_up("object", {name for name in names if isinstance(name, str)})
-                changed += self._save_batch(transaction, batch)
+                with transaction.batch():
+                    changed += self._save_batch(transaction, batch)
                 transaction.propositions.spill()
         return changed
 

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from functools import partial
 from typing import Any
 
 from ..dto.name import ROOT_TYPE, fold
+from ..pddl.hierarchy import Ancestry
 from .action import ActionDefinition
 from .document import DocumentDefinition
 from .elements import Elements, PendingElements
@@ -34,6 +36,7 @@ class Definitions:
     """
 
     __slots__ = (
+        "_ancestry",
         "_by_kind",
         "actions",
         "documents",
@@ -58,6 +61,7 @@ class Definitions:
         Args:
             *elements: the elements of each kind, in the order of `KINDS`; all of them or none.
         """
+        self._ancestry: Ancestry[int] | None = None
         given: Iterable[Elements[Any]] = elements or [Elements() for _ in KINDS]
         self._by_kind: dict[str, Any] = dict(zip(KINDS, given, strict=True))
         for name, of_kind in zip(_ATTRIBUTES, self._by_kind.values(), strict=True):
@@ -135,9 +139,17 @@ class Definitions:
         for wanted in allowed:
             if type_id == wanted or self.is_root(wanted):
                 return True
-            if any(above.id == wanted for above in self.ancestry(type_id)):
+            if self._hierarchy().is_below(type_id, wanted):
                 return True
         return False
+
+    def _hierarchy(self) -> Ancestry[int]:
+        """Give what knows which types are above which."""
+        found = self._ancestry
+        if found is None:
+            # Snapshots share it, so it holds the types alone.
+            found = self._ancestry = Ancestry(partial(_parents, self.types))
+        return found
 
     def any_fits(self, type_ids: Iterable[int], allowed: Iterable[int]) -> bool:
         """Tell whether what is of one of some types fits a parameter.
@@ -174,6 +186,11 @@ class Definitions:
         return found
 
 
+def _parents(types: Elements[TypeDefinition], type_id: int) -> tuple[int, ...]:
+    definition = types.get(type_id)
+    return () if definition is None else definition.parent_ids
+
+
 class PendingDefinitions(Definitions):
     """The definitions as a transaction has changed them so far."""
 
@@ -191,6 +208,7 @@ class PendingDefinitions(Definitions):
         # Most transactions look at few kinds: the others come to be when they are asked for.
         self._origin = origin
         self._by_kind = {}
+        self._ancestry = None
 
     def __getattr__(self, name: str) -> Any:
         if name not in _ATTRIBUTES:
@@ -221,10 +239,29 @@ class PendingDefinitions(Definitions):
             setattr(self, f"{kind}s", elements)
         return elements
 
+    def _hierarchy(self) -> Ancestry[int]:
+        """Give what knows which types are above which: as it was while no type has changed."""
+        types = self._by_kind.get("type")
+        return super()._hierarchy() if types and types.changes else self._origin._hierarchy()
+
+    def reshape(self, new_type: int | None = None) -> None:
+        """Let checks know that the hierarchy of types is about to change.
+
+        Args:
+            new_type: the type that comes to be; None when others change, or changes are undone.
+        """
+        if self._ancestry is not None and new_type is not None:
+            self._ancestry.forget(new_type)
+        else:
+            self._ancestry = None
+
     def publish(self) -> Definitions:
         """Make the snapshot after the commit.
 
         Returns:
             The snapshot.
         """
-        return Definitions(*(self.elements(kind).publish() for kind in KINDS))
+        made = Definitions(*(self.elements(kind).publish() for kind in KINDS))
+        if not self.elements("type").changes:
+            made._ancestry = self._origin._hierarchy()
+        return made

@@ -11,7 +11,7 @@ from ..dto.name import ROOT_TYPE, fold, is_name
 from ..dto.node import walk
 from .cursor import Steps
 from .document import Domain
-from .hierarchy import Fit, Types, is_below
+from .hierarchy import Ancestry, Fit, Types
 from .signatures import Named, Signature
 
 # What a term is, and the types of what it denotes.
@@ -71,6 +71,7 @@ class Symbols:
         self._bound: dict[tuple[str, Types], Bound] = {}
         self._declared_objects: dict[str, Entity] = {}
         self._fits: dict[tuple[Types, Types], Fit] = {}
+        self._ancestry: Ancestry[str] = Ancestry(lambda type_: self.parents.get(type_, ()))
 
     @classmethod
     def of_domain(cls, domain: Domain) -> Symbols:
@@ -211,9 +212,16 @@ class Symbols:
         found = self._fits.get((given, wanted))
         if found is None:
             found = Fit.NO
-            if ROOT_TYPE in wanted or is_below(self.parents, given, wanted):
+            if ROOT_TYPE in wanted or self._is_below(given, wanted):
                 found = Fit.YES
-            elif ROOT_TYPE in given or is_below(self.parents, wanted, given):
+            elif ROOT_TYPE in given or self._is_below(wanted, given):
                 found = Fit.PERHAPS
             self._fits[given, wanted] = found
         return found
+
+    def _is_below(self, lower: Types, upper: Types) -> bool:
+        """Tell whether one of some types is one of others, or below it."""
+        is_below = self._ancestry.is_below
+        if not set(lower).isdisjoint(upper):
+            return True
+        return any(is_below(one, other) for one in lower for other in upper)

@@ -7,7 +7,14 @@ from collections.abc import Callable
 
 import pytest
 
-from kant_sql import KnowledgeBase
+from kant_sql import (
+    KnowledgeBase,
+    PddlObjectDto,
+    PddlPredicateDto,
+    PddlPropositionDto,
+    PddlTypeDto,
+)
+from kant_sql.errors import TypeMismatchError
 from kant_sql.pddl import read_domain
 
 
@@ -51,3 +58,63 @@ def test_loading_many_actions(fresh_kb: KnowledgeBase, form: str) -> None:
     load(10)
     # Squared, that would be 100 times as long.
     assert ratio(lambda: load(200), lambda: load(2_000)) < 40
+
+
+def spread(levels: int) -> tuple[str, str]:
+    """A chain of types, and a fact about an object of each."""
+    types = " ".join(f"t{number + 1} - t{number}" for number in range(levels))
+    objects = " ".join(f"o{number} - t{number}" for number in range(levels))
+    facts = " ".join(f"(p o{number})" for number in range(levels))
+    return (
+        f"(define (domain d) (:requirements :typing) (:types {types}) (:predicates (p ?x - t0)))",
+        f"(define (problem x) (:domain d) (:objects {objects}) (:init {facts}) (:goal (p o0)))",
+    )
+
+
+def test_facts_spread_over_a_deep_hierarchy(fresh_kb: KnowledgeBase) -> None:
+    def use(levels: int) -> None:
+        domain, problem = spread(levels)
+        with fresh_kb.transaction():
+            fresh_kb.load_domain(domain)
+            fresh_kb.load_problem(problem)
+        fresh_kb.propositions.save_all(fresh_kb.propositions.get_all())
+        assert fresh_kb.verify().is_intact
+        assert f"(p o{levels - 1})" in fresh_kb.problem_pddl()
+
+    use(10)
+    # Squared, that would be 100 times as long.
+    assert ratio(lambda: use(300), lambda: use(3_000)) < 40
+
+
+def test_checks_follow_the_hierarchy_as_it_is_changed(fresh_kb: KnowledgeBase) -> None:
+    top, other = PddlTypeDto("top"), PddlTypeDto("other")
+    low = PddlTypeDto("low", parent=top)
+    thing = PddlObjectDto(PddlTypeDto("low"), "thing")
+    predicate = PddlPredicateDto("p", [PddlTypeDto("top")])
+    fact = PddlPropositionDto(predicate, [thing])
+
+    def undone() -> None:
+        with fresh_kb.transaction():
+            fresh_kb.types.save(low, cascade=True)
+            fresh_kb.objects.save(thing)
+            fresh_kb.propositions.save(fact)
+            raise ZeroDivisionError
+
+    fresh_kb.types.save_all([top, other, low])
+    fresh_kb.predicates.save(predicate)
+    fresh_kb.propositions.save(fact)
+    with fresh_kb.transaction():
+        fresh_kb.propositions.delete(fact)
+        fresh_kb.types.save(PddlTypeDto("low", parent=other), cascade=True)
+        fresh_kb.objects.save(thing)
+        with pytest.raises(TypeMismatchError):
+            fresh_kb.propositions.save(fact)
+        with pytest.raises(ZeroDivisionError):
+            undone()
+        with pytest.raises(TypeMismatchError):
+            fresh_kb.propositions.save(fact)
+    with pytest.raises(TypeMismatchError):
+        fresh_kb.propositions.save(fact)
+    fresh_kb.types.save(low, cascade=True)
+    fresh_kb.objects.save(thing)
+    assert fresh_kb.propositions.save(fact) is True
