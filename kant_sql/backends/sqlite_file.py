@@ -33,6 +33,11 @@ _HEAD = "SELECT kb_id, revision, hash FROM head WHERE revision > 0 ORDER BY revi
 _HASH = "SELECT hash FROM revision WHERE kb_id = ? AND number = ?"
 
 
+# A write-ahead log begins with a number, and a checksum's salt that each new beginning changes.
+WAL_MAGIC = (b"\x37\x7f\x06\x82", b"\x37\x7f\x06\x83")
+WAL_HEADER, WAL_SALT = 32, slice(16, 24)
+
+
 class Landmark(NamedTuple):
     """A revision that the file holds apart from its log, and so will hold from then on."""
 
@@ -58,6 +63,8 @@ class StoreFile:
         self._landmark: Landmark | None = None
         self._companions: dict[str, tuple[int, int]] = {}
         self._wal = self._shm = ""
+        # The log after the last commit: since when it grows, and how long it was, up to the limit.
+        self._salt, self._logged = b"", 0
         self._why: str | None = None
         self._warned_at, self._tried_at = 0, -WAL_PATIENCE
 
@@ -118,7 +125,7 @@ class StoreFile:
         """
         try:
             self.check()
-            self.is_long = self._companion(self._wal) > WAL_LIMIT
+            self.is_long = self._check_log() > WAL_LIMIT
             self._companion(self._shm)
         except StoreReplacedError as error:
             raise StoreReplacedError(
@@ -126,9 +133,27 @@ class StoreFile:
                 "lost with it"
             ) from error
 
+    def check_log(self) -> None:
+        """See, before a write, that the log is as long as it was, or has begun again since.
+
+        Raises:
+            StoreReplacedError: it was cut off; from then on this is the answer.
+        """
+        if not self._logged:
+            return
+        try:
+            size = os.stat(self._wal).st_size
+        except OSError:
+            # After the commit it is looked for.
+            return
+        # An empty one may be what a checkpoint leaves: what is written to it next will say.
+        if 0 < size < self._logged and self._read_header()[WAL_SALT] == self._salt:
+            self._refuse(f"{os.path.basename(self._wal)} was cut off")
+
     def forget(self) -> None:
         """Forget the log, after all connections were closed: SQLite removes it with the last."""
         self._companions = {}
+        self._salt, self._logged = b"", 0
         self.is_long = False
 
     def shorten(self, connection: sqlite3.Connection) -> None:
@@ -257,6 +282,27 @@ class StoreFile:
         if last is not None:
             self._landmark = Landmark(*last)
         return True
+
+    def _check_log(self) -> int:
+        """Check the log after a commit; give its size, 0 without one."""
+        header = self._read_header()
+        size = self._companion(self._wal)
+        if size and len(header) == WAL_HEADER and header[:4] not in WAL_MAGIC:
+            # SQLite has written on where the last commit ended, and nobody will read it.
+            self._refuse(f"{os.path.basename(self._wal)} was emptied")
+        # Beyond the limit, SQLite itself cuts a log off that has begun again.
+        self._salt, self._logged = header[WAL_SALT], min(size, WAL_LIMIT)
+        return size
+
+    def _read_header(self) -> bytes:
+        # SQLite has no locks on this file that closing it here could end.
+        with suppress(OSError):
+            handle = os.open(self._wal, os.O_RDONLY | getattr(os, "O_CLOEXEC", 0))
+            try:
+                return os.read(handle, WAL_HEADER)
+            finally:
+                os.close(handle)
+        return b""
 
     def _companion(self, path: str) -> int:
         """Check a file that SQLite keeps beside the store's; give its size, 0 without one."""

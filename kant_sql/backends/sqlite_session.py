@@ -98,6 +98,12 @@ class FileSession(SqliteSession):
         self._keep = backend.keep
         self._file = backend.file
 
+    def begin(self, write: bool) -> None:
+        """Begin a transaction; before a write, look at the log."""
+        if write:
+            self._file.check_log()
+        super().begin(write)
+
     def _commit(self, changed: int | None) -> None:
         super()._commit(changed)
         self._file.check_committed()

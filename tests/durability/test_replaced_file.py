@@ -53,6 +53,10 @@ def replace_log(path: Path) -> None:
     Path(f"{path}-wal").write_bytes(b"")
 
 
+def empty_log(path: Path) -> None:
+    os.truncate(f"{path}-wal", 0)
+
+
 def into_a_folder(path: Path) -> None:
     path.unlink()
     path.mkdir()
@@ -75,6 +79,7 @@ FILE: dict[str, Attack] = {
 LOG: dict[str, Attack] = {
     "log deleted": remove_log,
     "log replaced": replace_log,
+    "log emptied": empty_log,
     "shared memory deleted": remove_shared_memory,
 }
 
@@ -236,6 +241,41 @@ def test_vacuum_and_checkpoints_of_others_are_no_replacement(kb: KnowledgeBase, 
     assert kb.propositions.get_all() == [fact(1), fact(2)]
 
 
+@pytest.mark.parametrize("part", [0.9, 0.1])
+def test_a_log_that_is_cut_off_is_noticed_by_the_next_write(
+    kb: KnowledgeBase, path: Path, part: float
+) -> None:
+    for number in range(6, 16):
+        kb.propositions.save(fact(number))
+    log = Path(f"{path}-wal")
+    os.truncate(log, int(log.stat().st_size * part))
+    with pytest.raises(StoreReplacedError, match=r"store\.db-wal was cut off"):
+        kb.propositions.save(fact(1))
+
+
+@pytest.mark.parametrize("mode", ["PASSIVE", "FULL", "RESTART", "TRUNCATE"])
+def test_a_log_that_others_begin_again_is_whole(
+    kb: KnowledgeBase, path: Path, connect: Connect, mode: str
+) -> None:
+    other = connect(f"sqlite:///{path}")
+    log = Path(f"{path}-wal")
+    for number in range(3):
+        kb.propositions.save_all(fact(each) for each in range(6, 200))
+        long = log.stat().st_size
+        with closing(sqlite3.connect(path, isolation_level=None)) as bare:
+            bare.execute(f"PRAGMA wal_checkpoint({mode})")
+            if number == 1:
+                other.propositions.save(fact(1))
+                assert mode != "TRUNCATE" or log.stat().st_size < long
+            if number == 2:
+                bare.execute("PRAGMA journal_size_limit=4096")
+                bare.execute("CREATE TABLE more (number INTEGER)")
+        kb.propositions.delete_all()
+        other.propositions.save(fact(2))
+    kb.propositions.delete_all()
+    assert other.propositions.get_all() == []
+
+
 def test_a_change_of_folder_changes_no_file(
     tmp_path: Path, connect: Connect, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -292,7 +332,7 @@ def test_a_store_in_memory_has_no_file(connect: Connect) -> None:
     assert len(kb.propositions.get_all()) == 3
 
 
-@pytest.mark.parametrize("change", ["revision = revision - 1", "hash = 'of another revision'"])
+@pytest.mark.parametrize("change", ["revision = revision - 1", f"hash = '{1:064d}'"])
 def test_a_store_put_back_to_another_state_is_not_written_to(
     shared_url: str, connect: Connect, change: str
 ) -> None:
