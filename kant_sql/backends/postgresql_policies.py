@@ -138,9 +138,13 @@ def _insertable(table: Table, mine: str, last: str, names: Names) -> str:
 
 
 def _is_dated(table: Table, mine: str, names: Names) -> str:
-    """Give the condition that a revision's times follow the one before, and can be read back."""
+    """Give the condition that a revision's times follow the one before, and can be read back.
+
+    The head is locked: who has written rows of this revision, and not committed them, adds it.
+    Else the head could be moved to it by a statement that does not see these rows.
+    """
     at = f"{mine}.committed_at"
-    head = f"(SELECT h.committed_at {_head(mine, names)})"
+    head = _locked_head("committed_at", mine, names)
     before = (
         f"(SELECT r.committed_at FROM {names.relation('revision')} AS r "
         f"WHERE r.kb_id = {mine}.kb_id AND r.number = {mine}.number - 1)"
@@ -191,8 +195,9 @@ def _closable(table: Table, mine: str, ends_now: str) -> str:
 
 
 def _head_checks(mine: str, last: str, tables: Sequence[Table], names: Names) -> Iterator[str]:
-    """Give the conditions that the head has moved on to the last revision.
+    """Give the conditions that the head has moved on to the last revision, one at a time.
 
+    Else a definition could change, and an id be given out, in one that the head has passed over.
     A statement sees the row as it was before it, so that the subquery gives what it was.
     """
     yield (
@@ -202,7 +207,7 @@ def _head_checks(mine: str, last: str, tables: Sequence[Table], names: Names) ->
     )
     yield (
         f"EXISTS (SELECT FROM {names.relation('head')} AS h WHERE h.kb_id = {mine}.kb_id "
-        f"AND h.revision < {mine}.revision AND h.next_id <= {mine}.next_id "
+        f"AND h.revision = {mine}.revision - 1 AND h.next_id <= {mine}.next_id "
         f"AND h.definition_revision <= {mine}.definition_revision "
         f"AND {mine}.definition_revision <= {mine}.revision)"
     )

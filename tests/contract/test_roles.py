@@ -126,6 +126,14 @@ ATTACKS = {
         INSERT INTO revision (kb_id, number, committed_at, form, hash)
         SELECT kb_id, revision + 1, now(), 2, 'hash' FROM head;
         UPDATE head SET revision = revision + 1, hash = 'hash', committed_at = now()""",
+    "end an object in a revision that the head passes over": """
+        UPDATE object_version SET until = revision + 1 FROM head
+        WHERE head.kb_id = object_version.kb_id AND until IS NULL;
+        INSERT INTO revision (kb_id, number, committed_at, form, hash)
+        SELECT kb_id, revision + 1, now(), 2, 'hash' FROM head;
+        INSERT INTO revision (kb_id, number, committed_at, form, hash)
+        SELECT kb_id, revision + 2, now(), 2, 'hash' FROM head;
+        UPDATE head SET revision = revision + 2, hash = 'hash', committed_at = now()""",
     "move the head on without a revision": "UPDATE head SET revision = revision + 1",
     "give the head another hash": "UPDATE head SET hash = 'hash'",
     "give out ids again": "UPDATE head SET next_id = 1",
@@ -224,6 +232,33 @@ def test_what_is_committed_while_a_statement_runs_is_out_of_its_reach(
         owner.execute(f"SELECT pg_advisory_unlock({LOCK})".encode())
         trying.result(PATIENCE)
     assert len(kb.verify().findings) == before
+
+
+END = """
+    UPDATE object_version SET until = revision + 1 FROM head
+    WHERE head.kb_id = object_version.kb_id AND until IS NULL AND head.kb_id = {kb}"""
+REVISION = """
+    INSERT INTO revision (kb_id, number, committed_at, form, hash)
+    SELECT kb_id, revision + 1, clock_timestamp(), 2, 'hash' FROM head WHERE kb_id = {kb}"""
+
+
+def test_nobody_else_adds_the_revision_of_rows_that_are_not_committed(
+    role_store: str, role_users: Members, connect: Connect
+) -> None:
+    """Else the head could be moved to it before these rows are seen."""
+    connect(role_store, knowledge_base=OTHER).propositions.save(robot_at())
+    with (
+        psycopg.connect(role_users.writer) as first,
+        psycopg.connect(role_users.writer) as second,
+    ):
+        assert first.execute(END.format(kb=OTHER_ID).encode()).rowcount > 0
+        second.execute("SET lock_timeout = '200ms'")
+        with pytest.raises(psycopg.errors.LockNotAvailable):
+            second.execute(REVISION.format(kb=OTHER_ID).encode())
+        first.rollback()
+        second.rollback()
+        assert second.execute(REVISION.format(kb=OTHER_ID).encode()).rowcount == 1
+        second.rollback()
 
 
 def test_policies_are_what_stops_these_attacks(role_store: str) -> None:
