@@ -22,6 +22,7 @@ from types import TracebackType
 from typing import Concatenate, Generic, ParamSpec, Protocol, TypeVar
 
 from . import knowledge_base as sync
+from .arguments import seconds
 from .dao.fluent_interfaces import PddlFunctionDao, PddlFunctionValueDao
 from .dao.formula_interfaces import (
     ConstraintDao,
@@ -63,6 +64,14 @@ WATCH_SLICE = 0.5
 BATCH = 100
 
 
+def _contained(call: Callable[[], R]) -> R:
+    """Run a call: a `StopIteration` of the caller's own code cannot pass through a future."""
+    try:
+        return call()
+    except StopIteration as error:
+        raise RuntimeError("code that this call ran raised StopIteration") from error
+
+
 class _Lane:
     """A thread for calls that belong together, which run one after the other in one context."""
 
@@ -72,7 +81,7 @@ class _Lane:
 
     def submit(self, call: Callable[[], R]) -> Future[R]:
         """Have a call run when those before it have ended."""
-        return self._thread.submit(self._context.run, call)
+        return self._thread.submit(self._context.run, _contained, call)
 
     def end(self, wait: bool = False) -> None:
         """Let the thread end after its last call."""
@@ -232,7 +241,7 @@ class _Door:
 
     def _submit(self, call: Callable[[], R]) -> Future[R]:
         self.refuse_closed()
-        return self._pool.submit(contextvars.copy_context().run, call)
+        return self._pool.submit(contextvars.copy_context().run, _contained, call)
 
     async def close(self) -> None:
         """Roll back what is open, close the store, and wait for the threads."""
@@ -833,7 +842,7 @@ class AsyncKnowledgeBase:
         self, after: int | None, timeout: float | None, is_cancelled: threading.Event
     ) -> int | None:
         """Wait in slices, until the call is cancelled."""
-        deadline = None if timeout is None else time.monotonic() + timeout
+        deadline = None if timeout is None else time.monotonic() + seconds(timeout)
         if after is None:
             # What cannot be watched is refused at once.
             self._kb.watch(None, timeout=0)

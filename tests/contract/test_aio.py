@@ -5,6 +5,9 @@ from __future__ import annotations
 import asyncio
 import inspect
 import random
+import signal
+import subprocess
+import sys
 import threading
 import time
 import typing
@@ -32,6 +35,7 @@ from kant_sql import (
 )
 from kant_sql.aio import AsyncKnowledgeBase
 from kant_sql.store import Store
+from tests.contract.test_closed import arguments, fill
 from tests.worlds import RB1, ROBOT, WP2, robot_at, waypoint
 
 Test = Callable[[AsyncKnowledgeBase], Awaitable[None]]
@@ -444,3 +448,109 @@ def test_what_cannot_be_opened_is_refused_as_on_the_other_side() -> None:
 
     asyncio.run(main())
     assert inspect.signature(aio.connect).parameters["actor"].kind is inspect.Parameter.KEYWORD_ONLY
+
+
+def test_every_call_after_close_is_refused(shared_url: str) -> None:
+    pytest.importorskip("unified_planning")
+    with kant_sql.connect(shared_url, knowledge_base="tiago", actor="test") as kb:
+        kept = fill(kb)
+
+    async def test(kb: AsyncKnowledgeBase) -> None:
+        views = {"now": kb, "past": await kb.at(1)}
+        await kb.close()
+        wrong, count = {}, 0
+        for view, opened in views.items():
+            for owner in ["", *KnowledgeBase.__annotations__]:
+                thing = getattr(opened, owner) if owner else opened
+                for name in dir(type(thing)):
+                    if name.startswith("_") or name == "close":
+                        continue
+                    count += 1
+                    given = arguments(name, owner, kb._kb, kept)
+                    try:
+                        await called(thing, name, given)
+                        wrong[f"{view} {owner}.{name}"] = "nothing was raised"
+                    except ClosedError:
+                        pass
+                    except Exception as error:
+                        wrong[f"{view} {owner}.{name}"] = repr(error)
+        assert count > 200
+        assert wrong == {}
+
+    run(shared_url, test)
+
+
+async def called(thing: Any, name: str, given: dict[str, Any]) -> None:
+    """Call a method with all that it must be given, and use what it returns."""
+    method = getattr(type(thing._sync), name)
+    needed: dict[str, Any] = {}
+    if callable(method):
+        for parameter in list(inspect.signature(method).parameters.values())[1:]:
+            is_variable = parameter.kind in (parameter.VAR_POSITIONAL, parameter.VAR_KEYWORD)
+            if parameter.default is parameter.empty and not is_variable:
+                needed[parameter.name] = given[parameter.name]
+    made = getattr(thing, name)(**needed)
+    if inspect.isawaitable(made):
+        await made
+    elif hasattr(made, "__aenter__"):
+        await made.__aenter__()
+    else:
+        await anext(made)
+
+
+@pytest.mark.parametrize("where", ["read", "write", "block"])
+def test_stop_iteration_of_the_callers_code_is_no_endless_wait(url: str, where: str) -> None:
+    def progress(*_: object) -> None:
+        raise StopIteration("of the caller")
+
+    async def test(kb: AsyncKnowledgeBase) -> None:
+        await kb.propositions.save(robot_at())
+
+        async def load() -> None:
+            await kb.load_domain("(define (domain d) (:predicates (p)))", progress=progress)
+
+        async def within() -> None:
+            async with kb.transaction():
+                await load()
+
+        calls = {"read": lambda: kb.verify(progress=progress), "write": load, "block": within}
+        with pytest.raises(RuntimeError, match="StopIteration"):
+            await calls[where]()
+        assert await kb.revision() == 1
+
+    run(url, test)
+
+
+INTERRUPTED = """
+import asyncio, signal, sys
+from kant_sql import PddlTypeDto, aio
+
+signal.signal(signal.SIGINT, signal.default_int_handler)
+
+async def main():
+    async with aio.connect(sys.argv[1], knowledge_base="tiago", actor="child") as kb:
+        await kb.types.save(PddlTypeDto("before"))
+        async with kb.transaction():
+            await kb.types.save(PddlTypeDto("within"))
+            print("ready", flush=True)
+            for number in range(1_000_000):
+                await kb.types.save(PddlTypeDto(f"t{number}"))
+
+asyncio.run(main())
+"""
+
+
+def test_ctrl_c_in_a_block_writes_nothing_of_it_and_ends(shared_url: str) -> None:
+    command = [sys.executable, "-c", INTERRUPTED, shared_url]
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as child:
+        assert child.stdout is not None
+        assert child.stdout.readline() == "ready\n"
+        child.send_signal(signal.SIGINT)
+        _, errors = child.communicate(timeout=60)
+    assert "KeyboardInterrupt" in errors
+    assert child.returncode != 0
+    with kant_sql.connect(shared_url, knowledge_base="tiago") as kb:
+        assert [found.name for found in kb.types.get_all()] == ["before"]
+        assert kb.verify().is_intact

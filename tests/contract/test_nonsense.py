@@ -5,14 +5,21 @@
 
 from __future__ import annotations
 
+import asyncio
+import inspect
 import os
+import random
 from pathlib import Path
 from unittest import mock
 
-from kant_sql import NoPlanError
+import pytest
+
+import kant_sql
+from kant_sql import KnowledgeBase, NoPlanError, aio
+from kant_sql.errors import InvalidTimeoutError
 from kant_sql.planning import plan
 from tests.conftest import Connect
-from tests.nonsense import Calling, World, cases, sample
+from tests.nonsense import JUNK, SLOW, Calling, Case, World, cases, sample
 
 ALL = os.environ.get("KANT_SQL_TEST_NONSENSE") == "all"
 SIZE = 250
@@ -34,4 +41,91 @@ def test_only_errors_of_the_library_come_of_nonsense(
     with mock.patch.object(plan, "_run", side_effect=refused):
         for case in found if ALL else sample(found, SIZE, seed=8):
             calling.call(case)
-    assert calling.faults == []
+    assert calling.faults == [], "\n".join(calling.faults)
+
+
+def asynchronous_cases(kb: aio.AsyncKnowledgeBase) -> list[Case]:
+    """List the public calls of the asynchronous front door, each with a few kinds of junk."""
+    chooser, quick = random.Random(8), sorted(set(JUNK) - SLOW)
+    found = []
+    for owner in ["kb", *(f"kb.{dao}" for dao in KnowledgeBase.__annotations__)]:
+        thing = getattr(kb, owner[3:]) if "." in owner else kb
+        for name in dir(type(thing)):
+            if not name.startswith("_") and name != "close":
+                found += [Case(owner, name, None, junk) for junk in chooser.sample(quick, 3)]
+    return found
+
+
+async def asynchronous_call(kb: aio.AsyncKnowledgeBase, case: Case) -> None:
+    """Call with junk where the synchronous method has its first parameter, and use the answer."""
+    thing = getattr(kb, case.owner[3:]) if "." in case.owner else kb
+    many = [JUNK[case.junk]()] if case.method == "load_domain" else []
+    made = getattr(thing, case.method)(
+        *many,
+        **({"reason": JUNK[case.junk]()} if case.method == "transaction" else {}),
+        **({"limit": JUNK[case.junk]()} if case.method in ("log", "revisions") else {}),
+        **({"timeout": JUNK[case.junk]()} if case.method in ("plan", "watch") else {}),
+        **({"after": JUNK[case.junk]()} if case.method == "changes" else {}),
+        **one_argument(kb, case),
+    )
+    if inspect.isawaitable(made):
+        await made
+    elif hasattr(made, "__aenter__"):
+        async with made:
+            pass
+    else:
+        await anext(made, None)
+
+
+def one_argument(kb: aio.AsyncKnowledgeBase, case: Case) -> dict[str, object]:
+    """Give junk for each parameter that must be given."""
+    thing = getattr(kb._kb, case.owner[3:]) if "." in case.owner else kb._kb
+    found = getattr(type(thing), case.method)
+    if not callable(found):
+        return {}
+    parameters = list(inspect.signature(found).parameters.values())[1:]
+    return {
+        parameter.name: JUNK[case.junk]()
+        for parameter in parameters
+        if parameter.default is parameter.empty
+        and parameter.kind not in (parameter.VAR_POSITIONAL, parameter.VAR_KEYWORD)
+    }
+
+
+def test_the_asynchronous_front_door_refuses_nonsense(tmp_path: Path) -> None:
+    url = f"sqlite:///{tmp_path / 'nonsense.db'}"
+    with kant_sql.connect(url, knowledge_base="tiago", actor="test") as kb:
+        calling = Calling(lambda: World(kb, tmp_path))
+
+        async def main() -> None:
+            async with aio.connect(url, knowledge_base="tiago", actor="test") as asynchronous:
+                found = asynchronous_cases(asynchronous)
+                assert len(found) > 300
+                for case in found:
+                    try:
+                        await asyncio.wait_for(asynchronous_call(asynchronous, case), 20)
+                    except kant_sql.KantSqlError as error:
+                        calling._judge_error(case, error)
+                    except Exception as error:
+                        calling._judge_other(case, error)
+                assert (await asynchronous.verify()).is_intact
+
+        with mock.patch.object(plan, "_run", side_effect=NoPlanError("none", "internal_error")):
+            asyncio.run(main())
+    assert calling.faults == [], "\n".join(calling.faults)
+
+
+@pytest.mark.parametrize(
+    "timeout",
+    [-1, -0.5, float("nan"), float("-inf"), "soon", True, [], object()],
+    ids=lambda value: type(value).__name__,
+)
+def test_a_planner_is_given_a_sensible_time(timeout: float, connect: Connect) -> None:
+    kb = connect("sqlite://", knowledge_base="tiago", actor="test")
+    kb.load_domain("(define (domain d) (:predicates (p)))")
+    kb.load_problem("(define (problem e) (:domain d) (:goal (p)))")
+    with (
+        mock.patch.object(plan, "_run", side_effect=AssertionError("a planner was started")),
+        pytest.raises(InvalidTimeoutError),
+    ):
+        kb.plan(timeout=timeout)
