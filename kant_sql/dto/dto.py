@@ -2,18 +2,52 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import wraps
 from typing import ClassVar
 
 from ..arguments import expect
-from ..errors import InvalidNameError
+from ..errors import InvalidKnowledgeError, InvalidNameError, KantSqlError
 from .name import fold
+
+
+def _malformed(dto: Dto) -> InvalidKnowledgeError:
+    return InvalidKnowledgeError(
+        f"a field of this {type(dto).__name__} was overwritten with what cannot be there; "
+        "make it again with its constructor, which says what is wrong"
+    )
+
+
+def _checked_text(text: Callable[[Dto], str]) -> Callable[[Dto], str]:
+    """Have a `__str__` raise an error of the library where a field is of a wrong type."""
+
+    @wraps(text)
+    def checked(self: Dto) -> str:
+        try:
+            found: object = text(self)
+        except KantSqlError:
+            raise
+        except Exception as error:
+            raise _malformed(self) from error
+        if not isinstance(found, str):
+            raise _malformed(self)
+        return found
+
+    return checked
 
 
 class Dto:
     """A piece of PDDL knowledge as plain data; `str()` of it is its PDDL text.
 
-    Two DTOs are equal when they denote the same element, whatever else they say of it.
+    Two DTOs are equal when they denote the same element, whatever else they say of it. Fields may
+    be assigned, unchecked: a DTO with a field of a wrong type equals only itself, and its text and
+    its hash are an `InvalidKnowledgeError`.
     """
+
+    def __init_subclass__(cls) -> None:
+        super().__init_subclass__()
+        if "__str__" in vars(cls):
+            cls.__str__ = _checked_text(cls.__str__)  # type: ignore[method-assign,assignment]
 
     def _identity(self) -> tuple[object, ...]:
         """Give what makes this element the one that it is, in a hashable form."""
@@ -22,10 +56,19 @@ class Dto:
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Dto):
             return NotImplemented
-        return self._identity() == other._identity()
+        try:
+            return bool(self._identity() == other._identity())
+        except Exception:
+            # Fields are public and unchecked: what has no identity is equal to nothing else.
+            return self is other
 
     def __hash__(self) -> int:
-        return hash(self._identity())
+        try:
+            return hash(self._identity())
+        except KantSqlError:
+            raise
+        except Exception as error:
+            raise _malformed(self) from error
 
 
 class NamedDto(Dto):

@@ -52,7 +52,12 @@ class PddlTypeDto(NamedDto):
     def __repr__(self) -> str:
         texts: list[str] = []
         current: PddlTypeDto | None = self
+        seen: set[int] = set()
         while type(current) is PddlTypeDto:
+            if id(current) in seen:
+                # A parent that was assigned may lead back: the text ends all the same.
+                return "".join(texts) + "..." + ")" * len(texts)
+            seen.add(id(current))
             texts.append(f"PddlTypeDto(name={current.name!r}, parent=")
             current = current.parent
         return f"{''.join(texts)}{current!r}{')' * len(texts)}"

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import copy
 import itertools
+from contextlib import suppress
 
 import pytest
 from hypothesis import given, settings
@@ -10,7 +12,9 @@ from hypothesis import strategies as st
 
 from kant_sql import (
     Dto,
+    InvalidKnowledgeError,
     InvalidNameError,
+    KantSqlError,
     PddlActionDto,
     PddlConditionEffectDto,
     PddlObjectDto,
@@ -18,6 +22,7 @@ from kant_sql import (
     PddlPropositionDto,
     PddlTypeDto,
 )
+from tests.nonsense import JUNK, SLOW, World
 from tests.worlds import RB1, ROBOT, ROBOT_AT, WAYPOINT, WP1, WP2, assigned, navigation, robot_at
 
 QUICK = settings(max_examples=100, deadline=None, derandomize=True, database=None)
@@ -97,3 +102,35 @@ def test_a_name_that_is_no_string_cannot_be_compared() -> None:
     broken = assigned(PddlTypeDto("five"), name=5)
     with pytest.raises(InvalidNameError, match="a name is a string, not int"):
         hash(broken)
+
+
+def test_fields_overwritten_with_junk_give_no_raw_error() -> None:
+    for made in World.dtos.values():
+        for field in vars(made):
+            for name, junk in JUNK.items():
+                if name not in SLOW:
+                    check_overwritten(assigned(copy.copy(made), **{field: junk()}), made)
+
+
+def check_overwritten(dto: Dto, other: Dto) -> None:
+    assert dto == dto
+    assert (dto == other) in (True, False)
+    for call in (str, hash):
+        with suppress(KantSqlError):
+            call(dto)
+
+
+def test_what_is_overwritten_with_junk_equals_only_itself() -> None:
+    broken = assigned(PddlTypeDto("robot"), name=None)
+    assert broken == broken
+    assert broken != PddlTypeDto("robot")
+    assert broken != assigned(PddlTypeDto("robot"), name=None)
+    for call in (str, hash):
+        with pytest.raises(InvalidKnowledgeError):
+            call(broken)
+
+
+def test_the_text_of_a_type_above_itself_ends() -> None:
+    own = PddlTypeDto("own")
+    own.parent = own
+    assert repr(own) == "PddlTypeDto(name='own', parent=...)"
