@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, TextIO
 from sqlalchemy import column, select, table
 from sqlalchemy.exc import DBAPIError
 
-from .arguments import expect
+from .arguments import expect, shown
 from .backends import Backend, Query, Session, backend_name, create_backend
 from .errors import (
     InvalidArgumentError,
@@ -303,8 +303,8 @@ def _index(places: tuple[str, ...], revision: str) -> int | None:
 
 def _no_version(backend: Backend, revision: str, verb: str, places: tuple[str, ...]) -> SchemaError:
     return SchemaError(
-        f"{backend.label}: there is no version {revision!r} to {verb}, only {', '.join(places)}; "
-        "nothing was changed"
+        f"{backend.label}: there is no version {shown(revision)} to {verb}, only "
+        f"{', '.join(places)}; nothing was changed"
     )
 
 
@@ -362,7 +362,7 @@ def _migrate_once(backend: Backend, run: Callable[[Config], None]) -> None:
         version = _current(backend)
         if version is not None and version not in VERSIONS:
             _judge(backend, version)
-        raise SchemaError(f"{backend.label}: {error!s:.200}") from error
+        raise SchemaError(f"{backend.label}: {error}") from error
     except DBAPIError as error:
         driver_error = error.orig if isinstance(error.orig, Exception) else error
         raise backend.translate_connect(driver_error) from error

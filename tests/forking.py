@@ -83,12 +83,20 @@ def within_a_transaction(url: str) -> None:
             _save(kb, 2)
             assert len(kb.propositions.get_all()) == 2
 
+            has_read, say = os.pipe()
+
             def child() -> None:
                 assert len(kb.propositions.get_all()) == 1
+                os.write(say, b"1")
                 with kb.transaction(reason="child"):
                     _save(kb, 3)
 
             forked = _Child(child)
+            os.close(say)
+            # What is committed from then on is not what the child was to see. Without an answer,
+            # the child has failed, and says why.
+            os.read(has_read, 1)
+            os.close(has_read)
             time.sleep(0.1)
             _save(kb, 4)
         forked.join()

@@ -84,8 +84,12 @@ def _ensure_above(transaction: Transaction, dto: PddlTypeDto, is_saved: bool) ->
         path[key] = None
         stack.append((current, role, True))
         inner = f"type {current.name!r}"
-        if (current is dto and is_saved) or not _agrees_alone(transaction, current):
-            stack += [(parent, inner, False) for parent in reversed(_parents(current))]
+        goes_up = (current is dto and is_saved) or not _agrees_alone(transaction, current)
+        stack += [
+            (parent, inner, False)
+            for parent in reversed(_parents(current))
+            if goes_up or fold(parent.name) in path
+        ]
 
 
 def _agrees_alone(transaction: Transaction, dto: PddlTypeDto) -> bool:
