@@ -152,10 +152,10 @@ class ModelState:
     def refer(self, kind: str, dto: Any) -> str:
         """What is missing is saved along; what is there must agree."""
         key = fold(dto.name)
-        if key not in self.held[kind]:
+        if kind == "type":
+            self._refer_from_the_top(dto)
+        elif key not in self.held[kind]:
             self.define(kind, dto)
-        elif kind == "type":
-            self._agree_on_parent(key, dto)
         elif kind == "object":
             if self.held["object"][key] != fold(dto.type.name):
                 raise ConflictError
@@ -167,15 +167,26 @@ class ModelState:
                 self.refer("type", type_)
         return key
 
-    def _agree_on_parent(self, key: str, dto: PddlTypeDto) -> None:
+    def _refer_from_the_top(self, dto: PddlTypeDto) -> None:
         """A parent must agree only when it is given; all that say nothing are under the root."""
-        if dto.parent is not None:
-            if (self.held["type"][key] or ROOT) != fold(dto.parent.name):
-                raise ConflictError
-            if dto.parent.parent is not None:
-                self.refer("type", dto.parent)
+        self._check_chain(dto)
+        chain, above = [dto], dto.parent
+        while above is not None and (above.parent is not None or chain[-1] not in self):
+            chain.append(above)
+            above = above.parent
+        for type_ in reversed(chain):
+            key = fold(type_.name)
+            if type_ not in self:
+                self.define("type", type_)
+            elif type_.parent is not None:
+                if (self.held["type"][key] or ROOT) != fold(type_.parent.name):
+                    raise ConflictError
 
-    def _type(self, dto: PddlTypeDto) -> str | None:
+    def __contains__(self, dto: PddlTypeDto) -> bool:
+        return fold(dto.name) in self.held["type"]
+
+    @staticmethod
+    def _check_chain(dto: PddlTypeDto) -> None:
         above: PddlTypeDto | None = dto
         seen: list[str] = []
         while above is not None:
@@ -185,6 +196,9 @@ class ModelState:
                 raise InvalidKnowledgeError
             seen.append(fold(above.name))
             above = above.parent
+
+    def _type(self, dto: PddlTypeDto) -> str | None:
+        self._check_chain(dto)
         return None if dto.parent is None else self.refer("type", dto.parent)
 
     def _object(self, dto: PddlObjectDto) -> str:
