@@ -178,9 +178,10 @@ class ModelState:
             key = fold(type_.name)
             if type_ not in self:
                 self.define("type", type_)
-            elif type_.parent is not None:
-                if (self.held["type"][key] or ROOT) != fold(type_.parent.name):
-                    raise ConflictError
+            elif type_.parent is not None and (self.held["type"][key] or ROOT) != fold(
+                type_.parent.name
+            ):
+                raise ConflictError
 
     def __contains__(self, dto: PddlTypeDto) -> bool:
         return fold(dto.name) in self.held["type"]
