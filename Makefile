@@ -3,14 +3,20 @@
 PYTHON ?= python3
 VENV := .venv
 PY := $(VENV)/bin/python
+# Compiled modules are cached: processes and test workers start in half the time.
+unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test check bench clean
+.PHONY: demo test test-fast check bench docs measure coverage clean
 
 demo: $(VENV)/demo-ready
 	$(PY) examples/coffee_shop.py
 
 test: check
 	$(PY) -m pytest -n 2 --dist worksteal
+
+# An answer in less than a minute: quick tests, on SQLite only.
+test-fast: $(VENV)/test-ready
+	KANT_SQL_TEST_PROFILE=quick $(PY) -m pytest -n 2 --dist worksteal --fast
 
 check: $(VENV)/test-ready
 	$(PY) -m ruff check .
@@ -20,6 +26,18 @@ check: $(VENV)/test-ready
 
 bench: $(VENV)/test-ready
 	$(PY) tests/benchmarks/run.py
+
+# The site of docs/ with the API reference, in build/site; a warning is an error.
+docs: $(VENV)/test-ready
+	$(PY) -m mkdocs build --strict
+
+# Size, prose, imports and coverage of the source tree; ARGS="--root FOLDER" for another checkout.
+measure: $(VENV)/test-ready
+	$(PY) tests/measure.py $(ARGS)
+
+# Which lines and branches the tests run, child processes included; ARGS="tests/unit" for a part.
+coverage: $(VENV)/test-ready
+	$(PY) -m pytest -n 2 --dist worksteal --cov --cov-report=term:skip-covered --cov-report=json $(ARGS)
 
 # A virtual environment holds absolute paths: in a clone that was moved it is made anew.
 ifneq ($(shell cat $(VENV)/made-in 2>/dev/null),$(CURDIR))
@@ -37,4 +55,4 @@ $(VENV)/test-ready: pyproject.toml $(VENV)/demo-ready
 	touch $@
 
 clean:
-	rm -rf $(VENV) build dist .mypy_cache .pytest_cache .ruff_cache .hypothesis .import_linter_cache
+	rm -rf $(VENV) build dist .mypy_cache .pytest_cache .ruff_cache .hypothesis .import_linter_cache .coverage .coverage.* coverage.json

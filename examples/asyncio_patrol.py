@@ -1,4 +1,4 @@
-"""Several robots patrol at once in one event loop, while a monitor follows what they do."""
+"""Several robots patrol at once in one event loop, while a monitor follows the changes."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ TOUR = [PddlObjectDto(PLACE, name) for name in ("dock", "hall", "kitchen", "dock
 
 
 def at(robot: str, place: PddlObjectDto) -> PddlPropositionDto:
-    """Say where a robot is."""
+    """Return the fact that a robot is at a place."""
     return PddlPropositionDto(AT, [PddlObjectDto(ROBOT, robot), place])
 
 
@@ -30,7 +30,7 @@ async def patrol(kb: AsyncKnowledgeBase, robot: str) -> None:
 
 
 async def monitor(kb: AsyncKnowledgeBase) -> None:
-    """Print what is done, as it is done, until it is cancelled."""
+    """Print changes as they are committed, until cancelled."""
     seen = 0
     while True:
         await kb.watch(seen)
@@ -41,7 +41,7 @@ async def monitor(kb: AsyncKnowledgeBase) -> None:
 
 
 async def main(url: str) -> None:
-    """Let three robots patrol, and tell where they are."""
+    """Run three patrols, and print where the robots are."""
     async with aio.connect(url, knowledge_base="patrol", actor="setup") as kb:
         watching = asyncio.create_task(monitor(kb))
         async with asyncio.TaskGroup() as robots:

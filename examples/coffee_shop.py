@@ -31,7 +31,7 @@ import kant_sql
 
 KNOWLEDGE_BASE = "coffee_shop"
 
-# Any program that speaks SQL can ask this, without the library.
+# Any SQL client can run this, without the library.
 WHEREABOUTS = """\
 SELECT atom.text, began.number, began.committed_at, ended.number, ended.committed_at,
        began.actor, began.reason
@@ -62,7 +62,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def positive(value: str) -> int:
-    """Read how often; argparse says what is wrong with anything else."""
+    """Parse the number of iterations."""
     number = int(value)
     if number < 1:
         raise ValueError
@@ -89,7 +89,7 @@ def connect(url: str) -> Robot:
 
 
 def run(url: str, iterations: int, console: Console) -> None:
-    """Let the robot work, and ask the store what happened."""
+    """Run the robot, then query what happened."""
     with closing(connect(url)) as robot:
         label = make_url(url).render_as_string()
         console.print(f"The robot's knowledge is in {label}", soft_wrap=True)
@@ -111,7 +111,7 @@ def run(url: str, iterations: int, console: Console) -> None:
 
 
 def progress(console: Console, iterations: int) -> Iterator[int]:
-    """Count iterations and show how far it is: as a bar, or in lines where there is no terminal."""
+    """Count iterations and show progress: a bar, or lines if there is no terminal."""
     if console.is_terminal:
         yield from track(range(iterations), "Serving coffee ...", console=console)
         return
@@ -122,7 +122,7 @@ def progress(console: Console, iterations: int) -> Iterator[int]:
 
 
 def timed_tasks(robot: Robot) -> Iterator[tuple[str, float]]:
-    """Do the tasks of one iteration; give the seconds that each took."""
+    """Run the tasks of one iteration; return the seconds that each took."""
     for name, task in TASKS.items():
         start = time.perf_counter()
         task(robot)
@@ -130,7 +130,7 @@ def timed_tasks(robot: Robot) -> Iterator[tuple[str, float]]:
 
 
 def time_table(seconds: dict[str, list[float]]) -> Table:
-    """Make the paper's table."""
+    """Return the paper's table."""
     table = Table(box=box.SIMPLE, title="Time of each task in milliseconds", title_justify="left")
     table.add_column("")
     for heading in ("mean", "std dev", "min", "max", "sum"):
@@ -144,7 +144,7 @@ def time_table(seconds: dict[str, list[float]]) -> Table:
 
 
 def whereabouts(url: str, start: int) -> list[Any]:
-    """Ask the store where the robot was after a revision."""
+    """Query where the robot was after a revision."""
     address = make_url(url)
     if address.get_backend_name() == "sqlite":
         address = address.set(query={})
@@ -158,7 +158,7 @@ def whereabouts(url: str, start: int) -> list[Any]:
 
 
 def whereabouts_table(rows: list[Any]) -> Table:
-    """Make the table of where the robot was when, and who says so."""
+    """Return the table of where the robot was, when, and who reported it."""
     table = Table(box=box.SIMPLE, title="Where was the robot?", title_justify="left")
     for heading in ("from (UTC)", "to", "revisions", "fact", "put there by", "because"):
         table.add_column(heading, overflow="fold")
@@ -169,7 +169,7 @@ def whereabouts_table(rows: list[Any]) -> Table:
 
 
 def clock(moment: str | datetime | None) -> str:
-    """Show a moment as the database gave it: a text on SQLite, a time on PostgreSQL."""
+    """Format a time: text on SQLite, a datetime on PostgreSQL."""
     if moment is None:
         return "now"
     if isinstance(moment, str):

@@ -35,7 +35,7 @@ Ways = list[tuple[PddlObjectDto, PddlObjectDto]]
 
 @dataclass(frozen=True)
 class Robot:
-    """The robot's components: each has its own connection and signs what it writes."""
+    """The robot's components: each has its own connection and is the actor of its writes."""
 
     mission: KnowledgeBase
     planner: KnowledgeBase
@@ -52,11 +52,11 @@ class Robot:
 
 
 def connect_robot(connect: Callable[[str], KnowledgeBase]) -> Robot:
-    """Connect each component, given how to connect one by its name."""
+    """Connect each component by its name."""
     return Robot(*(connect(field.name) for field in fields(Robot)))
 
 
-# What components do in every task.
+# Operations shared by the tasks.
 
 
 def replace(
@@ -65,7 +65,7 @@ def replace(
     old: Iterable[PddlPropositionDto],
     new: Iterable[PddlPropositionDto],
 ) -> None:
-    """Put facts in the place of others, at once: nobody ever sees half of it."""
+    """Replace facts by others, atomically."""
     with component.transaction(reason=reason):
         for proposition in old:
             component.propositions.delete(proposition)
@@ -74,7 +74,7 @@ def replace(
 
 
 def plan(robot: Robot, *actions: str) -> Ways:
-    """Let the planner read what is wanted, what can be done, and which ways there are."""
+    """Read the goals, the actions and the connections, as a planner does."""
     planner = robot.planner
     planner.propositions.get_goals()
     for name in actions:
@@ -86,7 +86,7 @@ def plan(robot: Robot, *actions: str) -> Ways:
 
 
 def reach(robot: Robot, wanted: PddlPropositionDto) -> None:
-    """Strike off a goal that is reached."""
+    """Delete a reached goal."""
     if wanted in robot.mission.propositions.get_goals():
         robot.mission.propositions.delete(wanted)
 
@@ -106,7 +106,7 @@ def navigate(robot: Robot, ways: Ways, destination: PddlObjectDto) -> None:
 
 
 def route(ways: Ways, start: PddlObjectDto, end: PddlObjectDto) -> list[PddlObjectDto]:
-    """Find the shortest way over connected places."""
+    """Return the shortest path over connected places."""
     paths, known = deque([[start]]), {start}
     while paths[0][-1] != end:
         path = paths.popleft()
@@ -121,7 +121,7 @@ def route(ways: Ways, start: PddlObjectDto, end: PddlObjectDto) -> list[PddlObje
 
 
 def reset(robot: Robot) -> None:
-    """Delete everything; the past stays."""
+    """Delete everything; the history stays."""
     mission = robot.mission
     for dao in (mission.propositions, mission.actions, mission.predicates, mission.objects):
         dao.delete_all()

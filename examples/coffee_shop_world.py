@@ -69,12 +69,12 @@ PREDICATES = [
 
 
 def fact(predicate: PddlPredicateDto, *objects: PddlObjectDto) -> PddlPropositionDto:
-    """What holds."""
+    """Return the facts."""
     return PddlPropositionDto(predicate, objects)
 
 
 def goal(predicate: PddlPredicateDto, *objects: PddlObjectDto) -> PddlPropositionDto:
-    """What is to hold."""
+    """Return the goals."""
     return PddlPropositionDto(predicate, objects, is_goal=True)
 
 

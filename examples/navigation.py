@@ -1,4 +1,4 @@
-"""The waypoint walk-through of the KANT paper: where the robot is, and where it is to be.
+"""The waypoint walk-through of the KANT paper: where the robot is, and its goal.
 
 python examples/navigation.py [URL]
 
@@ -43,8 +43,8 @@ def walk_through(factory: DaoFactory) -> None:
     actions = factory.create_pddl_action_dao()
     here, there = (PddlPropositionDto(robot_at, [rb1, place]) for place in (wp1, wp2))
 
-    propositions.delete_all()  # what an earlier run has left; it stays in the past
-    # Types, predicate and objects are missing, so they are saved along with the first fact.
+    propositions.delete_all()  # left by an earlier run; the history keeps it
+    # The first save also saves the missing types, predicate and objects.
     propositions.save(here)
     propositions.save(PddlPropositionDto(robot_at, [rb1, wp2], is_goal=True))
     actions.save(navigation)
@@ -71,7 +71,7 @@ def walk_through(factory: DaoFactory) -> None:
 
 if __name__ == "__main__":
     url = sys.argv[1] if len(sys.argv) > 1 else "sqlite://"
-    # The URL picks the family of DAOs; the factory of that family creates one for each element.
+    # The URL selects the DAO family; its factory creates one DAO per element.
     waypoints = create_dao_factory(url, knowledge_base="waypoints", actor="operator")
     try:
         walk_through(waypoints)

@@ -1,4 +1,4 @@
-"""Plan from the store, act, write down what happened, and plan anew after a surprise.
+"""Plan from the store, act, record what happened, and replan after a surprise.
 
 python examples/plan_and_act.py [URL]
 
@@ -49,20 +49,20 @@ PROBLEM = """
 
 
 def ground(literal: PddlConditionEffectDto, bound: dict[str, PddlObjectDto]) -> PddlPropositionDto:
-    """Put the objects of a step in the places of the action's parameters."""
+    """Bind the objects of a step to the action's parameters."""
     objects = [bound.get(term.name, term) for term in literal.objects]
     return PddlPropositionDto(literal.predicate, objects)
 
 
 def find(kb: KnowledgeBase, name: str) -> PddlObjectDto:
-    """Find an object that is known."""
+    """Return a known object."""
     dto = kb.objects.get(name)
     assert dto is not None
     return dto
 
 
 def act(kb: KnowledgeBase, step: PlanStep) -> None:
-    """Write down the effects of a step, as one revision."""
+    """Save the effects of a step, as one revision."""
     action = kb.actions.get(step.action)
     assert action is not None
     parameters = [parameter.name for parameter in action.parameters]
@@ -77,7 +77,7 @@ def act(kb: KnowledgeBase, step: PlanStep) -> None:
 
 
 def surprise(kb: KnowledgeBase) -> None:
-    """Let perception see that the letter is not where the robot believes it to be."""
+    """Save what perception sees: the letter is elsewhere than the robot believes."""
     letter = find(kb, "letter")
     parcel_at = kb.predicates.get("parcel_at")
     assert parcel_at is not None
@@ -87,7 +87,7 @@ def surprise(kb: KnowledgeBase) -> None:
 
 
 def show(plan: Plan) -> None:
-    """Print a plan, and what it was made from."""
+    """Print a plan and its revision."""
     print(f"Plan of revision {plan.revision}, by {plan.engine}:", *plan.steps, sep="\n  ")
 
 

@@ -1,4 +1,4 @@
-"""Replay a mission that failed: what the planner knew, and what each step of its plan caused.
+"""Replay a failed mission: the planner's input, and the changes that each step made.
 
 python examples/replay.py [URL]
 
@@ -12,7 +12,7 @@ import sys
 import kant_sql
 from kant_sql import KnowledgeBase, PddlPropositionDto
 from kant_sql.planning import Plan, PlanStep
-from kant_sql.plans import RecordedPlan, RecordedStep
+from kant_sql.plans.interfaces import RecordedPlan, RecordedStep
 
 DOMAIN = """
 (define (domain rounds)
@@ -44,7 +44,7 @@ STEPS = (
 
 
 def fact(kb: KnowledgeBase, predicate: str, *names: str) -> PddlPropositionDto:
-    """Say something of objects that are known."""
+    """Return a fact about known objects."""
     declared = kb.predicates.get(predicate)
     objects = [dto for dto in map(kb.objects.get, names) if dto is not None]
     assert declared is not None
@@ -52,7 +52,7 @@ def fact(kb: KnowledgeBase, predicate: str, *names: str) -> PddlPropositionDto:
 
 
 def move(kb: KnowledgeBase, step: RecordedStep) -> bool:
-    """Drive, unless the place is shut; say what was seen."""
+    """Drive, unless the place is shut; save what was seen."""
     robot, start, end = step.arguments
     if end == "lab":
         kb.propositions.delete(fact(kb, "open", end))
@@ -63,7 +63,7 @@ def move(kb: KnowledgeBase, step: RecordedStep) -> bool:
 
 
 def carry_out(kb: KnowledgeBase, plan: RecordedPlan) -> None:
-    """Do one step after the other, until one fails."""
+    """Execute the steps until one fails."""
     has_failed = False
     for step in plan.steps:
         if has_failed:
@@ -79,13 +79,13 @@ def carry_out(kb: KnowledgeBase, plan: RecordedPlan) -> None:
 
 
 def run(kb: KnowledgeBase) -> int:
-    """Plan and act, and give the plan's id: all that is needed to replay it."""
+    """Plan and act; return the plan's id, from which it can be replayed."""
     with kb.transaction(actor="operator", reason="the night's rounds"):
         kb.load_domain(DOMAIN)
         kb.load_problem(PROBLEM)
     plan = kb.plans.record(Plan(STEPS, "the night planner", "solved_satisficing"))
     carry_out(kb, plan)
-    # The robot is put back, and the night goes on.
+    # The robot is put back, and the night continues.
     with kb.transaction(actor="operator", reason="brought home"):
         kb.propositions.delete(fact(kb, "at", "rb1", "kitchen"))
         kb.propositions.save(fact(kb, "at", "rb1", "hall"))
@@ -93,7 +93,7 @@ def run(kb: KnowledgeBase) -> int:
 
 
 def replay(kb: KnowledgeBase, plan_id: int) -> None:
-    """Tell what the planner was given, and what each step caused."""
+    """Print the planner's input, and the changes of each step."""
     plan = kb.plans.get(plan_id)
     assert plan is not None
     print(f"Plan {plan.id} was made from revision {plan.revision} by {plan.planner}. It was given")
@@ -108,7 +108,7 @@ def replay(kb: KnowledgeBase, plan_id: int) -> None:
 
 
 def main(url: str) -> None:
-    """Run a mission that fails, and replay it."""
+    """Run a failing mission, and replay it."""
     with kant_sql.connect(url, knowledge_base="rounds", actor="executive") as kb:
         replay(kb, run(kb))
 

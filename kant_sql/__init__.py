@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import logging
+from importlib import import_module
+from typing import TYPE_CHECKING
 
-from .backends import Roles
-from .documents import Loaded
 from .dto import (
     Dto,
     PddlActionDto,
@@ -64,25 +64,23 @@ from .errors import (
     UnknownRevisionError,
     UnsupportedConstructError,
 )
-from .factory import DaoFactory, create_dao_factory
-from .history import (
-    Anchor,
-    AnchoredHead,
-    Archived,
-    Finding,
-    LogEntry,
-    Revision,
-    Verification,
-    Version,
-    parse_anchor,
-)
-from .knowledge.changes import Change
-from .knowledge_base import KnowledgeBase, connect
-from .planning import Plan, PlanStep
-from .plans import RecordedPlan, RecordedStep
-from .predicate_views import PredicateView, drop_views, update_views
-from .roles import create_roles
-from .schema import downgrade, upgrade
+
+if TYPE_CHECKING:
+    from .documents.interfaces import Loaded
+    from .factory import DaoFactory, create_dao_factory
+    from .history.anchors import Anchor, AnchoredHead, parse_anchor
+    from .history.archive.archive import Archived
+    from .history.revisions import LogEntry, Revision
+    from .history.verify.findings import Finding
+    from .history.verify.verify import Verification
+    from .history.versions import Version
+    from .knowledge_base import KnowledgeBase, connect
+    from .planning import Plan, PlanStep
+    from .plans.interfaces import RecordedPlan, RecordedStep
+    from .sql.changes import Change
+    from .sql.dialects.base import Roles
+    from .sql.predicate_views import PredicateView, drop_views, update_views
+    from .sql.schema import create_roles, downgrade, upgrade
 
 __version__ = "0.1.0"
 
@@ -168,6 +166,50 @@ __all__ = [
     "update_views",
     "upgrade",
 ]
+
+# Where the names are that need SQLAlchemy. They are imported when they are first asked for: the
+# command line checks files and prints its help without it.
+_HOMES = {
+    name: module
+    for module, names in {
+        ".documents.interfaces": ("Loaded",),
+        ".factory": ("DaoFactory", "create_dao_factory"),
+        ".history.anchors": ("Anchor", "AnchoredHead", "parse_anchor"),
+        ".history.archive.archive": ("Archived",),
+        ".history.revisions": ("LogEntry", "Revision"),
+        ".history.verify.findings": ("Finding",),
+        ".history.verify.verify": ("Verification",),
+        ".history.versions": ("Version",),
+        ".knowledge_base": ("KnowledgeBase", "connect"),
+        ".planning": ("Plan", "PlanStep"),
+        ".plans.interfaces": ("RecordedPlan", "RecordedStep"),
+        ".sql.changes": ("Change",),
+        ".sql.dialects.base": ("Roles",),
+        ".sql.predicate_views": ("PredicateView", "drop_views", "update_views"),
+        ".sql.schema": ("create_roles", "downgrade", "upgrade"),
+    }.items()
+    for name in names
+}
+_SUBPACKAGES = frozenset(
+    {"dao", "documents", "factory", "history", "knowledge", "knowledge_base", "pddl", "planning"}
+    | {"plans", "sql", "store"}
+)
+
+if not TYPE_CHECKING:
+    # Type checkers see the imports above, and refuse names that are not there.
+    def __getattr__(name: str) -> object:
+        """Import a public name, or a subpackage, when it is first asked for."""
+        if name in _HOMES:
+            value = globals()[name] = getattr(import_module(_HOMES[name], __name__), name)
+            return value
+        if name in _SUBPACKAGES:
+            return import_module(f".{name}", __name__)
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+    def __dir__() -> list[str]:
+        """List what is there, and what can be asked for."""
+        return sorted({*globals(), *__all__})
+
 
 # Whoever uses the library decides what becomes of its log; without a word, nothing.
 logging.getLogger(__name__).addHandler(logging.NullHandler())

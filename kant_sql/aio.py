@@ -1,7 +1,7 @@
 """The front door for asyncio: the same calls, awaitable, and no call blocks the event loop.
 
 The calls run in threads: those of a transaction in a thread of its own, all others in a pool.
-Names, arguments and results are those of `kant_sql`, from whose methods their types are taken.
+Names, arguments, results and errors are those of `kant_sql`; the types are taken from its methods.
 """
 
 from __future__ import annotations
@@ -17,30 +17,23 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import AbstractAsyncContextManager, AbstractContextManager, suppress
 from contextvars import ContextVar
 from datetime import datetime
-from functools import partial
+from functools import partial, update_wrapper
 from types import TracebackType
-from typing import Concatenate, Generic, ParamSpec, Protocol, TypeVar
+from typing import Concatenate, Generic, ParamSpec, TypeVar
 
 from . import knowledge_base as sync
 from .arguments import seconds
-from .dao.fluent_interfaces import PddlFunctionDao, PddlFunctionValueDao
-from .dao.formula_interfaces import (
-    ConstraintDao,
-    DerivedPredicateDao,
-    GoalDao,
-    InitialLiteralDao,
-    MetricDao,
-    TimedInitialLiteralDao,
-)
 from .dao.interfaces import (
-    PddlActionDao,
-    PddlEventDao,
-    PddlObjectDao,
-    PddlPredicateDao,
-    PddlProcessDao,
+    Dao,
+    FormulaDao,
+    MetricDao,
+    NamedDao,
+    PddlFunctionValueDao,
     PddlPropositionDao,
-    PddlTypeDao,
+    RedefinableDao,
 )
+from .dto import Dto, PddlFunctionValueDto, PddlPropositionDto
+from .dto.formulas import Node
 from .errors import (
     ClosedError,
     StoreBusyError,
@@ -48,13 +41,28 @@ from .errors import (
     TransactionOpenError,
 )
 from .knowledge_base import KnowledgeBase
-from .plans import PlanDao
+from .plans.interfaces import PlanDao
 
-__all__ = ["AsyncKnowledgeBase", "connect"]
+__all__ = [
+    "AsyncDao",
+    "AsyncFormulaDao",
+    "AsyncFunctionValueDao",
+    "AsyncKnowledgeBase",
+    "AsyncMetricDao",
+    "AsyncNamedDao",
+    "AsyncPlanDao",
+    "AsyncPropositionDao",
+    "AsyncRedefinableDao",
+    "Connecting",
+    "connect",
+]
 
 P = ParamSpec("P")
 R = TypeVar("R")
 S = TypeVar("S")
+T = TypeVar("T")
+D = TypeVar("D", bound=Dto)
+N = TypeVar("N", bound=Node)
 
 POOL_SIZE = 8
 # Writers of one event loop queue for as long as threads do.
@@ -84,7 +92,7 @@ class _Lane:
         return self._thread.submit(self._context.run, _contained, call)
 
     def end(self, wait: bool = False) -> None:
-        """Let the thread end after its last call."""
+        """End the thread after its last call."""
         self._thread.shutdown(wait=wait)
 
 
@@ -194,7 +202,7 @@ class _Door:
                 )
 
     def queue(self) -> asyncio.Lock:
-        """Give the queue of those who write in the running event loop."""
+        """Return the queue of those who write in the running event loop."""
         loop = asyncio.get_running_loop()
         with self._guard:
             return self._queues.setdefault(loop, asyncio.Lock())
@@ -426,196 +434,94 @@ class _Entries(AsyncIterator[R]):
                 self._is_over, self._error = True, error
 
 
-class _Part(Protocol):
-    """What has awaitable calls: the front door, or one of its DAOs."""
+class _Part:
+    """The front door, or one of its DAOs: a synchronous object whose calls run in threads."""
 
-    _door: _Door
-
-    @property
-    def _sync(self) -> object: ...
+    def __init__(self, door: _Door, *, of: object) -> None:
+        self._door = door
+        self._sync = of
 
 
 class _Call(Generic[P, R]):
-    """A method of the synchronous interface, made awaitable. Its types are that method's."""
+    """A method of the synchronous interface that `run` calls elsewhere, with the same arguments."""
 
-    def __init__(self, method: Callable[Concatenate[S, P], R], writes: bool) -> None:
+    def __init__(
+        self,
+        method: Callable[Concatenate[S, P], T],
+        run: Callable[[_Door, Callable[[], T]], R],
+    ) -> None:
         self._name: str = method.__name__
-        self._writes = writes
+        self._run: Callable[[_Door, Callable[[], T]], R] = run
         self.__doc__ = method.__doc__
 
-    def __get__(
-        self, part: _Part, owner: type[_Part] | None = None
-    ) -> Callable[P, Coroutine[object, object, R]]:
+    def __get__(self, part: _Part, owner: type[_Part] | None = None) -> Callable[P, R]:
         if part is None:
             return self  # type: ignore[unreachable]
-        run = part._door.write if self._writes else part._door.read
-        method: Callable[P, R] = getattr(part._sync, self._name)
+        method = getattr(part._sync, self._name)
 
-        def call(*args: P.args, **kwargs: P.kwargs) -> Coroutine[object, object, R]:
-            return run(partial(method, *args, **kwargs))
+        def call(*args: P.args, **kwargs: P.kwargs) -> R:
+            return self._run(part._door, partial(method, *args, **kwargs))
 
-        call.__name__, call.__doc__ = self._name, self.__doc__
+        update_wrapper(call, method).__doc__ = self.__doc__
         return call
 
 
-class _Stream(Generic[P, R]):
-    """A method of the synchronous interface that iterates, made an asynchronous iterator."""
-
-    def __init__(self, method: Callable[Concatenate[S, P], Iterator[R]]) -> None:
-        self._name: str = method.__name__
-        self.__doc__ = method.__doc__
-
-    def __get__(
-        self, part: _Part, owner: type[_Part] | None = None
-    ) -> Callable[P, AsyncIterator[R]]:
-        if part is None:
-            return self  # type: ignore[unreachable]
-        method: Callable[P, Iterator[R]] = getattr(part._sync, self._name)
-
-        def call(*args: P.args, **kwargs: P.kwargs) -> AsyncIterator[R]:
-            return _Entries(part._door, partial(method, *args, **kwargs))
-
-        call.__name__, call.__doc__ = self._name, self.__doc__
-        return call
+def _read(method: Callable[Concatenate[S, P], R]) -> _Call[P, Coroutine[object, object, R]]:
+    return _Call(method, _Door.read)
 
 
-class _Opens(Generic[P]):
-    """`transaction` of the synchronous interface, made an asynchronous context manager."""
-
-    def __init__(self, method: Callable[Concatenate[S, P], AbstractContextManager[None]]) -> None:
-        self._name: str = method.__name__
-        self.__doc__ = method.__doc__
-
-    def __get__(
-        self, part: _Part, owner: type[_Part] | None = None
-    ) -> Callable[P, AbstractAsyncContextManager[None]]:
-        if part is None:
-            return self  # type: ignore[unreachable]
-        method: Callable[P, AbstractContextManager[None]] = getattr(part._sync, self._name)
-
-        def call(*args: P.args, **kwargs: P.kwargs) -> AbstractAsyncContextManager[None]:
-            return _Transaction(part._door, partial(method, *args, **kwargs))
-
-        call.__name__, call.__doc__ = self._name, self.__doc__
-        return call
+def _write(method: Callable[Concatenate[S, P], R]) -> _Call[P, Coroutine[object, object, R]]:
+    return _Call(method, _Door.write)
 
 
-def _read(method: Callable[Concatenate[S, P], R]) -> _Call[P, R]:
-    return _Call(method, writes=False)
+def _iterate(method: Callable[Concatenate[S, P], Iterator[R]]) -> _Call[P, AsyncIterator[R]]:
+    return _Call(method, _Entries)
 
 
-def _write(method: Callable[Concatenate[S, P], R]) -> _Call[P, R]:
-    return _Call(method, writes=True)
+class _AsyncElements(_Part, Generic[D]):
+    def __init__(self, door: _Door, *, of: Dao[D]) -> None:
+        super().__init__(door, of=of)
+
+    get_all = _read(Dao[D].get_all)
+    insert = _write(Dao[D].insert)
+    save_all = _write(Dao[D].save_all)
+    delete = _write(Dao[D].delete)
+    delete_all = _write(Dao[D].delete_all)
 
 
-class _AsyncDao:
-    """A DAO whose calls are awaitable."""
+class AsyncDao(_AsyncElements[D]):
+    """`Dao` for asyncio."""
 
-    def __init__(self, door: _Door, dao: object) -> None:
-        self._door = door
-        self._dao = dao
-
-    @property
-    def _sync(self) -> object:
-        return self._dao
+    save = _write(Dao[D].save)
+    update = _write(Dao[D].update)
 
 
-class AsyncPddlTypeDao(_AsyncDao):
-    """`PddlTypeDao` for asyncio: the DAO of types."""
+class AsyncNamedDao(AsyncDao[D]):
+    """`NamedDao` for asyncio: the DAOs of actions, processes and events."""
 
-    get = _read(PddlTypeDao.get)
-    get_all = _read(PddlTypeDao.get_all)
-    save = _write(PddlTypeDao.save)
-    insert = _write(PddlTypeDao.insert)
-    update = _write(PddlTypeDao.update)
-    save_all = _write(PddlTypeDao.save_all)
-    delete = _write(PddlTypeDao.delete)
-    delete_all = _write(PddlTypeDao.delete_all)
+    get = _read(NamedDao[D].get)
 
 
-class AsyncPddlObjectDao(_AsyncDao):
-    """`PddlObjectDao` for asyncio: the DAO of objects."""
+class AsyncRedefinableDao(_AsyncElements[D]):
+    """`RedefinableDao` for asyncio: the DAOs of types, objects, predicates and functions."""
 
-    get = _read(PddlObjectDao.get)
-    get_all = _read(PddlObjectDao.get_all)
-    save = _write(PddlObjectDao.save)
-    insert = _write(PddlObjectDao.insert)
-    update = _write(PddlObjectDao.update)
-    save_all = _write(PddlObjectDao.save_all)
-    delete = _write(PddlObjectDao.delete)
-    delete_all = _write(PddlObjectDao.delete_all)
+    get = _read(RedefinableDao[D].get)
+    save = _write(RedefinableDao[D].save)
+    update = _write(RedefinableDao[D].update)
 
 
-class AsyncPddlPredicateDao(_AsyncDao):
-    """`PddlPredicateDao` for asyncio: the DAO of predicates."""
+class AsyncPropositionDao(AsyncDao[PddlPropositionDto]):
+    """`PddlPropositionDao` for asyncio."""
 
-    get = _read(PddlPredicateDao.get)
-    get_all = _read(PddlPredicateDao.get_all)
-    save = _write(PddlPredicateDao.save)
-    insert = _write(PddlPredicateDao.insert)
-    update = _write(PddlPredicateDao.update)
-    save_all = _write(PddlPredicateDao.save_all)
-    delete = _write(PddlPredicateDao.delete)
-    delete_all = _write(PddlPredicateDao.delete_all)
+    get_by_predicate = _read(PddlPropositionDao.get_by_predicate)
+    get_goals = _read(PddlPropositionDao.get_goals)
+    get_no_goals = _read(PddlPropositionDao.get_no_goals)
 
 
-class AsyncPddlFunctionDao(_AsyncDao):
-    """`PddlFunctionDao` for asyncio: the DAO of functions."""
-
-    get = _read(PddlFunctionDao.get)
-    get_all = _read(PddlFunctionDao.get_all)
-    save = _write(PddlFunctionDao.save)
-    insert = _write(PddlFunctionDao.insert)
-    update = _write(PddlFunctionDao.update)
-    save_all = _write(PddlFunctionDao.save_all)
-    delete = _write(PddlFunctionDao.delete)
-    delete_all = _write(PddlFunctionDao.delete_all)
-
-
-class AsyncPddlActionDao(_AsyncDao):
-    """`PddlActionDao` for asyncio: the DAO of actions."""
-
-    get = _read(PddlActionDao.get)
-    get_all = _read(PddlActionDao.get_all)
-    save = _write(PddlActionDao.save)
-    insert = _write(PddlActionDao.insert)
-    update = _write(PddlActionDao.update)
-    save_all = _write(PddlActionDao.save_all)
-    delete = _write(PddlActionDao.delete)
-    delete_all = _write(PddlActionDao.delete_all)
-
-
-class AsyncPddlProcessDao(_AsyncDao):
-    """`PddlProcessDao` for asyncio: the DAO of processes."""
-
-    get = _read(PddlProcessDao.get)
-    get_all = _read(PddlProcessDao.get_all)
-    save = _write(PddlProcessDao.save)
-    insert = _write(PddlProcessDao.insert)
-    update = _write(PddlProcessDao.update)
-    save_all = _write(PddlProcessDao.save_all)
-    delete = _write(PddlProcessDao.delete)
-    delete_all = _write(PddlProcessDao.delete_all)
-
-
-class AsyncPddlEventDao(_AsyncDao):
-    """`PddlEventDao` for asyncio: the DAO of events."""
-
-    get = _read(PddlEventDao.get)
-    get_all = _read(PddlEventDao.get_all)
-    save = _write(PddlEventDao.save)
-    insert = _write(PddlEventDao.insert)
-    update = _write(PddlEventDao.update)
-    save_all = _write(PddlEventDao.save_all)
-    delete = _write(PddlEventDao.delete)
-    delete_all = _write(PddlEventDao.delete_all)
-
-
-class AsyncPddlFunctionValueDao(_AsyncDao):
-    """`PddlFunctionValueDao` for asyncio: the DAO of the values of functions."""
+class AsyncFunctionValueDao(AsyncDao[PddlFunctionValueDto]):
+    """`PddlFunctionValueDao` for asyncio."""
 
     get = _read(PddlFunctionValueDao.get)
-    get_all = _read(PddlFunctionValueDao.get_all)
     get_by_function = _read(PddlFunctionValueDao.get_by_function)
     set = _write(PddlFunctionValueDao.set)
     unset = _write(PddlFunctionValueDao.unset)
@@ -623,93 +529,31 @@ class AsyncPddlFunctionValueDao(_AsyncDao):
     decrease = _write(PddlFunctionValueDao.decrease)
     scale_up = _write(PddlFunctionValueDao.scale_up)
     scale_down = _write(PddlFunctionValueDao.scale_down)
-    save = _write(PddlFunctionValueDao.save)
-    insert = _write(PddlFunctionValueDao.insert)
-    update = _write(PddlFunctionValueDao.update)
-    save_all = _write(PddlFunctionValueDao.save_all)
-    delete = _write(PddlFunctionValueDao.delete)
-    delete_all = _write(PddlFunctionValueDao.delete_all)
 
 
-class AsyncPddlPropositionDao(_AsyncDao):
-    """`PddlPropositionDao` for asyncio: the DAO of facts and goals."""
+class AsyncFormulaDao(_Part, Generic[N]):
+    """`FormulaDao` for asyncio: the DAOs of goals, constraints, derived predicates and so on."""
 
-    get_all = _read(PddlPropositionDao.get_all)
-    get_by_predicate = _read(PddlPropositionDao.get_by_predicate)
-    get_goals = _read(PddlPropositionDao.get_goals)
-    get_no_goals = _read(PddlPropositionDao.get_no_goals)
-    save = _write(PddlPropositionDao.save)
-    insert = _write(PddlPropositionDao.insert)
-    update = _write(PddlPropositionDao.update)
-    save_all = _write(PddlPropositionDao.save_all)
-    delete = _write(PddlPropositionDao.delete)
-    delete_all = _write(PddlPropositionDao.delete_all)
+    def __init__(self, door: _Door, *, of: FormulaDao[N]) -> None:
+        super().__init__(door, of=of)
 
-
-class AsyncDerivedPredicateDao(_AsyncDao):
-    """`DerivedPredicateDao` for asyncio: the DAO of the rules for derived predicates."""
-
-    get_all = _read(DerivedPredicateDao.get_all)
-    save = _write(DerivedPredicateDao.save)
-    insert = _write(DerivedPredicateDao.insert)
-    save_all = _write(DerivedPredicateDao.save_all)
-    delete = _write(DerivedPredicateDao.delete)
-    delete_all = _write(DerivedPredicateDao.delete_all)
+    get_all = _read(FormulaDao[N].get_all)
+    save = _write(FormulaDao[N].save)
+    insert = _write(FormulaDao[N].insert)
+    save_all = _write(FormulaDao[N].save_all)
+    delete = _write(FormulaDao[N].delete)
+    delete_all = _write(FormulaDao[N].delete_all)
 
 
-class AsyncTimedInitialLiteralDao(_AsyncDao):
-    """`TimedInitialLiteralDao` for asyncio: the DAO of timed initial literals and values."""
-
-    get_all = _read(TimedInitialLiteralDao.get_all)
-    save = _write(TimedInitialLiteralDao.save)
-    insert = _write(TimedInitialLiteralDao.insert)
-    save_all = _write(TimedInitialLiteralDao.save_all)
-    delete = _write(TimedInitialLiteralDao.delete)
-    delete_all = _write(TimedInitialLiteralDao.delete_all)
-
-
-class AsyncInitialLiteralDao(_AsyncDao):
-    """`InitialLiteralDao` for asyncio: the DAO of what else is said of the initial state."""
-
-    get_all = _read(InitialLiteralDao.get_all)
-    save = _write(InitialLiteralDao.save)
-    insert = _write(InitialLiteralDao.insert)
-    save_all = _write(InitialLiteralDao.save_all)
-    delete = _write(InitialLiteralDao.delete)
-    delete_all = _write(InitialLiteralDao.delete_all)
-
-
-class AsyncGoalDao(_AsyncDao):
-    """`GoalDao` for asyncio: the DAO of goals of any form."""
-
-    get_all = _read(GoalDao.get_all)
-    save = _write(GoalDao.save)
-    insert = _write(GoalDao.insert)
-    save_all = _write(GoalDao.save_all)
-    delete = _write(GoalDao.delete)
-    delete_all = _write(GoalDao.delete_all)
-
-
-class AsyncConstraintDao(_AsyncDao):
-    """`ConstraintDao` for asyncio: the DAO of constraints."""
-
-    get_all = _read(ConstraintDao.get_all)
-    save = _write(ConstraintDao.save)
-    insert = _write(ConstraintDao.insert)
-    save_all = _write(ConstraintDao.save_all)
-    delete = _write(ConstraintDao.delete)
-    delete_all = _write(ConstraintDao.delete_all)
-
-
-class AsyncMetricDao(_AsyncDao):
-    """`MetricDao` for asyncio: the DAO of the metric."""
+class AsyncMetricDao(_Part):
+    """`MetricDao` for asyncio."""
 
     get = _read(MetricDao.get)
     set = _write(MetricDao.set)
 
 
-class AsyncPlanDao(_AsyncDao):
-    """`PlanDao` for asyncio: the DAO of recorded plans."""
+class AsyncPlanDao(_Part):
+    """`PlanDao` for asyncio."""
 
     record = _write(PlanDao.record)
     get = _read(PlanDao.get)
@@ -717,12 +561,11 @@ class AsyncPlanDao(_AsyncDao):
     set_status = _write(PlanDao.set_status)
 
 
-class AsyncKnowledgeBase:
-    """A robot's knowledge for asyncio: what `KnowledgeBase` can do, with awaitable calls.
+class AsyncKnowledgeBase(_Part):
+    """`KnowledgeBase` for asyncio: the same methods and DAOs, with awaitable calls.
 
     Tasks, event loops and threads may share it. A transaction belongs to the task that opened it.
-    Use it as an asynchronous context manager, or await `close`. The DAOs are the attributes that
-    `KnowledgeBase` has, by the same names.
+    Use it as an asynchronous context manager, or await `close`.
     """
 
     load_domain = _write(KnowledgeBase.load_domain)
@@ -743,85 +586,50 @@ class AsyncKnowledgeBase:
     verify = _read(KnowledgeBase.verify)
     anchor = _read(KnowledgeBase.anchor)
     archive = _write(KnowledgeBase.archive)
-    log = _Stream(KnowledgeBase.log)
-    changes = _Stream(KnowledgeBase.changes)
-    transaction = _Opens(KnowledgeBase.transaction)
+    log = _iterate(KnowledgeBase.log)
+    changes = _iterate(KnowledgeBase.changes)
+    transaction = _Call(KnowledgeBase.transaction, _Transaction)
 
     def __init__(self, door: _Door, *, kb: KnowledgeBase) -> None:
-        """Make it; `connect` does.
+        """Wrap a knowledge base; `connect` does this.
 
         Args:
             door: the threads, shared with the views of the past.
             kb: the synchronous knowledge base.
         """
-        self._door = door
+        super().__init__(door, of=kb)
         self._kb = kb
-        self.types = AsyncPddlTypeDao(door, kb.types)
-        self.objects = AsyncPddlObjectDao(door, kb.objects)
-        self.predicates = AsyncPddlPredicateDao(door, kb.predicates)
-        self.functions = AsyncPddlFunctionDao(door, kb.functions)
-        self.function_values = AsyncPddlFunctionValueDao(door, kb.function_values)
-        self.propositions = AsyncPddlPropositionDao(door, kb.propositions)
-        self.actions = AsyncPddlActionDao(door, kb.actions)
-        self.processes = AsyncPddlProcessDao(door, kb.processes)
-        self.events = AsyncPddlEventDao(door, kb.events)
-        self.derived_predicates = AsyncDerivedPredicateDao(door, kb.derived_predicates)
-        self.timed_initial_literals = AsyncTimedInitialLiteralDao(door, kb.timed_initial_literals)
-        self.initial_literals = AsyncInitialLiteralDao(door, kb.initial_literals)
-        self.goals = AsyncGoalDao(door, kb.goals)
-        self.constraints = AsyncConstraintDao(door, kb.constraints)
-        self.domain_constraints = AsyncConstraintDao(door, kb.domain_constraints)
-        self.metric = AsyncMetricDao(door, kb.metric)
-        self.plans = AsyncPlanDao(door, kb.plans)
-
-    @property
-    def _sync(self) -> object:
-        return self._kb
+        self.types = AsyncRedefinableDao(door, of=kb.types)
+        self.objects = AsyncRedefinableDao(door, of=kb.objects)
+        self.predicates = AsyncRedefinableDao(door, of=kb.predicates)
+        self.functions = AsyncRedefinableDao(door, of=kb.functions)
+        self.function_values = AsyncFunctionValueDao(door, of=kb.function_values)
+        self.propositions = AsyncPropositionDao(door, of=kb.propositions)
+        self.actions = AsyncNamedDao(door, of=kb.actions)
+        self.processes = AsyncNamedDao(door, of=kb.processes)
+        self.events = AsyncNamedDao(door, of=kb.events)
+        self.derived_predicates = AsyncFormulaDao(door, of=kb.derived_predicates)
+        self.timed_initial_literals = AsyncFormulaDao(door, of=kb.timed_initial_literals)
+        self.initial_literals = AsyncFormulaDao(door, of=kb.initial_literals)
+        self.goals = AsyncFormulaDao(door, of=kb.goals)
+        self.constraints = AsyncFormulaDao(door, of=kb.constraints)
+        self.domain_constraints = AsyncFormulaDao(door, of=kb.domain_constraints)
+        self.metric = AsyncMetricDao(door, of=kb.metric)
+        self.plans = AsyncPlanDao(door, of=kb.plans)
 
     async def at(self, when: int | datetime) -> AsyncKnowledgeBase:
-        """Look at the past, as `KnowledgeBase.at` does.
-
-        Args:
-            when: a revision's number (0 is before the first), or an aware time up to now.
-
-        Returns:
-            The knowledge base as it was; it is closed with this one.
-
-        Raises:
-            UnknownRevisionError: there is no such revision yet, or the time lies in the future or
-                has no zone.
-            ArchivedError: a part of that state was moved to an archive.
-        """
+        """Open a past state for reading, as `KnowledgeBase.at`; it is closed with this one."""
         return AsyncKnowledgeBase(self._door, kb=await self._door.read(partial(self._kb.at, when)))
 
     async def revision(self) -> int:
-        """Read the number of the last revision, 0 before the first.
-
-        Returns:
-            The number; within a transaction, of the revision that it began from; on a view of the
-            past, of the one that the view looks at.
-        """
+        """Read the number of the last revision, as `KnowledgeBase.revision`."""
         return await self._door.read(lambda: self._kb.revision)
 
     async def watch(self, after: int | None = None, *, timeout: float | None = None) -> int | None:
-        """Wait until there is a revision that the caller does not know.
+        """Wait for a new revision, as `KnowledgeBase.watch`.
 
-        Each call that waits has a thread of its own, which ends within half a second when the call
+        Each waiting call has a thread of its own, which ends within half a second after the call
         is cancelled.
-
-        Args:
-            after: the last revision that the caller knows; None for the head as it is now.
-            timeout: how many seconds to wait; None for as long as it takes.
-
-        Returns:
-            The number of the last revision, which is larger than `after`; None when time ran out.
-
-        Raises:
-            UnknownRevisionError: the knowledge base has not come to `after` yet.
-            ReadOnlyError: this is a view of the past, or the task has a transaction open.
-            InvalidTimeoutError: `timeout` is negative, or no number.
-            ClosedError: the knowledge base was closed meanwhile.
-            StoreError: time ran out while the store could not be reached.
         """
         is_plain = isinstance(timeout, int | float) and timeout <= WATCH_SLICE
         if self._door.own_block() is not None or is_plain:
@@ -855,11 +663,7 @@ class AsyncKnowledgeBase:
         return None
 
     async def close(self) -> None:
-        """Close the connections, and end the threads. A view of the past closes nothing.
-
-        Every later call raises `ClosedError`. A transaction that is open is rolled back. A store in
-        memory is gone.
-        """
+        """Close the connections and end the threads, as `KnowledgeBase.close`."""
         if self._kb is self._door.kb:
             await self._door.close()
 
@@ -876,14 +680,9 @@ class AsyncKnowledgeBase:
 
 
 class Connecting(AbstractAsyncContextManager[AsyncKnowledgeBase]):
-    """What `connect` gives: to await, or to use in `async with`."""
+    """A knowledge base that is being opened: await it, or use it in `async with`."""
 
     def __init__(self, make: Callable[[], KnowledgeBase]) -> None:
-        """Make it.
-
-        Args:
-            make: opens the synchronous knowledge base.
-        """
         self._make = make
         self._opened: AsyncKnowledgeBase | None = None
 
@@ -918,14 +717,24 @@ class Connecting(AbstractAsyncContextManager[AsyncKnowledgeBase]):
 
 
 def connect(url: str, *, knowledge_base: str = "default", actor: str | None = None) -> Connecting:
-    """Open a knowledge base for asyncio, by `await` or by `async with`.
+    """Open a knowledge base for asyncio, with `await` or `async with`.
 
     Args:
         url: the database URL, as for `kant_sql.connect`.
-        knowledge_base: the knowledge base's name; it comes to be with its first write.
-        actor: who writes, when a transaction does not say.
+        knowledge_base: the knowledge base's name; the first write creates it.
+        actor: who writes, by default.
 
     Returns:
-        What to await; it raises what `kant_sql.connect` raises.
+        An awaitable; it raises what `kant_sql.connect` raises.
+
+    Examples:
+        >>> import asyncio
+        >>> from kant_sql import aio
+        >>> async def main():
+        ...     async with aio.connect("sqlite://") as kb:
+        ...         await kb.types.save(PddlTypeDto("robot"))
+        ...         return await kb.revision()
+        >>> asyncio.run(main())
+        1
     """
     return Connecting(partial(sync.connect, url, knowledge_base=knowledge_base, actor=actor))

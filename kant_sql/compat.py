@@ -6,9 +6,9 @@ A program written for it changes its imports and its URI, nothing else::
 
     dao_factory = DaoFactoryMethod().create_dao_factory(DaoFamilies.SQL, uri="sqlite:///robot.db")
 
-As there, ill-typed knowledge is answered with False, and the reason goes to the log
-`kant_sql.compat`; an error of the store itself is raised. Constructors and setters of DTOs refuse
-what is no such thing at all, as a predicate that is None, with `InvalidKnowledgeError`.
+As there, writes return False for ill-typed knowledge, and log the reason to `kant_sql.compat`;
+errors of the store are raised. Constructors and setters of DTOs raise `InvalidKnowledgeError` for
+an argument of the wrong class, for example a predicate that is None.
 """
 
 from __future__ import annotations
@@ -39,6 +39,9 @@ from .factory import DaoFactory as _SqlDaoFactory
 from .factory import create_dao_factory
 
 __all__ = [
+    "CompatDao",
+    "CompatNamedDao",
+    "CompatPropositionDao",
     "DaoFactory",
     "DaoFactoryMethod",
     "DaoFamilies",
@@ -57,7 +60,7 @@ D = TypeVar("D", bound=Dto)
 
 
 class DaoFamilies(IntEnum):
-    """The original's families, and this library's. Any of them is served by the URI's database."""
+    """The original's families and this library's. The URI alone picks the database."""
 
     ROS2 = 0
     MONGO = 1
@@ -65,7 +68,7 @@ class DaoFamilies(IntEnum):
 
 
 class CompatDao(Generic[D]):
-    """A DAO that answers ill-typed knowledge with False."""
+    """A DAO that returns False for ill-typed knowledge."""
 
     def __init__(self, dao: Dao[D]) -> None:
         self._dao = dao
@@ -79,51 +82,51 @@ class CompatDao(Generic[D]):
         return self._dao.get_all()
 
     def _save(self, dto: D) -> bool:
-        """Save an element that is not there yet.
+        """Save an element that is not stored.
 
         Args:
             dto: the element.
 
         Returns:
-            False when it is there already, or cannot be saved.
+            False when it is stored, or is ill-typed.
         """
         return _judged(self._dao.insert, dto)
 
     def _update(self, dto: D) -> bool:
-        """Save an element that is there already.
+        """Save an element that is stored.
 
         Args:
             dto: the element.
 
         Returns:
-            False when it is not there, or cannot be saved.
+            False when it is not stored, or is ill-typed.
         """
         return _judged(self._dao.update, dto)
 
     def save(self, dto: D) -> bool:
-        """Save an element, or update it.
+        """Insert or update an element.
 
         Args:
             dto: the element.
 
         Returns:
-            False when it cannot be saved.
+            False when it is ill-typed.
         """
         return _judged(self._dao.save, dto)
 
     def delete(self, dto: D) -> bool:
-        """Delete an element, and all that depends on it.
+        """Delete an element and everything that depends on it.
 
         Args:
             dto: the element.
 
         Returns:
-            False when it is not there.
+            False when it is not stored.
         """
         return _judged(self._dao.delete, dto)
 
     def delete_all(self) -> bool:
-        """Delete all elements of the kind, and all that depends on them.
+        """Delete all elements of the kind and everything that depends on them.
 
         Returns:
             True.
@@ -133,7 +136,7 @@ class CompatDao(Generic[D]):
 
 
 class CompatNamedDao(CompatDao[D]):
-    """A DAO of elements with a name, that answers ill-typed knowledge with False."""
+    """A DAO of named elements that returns False for ill-typed knowledge."""
 
     def __init__(self, dao: NamedDao[D]) -> None:
         super().__init__(dao)
@@ -143,7 +146,7 @@ class CompatNamedDao(CompatDao[D]):
         """Read one element.
 
         Args:
-            name: its name, in any spelling.
+            name: its name, in any case.
 
         Returns:
             The element, or None.
@@ -152,7 +155,7 @@ class CompatNamedDao(CompatDao[D]):
 
 
 class CompatPropositionDao(CompatDao[PddlPropositionDto]):
-    """The DAO of propositions, that answers ill-typed knowledge with False."""
+    """The DAO of propositions; it returns False for ill-typed knowledge."""
 
     def __init__(self, dao: PddlPropositionDao) -> None:
         super().__init__(dao)
@@ -162,7 +165,7 @@ class CompatPropositionDao(CompatDao[PddlPropositionDto]):
         """Read the facts and the goals of one predicate.
 
         Args:
-            predicate_name: the predicate's name, in any spelling.
+            predicate_name: the predicate's name, in any case.
 
         Returns:
             The propositions.
@@ -193,43 +196,23 @@ class DaoFactory:
         self._factory = factory
 
     def create_pddl_type_dao(self) -> CompatNamedDao[PddlTypeDto]:
-        """Create the DAO of types.
-
-        Returns:
-            The DAO.
-        """
+        """Create the DAO of types."""
         return CompatNamedDao(self._factory.create_pddl_type_dao())
 
     def create_pddl_object_dao(self) -> CompatNamedDao[PddlObjectDto]:
-        """Create the DAO of objects.
-
-        Returns:
-            The DAO.
-        """
+        """Create the DAO of objects."""
         return CompatNamedDao(self._factory.create_pddl_object_dao())
 
     def create_pddl_predicate_dao(self) -> CompatNamedDao[PddlPredicateDto]:
-        """Create the DAO of predicates.
-
-        Returns:
-            The DAO.
-        """
+        """Create the DAO of predicates."""
         return CompatNamedDao(self._factory.create_pddl_predicate_dao())
 
     def create_pddl_proposition_dao(self) -> CompatPropositionDao:
-        """Create the DAO of propositions.
-
-        Returns:
-            The DAO.
-        """
+        """Create the DAO of propositions."""
         return CompatPropositionDao(self._factory.create_pddl_proposition_dao())
 
     def create_pddl_action_dao(self) -> CompatNamedDao[PddlActionDto]:
-        """Create the DAO of actions.
-
-        Returns:
-            The DAO.
-        """
+        """Create the DAO of actions."""
         return CompatNamedDao(self._factory.create_pddl_action_dao())
 
 
@@ -245,17 +228,16 @@ class DaoFactoryMethod:
         """Create the factory.
 
         Args:
-            family: a member of `DaoFamilies`; the URI alone decides which database serves it, so
-                a program need not change the family that it names.
+            family: a member of `DaoFamilies`; any of them works with any URI.
             uri: the database URL.
-            node: the original's ROS 2 node; not used.
+            node: the original's ROS 2 node; ignored.
 
         Returns:
             The factory.
 
         Raises:
             InvalidArgumentError: there is no such family; it is a `ValueError`.
-            InvalidUrlError: no DAO family answers to the URI.
+            InvalidUrlError: no DAO family supports the URI.
             SchemaError: the database's tables are missing, outdated or too new.
             StoreError: the database cannot be opened.
         """
@@ -265,7 +247,7 @@ class DaoFactoryMethod:
 
 
 def _judged(call: Callable[[D], bool], dto: D) -> bool:
-    """Make a call, and answer knowledge that is refused with False."""
+    """Make a call; return False and log the reason for refused knowledge."""
     try:
         return call(dto)
     except (InvalidKnowledgeError, ConflictError, DependantsError) as error:

@@ -1,11 +1,13 @@
 """Every error of the library: one tree under `KantSqlError`.
 
-A message says what was refused, which element it was and what to do about it. Errors that come
-from the database are raised `from` the driver's own, and never carry a password.
+A message names the element, the reason and the remedy. Errors of the database are raised `from` the
+driver's, and never contain a password.
 """
 
 from __future__ import annotations
 
+import json
+import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any, TypeVar
@@ -14,32 +16,36 @@ T = TypeVar("T")
 R = TypeVar("R", bound=Sequence[Any])
 
 
+# Controls, line and paragraph separators, bidirectional overrides, and lone surrogates.
+_CONTROLS = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
+
+
 def printable(text: str) -> str:
-    """Escape what could pass for another line of a log, or command a terminal.
+    """Escape characters that could end a line or control a terminal.
 
     Args:
         text: any text.
 
     Returns:
-        The same on one line, with what is not printable as Python escapes it.
+        The same text on one line, with these characters as JSON escapes them.
     """
-    return "".join(letter if letter.isprintable() else repr(letter)[1:-1] for letter in text)
+    return _CONTROLS.sub(lambda match: json.dumps(match[0])[1:-1], text)
 
 
 class KantSqlError(Exception):
-    """The root: catch it to catch all that this library raises on purpose."""
+    """The base class of all errors that this library raises."""
 
 
 class InvalidKnowledgeError(KantSqlError, ValueError):
-    """The knowledge given is not well formed PDDL; nothing of it was stored."""
+    """The given knowledge is not well-formed PDDL; nothing of it was stored."""
 
 
 class InvalidNameError(InvalidKnowledgeError):
-    """A name that PDDL text could not carry."""
+    """The name cannot be written as PDDL text."""
 
 
 class ArityError(InvalidKnowledgeError):
-    """A predicate was given more or fewer arguments than it has parameters."""
+    """The number of arguments is not the number of parameters."""
 
 
 class TypeMismatchError(InvalidKnowledgeError):
@@ -51,19 +57,19 @@ class TypeCycleError(InvalidKnowledgeError):
 
 
 class InvalidArgumentError(KantSqlError, ValueError):
-    """An argument of a call that is no knowledge, as a limit: it is of a wrong type or value."""
+    """An argument that is not knowledge, such as a limit, has a wrong type or value."""
 
 
 class PddlError(InvalidKnowledgeError):
-    """PDDL text that cannot be read.
+    """The PDDL text cannot be read.
 
     Attributes:
         source: the file's path, or `<string>`.
         line: the line, from 1.
         column: the column, from 1.
-        found: what is there.
-        expected: what should be there.
-        nesting: what it is in, such as `action move, :effect`; empty when it is in nothing.
+        found: what was found.
+        expected: what was expected.
+        nesting: the enclosing construct, such as `action move, :effect`; may be empty.
     """
 
     def __init__(
@@ -80,13 +86,11 @@ class PddlError(InvalidKnowledgeError):
 
 
 class SourceError(KantSqlError, OSError):
-    """A file of PDDL that cannot be opened or read.
-
-    It has the attributes of any `OSError`.
+    """A PDDL file cannot be opened or read.
 
     Attributes:
-        errno: the system's number of the error.
-        strerror: what the system says.
+        errno: the system's error number.
+        strerror: the system's error message.
         filename: the file's path as text.
     """
 
@@ -95,24 +99,24 @@ class SourceError(KantSqlError, OSError):
 
     def __str__(self) -> str:
         return (
-            f"cannot read the file {self.filename!r}: {self.strerror}; give the path of a file that"
-            " can be read, or PDDL text, which begins with '('"
+            f"cannot read the file {self.filename!r}: {self.strerror}; give the path of a readable"
+            " file, or PDDL text, which begins with '('"
         )
 
 
 class SourceMissingError(SourceError, FileNotFoundError):
-    """A file of PDDL that does not exist."""
+    """A PDDL file does not exist."""
 
 
 class ConflictError(KantSqlError):
-    """What a save refers to is stored already, with another definition."""
+    """A save refers to an element that is stored with another definition."""
 
 
 class DependantsError(KantSqlError):
-    """A redefinition was refused, because live knowledge depends on the present definition.
+    """A redefinition was refused because live knowledge depends on the present definition.
 
     Attributes:
-        dependants: the PDDL text of each element that depends on it.
+        dependants: the PDDL text of each dependent element.
     """
 
     def __init__(self, message: str, dependants: Sequence[str]) -> None:
@@ -121,14 +125,14 @@ class DependantsError(KantSqlError):
 
 
 class ReadOnlyError(KantSqlError):
-    """A write was tried where only reading is possible, as on the past."""
+    """A write to something read-only, such as a past state."""
 
 
 class StaleRevisionError(KantSqlError):
-    """The knowledge base has moved on from the revision that the writer had read.
+    """The head is not the revision that the writer expected.
 
     Attributes:
-        expected: the revision that the caller expected to be the head.
+        expected: the revision that the caller expected.
         actual: the revision that is the head.
     """
 
@@ -139,27 +143,27 @@ class StaleRevisionError(KantSqlError):
 
 
 class UnknownRevisionError(KantSqlError, LookupError):
-    """A revision, or a time, that the knowledge base has not reached."""
+    """The knowledge base has not reached this revision or time."""
 
 
 class ArchivedError(UnknownRevisionError):
-    """What held at a revision was moved to an archive; the message names it."""
+    """A past state is partly in an archive; the message names it."""
 
 
 class PlanError(KantSqlError):
-    """A plan, or the state of one of its steps, that does not go with what is stored."""
+    """A plan, or the status of one of its steps, contradicts what is stored."""
 
 
 class AnchorError(InvalidArgumentError):
-    """A document that should be an anchor, and is none."""
+    """The document is not an anchor."""
 
 
 class InvalidUrlError(InvalidArgumentError):
-    """A database URL that cannot be read, or that no DAO family answers to."""
+    """The database URL cannot be parsed, or has no DAO family."""
 
 
 class SchemaError(KantSqlError):
-    """The tables in the database are not the ones that this version of the library works on."""
+    """The tables are not of the version that this library needs."""
 
 
 class SchemaMissingError(SchemaError):
@@ -179,7 +183,7 @@ class StoreError(KantSqlError):
 
 
 class ReadOnlyStoreError(StoreError, ReadOnlyError):
-    """The file, or the user's rights, allow only reading."""
+    """The file or the user's rights allow only reading."""
 
 
 class StoreUnreachableError(StoreError):
@@ -195,7 +199,7 @@ class NotADatabaseError(StoreError):
 
 
 class StoreBusyError(StoreError):
-    """Another writer held the store for longer than a writer waits; nothing was written."""
+    """Another writer held the lock for longer than the timeout; nothing was written."""
 
 
 class ConnectionLostError(StoreError):
@@ -207,11 +211,11 @@ class ClosedError(StoreError):
 
 
 class TransactionOpenError(StoreError):
-    """A task, callback or context would wait for a transaction that its own thread has open.
+    """A task, callback or context would wait for a transaction open in its own thread.
 
-    Only the task and context that opened a transaction may use it, and to wait for it in the same
+    Only the task and context that opened a transaction may use it; waiting for it in the same
     thread would block the event loop for ever. The call has written nothing, and the open
-    transaction goes on.
+    transaction continues.
     """
 
 
@@ -220,21 +224,21 @@ class TransactionCancelledError(StoreError):
 
 
 class OutcomeUnknownError(StoreError):
-    """The connection was lost while a revision was committed, and the store did not come back.
+    """The connection was lost during a commit, and the store stayed unreachable.
 
     The message names the revision and its hash: if the store has it, all of it was written.
     """
 
 
 class StoreReplacedError(StoreError):
-    """The file of the store was deleted, renamed, replaced, or overwritten while it was open.
+    """The store's file was deleted, renamed, replaced, or overwritten while it was open.
 
-    The connections are of no use from then on: close the knowledge base and connect again.
+    The connections are unusable: close the knowledge base and connect again.
     """
 
 
 class ForkedError(StoreError):
-    """A process was forked at a moment that its share of the store cannot survive."""
+    """The process was forked while its store could not be shared with a child."""
 
 
 class StoreIntegrityError(StoreError):
@@ -242,19 +246,19 @@ class StoreIntegrityError(StoreError):
 
 
 class TableMissingError(StoreError):
-    """A statement names a table that the database does not have."""
+    """A table is missing in the database."""
 
 
 class InvalidMetadataError(InvalidArgumentError):
-    """The actor, reason or source of a revision cannot be kept as given."""
+    """The actor, reason or source of a revision cannot be stored as given."""
 
 
 class InvalidTimeoutError(InvalidArgumentError):
-    """How long to wait was given as something that is no number of seconds from 0 on."""
+    """The timeout is not a number of seconds from 0 on."""
 
 
 class UnsupportedConstructError(KantSqlError):
-    """A construct that the other side has no exact counterpart for; nothing was left out."""
+    """A construct has no exact counterpart on the other side."""
 
 
 class PlannerMissingError(KantSqlError, ImportError):
@@ -265,7 +269,7 @@ class NoPlanError(KantSqlError):
     """No planner found a plan.
 
     Attributes:
-        status: why, in one word of unified-planning's: `unsolvable_proven`,
+        status: the reason, a status of unified-planning: `unsolvable_proven`,
             `unsolvable_incompletely`, `timeout`, `memout`, `unsupported_problem`,
             `internal_error`.
     """
@@ -275,7 +279,7 @@ class NoPlanError(KantSqlError):
         self.status = status
 
 
-# What breaks where rows make no sense: damaged, or changed by hand.
+# Raised by code that reads damaged rows.
 UNREADABLE = (
     ArithmeticError,
     AssertionError,
@@ -289,15 +293,15 @@ UNREADABLE = (
 
 
 def unreadable(table: str, key: object, error: Exception) -> StoreIntegrityError:
-    """Make the error for rows that make no sense.
+    """Make the error for unreadable rows.
 
     Args:
         table: the table.
-        key: what names the rows there.
-        error: what broke.
+        key: the key of the rows.
+        error: the error they caused.
 
     Returns:
-        The error to raise from it.
+        The error to raise `from` it.
     """
     return StoreIntegrityError(
         f"table {table}, {key}: the rows cannot be read ({type(error).__name__}: "
@@ -308,19 +312,19 @@ def unreadable(table: str, key: object, error: Exception) -> StoreIntegrityError
 
 @contextmanager
 def reading_rows(table: str, key: object) -> Iterator[None]:
-    """Say of rows that make no sense where they are.
+    """Raise errors of the block as an error that names the rows.
 
     Args:
         table: the table.
         key: what names the rows there.
 
     Raises:
-        StoreIntegrityError: the block broke on what the rows hold.
+        StoreIntegrityError: the block failed on the content of the rows.
     """
     try:
         yield
     except InvalidKnowledgeError as error:
-        # Rows that make no well-formed knowledge are damaged, too.
+        # Rows that are not well-formed knowledge are damaged, too.
         raise unreadable(table, key, error) from error
     except KantSqlError:
         raise
@@ -328,40 +332,57 @@ def reading_rows(table: str, key: object) -> Iterator[None]:
         raise unreadable(table, key, error) from error
 
 
-def each_readable(table: str, rows: Sequence[R], make: Callable[[R], T]) -> list[T]:
-    """Make something of each row.
+def all_readable(table: str, rows: Sequence[R], make: Callable[[Sequence[R]], list[T]]) -> list[T]:
+    """Convert rows, and find the one that fails.
 
     Args:
         table: the table.
         rows: the rows, each with its id first.
-        make: what makes it; it is called again where a row makes no sense.
+        make: converts rows; if it fails, it is called again for each row.
 
     Returns:
-        What was made.
+        The converted rows.
 
     Raises:
-        StoreIntegrityError: a row makes no sense; it is named.
+        StoreIntegrityError: a row is unreadable; the message names it.
     """
     try:
-        return [make(row) for row in rows]
+        return make(rows)
     except UNREADABLE:
         for row in rows:
             with reading_rows(table, f"id {row[0]!r}"):
-                make(row)
+                make([row])
         raise
 
 
-def check_integer(table: str, key: object, column: str, value: object) -> None:
-    """Refuse a number that is none: a column of SQLite keeps whatever it is given.
+def each_readable(table: str, rows: Sequence[R], make: Callable[[R], T]) -> list[T]:
+    """Convert each row, and find the one that fails.
 
     Args:
         table: the table.
-        key: what names the row there.
-        column: the column.
-        value: what stands there.
+        rows: the rows, each with its id first.
+        make: converts a row.
+
+    Returns:
+        The converted rows.
 
     Raises:
-        StoreIntegrityError: it is no integer.
+        StoreIntegrityError: a row is unreadable; the message names it.
+    """
+    return all_readable(table, rows, lambda some: [make(row) for row in some])
+
+
+def check_integer(table: str, key: object, column: str, value: object) -> None:
+    """Check an integer; a column of SQLite stores any type.
+
+    Args:
+        table: the table.
+        key: the key of the row.
+        column: the column.
+        value: its value.
+
+    Raises:
+        StoreIntegrityError: the value is not an integer.
     """
     if not isinstance(value, int):
         raise unreadable(table, key, TypeError(f"column {column} has {value!r}, no integer"))

@@ -1,18 +1,355 @@
-"""The factory method: a family of DAOs for each kind of database, chosen by the URL.
+"""The abstract factory, its families, and `create_dao_factory`, which picks one by the URL.
 
-`DaoFactory` is the abstract factory, with one concrete factory for each family. Another package
-joins by an entry point in the group `kant_sql.dao_families`, named like the URL's dialect, that
-gives a `DaoFactory` class.
+Another package adds a family by an entry point in the group `kant_sql.dao_families` that has the
+name of the URL's dialect and refers to a `DaoFactory` class.
 """
+
+# What a family implements has no body here, and is not abstract to a type checker.
+# mypy: disable-error-code="empty-body"
 
 from __future__ import annotations
 
+from abc import abstractmethod
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
+from datetime import datetime
 from importlib.metadata import entry_points
+from typing import Self, TypeVar
 
-from .abstract_factory import DaoFactory
-from .backends import dialect_name
+from typing_extensions import override
+
+from .arguments import whole_number
+from .dao.action import SqlActionDao, SqlEventDao, SqlProcessDao
+from .dao.base import refuse_past
+from .dao.formula import (
+    SqlConstraintDao,
+    SqlDerivedPredicateDao,
+    SqlDomainConstraintDao,
+    SqlGoalDao,
+    SqlInitialLiteralDao,
+    SqlMetricDao,
+    SqlTimedInitialLiteralDao,
+)
+from .dao.function import SqlFunctionDao
+from .dao.function_value import SqlFunctionValueDao
+from .dao.interfaces import (
+    ConstraintDao,
+    DerivedPredicateDao,
+    GoalDao,
+    InitialLiteralDao,
+    Interface,
+    MetricDao,
+    PddlActionDao,
+    PddlEventDao,
+    PddlFunctionDao,
+    PddlFunctionValueDao,
+    PddlObjectDao,
+    PddlPredicateDao,
+    PddlProcessDao,
+    PddlPropositionDao,
+    PddlTypeDao,
+    TimedInitialLiteralDao,
+    required,
+)
+from .dao.object import SqlObjectDao
+from .dao.predicate import SqlPredicateDao
+from .dao.proposition import SqlPropositionDao
+from .dao.type import SqlTypeDao
+from .documents.exchange import SqlExchange
+from .documents.interfaces import Exchange
 from .errors import InvalidUrlError
-from .sql_factory import PostgresqlDaoFactory, SqliteDaoFactory
+from .history.interfaces import History
+from .history.moments import head_revision, state_at
+from .history.sql_history import SqlHistory
+from .plans.dao import SqlPlanDao, check_step, place_of
+from .plans.interfaces import PlanDao, RecordedStep
+from .sql.dialects import BACKENDS, create_backend, dialect_name
+from .store.store import Store
+
+
+class Connection(Interface):
+    """A connection to one knowledge base, in the present or in the past."""
+
+    @required
+    def transaction(
+        self,
+        *,
+        actor: str | None = None,
+        reason: str | None = None,
+        source: object | None = None,
+        expected_revision: int | None = None,
+        observed_at: datetime | None = None,
+        plan_step: RecordedStep | None = None,
+    ) -> AbstractContextManager[None]:
+        """Make many calls one revision.
+
+        Within the `with` block, the calls of this task (or of this thread, outside of asyncio) are
+        one transaction. Other writers wait, readers do not see it, and the end of the block commits
+        it as one revision. An exception rolls it back. Other tasks, callbacks and copies of the
+        context never join the block: in its thread, their writes are refused.
+
+        A nested block joins the outer one, whose metadata stand. An exception that leaves only the
+        nested block rolls back the nested block.
+
+        Args:
+            actor: who writes; by default the actor given to `connect`.
+            reason: why.
+            source: where the knowledge comes from, as JSON values: a sensor, a plan's step.
+            expected_revision: the revision that the caller has read, for optimistic locking; a
+                nested block compares it with the revision that the outer one began from.
+            observed_at: when the knowledge was sensed, an aware time; stored beside the time of
+                the commit.
+            plan_step: the running step of a recorded plan; the revision links to it.
+
+        Returns:
+            The context manager.
+
+        Raises:
+            StaleRevisionError: on entry, when the head is not the expected revision.
+            StoreBusyError: on entry, when other writers held the store for too long.
+            TransactionOpenError: on entry, when another task or context has a transaction open in
+                this thread.
+            ConnectionLostError: the connection was lost; nothing of the block was written.
+            InvalidMetadataError: actor, reason or source cannot be stored, or observed_at has no
+                zone.
+            PlanError: the step is not of a plan of this knowledge base.
+
+        Examples:
+            >>> with kb.transaction(actor="executive", reason="navigation finished"):
+            ...     _ = kb.propositions.delete(PddlPropositionDto(robot_at, [rb1, wp1]))
+            ...     _ = kb.propositions.save(PddlPropositionDto(robot_at, [rb1, wp2]))
+            >>> kb.revision
+            2
+        """
+
+    @required
+    def at(self, when: int | datetime) -> Self:
+        """Open a past state for reading; writes raise `ReadOnlyError`.
+
+        Args:
+            when: a revision's number (0 is before the first), or an aware time up to now.
+
+        Returns:
+            The same DAOs on that state.
+
+        Raises:
+            UnknownRevisionError: there is no such revision yet, or the time lies in the future or
+                has no zone.
+            ArchivedError: a part of that state was moved to an archive.
+
+        Examples:
+            >>> kb.at(0).propositions.get_all()
+            []
+        """
+
+    @property
+    @required
+    def revision(self) -> int:
+        """The number of the last revision, 0 before the first.
+
+        Within a transaction, the revision that it began from; of a past state, its revision.
+        """
+
+    @required
+    def close(self) -> None:
+        """Close the database connections. This deletes a store in memory.
+
+        Later calls raise `ClosedError`, on past states, too. An open transaction is rolled back: at
+        once if it is this thread's, else at the end of its block. Closing a past state does
+        nothing.
+        """
+
+
+class DaoFactory(Connection):
+    """Creates the DAOs of one family, all on one knowledge base. Threads may share it.
+
+    Attributes:
+        has_one_connection: whether threads take turns on one connection, so that a read waits for
+            a transaction that another thread has open.
+    """
+
+    has_one_connection: bool = False
+
+    @abstractmethod
+    def __init__(
+        self, url: str, *, knowledge_base: str = "default", actor: str | None = None
+    ) -> None:
+        """Open a knowledge base, as `create_dao_factory` describes."""
+
+    @abstractmethod
+    def create_pddl_type_dao(self) -> PddlTypeDao:
+        """Create the DAO of types."""
+
+    @abstractmethod
+    def create_pddl_object_dao(self) -> PddlObjectDao:
+        """Create the DAO of objects."""
+
+    @abstractmethod
+    def create_pddl_predicate_dao(self) -> PddlPredicateDao:
+        """Create the DAO of predicates."""
+
+    @abstractmethod
+    def create_pddl_function_dao(self) -> PddlFunctionDao:
+        """Create the DAO of functions."""
+
+    @abstractmethod
+    def create_pddl_function_value_dao(self) -> PddlFunctionValueDao:
+        """Create the DAO of function values."""
+
+    @abstractmethod
+    def create_pddl_proposition_dao(self) -> PddlPropositionDao:
+        """Create the DAO of facts and goals."""
+
+    @abstractmethod
+    def create_pddl_action_dao(self) -> PddlActionDao:
+        """Create the DAO of actions."""
+
+    @abstractmethod
+    def create_pddl_process_dao(self) -> PddlProcessDao:
+        """Create the DAO of processes."""
+
+    @abstractmethod
+    def create_pddl_event_dao(self) -> PddlEventDao:
+        """Create the DAO of events."""
+
+    @abstractmethod
+    def create_derived_predicate_dao(self) -> DerivedPredicateDao:
+        """Create the DAO of the rules of derived predicates."""
+
+    @abstractmethod
+    def create_timed_initial_literal_dao(self) -> TimedInitialLiteralDao:
+        """Create the DAO of timed initial literals and values."""
+
+    @abstractmethod
+    def create_initial_literal_dao(self) -> InitialLiteralDao:
+        """Create the DAO of negative literals and equalities of the initial state."""
+
+    @abstractmethod
+    def create_goal_dao(self) -> GoalDao:
+        """Create the DAO of goals of any form."""
+
+    @abstractmethod
+    def create_constraint_dao(self) -> ConstraintDao:
+        """Create the DAO of the problem's constraints."""
+
+    @abstractmethod
+    def create_domain_constraint_dao(self) -> ConstraintDao:
+        """Create the DAO of the domain's constraints."""
+
+    @abstractmethod
+    def create_metric_dao(self) -> MetricDao:
+        """Create the DAO of the metric."""
+
+    @abstractmethod
+    def create_plan_dao(self) -> PlanDao:
+        """Create the DAO of recorded plans."""
+
+    @abstractmethod
+    def create_exchange(self) -> Exchange:
+        """Create what loads and writes whole documents."""
+
+    @abstractmethod
+    def create_history(self) -> History:
+        """Create what reads the past."""
+
+
+T = TypeVar("T")
+
+
+def _creates(part: Callable[[Store, int | None], T]) -> Callable[[SqlDaoFactory], T]:
+    return lambda factory: part(factory._store, factory._at)
+
+
+class SqlDaoFactory(DaoFactory):
+    """Creates DAOs on an SQL store, of the present or of the past."""
+
+    @override
+    def __init__(
+        self, url: str, *, knowledge_base: str = "default", actor: str | None = None
+    ) -> None:
+        self._at: int | None = None
+        backend = create_backend(url)
+        try:
+            self._open_store = Store(backend, knowledge_base, actor)
+            self.has_one_connection = backend.has_one_connection
+        except BaseException:
+            backend.close()
+            raise
+
+    @property
+    def _store(self) -> Store:
+        """The store; raises if it was closed."""
+        self._open_store.backend.refuse_closed()
+        return self._open_store
+
+    create_pddl_type_dao = _creates(SqlTypeDao)
+    create_pddl_object_dao = _creates(SqlObjectDao)
+    create_pddl_predicate_dao = _creates(SqlPredicateDao)
+    create_pddl_function_dao = _creates(SqlFunctionDao)
+    create_pddl_function_value_dao = _creates(SqlFunctionValueDao)
+    create_pddl_proposition_dao = _creates(SqlPropositionDao)
+    create_pddl_action_dao = _creates(SqlActionDao)
+    create_pddl_process_dao = _creates(SqlProcessDao)
+    create_pddl_event_dao = _creates(SqlEventDao)
+    create_derived_predicate_dao = _creates(SqlDerivedPredicateDao)
+    create_timed_initial_literal_dao = _creates(SqlTimedInitialLiteralDao)
+    create_initial_literal_dao = _creates(SqlInitialLiteralDao)
+    create_goal_dao = _creates(SqlGoalDao)
+    create_constraint_dao = _creates(SqlConstraintDao)
+    create_domain_constraint_dao = _creates(SqlDomainConstraintDao)
+    create_metric_dao = _creates(SqlMetricDao)
+    create_plan_dao = _creates(SqlPlanDao)
+    create_exchange = _creates(SqlExchange)
+    create_history = _creates(SqlHistory)
+
+    @override
+    @contextmanager
+    def transaction(
+        self,
+        *,
+        actor: str | None = None,
+        reason: str | None = None,
+        source: object | None = None,
+        expected_revision: int | None = None,
+        observed_at: datetime | None = None,
+        plan_step: RecordedStep | None = None,
+    ) -> Iterator[None]:
+        refuse_past(self._store, self._at)
+        if expected_revision is not None:
+            whole_number(expected_revision, "expected_revision")
+        step = None if plan_step is None else place_of(plan_step)
+        own = (actor, reason, source, expected_revision, observed_at, step)
+        with self._store.transaction(*own) as transaction:
+            if plan_step is not None:
+                check_step(transaction, plan_step)
+            yield
+
+    @override
+    def at(self, when: int | datetime) -> Self:
+        past = object.__new__(type(self))
+        past._open_store = self._store
+        past._at = state_at(self._store, when, self._at)
+        return past
+
+    @property
+    @override
+    def revision(self) -> int:
+        store = self._store
+        return head_revision(store) if self._at is None else self._at
+
+    @override
+    def close(self) -> None:
+        if self._at is None:
+            self._open_store.close()
+
+
+class SqliteDaoFactory(SqlDaoFactory):
+    """The SQLite family: one robot, embedded, in a file or in memory."""
+
+
+class PostgresqlDaoFactory(SqlDaoFactory):
+    """The PostgreSQL family: a fleet, on a server."""
+
 
 __all__ = [
     "FAMILIES",
@@ -33,25 +370,30 @@ FAMILIES: dict[str, type[DaoFactory]] = {
 def create_dao_factory(
     url: str, *, knowledge_base: str = "default", actor: str | None = None
 ) -> DaoFactory:
-    """Create the factory of the family that a database URL names.
+    """Create the factory of the DAO family that supports a database URL.
 
     Args:
         url: the database URL, for example `sqlite:///robot.db`.
-        knowledge_base: the knowledge base's name; it comes to be with its first write.
-        actor: who writes, when a transaction does not say.
+        knowledge_base: the knowledge base's name; the first write creates it.
+        actor: who writes, by default.
 
     Returns:
         The factory. A new SQLite file, or a store in memory, is created.
 
     Raises:
-        InvalidUrlError: the URL cannot be read, or no family answers to it.
+        InvalidUrlError: the URL is not valid, or no family supports it.
         SchemaMissingError: the database has no kant_sql tables.
         SchemaOutdatedError: migrations are pending.
         SchemaTooNewError: the tables are of a newer version of the library.
         StoreError: the database cannot be opened.
+
+    Examples:
+        >>> factory = create_dao_factory("sqlite://")
+        >>> factory.create_pddl_type_dao().get_all()
+        []
     """
     name = dialect_name(url)
-    family = FAMILIES.get(name) or _joined_family(name)
+    family = FAMILIES.get(name) or (SqlDaoFactory if name in BACKENDS else _joined_family(name))
     return family(url, knowledge_base=knowledge_base, actor=actor)
 
 

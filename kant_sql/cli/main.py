@@ -1,12 +1,13 @@
-"""The entry point of `kant-sql`."""
+"""The entry point of `kant-sql`: commands, exit codes, and errors as one line."""
 
 from __future__ import annotations
 
 import functools
 import logging
 import os
+import re
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from io import TextIOWrapper
 from pathlib import Path
@@ -16,84 +17,127 @@ import typer
 from typer.core import TyperArgument, TyperGroup
 
 from .. import __version__
-from .anchor import anchor, kbs
-from .archive import archive
+from ..errors import KantSqlError, SourceError, printable
 from .check import check
-from .db import db
-from .diff import diff
-from .dump import dump
-from .errors import INTERRUPTED, EndedEarlyError, run_to_exit_code
-from .history import blame, history
-from .load import load
-from .log import log
-from .output import paged, want_pager
-from .plan import plan, plans
-from .restore import restore
-from .show import show
-from .verify import verify
-from .views import views
-from .watch import watch
+from .common import JSON_OPTION
+from .documents import dump, load
+from .history import blame, diff, history, log, restore, watch
+from .output import FAILED, drop_output, json_text, paged, want_pager
+from .plans import plan, plans
+from .state import show
+from .store import anchor, archive, db, kbs, verify, views
+
+WRONG_USAGE, INTERRUPTED = 2, 130
+_WRONG_USAGE = "UsageError"
+
+_AUTHORITY = re.compile(r"(://[^\s:@/]*:)\S*@")
+_WHOLE_URL = re.compile(r"(://[^:@/]*:).*@", re.DOTALL)
+_OPTION = re.compile(r"([?&][^\s=&]*password[^\s=&]*=)[^\s&'\"]*", re.IGNORECASE)
+
+
+class EndedEarlyError(Exception):
+    """The command ended early; the rest of its output is to be discarded.
+
+    Attributes:
+        code: the exit code.
+    """
+
+    def __init__(self, code: int) -> None:
+        super().__init__(code)
+        self.code = code
+
+
+def run_to_exit_code(command: Callable[[], object], words: Sequence[str]) -> int:
+    """Run a command and return its exit code; an expected error becomes one line."""
+    try:
+        code = command()
+        sys.stdout.flush()
+    except EndedEarlyError as end:
+        drop_output()
+        return end.code
+    except BrokenPipeError:
+        drop_output()
+        return 0
+    except (KeyboardInterrupt, typer.Abort):
+        return INTERRUPTED
+    except SourceError as error:
+        return _complain(error, f"{error.filename}: {error.strerror}", words, FAILED)
+    except KantSqlError as error:
+        return _complain(error, str(error), words, FAILED)
+    except OSError as error:
+        if error.filename is not None:
+            return _complain(error, f"{error.filename}: {error.strerror}", words, FAILED)
+        drop_output()
+        message = f"cannot write the output: {error.strerror or error}"
+        return _complain(error, message, words, FAILED)
+    except Exception as error:
+        # Typer's own errors: the module of their base class depends on its version.
+        if not hasattr(error, "format_message"):
+            raise
+        return _complain(error, _usage(error), words, WRONG_USAGE)
+    return code if isinstance(code, int) else 0
+
+
+def without_passwords(text: str, words: Sequence[str]) -> str:
+    """Mask the passwords of all database URLs in a text."""
+    for word in words:
+        if "://" in word:
+            text = text.replace(word, _WHOLE_URL.sub(r"\1***@", word))
+    return _OPTION.sub(r"\1***", _AUTHORITY.sub(r"\1***@", text))
+
+
+def _usage(error: Exception) -> str:
+    message = str(error.format_message()).rstrip(".")  # type: ignore[attr-defined]
+    context = getattr(error, "ctx", None)
+    return f"{message}; try: {context.command_path if context else 'kant-sql'} --help"
+
+
+def _complain(error: Exception, message: str, words: Sequence[str], code: int) -> int:
+    line = " ".join(without_passwords(message, words).split())
+    if _wants_json(words):
+        name = _WRONG_USAGE if code == WRONG_USAGE else type(error).__name__
+        document = {"error": line, "type": name, "exit_code": code}
+        sys.stderr.write(f"{json_text(document, sys.stderr)}\n")
+    else:
+        sys.stderr.write(f"kant-sql: {printable(line)}\n")
+    return code
+
+
+def _wants_json(words: Sequence[str]) -> bool:
+    """Return whether the words ask for JSON, even if they are wrong otherwise."""
+    options = words[: words.index("--")] if "--" in words else words
+    return JSON_OPTION in options
 
 
 class Argument(TyperArgument):
-    """An argument whose metavar is all that the help calls it: no braces, dots or Python types."""
+    """An argument shown in the help by its metavar alone: no braces, dots or Python types."""
 
     def get_usage_pieces(self, ctx: Any) -> list[str]:
-        """Write the argument for the usage line.
-
-        Args:
-            ctx: what Typer gives.
-
-        Returns:
-            Its metavar.
-        """
+        """Return the argument for the usage line."""
         return [self.metavar or str(self.name)]
 
     def get_help_record(self, ctx: Any) -> tuple[str, str] | None:
-        """Write the argument for the list of arguments.
-
-        Args:
-            ctx: what Typer gives.
-
-        Returns:
-            Its metavar and its help.
-        """
+        """Return the argument for the list of arguments."""
         record = super().get_help_record(ctx)
         return record and (self.metavar or str(self.name), record[1])
 
 
 class Commands(TyperGroup):
-    """The commands, with errors and endings of our own: one line, never a traceback."""
+    """The commands; an error is one line, never a traceback."""
 
     def __init__(self, *args: Any, **options: Any) -> None:
         super().__init__(*args, **options)
         _name_arguments(self)
 
     def main(self, *args: Any, **options: Any) -> NoReturn:
-        """Run a command line and exit.
-
-        Args:
-            *args: the words after the program's name; the process's own when not given.
-            **options: what else Typer gives.
-        """
+        """Run a command line and exit."""
         given = args[0] if args else options.get("args")
         words = sys.argv[1:] if given is None else list(given)
         options.update(args=words, prog_name="kant-sql", standalone_mode=False)
         sys.exit(run_to_exit_code(lambda: super(Commands, self).main(**options), words))
 
     def invoke(self, ctx: Any) -> Any:
-        """Run a command.
-
-        Args:
-            ctx: what Typer gives.
-
-        Returns:
-            What the command returns.
-
-        Raises:
-            EndedEarlyError: nobody reads the output any more, or Ctrl-C was pressed. Typer itself
-                would call the former a failure, and wait for a reader after the latter.
-        """
+        """Run a command."""
         try:
             return super().invoke(ctx)
         except BrokenPipeError as error:
@@ -103,7 +147,7 @@ class Commands(TyperGroup):
 
 
 def _name_arguments(command: Any) -> None:
-    """Make the arguments of a command, and of those in it, ours: Typer offers no other way."""
+    """Make the arguments of a command and its subcommands ours; Typer has no setting for it."""
     for parameter in command.params:
         if type(parameter) is TyperArgument:
             parameter.__class__ = Argument
@@ -112,7 +156,7 @@ def _name_arguments(command: Any) -> None:
 
 
 def _in_pager(command: Callable[..., object]) -> Callable[..., object]:
-    """Let a command write through a pager, where people read it."""
+    """Send a command's output through a pager, unless it is JSON."""
 
     @functools.wraps(command)
     def run_in_pager(*words: Any, **options: Any) -> object:
@@ -122,7 +166,7 @@ def _in_pager(command: Callable[..., object]) -> Callable[..., object]:
     return run_in_pager
 
 
-# Help is plain text: what it says of URLs would be read as markup.
+# Help is plain text: URLs in it would be read as markup.
 app = typer.Typer(
     cls=Commands,
     context_settings={"help_option_names": ["-h", "--help"]},
@@ -160,30 +204,30 @@ def _version(wanted: bool) -> None:
 @app.callback()
 def _kant_sql(
     version: Annotated[
-        bool, typer.Option("--version", callback=_version, is_eager=True, help="Tell the version.")
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version.")
     ] = False,
     no_pager: Annotated[
-        bool, typer.Option("--no-pager", help="Write long output straight to the terminal.")
+        bool, typer.Option("--no-pager", help="Write long output without a pager.")
     ] = False,
 ) -> None:
-    """Fill, question and plan from the knowledge base that remembers."""
+    """Fill, query and plan from a knowledge base with history."""
     want_pager(not no_pager)
 
 
 def run() -> None:
-    """Run the process's command line."""
+    """Run the command line of this process."""
     # The process may have been started with these closed.
     sys.stdout = sys.stdout or Path(os.devnull).open("w")  # noqa: SIM115
     sys.stderr = sys.stderr or Path(os.devnull).open("w")  # noqa: SIM115
     if isinstance(sys.stdout, TextIOWrapper):
-        # Standard error does so by itself: what its encoding lacks is escaped, and no failure.
+        # As standard error does by default: escape what the encoding lacks.
         sys.stdout.reconfigure(errors="backslashreplace")
     _log()
     app()
 
 
 def _log() -> None:
-    """Log to standard error: warnings, or what `KANT_SQL_LOG` says."""
+    """Log to standard error, warnings unless `KANT_SQL_LOG` has another level."""
     level = os.environ.get("KANT_SQL_LOG", "warning").upper()
     if level not in logging.getLevelNamesMapping():
         sys.exit(f"KANT_SQL_LOG={level.lower()}: expected debug, info, warning or error")

@@ -1,4 +1,4 @@
-"""How the commands write: styled tables in a terminal or a pager, plain text in a pipe, or JSON."""
+"""Output: styled tables in a terminal or a pager, plain text in a pipe, or JSON; progress bars."""
 
 from __future__ import annotations
 
@@ -11,134 +11,80 @@ import signal
 import subprocess
 import sys
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
-from typing import Annotated, TextIO
+from typing import TextIO
 
-import typer
 from rich.cells import cell_len
 from rich.console import Console
+from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 from rich.table import Table
 from rich.text import Text
 
-JSON_OPTION = "--json"
-AsJson = Annotated[bool, typer.Option(JSON_OPTION, help="One JSON document.")]
+from ..errors import printable
 
-# What would steer a terminal, or what some reader takes for the end of a line.
-_STEERING = r"\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069\ud800-\udfff]"
-_CONTROLS = re.compile(rf"[\x00-\x1f{_STEERING}")
-_CONTROLS_BUT_SPACE = re.compile(rf"[\x00-\x08\x0b-\x1f{_STEERING}")
+FAILED = 1
+
+Document = dict[str, object]
+
+_LAYOUT = re.compile(r"[^\t\n]+")
 _GAP = "  "
 _TAB = "  "
-# Rich takes a second for 10,000 rows, which nobody reads in a box.
+# Rich takes a second for 10,000 rows; nobody reads that many in a box.
 _BOXED_ROWS = 5_000
-# Rich leaves out what it has no place for, all of it where COLUMNS is 0.
+# Rich drops what does not fit: everything if COLUMNS is 0.
 _LEAST_WIDTH = 40
 
 
-def printable(text: str) -> str:
-    """Write free text on one line, so that it cannot steer a terminal.
-
-    Args:
-        text: the text.
-
-    Returns:
-        The text, with its control characters as in a JSON string.
-    """
-    return _CONTROLS.sub(_escaped, text)
-
-
 def printable_lines(text: str) -> str:
-    """Write a text that may have several lines, so that it cannot steer a terminal.
-
-    Args:
-        text: the text.
-
-    Returns:
-        The text, with its control characters but tabs and the ends of lines as in a JSON string.
-    """
-    return _CONTROLS_BUT_SPACE.sub(_escaped, text)
-
-
-def _escaped(match: re.Match[str]) -> str:
-    return json.dumps(match[0])[1:-1]
+    """Escape text as `printable` does, but keep line feeds and tabs."""
+    return _LAYOUT.sub(lambda match: printable(match[0]), text)
 
 
 def plural(count: int, noun: str) -> str:
-    """Write how many there are of something.
-
-    Args:
-        count: the number.
-        noun: what it is, of which the plural ends in s.
-
-    Returns:
-        As `1 file`, `1,204 files`.
-    """
-    return f"{count:,} {noun}{'' if count == 1 else 's'}"
+    """Return a count with its noun."""
+    return f"{count} {noun}{'' if count == 1 else 's'}"
 
 
 def json_text(value: object, to: TextIO | None = None) -> str:
-    """Write JSON on one line.
-
-    Args:
-        value: what JSON can say.
-        to: where it is to be written; standard output when not given.
-
-    Returns:
-        The document; characters that the stream cannot take are escaped.
-    """
+    """Return a value as JSON on one line, in ASCII unless the stream is UTF-8."""
     encoding = (to or sys.stdout).encoding or ""
     ascii_only = encoding.lower().replace("-", "") != "utf8"
     return printable(json.dumps(value, ensure_ascii=ascii_only))
 
 
 def write_json(value: object) -> None:
-    """Write a JSON document and end the line.
-
-    Args:
-        value: what JSON can say.
-    """
+    """Write a JSON document on a line."""
     sys.stdout.write(json_text(value) + "\n")
 
 
 PAGER_VARIABLES = "KANT_SQL_PAGER", "PAGER"
-# As git has it: less quits when all fits on the screen, passes colours on, and leaves the text.
+# As in git: less quits if all fits on the screen, passes colours, and leaves the text there.
 _PAGER_DEFAULTS = {"LESS": "FRX", "LV": "-c"}
 
 
 class _Paging:
-    """Whether a pager is wanted, and whether one is between this process and the terminal."""
+    """Whether a pager is allowed, and whether one is running."""
 
     is_wanted = True
     is_on = False
 
 
 def want_pager(wanted: bool) -> None:
-    """Set whether long output may go through a pager.
-
-    Args:
-        wanted: whether it may.
-    """
+    """Set whether long output may go through a pager."""
     _Paging.is_wanted = wanted
 
 
 def is_terminal() -> bool:
-    """Tell whether somebody reads standard output in a terminal, perhaps through a pager.
-
-    Returns:
-        Whether it is so.
-    """
+    """Return whether standard output is a terminal, directly or through a pager."""
     return _Paging.is_on or sys.stdout.isatty()
 
 
 @contextmanager
 def paged() -> Iterator[None]:
-    """Send what the block writes through a pager, if it goes to a terminal.
+    """Send the block's output through a pager if it goes to a terminal.
 
-    Who quits the pager has read enough: that ends the block, and is no failure.
-
-    Yields:
-        Nothing.
+    Quitting the pager ends the block and is no failure.
     """
     command = _pager() if _Paging.is_wanted and sys.stdout.isatty() else None
     if command is None:
@@ -158,22 +104,22 @@ def paged() -> Iterator[None]:
         yield
         sys.stdout.flush()
     except BrokenPipeError:
-        _forget(descriptor)
+        drop_output()
     except BaseException:
         with suppress(BrokenPipeError):
             sys.stdout.flush()
-        _forget(descriptor)
+        drop_output()
         raise
     finally:
         _Paging.is_on = False
-        # The pager is at its end when nobody can write to it any more.
+        # The pager sees the end of its input once no descriptor is open for writing.
         os.dup2(terminal, descriptor)
         os.close(terminal)
         _wait_for(pager)
 
 
 def _pager() -> str | None:
-    """Find the pager's command; None where there is none, or none is wanted."""
+    """Return the pager's command; None if there is none or it is disabled."""
     for variable in PAGER_VARIABLES:
         if variable in os.environ:
             command = os.environ[variable].strip()
@@ -187,16 +133,8 @@ def _pager() -> str | None:
     return command
 
 
-def _forget(descriptor: int) -> None:
-    """Let what is still buffered go nowhere."""
-    nowhere = os.open(os.devnull, os.O_WRONLY)
-    os.dup2(nowhere, descriptor)
-    os.close(nowhere)
-    sys.stdout.flush()
-
-
 def _wait_for(pager: subprocess.Popen[bytes]) -> None:
-    """Wait until the pager has been quit: Ctrl-C is for the pager alone."""
+    """Wait until the pager quits; Ctrl-C is for the pager alone."""
     is_main = threading.current_thread() is threading.main_thread()
     before = signal.signal(signal.SIGINT, signal.SIG_IGN) if is_main else None
     try:
@@ -206,17 +144,25 @@ def _wait_for(pager: subprocess.Popen[bytes]) -> None:
             signal.signal(signal.SIGINT, before)
 
 
+def drop_output() -> None:
+    """Discard buffered output, so that flushing it at exit cannot fail."""
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, sys.stdout.fileno())
+    os.close(nowhere)
+    sys.stdout.flush()
+
+
 class _Console(Console):
     def on_broken_pipe(self) -> None:
-        """Let it be seen that nobody reads any more: rich would end the process with a failure."""
+        """Report a closed pipe; rich would exit with a failure."""
         raise BrokenPipeError
 
 
 class Printer:
-    """Writes for people: with styles and boxes in a terminal, plain text anywhere else.
+    """Output for people: styles and boxes in a terminal, plain text elsewhere.
 
-    No text is ever cut off, and none is read as markup or steers a terminal: who changed a store
-    without the library may have put anything into it.
+    Text is never cut off, read as markup, or able to control a terminal: a store that was changed
+    without the library may contain anything.
     """
 
     def __init__(self) -> None:
@@ -228,12 +174,7 @@ class Printer:
             self._console.width = max(self._console.width, _LEAST_WIDTH)
 
     def line(self, text: str = "", style: str = "") -> None:
-        """Write a line.
-
-        Args:
-            text: the text; it may hold line breaks.
-            style: its style in a terminal.
-        """
+        """Write a line."""
         text = printable_lines(text)
         if self._console is None:
             sys.stdout.write(f"{text}\n")
@@ -241,13 +182,7 @@ class Printer:
             self._console.print(Text(text.replace("\t", _TAB), style), soft_wrap=True)
 
     def table(self, title: str, columns: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
-        """Write a table under a title that tells how many rows it has.
-
-        Args:
-            title: what the rows are.
-            columns: the head of each column.
-            rows: the cells of each row; in the last column they may hold line breaks.
-        """
+        """Write a table under a title with the number of rows."""
         self.line()
         self.line(f"{title} ({len(rows)})", "bold")
         if not rows:
@@ -265,7 +200,7 @@ class Printer:
 
 
 def _write_columns(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
-    """Write the columns side by side; one alone needs no head beside the title."""
+    """Write aligned columns; a single column needs no head beside the title."""
     lines = [columns, *rows] if len(columns) > 1 else rows
     widths = [max(map(cell_len, cells)) for cells in zip(*lines, strict=True)][:-1]
     for *cells, last in lines:
@@ -273,3 +208,23 @@ def _write_columns(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> Non
             cell + " " * (width - cell_len(cell)) for cell, width in zip(cells, widths, strict=True)
         )
         sys.stdout.write(f"{_GAP.join([*padded, last]).rstrip()}\n")
+
+
+def progress_console() -> Console | None:
+    """Return the terminal for progress bars; None if standard error is none."""
+    console = Console(stderr=True)
+    return console if sys.stderr.isatty() and console.is_interactive else None
+
+
+@contextmanager
+def bar(name: str) -> Iterator[Callable[[int, int], None] | None]:
+    """Show a progress bar in a terminal; yield the function that moves it."""
+    console = progress_console()
+    if console is None:
+        yield None
+        return
+    columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn())
+    with Progress(*columns, TimeRemainingColumn(), console=console, transient=True) as progress:
+        # Square brackets in a name are no markup.
+        task = progress.add_task(printable(name).replace("[", r"\["), total=None)
+        yield lambda done, whole: progress.update(task, completed=done, total=whole)

@@ -1,10 +1,10 @@
-"""A state in the form that becomes JSON, and what of it is wanted."""
+"""`kant-sql show`: a state or a part of it, now or in the past."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from decimal import Decimal
-from typing import NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 from ..dto import (
     PddlActionDto,
@@ -16,23 +16,89 @@ from ..dto import (
     PddlPropositionDto,
     PddlTypeDto,
 )
-from ..dto.formula import Atom, Metric, Node
-from ..dto.name import fold
-from ..dto.number import number_text
-from ..dto.pddl_action_dto import Duration
-from ..knowledge_base import KnowledgeBase
-from ..pddl.tokens import tokenize
+from ..dto.actions import Duration
+from ..dto.elements import NamedDto
+from ..dto.formulas import Atom, Metric, Node
+from ..dto.lexical import ROOT_TYPE, fold, number_text
+from ..errors import KantSqlError, printable
+from ..knowledge.canonical import time_text
+from ..pddl.cursor import hint
+from ..pddl.lexer import tokenize
+from .common import AsJson, At, Name, Url, open_state, option
+from .output import Document, Printer, write_json
 
-Document = dict[str, object]
+if TYPE_CHECKING:
+    from ..knowledge_base import KnowledgeBase
+
+# The elements of a state by the name of their section.
+Elements = Mapping[str, Sequence[Any]]
+
+_OnlyFacts = Annotated[bool, option("Only facts.", "--facts")]
+_OfPredicate = Annotated[
+    str | None, option("Only facts and goals of this predicate.", metavar="NAME")
+]
+_OfObject = Annotated[
+    str | None, option("Only elements that name this object.", "--object", metavar="NAME")
+]
+_OfType = Annotated[
+    str | None,
+    option(
+        "Only elements that name an object of this type or a subtype.", "--type", metavar="NAME"
+    ),
+]
 
 
-class Wanted(NamedTuple):
-    """What of a state is wanted: the elements that all of these conditions apply to.
+def show(
+    url: Url,
+    kb: Name = None,
+    at: At = None,
+    facts: _OnlyFacts = False,
+    predicate: _OfPredicate = None,
+    object_: _OfObject = None,
+    type_: _OfType = None,
+    as_json: AsJson = False,
+) -> None:
+    """Show a state: objects, facts, goals and the rest.
+
+    Several options select the elements to which all of them apply.
+    """
+    with open_state(url, kb, at) as (name, state):
+        is_part = facts or not predicate is object_ is type_ is None
+        if is_part:
+            objects = _find_objects(state, name, object_, type_)
+            if predicate is not None:
+                _find("predicate", predicate, state.predicates.get_all(), name)
+            elements = _read_part(state, Selection(facts, predicate, objects))
+        committed_at = _committed_at(state)
+        if not is_part:
+            elements = {section.name: section.read(state) for section in _SECTIONS}
+        if as_json:
+            header = {"knowledge_base": name, "revision": state.revision}
+            write_json({**header, "committed_at": committed_at, **_state_document(elements)})
+            return
+        printer = Printer()
+        moment = committed_at or "before the first"
+        printer.line(f"knowledge base {name}, revision {state.revision}, {moment}", "bold")
+        _write_state(printer, elements, _SHOWN_IN_PART if is_part else _SHOWN_IN_WHOLE)
+
+
+def _committed_at(state: KnowledgeBase) -> str | None:
+    if state.revision == 0:
+        return None
+    (revision,) = state.revisions(after=state.revision - 1, limit=1)
+    return time_text(revision.committed_at)
+
+
+# Selecting a part
+
+
+class Selection(NamedTuple):
+    """Which elements of a state to show: those that all of these conditions apply to.
 
     Attributes:
         facts: only facts.
         predicate: the name of the predicate of facts and goals.
-        objects: the names of objects, folded, of which an element names one; None for any.
+        objects: the folded names of objects, one of which an element names; None for any.
     """
 
     facts: bool = False
@@ -40,109 +106,76 @@ class Wanted(NamedTuple):
     objects: frozenset[str] | None = None
 
 
-class Part(NamedTuple):
-    """What is wanted of a state, by the sections that can answer.
-
-    Attributes:
-        objects: the objects.
-        facts: the facts.
-        function_values: the values of functions.
-        goals: the goals.
-    """
-
-    objects: list[PddlObjectDto]
-    facts: list[PddlPropositionDto]
-    function_values: list[PddlFunctionValueDto]
-    goals: Sequence[Node]
-
-
-def wanted_part(state: KnowledgeBase, wanted: Wanted) -> Part:
-    """Read what is wanted of a state.
-
-    Args:
-        state: the knowledge base at a revision.
-        wanted: the conditions.
-
-    Returns:
-        The part.
-    """
-    dao, name = state.propositions, wanted.predicate
-    atoms = dao.get_no_goals() if name is None else dao.get_by_predicate(name)
-    facts = [dto for dto in atoms if not dto.is_goal and _names_one(dto.objects, wanted.objects)]
-    if wanted.facts:
-        return Part([], facts, [], [])
-    goals = [node for node in state.goals.get_all() if _mentions(node, wanted)]
-    if name is not None:
-        return Part([], facts, [], goals)
-    return Part(
-        [dto for dto in state.objects.get_all() if _names_one([dto], wanted.objects)],
-        facts,
-        [dto for dto in state.function_values.get_all() if _has_object(dto, wanted.objects)],
-        goals,
-    )
-
-
-def part_document(part: Part) -> Document:
-    """Give a part of a state in the form that becomes JSON: its sections as `state_document` does.
-
-    Args:
-        part: the part.
-
-    Returns:
-        The document.
-    """
-    return {
-        "objects": [_object(dto) for dto in part.objects],
-        "facts": [_proposition(dto) for dto in part.facts],
-        "function_values": [_value(dto) for dto in part.function_values],
-        "goals": [_goal(node) for node in part.goals],
-    }
+def _read_part(state: KnowledgeBase, selection: Selection) -> Elements:
+    """Read the selected elements, by the sections that can have any."""
+    dao, predicate, objects = state.propositions, selection.predicate, selection.objects
+    atoms = dao.get_no_goals() if predicate is None else dao.get_by_predicate(predicate)
+    part: dict[str, Sequence[Any]] = {"objects": [], "facts": [], "function_values": []}
+    part["facts"] = [one for one in atoms if not one.is_goal and _names_one(one.objects, objects)]
+    part["goals"] = []
+    if selection.facts:
+        return part
+    part["goals"] = [node for node in state.goals.get_all() if _mentions(node, selection)]
+    if predicate is None:
+        part["objects"] = [one for one in state.objects.get_all() if _names_one([one], objects)]
+        values = state.function_values.get_all()
+        part["function_values"] = [one for one in values if _names_object(one, objects)]
+    return part
 
 
 def _names_one(dtos: Iterable[PddlObjectDto], objects: frozenset[str] | None) -> bool:
     return objects is None or any(fold(dto.name) in objects for dto in dtos)
 
 
-def _has_object(dto: PddlFunctionValueDto, objects: frozenset[str] | None) -> bool:
+def _names_object(dto: PddlFunctionValueDto, objects: frozenset[str] | None) -> bool:
     value = [dto.value] if isinstance(dto.value, PddlObjectDto) else []
     return _names_one([*dto.objects, *value], objects)
 
 
-def _mentions(node: Node, wanted: Wanted) -> bool:
-    """Tell whether a goal of any form has the predicate and one of the objects in it."""
+def _mentions(node: Node, selection: Selection) -> bool:
+    """Return whether a goal of any form has the predicate and one of the objects in it."""
     words = set(tokenize(fold(str(node))))
-    has_predicate = wanted.predicate is None or fold(wanted.predicate) in words
-    return has_predicate and (wanted.objects is None or bool(words & wanted.objects))
+    has_predicate = selection.predicate is None or fold(selection.predicate) in words
+    return has_predicate and (selection.objects is None or bool(words & selection.objects))
 
 
-def state_document(state: KnowledgeBase) -> Document:
-    """Give a state in the form that becomes JSON.
+def _find_objects(
+    state: KnowledgeBase, kb: str, object_: str | None, type_: str | None
+) -> frozenset[str] | None:
+    """Return the objects of a name, a type or both; None for all."""
+    if object_ is None and type_ is None:
+        return None
+    found = state.objects.get_all()
+    if type_ is not None:
+        types = state.types.get_all()
+        if fold(type_) != ROOT_TYPE:
+            _find("type", type_, types, kb)
+        found = [dto for dto in found if fold(type_) in _lineage(dto.type)]
+    if object_ is not None:
+        one = _find("object", object_, state.objects.get_all(), kb)
+        found = [dto for dto in found if dto.name == one]
+    return frozenset(fold(dto.name) for dto in found)
 
-    Args:
-        state: the knowledge base at a revision.
 
-    Returns:
-        The document.
-    """
-    return {
-        "requirements": list(state.domain().requirements),
-        "types": [_type(dto) for dto in state.types.get_all()],
-        "objects": [_object(dto) for dto in state.objects.get_all()],
-        "predicates": [_predicate(dto) for dto in state.predicates.get_all()],
-        "functions": [_function(dto) for dto in state.functions.get_all()],
-        "derived_predicates": [_node(node) for node in state.derived_predicates.get_all()],
-        "facts": [_proposition(dto) for dto in state.propositions.get_no_goals()],
-        "function_values": [_value(dto) for dto in state.function_values.get_all()],
-        "initial_literals": [_node(node) for node in state.initial_literals.get_all()],
-        "timed_initial_literals": [_node(node) for node in state.timed_initial_literals.get_all()],
-        "goals": [_goal(node) for node in state.goals.get_all()],
-        "constraints": [_node(node) for node in state.constraints.get_all()],
-        "domain_constraints": [_node(node) for node in state.domain_constraints.get_all()],
-        "metric": _metric(state.metric.get()),
-        "actions": [_action(dto) for dto in state.actions.get_all()],
-        "processes": [_action(dto) for dto in state.processes.get_all()],
-        "events": [_action(dto) for dto in state.events.get_all()],
-    }
+def _lineage(dto: PddlTypeDto | None) -> Iterator[str]:
+    yield ROOT_TYPE
+    while dto is not None:
+        yield fold(dto.name)
+        dto = dto.parent
+
+
+def _find(kind: str, name: str, dtos: Sequence[NamedDto], kb: str) -> str:
+    """Return a name in its stored spelling; raise if there is none."""
+    names = {fold(dto.name): dto.name for dto in dtos}
+    if fold(name) not in names:
+        raise KantSqlError(
+            f"there is no {kind} {printable(name)!r} in knowledge base {kb!r} at this revision"
+            f"{hint(name, list(names.values()))}"
+        )
+    return names[fold(name)]
+
+
+# JSON
 
 
 def _type(dto: PddlTypeDto) -> Document:
@@ -151,10 +184,6 @@ def _type(dto: PddlTypeDto) -> Document:
 
 def _object(dto: PddlObjectDto) -> Document:
     return {"name": dto.name, "type": dto.type.name, "is_constant": dto.is_constant}
-
-
-def _parameter(dto: PddlObjectDto) -> Document:
-    return {"name": dto.name, "type": dto.type.name}
 
 
 def _predicate(dto: PddlPredicateDto) -> Document:
@@ -178,12 +207,12 @@ def _proposition(dto: PddlPropositionDto) -> Document:
     }
 
 
-def _value(dto: PddlFunctionValueDto) -> Document:
+def _function_value(dto: PddlFunctionValueDto) -> Document:
     value = dto.value
     return {
         "function": dto.function.name,
         "objects": [object_.name for object_ in dto.objects],
-        # A number as text is exact, in every reader of JSON.
+        # As text, a number is exact in every JSON reader.
         "value": value.name if isinstance(value, PddlObjectDto) else number_text(value),
         "pddl": str(dto),
     }
@@ -200,9 +229,7 @@ def _node(node: Node) -> Document:
     return {"pddl": str(node)}
 
 
-def _metric(metric: Metric | None) -> Document | None:
-    if metric is None:
-        return None
+def _metric(metric: Metric) -> Document:
     return {
         "optimization": metric.optimization,
         "expression": str(metric.expression),
@@ -213,9 +240,9 @@ def _metric(metric: Metric | None) -> Document | None:
 def _action(dto: PddlActionDto) -> Document:
     return {
         "name": dto.name,
-        "parameters": [_parameter(parameter) for parameter in dto.parameters],
-        "conditions": [_part(part) for part in dto.conditions],
-        "effects": [_part(part) for part in dto.effects],
+        "parameters": [{"name": one.name, "type": one.type.name} for one in dto.parameters],
+        "conditions": [_condition_effect(one) for one in dto.conditions],
+        "effects": [_condition_effect(one) for one in dto.effects],
         "durative": dto.durative,
         "duration": _duration(dto.duration) if dto.durative else None,
         "pddl": str(dto),
@@ -228,7 +255,7 @@ def _duration(duration: Duration) -> object:
     return str(duration) if isinstance(duration, Decimal) else [str(part) for part in duration]
 
 
-def _part(dto: PddlConditionEffectDto | Node) -> Document:
+def _condition_effect(dto: PddlConditionEffectDto | Node) -> Document:
     if isinstance(dto, Node):
         return _node(dto)
     return {
@@ -237,3 +264,99 @@ def _part(dto: PddlConditionEffectDto | Node) -> Document:
         "time": dto.time,
         "is_negative": dto.is_negative,
     }
+
+
+# The sections
+
+
+class Section(NamedTuple):
+    """A section of a state.
+
+    Attributes:
+        name: its name, in JSON and, with spaces, as the title of its table.
+        column: the head of its first column.
+        read: reads its elements.
+        document: makes JSON data of an element.
+        second: the head of the second column and what makes its cells; the first then has the name.
+    """
+
+    name: str
+    column: str
+    read: Callable[[KnowledgeBase], Sequence[Any]]
+    document: Callable[[Any], object] = _node
+    second: tuple[str, Callable[[Any], str]] | None = None
+
+
+_SECTIONS = (
+    Section("requirements", "requirement", lambda state: state.domain().requirements, str),
+    Section(
+        "types",
+        "type",
+        lambda state: state.types.get_all(),
+        _type,
+        ("parent", lambda dto: dto.parent.name if dto.parent else ROOT_TYPE),
+    ),
+    Section(
+        "objects",
+        "object",
+        lambda state: state.objects.get_all(),
+        _object,
+        ("type", lambda dto: dto.type.name),
+    ),
+    Section("predicates", "predicate", lambda state: state.predicates.get_all(), _predicate),
+    Section("functions", "function", lambda state: state.functions.get_all(), _function),
+    Section(
+        "derived_predicates", "derived predicate", lambda state: state.derived_predicates.get_all()
+    ),
+    Section("facts", "fact", lambda state: state.propositions.get_no_goals(), _proposition),
+    Section(
+        "function_values",
+        "function value",
+        lambda state: state.function_values.get_all(),
+        _function_value,
+    ),
+    Section("initial_literals", "initial literal", lambda state: state.initial_literals.get_all()),
+    Section(
+        "timed_initial_literals",
+        "timed initial literal",
+        lambda state: state.timed_initial_literals.get_all(),
+    ),
+    Section("goals", "goal", lambda state: state.goals.get_all(), _goal),
+    Section("constraints", "constraint", lambda state: state.constraints.get_all()),
+    Section(
+        "domain_constraints", "domain constraint", lambda state: state.domain_constraints.get_all()
+    ),
+    Section("metric", "metric", lambda state: [m for m in [state.metric.get()] if m], _metric),
+    Section("actions", "action", lambda state: state.actions.get_all(), _action),
+    Section("processes", "process", lambda state: state.processes.get_all(), _action),
+    Section("events", "event", lambda state: state.events.get_all(), _action),
+)
+# Sections that are shown to people even if they are empty.
+_SHOWN_IN_WHOLE = frozenset({"types", "objects", "predicates", "facts", "goals", "actions"})
+_SHOWN_IN_PART = frozenset({"facts"})
+
+
+def _state_document(elements: Elements) -> Document:
+    """Return a state, or a part of one, as JSON data."""
+    document: Document = {
+        section.name: [section.document(one) for one in elements[section.name]]
+        for section in _SECTIONS
+        if section.name in elements
+    }
+    if "metric" in elements:
+        document["metric"] = next((_metric(one) for one in elements["metric"]), None)
+    return document
+
+
+def _write_state(printer: Printer, elements: Elements, always: frozenset[str]) -> None:
+    """Write a state, or a part of one, for people."""
+    for section in _SECTIONS:
+        found = elements.get(section.name, ())
+        if not found and section.name not in always:
+            continue
+        title, second = section.name.replace("_", " "), section.second
+        if second is None:
+            printer.table(title, [section.column], [[str(one)] for one in found])
+        else:
+            head, cell = second
+            printer.table(title, [section.column, head], [[one.name, cell(one)] for one in found])

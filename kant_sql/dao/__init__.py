@@ -1,27 +1,28 @@
-"""The DAOs: `*interfaces.py` say what they do, and each PDDL element has a module."""
+"""The DAOs: `interfaces.py` has the abstract ones, and each PDDL element a module."""
 
 from __future__ import annotations
 
-from .fluent_interfaces import PddlFunctionDao, PddlFunctionValueDao
-from .formula_interfaces import (
+from .interfaces import (
     ConstraintDao,
+    Dao,
     DerivedPredicateDao,
     FormulaDao,
     GoalDao,
     InitialLiteralDao,
     MetricDao,
-    TimedInitialLiteralDao,
-)
-from .interfaces import (
-    Dao,
     NamedDao,
     PddlActionDao,
     PddlEventDao,
+    PddlFunctionDao,
+    PddlFunctionValueDao,
     PddlObjectDao,
     PddlPredicateDao,
     PddlProcessDao,
     PddlPropositionDao,
     PddlTypeDao,
+    Progress,
+    RedefinableDao,
+    TimedInitialLiteralDao,
 )
 
 __all__ = [
@@ -42,5 +43,7 @@ __all__ = [
     "PddlProcessDao",
     "PddlPropositionDao",
     "PddlTypeDao",
+    "Progress",
+    "RedefinableDao",
     "TimedInitialLiteralDao",
 ]

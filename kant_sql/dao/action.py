@@ -1,9 +1,9 @@
-"""Actions, processes and events: the DAOs, and the rules that an action must keep."""
+"""Actions, processes and events: the DAOs, their trees, and the rules that an action must keep."""
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from decimal import Decimal
 from typing import ClassVar, TypeVar
 
@@ -17,24 +17,69 @@ from ..dto import (
     PddlProcessDto,
     PddlTypeDto,
 )
-from ..dto.formula import TIMES, Atom, Comparison, Constant, Node, Not, Number, Timed, Variable
-from ..dto.name import check_name, fold
-from ..dto.number import number_text
-from ..dto.pddl_action_dto import action_text, duration_text
+from ..dto.formulas import (
+    TIMES,
+    And,
+    Atom,
+    Comparison,
+    Constant,
+    Node,
+    Not,
+    Number,
+    Timed,
+    Variable,
+)
+from ..dto.lexical import check_name, fold, number_text
 from ..errors import ArityError, ConflictError, InvalidKnowledgeError, TypeMismatchError
-from ..knowledge.action import ActionDefinition
-from ..knowledge.predicate import ParameterDefinition
-from ..knowledge.tree_reader import TreeReader, typed_name
+from ..knowledge.canonical import with_text
+from ..knowledge.definitions import ActionDefinition
+from ..knowledge.formulas import typed_name
+from ..knowledge.trees import ParameterDefinition, Tree
 from ..pddl.document import ACTION, DURATIVE_ACTION, EVENT, PROCESS
-from ..pddl.node_text import node_text
-from ..transaction import Transaction
-from .action_trees import Trees, action_trees
-from .builder import DtoBuilder
+from ..pddl.formulas import flatten
+from ..store.transaction import Transaction
+from .base import SqlNamedDao, identify
+from .formula import Place, TreeWriter
 from .interfaces import PddlActionDao, PddlEventDao, PddlProcessDao
-from .named import SqlNamedDao
-from .object import check_object
-from .predicate import ensure_predicate
-from .type import ensure_type, ensure_types
+from .object import OBJECTS
+from .predicate import PREDICATES
+from .type import TYPES, ensure_types
+
+Trees = tuple[Tree, Tree, Tree]
+
+
+def action_trees(
+    transaction: Transaction,
+    kind: str,
+    name: str,
+    parameters: Sequence[ParameterDefinition],
+    duration: Sequence[Node],
+    condition: Sequence[Node],
+    effect: Sequence[Node],
+) -> Trees:
+    """Check what an action is made of, and make its trees."""
+    durative = kind == DURATIVE_ACTION
+    if duration and not durative:
+        raise InvalidKnowledgeError(f"{kind} {name!r} has a duration; only a {DURATIVE_ACTION} has")
+
+    def tree(section: str, formulas: Sequence[Node], place: Place) -> Tree:
+        role = f"the {section} of {kind.rpartition('-')[2]} {name!r}"
+        writer = TreeWriter(transaction, role, parameters, kind)
+        own: list[Node] = []
+        for formula in formulas:
+            own += flatten(formula) if isinstance(formula, And) else (formula,)
+        if place is not Place.DURATION:
+            return writer.conjunction(own, place)
+        if len(own) == 1:
+            return writer.tree(own[0], place)
+        return writer.conjunction(own, place) if own else ()
+
+    return (
+        tree("duration", duration, Place.DURATION),
+        tree("condition", condition, Place.TIMED_CONDITION if durative else Place.CONDITION),
+        tree("effect", effect, Place.TIMED_EFFECT if durative else Place.EFFECT),
+    )
+
 
 A = TypeVar("A", bound=PddlActionDto)
 
@@ -46,22 +91,7 @@ def put_action(
     parameters: tuple[ParameterDefinition, ...],
     parts: Trees,
 ) -> bool:
-    """Define an action, a process or an event.
-
-    Args:
-        transaction: the transaction.
-        keyword: what it is.
-        name: its name.
-        parameters: its parameters.
-        parts: duration, condition and effect.
-
-    Returns:
-        Whether that is a change.
-
-    Raises:
-        InvalidNameError: PDDL text could not carry the name.
-        ConflictError: the name is one of another kind of action.
-    """
+    """Define an action, a process or an event."""
     check_name("action", name)
     definitions = transaction.definitions
     stored = definitions.actions.named(name)
@@ -70,21 +100,9 @@ def put_action(
             f"{stored.name!r} is a stored {stored.kind}, so it cannot name a {keyword} as well; "
             "delete that first, or choose another name"
         )
-    id_, name = (stored.id, stored.name) if stored else transaction.intern("action", name)
-    duration, condition, effect = (
-        TreeReader(definitions, tree, parameters).conjuncts() for tree in parts
-    )
-    named = (typed_name(definitions, parameter) for parameter in parameters)
-    text = action_text(
-        keyword,
-        name,
-        [(part.name, part.type_text) for part in named],
-        duration_text(duration),
-        map(node_text, condition),
-        map(node_text, effect),
-    )
-    definition = ActionDefinition(id_, name, keyword, parameters, *parts, text)
-    return transaction.define("action", definition)
+    identity = identify(transaction, "action", name)
+    made = ActionDefinition(*identity, keyword, parameters, *parts)
+    return transaction.define("action", with_text(definitions, made))
 
 
 def _family(kind: str) -> str:
@@ -103,15 +121,7 @@ class ActionReader:
         self._parameters: list[ParameterDefinition] = []
 
     def put(self) -> bool:
-        """Check the action, and save it and what it refers to when that is missing.
-
-        Returns:
-            Whether that is a change.
-
-        Raises:
-            InvalidKnowledgeError: a rule is broken; the message says which and where.
-            ConflictError: it refers to something that is stored with another definition.
-        """
+        """Check the action, and save it and what it refers to when that is missing."""
         dto = self._dto
         check_name("action", dto.name)
         durative = flag(dto.durative, f"durative of {self._role}")
@@ -171,7 +181,7 @@ class ActionReader:
         expect(dto.predicate, PddlPredicateDto, f"the predicate of {role}")
         expect_list(dto.objects, PddlObjectDto, f"the list of objects of {role}")
         self._check_time(dto, role)
-        predicate = ensure_predicate(self._transaction, dto.predicate, role)
+        predicate = PREDICATES.ensure(self._transaction, dto.predicate, role)
         if len(dto.objects) != len(predicate.parameters):
             raise ArityError(
                 f"{role}: {dto} has {len(dto.objects)} terms, expected "
@@ -220,7 +230,7 @@ class ActionReader:
                     f"of this name has {type_text!r}"
                 )
             if len(parameter.type_ids) == 1:
-                ensure_type(self._transaction, dto.type, role)
+                TYPES.ensure(self._transaction, dto.type, role)
             return Variable(parameter.name), parameter.type_ids
         constant = self._definitions.objects.named(dto.name)
         if constant is None:
@@ -228,7 +238,7 @@ class ActionReader:
                 f"{role}: {dto.name!r} is neither a parameter of the action nor an object that is "
                 "known; add the parameter, or save the object first"
             )
-        check_object(self._transaction, dto, constant, role)
+        OBJECTS.check(self._transaction, dto, constant, role)
         return Constant(constant.name), constant.type_ids
 
 
@@ -245,11 +255,6 @@ class _SqlActionDao(SqlNamedDao[A]):
             raise InvalidKnowledgeError(
                 f"{dto.name!r} is a {dto.keyword}, which has a DAO of its own; save it there"
             )
-
-    def _build(self, builder: DtoBuilder, definition: ActionDefinition) -> A:
-        dto = builder.action(definition)
-        assert isinstance(dto, self.dto_class)
-        return dto
 
     def _put(self, transaction: Transaction, dto: A, cascade: bool) -> bool:
         return ActionReader(transaction, dto).put()

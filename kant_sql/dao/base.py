@@ -1,14 +1,61 @@
-"""What the DAOs of the SQL families share."""
+"""What the DAOs of the SQL families share: reads, results, what does not depend on the kind."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from abc import ABC, abstractmethod
+from collections.abc import Collection, Iterable, Sequence
+from decimal import Decimal
 from itertools import islice
-from typing import TypeVar
+from typing import Any, ClassVar, Generic, TypeVar
 
-from ..arguments import iterate
-from ..errors import ReadOnlyError
-from ..store import Store
+from sqlalchemy import ColumnElement, Select, literal_column, select, union_all
+from typing_extensions import override
+
+from ..arguments import expect, flag, iterate
+from ..dto import (
+    PddlActionDto,
+    PddlConditionEffectDto,
+    PddlEitherTypeDto,
+    PddlEventDto,
+    PddlFunctionDto,
+    PddlObjectDto,
+    PddlPredicateDto,
+    PddlProcessDto,
+    PddlPropositionDto,
+    PddlTypeDto,
+)
+from ..dto.actions import DEFAULT_DURATION, trusted_action, trusted_literal
+from ..dto.elements import (
+    NamedDto,
+    trusted_object,
+    trusted_predicate,
+    trusted_proposition,
+    trusted_type,
+)
+from ..dto.formulas import Atom, Comparison, Constant, Fluent, Node, Not, Number, Timed, Variable
+from ..dto.lexical import check_name, decimal_text, fold, number_text, variable_name
+from ..errors import ConflictError, InvalidArgumentError, ReadOnlyError, reading_rows, unreadable
+from ..knowledge.canonical import with_text
+from ..knowledge.definitions import (
+    ActionDefinition,
+    ActionTemplate,
+    Definition,
+    Definitions,
+    LiteralTemplate,
+)
+from ..knowledge.formulas import TreeReader
+from ..knowledge.trees import ParameterDefinition
+from ..pddl.document import ACTION, EVENT, PROCESS
+from ..sql.dialects.base import Row
+from ..sql.intervals import then
+from ..sql.query import Query
+from ..sql.rows import KB
+from ..sql.tables import HeadRow
+from ..store.snapshot import DefinitionsMovedError, View, refuse_archived
+from ..store.store import Store
+from ..store.transaction import Transaction
+from .dependants import Scope, clear_for_redefinition, delete_scope
+from .interfaces import NamedDao
 
 T = TypeVar("T")
 
@@ -19,12 +66,7 @@ class SqlDao:
     """A DAO on a store: on its present, or on its past at one revision."""
 
     def __init__(self, store: Store, at: int | None = None) -> None:
-        """Make a DAO.
-
-        Args:
-            store: the store.
-            at: the revision to read at, which cannot be written to; None for now.
-        """
+        """Make a DAO."""
         self._open_store = store
         self._at = at
 
@@ -41,15 +83,7 @@ class SqlDao:
 
 
 def refuse_past(store: Store, at: int | None) -> None:
-    """Refuse to write where only the past is looked at.
-
-    Args:
-        store: the store.
-        at: the revision that is looked at; None for now.
-
-    Raises:
-        ReadOnlyError: it is a revision.
-    """
+    """Refuse to write where only the past is looked at."""
     if at is not None:
         raise ReadOnlyError(
             f"this is knowledge base {store.name!r} as it was at revision {at}: "
@@ -58,17 +92,450 @@ def refuse_past(store: Store, at: int | None) -> None:
 
 
 def batches(items: Iterable[T]) -> Iterable[list[T]]:
-    """Split what is given into lists of a bounded length.
-
-    Args:
-        items: the items.
-
-    Yields:
-        Lists of at most `BATCH` of them.
-
-    Raises:
-        InvalidKnowledgeError: it is not iterable.
-    """
+    """Split what is given into lists of a bounded length."""
     iterator = iterate(items, "what save_all takes", "an iterable of DTOs")
     while batch := list(islice(iterator, BATCH)):
         yield batch
+
+
+_Rows = Select[*tuple[Any, ...]]
+# The head says, in the same statement, which definitions go with what is read, and what was moved
+# to an archive. Ids begin at 1.
+_HEAD_ID, NO_ID, _ARCHIVE_ID = 0, -1, -2
+
+
+class Reading:
+    """One question about what holds, as asked of the present and of the past."""
+
+    def __init__(self, now: _Rows, then: _Rows, *blank: ColumnElement[Any]) -> None:
+        """Make it."""
+        head, archive = (
+            select(literal_column(str(id_)), column, *blank).where(HeadRow.kb_id == KB)
+            for id_, column in (
+                (_HEAD_ID, HeadRow.definition_revision),
+                (_ARCHIVE_ID, HeadRow.archived_revision),
+            )
+        )
+        self._now = Query(union_all(now, head))
+        self._then = Query(union_all(then, head, archive))
+
+    def rows(self, view: View, **parameters: Any) -> list[Row]:
+        """Ask it."""
+        if view.kb_id is None:
+            return []
+        query, past = self._now, {}
+        if view.at is not None:
+            query, past = self._then, then(view.session, view.at)
+        rows = view.session.rows(query, kb=view.kb_id, **past, **parameters)
+        rows.sort()
+        if view.at is not None and rows and rows[0][0] == _ARCHIVE_ID:
+            refuse_archived(view.session, view.kb_id, view.at, rows.pop(0)[1])
+        head = rows.pop(0) if rows and rows[0][0] == _HEAD_ID else None
+        if view.definition_revision not in (None, head and head[1]):
+            raise DefinitionsMovedError
+        return rows
+
+
+_CLASSES = {PROCESS: PddlProcessDto, EVENT: PddlEventDto}
+
+
+class DtoBuilder:
+    """Builds the DTOs of one result from the definitions that it was read with."""
+
+    def __init__(self, definitions: Definitions) -> None:
+        self._definitions = definitions
+        self._types: dict[int, PddlTypeDto] = {}
+        self._objects: dict[int, PddlObjectDto] = {}
+        self._predicates: dict[int, PddlPredicateDto] = {}
+        self._functions: dict[int, PddlFunctionDto] = {}
+
+    def type(self, id_: int) -> PddlTypeDto:
+        """Build a type, with the types above it."""
+        types = self._types
+        pending = [] if id_ in types else [id_]
+        opened: set[int] = set()
+        # Those above come first, on a stack that is not the interpreter's.
+        while pending:
+            definition = self._definitions.types.live(pending[-1])
+            above = definition.parent_ids
+            missing = [each for each in above if each not in types]
+            if not missing:
+                dto = trusted_type(definition.name, self.types(above) if above else None)
+                types.setdefault(pending.pop(), dto)
+            elif definition.id in opened:
+                error = ValueError("the type is above itself")
+                raise unreadable("type_version", f"type {definition.id!r}", error) from error
+            else:
+                opened.add(definition.id)
+                pending += missing
+        return types[id_]
+
+    def types(self, ids: Sequence[int]) -> PddlTypeDto:
+        """Build the type that stands for one type, or for several."""
+        if len(ids) == 1:
+            return self._types.get(ids[0]) or self.type(ids[0])
+        return PddlEitherTypeDto([self.type(id_) for id_ in ids])
+
+    def object(self, id_: int) -> PddlObjectDto:
+        """Build an object."""
+        dto = self._objects.get(id_)
+        if dto is None:
+            definition = self._definitions.objects.live(id_)
+            of = self.types(definition.type_ids)
+            dto = trusted_object(of, definition.name, definition.is_constant)
+            self._objects[id_] = dto
+        return dto
+
+    def predicate(self, id_: int) -> PddlPredicateDto:
+        """Build a predicate."""
+        dto = self._predicates.get(id_)
+        if dto is None:
+            definition = self._definitions.predicates.live(id_)
+            types = [self.types(parameter.type_ids) for parameter in definition.parameters]
+            names = _given_names(types, definition.parameters)
+            if names is None:
+                dto = trusted_predicate(definition.name, types)
+            else:
+                with reading_rows("predicate_version", f"predicate {id_!r}"):
+                    dto = PddlPredicateDto(definition.name, types, parameter_names=names)
+            self._predicates[id_] = dto
+        return dto
+
+    def function(self, id_: int) -> PddlFunctionDto:
+        """Build a function."""
+        dto = self._functions.get(id_)
+        if dto is None:
+            definition = self._definitions.functions.live(id_)
+            types = [self.types(parameter.type_ids) for parameter in definition.parameters]
+            dto = PddlFunctionDto(
+                definition.name,
+                types,
+                value_types=[self.type(type_id) for type_id in definition.type_ids],
+                parameter_names=_given_names(types, definition.parameters),
+            )
+            self._functions[id_] = dto
+        return dto
+
+    def propositions(self, rows: Iterable[Row]) -> list[PddlPropositionDto]:
+        """Build propositions of rows: id, predicate, ids of the objects, whether it is a goal."""
+        objects, predicates = self._objects, self._predicates
+        made = []
+        for _, predicate_id, arguments, is_goal in rows:
+            terms = [objects.get(id_) or self.object(id_) for id_ in map(int, arguments.split())]
+            predicate = predicates.get(predicate_id) or self.predicate(predicate_id)
+            made.append(trusted_proposition(predicate, terms, bool(is_goal)))
+        return made
+
+    def action(self, id_: int) -> PddlActionDto:
+        """Build an action."""
+        definition = self._definitions.actions.live(id_)
+        templates = self._definitions.templates
+        template = templates.get(id_)
+        if template is None or template.definition is not definition:
+            with reading_rows("action_version", f"action {id_!r}"):
+                template = self._template(definition)
+                _check_action(self._of_template(template))
+            templates[id_] = template
+        return self._of_template(template)
+
+    def _of_template(self, template: ActionTemplate) -> PddlActionDto:
+        name, kind = template.definition.name, template.definition.kind
+        parameters = [
+            trusted_object(self.types(parameter.type_ids), parameter.name, False)
+            for parameter in template.definition.parameters
+        ]
+        conditions, effects = (
+            [
+                self._literal(part, parameters) if isinstance(part, LiteralTemplate) else part
+                for part in parts
+            ]
+            for parts in (template.conditions, template.effects)
+        )
+        duration = template.duration
+        return trusted_action(
+            _CLASSES.get(kind, PddlActionDto),
+            name,
+            parameters,
+            conditions,
+            effects,
+            _is_durative(kind),
+            list(duration) if isinstance(duration, tuple) else duration,
+        )
+
+    def _literal(
+        self, template: LiteralTemplate, parameters: Sequence[PddlObjectDto]
+    ) -> PddlConditionEffectDto:
+        terms = [parameters[~one] if one < 0 else self.object(one) for one in template.terms]
+        predicate = self.predicate(template.predicate_id)
+        return trusted_literal(predicate, terms, template.time, template.is_negative)
+
+    def _template(self, definition: ActionDefinition) -> ActionTemplate:
+        duration, conditions, effects = (
+            TreeReader(self._definitions, tree, definition.parameters).conjuncts()
+            for tree in definition.trees
+        )
+        # Of parameters with one name, the last is meant.
+        places = {
+            fold(parameter.name): ~place for place, parameter in enumerate(definition.parameters)
+        }
+        return ActionTemplate(
+            definition,
+            _duration(duration) if _is_durative(definition.kind) else DEFAULT_DURATION,
+            tuple(self._literal_template(formula, places) or formula for formula in conditions),
+            tuple(self._literal_template(formula, places) or formula for formula in effects),
+        )
+
+    def _literal_template(self, formula: Node, places: dict[str, int]) -> LiteralTemplate | None:
+        """Return the literal that a formula is, if it is one that a DTO of the paper can say."""
+        time = formula.time if isinstance(formula, Timed) else None
+        inner = formula.formula if isinstance(formula, Timed) else formula
+        atom = inner.formula if isinstance(inner, Not) else inner
+        if not isinstance(atom, Atom) or any(isinstance(term, Fluent) for term in atom.terms):
+            return None
+        objects = self._definitions.objects
+        terms = []
+        for term in atom.terms:
+            if isinstance(term, Variable):
+                terms.append(places[fold(term.name)])
+            elif isinstance(term, Constant) and (found := objects.named(term.name)):
+                if fold(term.name) in places:
+                    return None
+                terms.append(found.id)
+        predicate = self._definitions.predicates.named(atom.predicate)
+        assert predicate is not None
+        return LiteralTemplate(predicate.id, tuple(terms), time, isinstance(inner, Not))
+
+
+def _is_durative(kind: str) -> bool:
+    return kind not in (ACTION, PROCESS, EVENT)
+
+
+def _check_action(dto: PddlActionDto) -> None:
+    """Refuse an action that no constructor would have made."""
+    for parameter in dto.parameters:
+        parameter.set_name(parameter.name)
+    dto.set_conditions(dto.conditions)
+    dto.set_effects(dto.effects)
+    dto.set_duration(dto.duration)
+
+
+def _given_names(
+    types: Iterable[PddlTypeDto], parameters: Iterable[ParameterDefinition]
+) -> list[str] | None:
+    """Return the names of parameters, unless they are those that parameters without names get."""
+    names = [parameter.name for parameter in parameters]
+    derived = [variable_name(type_.name, position) for position, type_ in enumerate(types)]
+    return None if names == derived else names
+
+
+def _duration(constraints: Sequence[Node]) -> int | float | Decimal | tuple[Node, ...]:
+    """Return a duration that is fixed by a number as that number, as the paper's DTO has it."""
+    match constraints:
+        case [Comparison("=", Variable("duration"), Number(value))]:
+            text = decimal_text(value)
+            exact: int | float = float(text) if "." in text else int(text)
+            return exact if number_text(exact) == text else value
+    return tuple(constraints)
+
+
+D = TypeVar("D", bound=NamedDto)
+F = TypeVar("F", bound=Definition)
+
+
+def identify(transaction: Transaction, kind: str, name: str) -> tuple[int, str]:
+    """Find the id and the first spelling of a name; make the identity when it is missing."""
+    live = transaction.definitions.elements(kind).named(name)
+    return transaction.intern(kind, name) if live is None else (live.id, live.name)
+
+
+class Definer(ABC, Generic[D, F]):
+    """Defines the elements of one kind in a transaction, as their DTOs say."""
+
+    kind: ClassVar[str]
+    dto_class: type[D]
+
+    def ensure(self, transaction: Transaction, dto: D, role: str) -> F:
+        """Find the element that another one refers to; save it when it is missing."""
+        expect(dto, self.dto_class, f"the {self.kind} of {role}")
+        stored: F | None = transaction.definitions.elements(self.kind).named(dto.name)
+        if stored is None:
+            return self._define(transaction, dto, False)[0]
+        self.check(transaction, dto, stored, role)
+        return stored
+
+    def check(self, transaction: Transaction, dto: D, stored: F, role: str) -> None:
+        """Refuse a reference that says something else than what is stored."""
+        if not self._agrees(transaction, dto, stored):
+            raise ConflictError(
+                f"{self.kind} {dto.name!r} is stored as {_quoted(stored.text)}, but {role} refers "
+                f"to it as {_quoted(str(dto))}; use the stored definition, or save the {self.kind} "
+                "itself to redefine it"
+            )
+
+    def put(self, transaction: Transaction, dto: D, cascade: bool) -> bool:
+        """Insert or redefine an element; return whether that is a change."""
+        return self._define(transaction, dto, cascade)[1]
+
+    def scope(self, definitions: Definitions, ids: Collection[int]) -> Scope:
+        """Find what is defined in terms of some elements, these included."""
+        return Scope(**{f"{self.kind}s": {*ids}})
+
+    def _define(self, transaction: Transaction, dto: D, cascade: bool) -> tuple[F, bool]:
+        """Define an element when what it refers to above its own kind is known."""
+        check_name(self._name_kind(dto), dto.name)
+        stored: F | None = transaction.definitions.elements(self.kind).named(dto.name)
+        made = with_text(transaction.definitions, self._make(transaction, dto, stored))
+        if stored is not None and not self._keeps(stored, made):
+            clear_for_redefinition(
+                transaction,
+                self.scope(transaction.definitions, [made.id]),
+                f"{self.kind} {stored.text}",
+                _quoted(made.text),
+                cascade,
+            )
+        return made, transaction.define(self.kind, made)
+
+    def _identity(self, transaction: Transaction, dto: D, stored: F | None) -> tuple[int, str]:
+        """Find the id and the first spelling of the name."""
+        if stored is None:
+            return transaction.intern(self.kind, dto.name)
+        return stored.id, stored.name
+
+    def _name_kind(self, dto: D) -> str:
+        """Return what decides which names the element can have."""
+        return self.kind
+
+    @abstractmethod
+    def _make(self, transaction: Transaction, dto: D, stored: F | None) -> F:
+        """Make the definition, without its text; save what it refers to when it is missing."""
+
+    @abstractmethod
+    def _keeps(self, stored: F, made: F) -> bool:
+        """Return whether all that depends on the stored definition can rely on another one."""
+
+    @abstractmethod
+    def _agrees(self, transaction: Transaction, dto: D, stored: F) -> bool:
+        """Return whether a DTO that another refers to says what is stored."""
+
+
+def _quoted(text: str) -> str:
+    return text if text.startswith("(") else f"'{text}'"
+
+
+class SqlNamedDao(SqlDao, NamedDao[D]):
+    """Reads, saves and deletes one kind of named element."""
+
+    kind: ClassVar[str]
+    dto_class: type[D]
+    definer: ClassVar[Definer[Any, Any]]
+
+    @override
+    def get(self, name: str) -> D | None:
+        def work(definitions: Definitions) -> D | None:
+            definition = self._named(definitions, name)
+            return None if definition is None else self._build(DtoBuilder(definitions), definition)
+
+        return self._store.read_definitions(work, self._at)
+
+    @override
+    def get_all(self) -> list[D]:
+        def work(definitions: Definitions) -> list[D]:
+            builder = DtoBuilder(definitions)
+            return [self._build(builder, definition) for definition in self._all(definitions)]
+
+        return self._store.read_definitions(work, self._at)
+
+    @override
+    def save(self, dto: D, *, cascade: bool = False) -> bool:
+        self._check(dto)
+        flag(cascade, "cascade", InvalidArgumentError)
+        self._store.write(lambda transaction: self._put(transaction, dto, cascade))
+        return True
+
+    @override
+    def insert(self, dto: D) -> bool:
+        self._check(dto)
+
+        def work(transaction: Transaction) -> bool:
+            if self._named(transaction.definitions, dto.name) is not None:
+                return False
+            self._put(transaction, dto, False)
+            return True
+
+        return self._store.write(work)
+
+    @override
+    def update(self, dto: D, *, cascade: bool = False) -> bool:
+        self._check(dto)
+        flag(cascade, "cascade", InvalidArgumentError)
+
+        def work(transaction: Transaction) -> bool:
+            if self._named(transaction.definitions, dto.name) is None:
+                return False
+            self._put(transaction, dto, cascade)
+            return True
+
+        return self._store.write(work)
+
+    @override
+    def save_all(self, dtos: Iterable[D]) -> int:
+        self._check_writable()
+        changed = 0
+        with self._store.transaction() as transaction:
+            for batch in batches(dtos):
+                for dto in batch:
+                    self._check(dto)
+                transaction.look_up(self.kind, (dto.name for dto in batch))
+                with transaction.batch():
+                    changed += sum(self._put(transaction, dto, False) for dto in batch)
+        return changed
+
+    @override
+    def delete(self, dto: D) -> bool:
+        self._check(dto)
+
+        def work(transaction: Transaction) -> bool:
+            definition = self._named(transaction.definitions, dto.name)
+            if definition is None:
+                return False
+            self._remove(transaction, [definition.id])
+            return True
+
+        return self._store.write(work)
+
+    @override
+    def delete_all(self) -> int:
+        self._check_writable()
+
+        def work(transaction: Transaction) -> int:
+            ids = [definition.id for definition in self._all(transaction.definitions)]
+            if ids:
+                self._remove(transaction, ids)
+            return len(ids)
+
+        return self._store.write(work)
+
+    def _check(self, dto: D) -> None:
+        self._check_writable()
+        expect(dto, self.dto_class, f"what the {self.kind} DAO takes")
+
+    def _named(self, definitions: Definitions, name: str) -> Any:
+        definition = definitions.elements(self.kind).named(name)
+        return definition if definition is not None and self._is_mine(definition) else None
+
+    def _all(self, definitions: Definitions) -> list[Any]:
+        return [each for each in definitions.elements(self.kind) if self._is_mine(each)]
+
+    def _is_mine(self, definition: Any) -> bool:
+        """Return whether a definition of the kind is one that this DAO is for."""
+        return True
+
+    def _build(self, builder: DtoBuilder, definition: Any) -> D:
+        dto: D = getattr(builder, self.kind)(definition.id)
+        return dto
+
+    def _put(self, transaction: Transaction, dto: D, cascade: bool) -> bool:
+        return self.definer.put(transaction, dto, cascade)
+
+    def _remove(self, transaction: Transaction, ids: list[int]) -> None:
+        delete_scope(transaction, self.definer.scope(transaction.definitions, ids))

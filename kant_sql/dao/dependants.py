@@ -5,28 +5,88 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Iterator
 from typing import Any
 
-from sqlalchemy import Select, select
+from sqlalchemy import Select, select, union_all
 
-from ..atoms import Atom, AtomKey
-from ..backends import Query, in_list, in_rows
 from ..errors import DependantsError
-from ..knowledge.action import ActionDefinition
-from ..knowledge.definitions import Definitions
-from ..knowledge.formula import FormulaDefinition
-from ..knowledge.loading import KB
-from ..knowledge.predicate import ParameterDefinition
-from ..knowledge.tree import Mentioned, mentions
-from ..tables import PropositionArgumentRow, PropositionRow, PropositionVersionRow
-from ..transaction import Transaction
-from .fluents_on import function_values_on, retract_function_values
+from ..knowledge.definitions import ActionDefinition, Definitions, FormulaDefinition
+from ..knowledge.trees import Mentioned, ParameterDefinition, mentions
+from ..sql.intervals import VALUE_COLUMNS
+from ..sql.query import Query, in_list, in_rows
+from ..sql.rows import KB
+from ..sql.tables import (
+    FunctionValueArgumentRow,
+    FunctionValueRow,
+    FunctionValueVersionRow,
+    PropositionArgumentRow,
+    PropositionRow,
+    PropositionVersionRow,
+)
+from ..store.caches import AtomKey, FluentKey, GroundAtom, GroundFluent, HeldValue, read_value
+from ..store.transaction import Transaction
+
+_LIVE = select(FunctionValueVersionRow.function_value_id).where(
+    FunctionValueVersionRow.kb_id == KB, FunctionValueVersionRow.until.is_(None)
+)
+_MENTIONING = select(FunctionValueArgumentRow.function_value_id).where(
+    FunctionValueArgumentRow.kb_id == KB, in_list(FunctionValueArgumentRow.object_id, "ids")
+)
+
+
+def _values(versions: Select[Any]) -> Select[Any]:
+    return select(
+        FunctionValueRow.id,
+        FunctionValueRow.function_id,
+        FunctionValueRow.arguments,
+        FunctionValueRow.text,
+        *VALUE_COLUMNS,
+    ).where(FunctionValueRow.kb_id == KB, in_rows(FunctionValueRow.id, versions))
+
+
+_ALL = Query(_values(_LIVE))
+_OF_FUNCTIONS = Query(_values(_LIVE.where(in_list(FunctionValueVersionRow.function_id, "ids"))))
+_OF_OBJECTS = Query(
+    union_all(
+        # With those that have no value now, which are few: SQLite would go through all live ones.
+        _values(_MENTIONING),
+        _values(_LIVE.where(in_list(FunctionValueVersionRow.object_id, "ids"))),
+    )
+)
+
+
+def function_values_on(transaction: Transaction, scope: Mentioned | None) -> list[HeldValue]:
+    """Find the live values that mention something."""
+    if next(iter(transaction.definitions.functions), None) is None:
+        return []
+    transaction.flush()
+    session, kb = transaction.session, transaction.kb_id
+    rows = session.rows(_ALL, kb=kb) if scope is None else []
+    if scope is not None:
+        for query, ids in ((_OF_FUNCTIONS, scope.functions), (_OF_OBJECTS, scope.objects)):
+            if ids:
+                rows += session.rows(query, kb=kb, ids=session.list_value(sorted(ids)))
+    found = {
+        id_: HeldValue(
+            GroundFluent(id_, FluentKey(function_id, arguments), text),
+            read_value(text, held, object_id),
+        )
+        for id_, function_id, arguments, text, held, object_id in rows
+        if held is not None
+    }
+    return [found[id_] for id_ in sorted(found)]
+
+
+def retract_function_values(transaction: Transaction, held: Iterable[HeldValue]) -> None:
+    """Unset the values of fluents."""
+    transaction.values.unset(held)
+
 
 SHOWN = 10
 
 
-_LIVE = select(PropositionVersionRow.proposition_id).where(
+_LIVE_ATOMS = select(PropositionVersionRow.proposition_id).where(
     PropositionVersionRow.kb_id == KB, PropositionVersionRow.until.is_(None)
 )
-_MENTIONING = select(PropositionArgumentRow.proposition_id).where(
+_ATOMS_MENTIONING = select(PropositionArgumentRow.proposition_id).where(
     PropositionArgumentRow.kb_id == KB, in_list(PropositionArgumentRow.object_id, "ids")
 )
 
@@ -43,25 +103,18 @@ def _atoms(versions: Select[Any]) -> Query:
     )
 
 
-_ALL = _atoms(_LIVE)
-_OF_PREDICATES = _atoms(_LIVE.where(in_list(PropositionVersionRow.predicate_id, "ids")))
-_OF_OBJECTS = _atoms(_LIVE.where(in_rows(PropositionVersionRow.proposition_id, _MENTIONING)))
+_ALL_ATOMS = _atoms(_LIVE_ATOMS)
+_OF_PREDICATES = _atoms(_LIVE_ATOMS.where(in_list(PropositionVersionRow.predicate_id, "ids")))
+_ATOMS_OF_OBJECTS = _atoms(
+    _LIVE_ATOMS.where(in_rows(PropositionVersionRow.proposition_id, _ATOMS_MENTIONING))
+)
 
 
 Scope = Mentioned
 
 
 def of_types(definitions: Definitions, type_ids: Collection[int]) -> Scope:
-    """Find what is defined in terms of types.
-
-    Args:
-        definitions: the definitions.
-        type_ids: the types.
-
-    Returns:
-        The types with their subtypes, the objects of these, and the predicates and functions with
-        a parameter, or with values, of one.
-    """
+    """Find what is defined in terms of types."""
     types = definitions.subtypes(*type_ids)
 
     def has(parameters: Iterable[ParameterDefinition]) -> bool:
@@ -80,15 +133,7 @@ def of_types(definitions: Definitions, type_ids: Collection[int]) -> Scope:
 
 
 def actions_on(definitions: Definitions, scope: Scope) -> Iterator[ActionDefinition]:
-    """Find the actions, processes and events that mention something.
-
-    Args:
-        definitions: the definitions.
-        scope: what they may mention.
-
-    Yields:
-        The actions.
-    """
+    """Find the actions, processes and events that mention something."""
     for action in definitions.actions:
         if mentions(action.trees, scope) or any(
             id_ in scope.types for part in action.parameters for id_ in part.type_ids
@@ -97,54 +142,35 @@ def actions_on(definitions: Definitions, scope: Scope) -> Iterator[ActionDefinit
 
 
 def formulas_on(definitions: Definitions, scope: Scope) -> Iterator[FormulaDefinition]:
-    """Find the formulas that mention something.
-
-    Args:
-        definitions: the definitions.
-        scope: what they may mention.
-
-    Yields:
-        The formulas.
-    """
+    """Find the formulas that mention something."""
     return (each for each in definitions.formulas if mentions([each.tree], scope))
 
 
-def propositions_on(transaction: Transaction, scope: Scope | None) -> list[Atom]:
-    """Find the live facts and goals that mention something.
-
-    Args:
-        transaction: the transaction.
-        scope: the predicates and objects that they may mention; None for all facts and goals.
-
-    Returns:
-        The propositions, each once.
-    """
+def propositions_on(transaction: Transaction, scope: Scope | None) -> list[GroundAtom]:
+    """Find the live facts and goals that mention something."""
     transaction.flush()
     session, kb = transaction.session, transaction.kb_id
-    rows = session.rows(_ALL, kb=kb) if scope is None else []
+    rows = session.rows(_ALL_ATOMS, kb=kb) if scope is None else []
     if scope is not None and scope.predicates:
         rows += session.rows(
             _OF_PREDICATES, kb=kb, ids=session.list_value(sorted(scope.predicates))
         )
     if scope is not None and scope.objects:
-        rows += session.rows(_OF_OBJECTS, kb=kb, ids=session.list_value(sorted(scope.objects)))
+        rows += session.rows(
+            _ATOMS_OF_OBJECTS, kb=kb, ids=session.list_value(sorted(scope.objects))
+        )
     found = {
-        id_: Atom(id_, AtomKey(bool(is_goal), predicate_id, arguments), text)
+        id_: GroundAtom(id_, AtomKey(bool(is_goal), predicate_id, arguments), text)
         for id_, is_goal, predicate_id, arguments, text in rows
     }
     atoms = [found[id_] for id_ in sorted(found)]
-    transaction.propositions.look_at(atoms)
+    transaction.propositions.load(atoms)
     return atoms
 
 
-def retract(transaction: Transaction, atoms: list[Atom]) -> None:
-    """Retract propositions.
-
-    Args:
-        transaction: the transaction.
-        atoms: the propositions.
-    """
-    transaction.propositions.look_at(atoms)
+def retract(transaction: Transaction, atoms: list[GroundAtom]) -> None:
+    """Retract propositions."""
+    transaction.propositions.load(atoms)
     for atom in atoms:
         transaction.propositions.set(transaction.propositions.know(atom), False)
 
@@ -159,12 +185,7 @@ def _undefine_users(transaction: Transaction, scope: Scope) -> None:
 
 
 def delete_scope(transaction: Transaction, scope: Scope) -> None:
-    """Delete definitions and all that depends on them.
-
-    Args:
-        transaction: the transaction.
-        scope: the definitions; closed already, as `of_types` gives them.
-    """
+    """Delete definitions and all that depends on them."""
     _undefine_users(transaction, scope)
     for kind, ids in (
         ("predicate", scope.predicates),
@@ -191,18 +212,7 @@ def _users(transaction: Transaction, scope: Scope) -> list[str]:
 def clear_for_redefinition(
     transaction: Transaction, scope: Scope, before: str, after: str, cascade: bool
 ) -> None:
-    """Let a redefinition go on only if nothing live depends on the present definition.
-
-    Args:
-        transaction: the transaction.
-        scope: what is defined in terms of what is to be redefined, that itself included.
-        before: the PDDL text of the present definition.
-        after: the PDDL text of the new one.
-        cascade: whether dependants are retracted instead.
-
-    Raises:
-        DependantsError: there are dependants, and `cascade` is False.
-    """
+    """Refuse a redefinition while something live depends on the present definition."""
     if cascade:
         _undefine_users(transaction, scope)
         return

@@ -1,26 +1,63 @@
-"""Formulas that stand on their own: derived predicates, goals, constraints, the metric ..."""
+"""Formulas as trees, and the DAOs of derived predicates, goals, constraints and the metric.
+
+The checks accept what the PDDL reader accepts, so the text of a stored formula can be read back.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from typing import ClassVar, Generic, TypeVar, get_args
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from enum import Enum
+from typing import Any, ClassVar, Generic, NamedTuple, NoReturn, TypeVar, get_args
 
-from ..dto.formula import (
+from typing_extensions import override
+
+from ..dto import PddlTypeDto
+from ..dto.formulas import (
+    ARITHMETIC,
+    ASSIGNMENTS,
+    AT_END,
+    COMPARISONS,
+    DURATION,
+    MODALS,
+    OVER_ALL,
+    TIMES,
+    TOTAL_TIME,
+    And,
+    Arithmetic,
+    Assign,
     Atom,
+    Comparison,
     Constant,
+    ContinuousTime,
     Derived,
     Equal,
+    Exists,
+    Fluent,
+    Forall,
     Formula,
+    Imply,
+    IsViolated,
     Metric,
+    Modal,
     Node,
     Not,
+    Number,
+    Or,
+    Preference,
+    Timed,
     TimedLiteral,
+    TypedName,
+    Variable,
+    When,
+    shown,
     variables_text,
+    walk,
 )
-from ..dto.node import shown
-from ..errors import InvalidKnowledgeError, reading_rows
-from ..knowledge.definitions import Definitions
-from ..knowledge.formula import (
+from ..dto.lexical import ROOT_TYPE, check_name, decimal_text, fold
+from ..errors import ArityError, InvalidKnowledgeError, TypeMismatchError, reading_rows
+from ..knowledge import trees as kinds
+from ..knowledge.canonical import canonical_text
+from ..knowledge.definitions import (
     CONSTRAINT,
     DERIVED_PREDICATE,
     DOMAIN_CONSTRAINT,
@@ -28,23 +65,555 @@ from ..knowledge.formula import (
     INITIAL,
     METRIC,
     TIMED,
+    Definitions,
     FormulaDefinition,
+    FunctionDefinition,
+    PredicateDefinition,
     formula_name,
 )
-from ..knowledge.tree_reader import TreeReader
-from ..pddl.conjuncts import flatten
-from ..pddl.node_text import node_text
-from ..transaction import Transaction
-from .base import SqlDao, batches
-from .formula_interfaces import (
+from ..knowledge.formulas import TreeReader
+from ..knowledge.trees import ParameterDefinition, Tree, TreeNode, TreeTerm
+from ..pddl.document import DURATIVE_ACTION, PROCESS
+from ..pddl.formulas import flatten
+from ..pddl.writer import node_text
+from ..store.caches import AtomKey
+from ..store.snapshot import View
+from ..store.transaction import Transaction
+from .base import SqlDao, batches, identify
+from .dependants import propositions_on, retract
+from .interfaces import (
     ConstraintDao,
     DerivedPredicateDao,
     FormulaDao,
+    GoalDao,
     InitialLiteralDao,
+    MetricDao,
     TimedInitialLiteralDao,
 )
-from .term_writer import Place
-from .tree_writer import TreeWriter
+from .proposition import GOALS
+from .type import TYPES
+
+TypeIds = tuple[int, ...]
+BoundVariables = tuple[ParameterDefinition, ...]
+
+
+class Place(Enum):
+    """Where a formula stands: it decides which nodes the formula may contain."""
+
+    CONDITION = "a condition or a goal"
+    EFFECT = "an effect"
+    TIMED_CONDITION = "a condition of a durative action, where what holds is within a Timed"
+    TIMED_EFFECT = "an effect of a durative action, where what happens is within a Timed"
+    DURATION = "a duration"
+    CONSTRAINT = "a constraint, where what holds is within a Modal"
+    TRAJECTORY = "what a constraint is about"
+    INITIAL = "an initial state"
+    TIMED = "the timed initial literals"
+    DERIVED = "the rules for derived predicates"
+    METRIC = "a metric"
+
+
+class FormulaContext(NamedTuple):
+    """The surroundings of a node: where it stands, and whether a preference may stand there."""
+
+    place: Place
+    allows_preferences: bool = False
+
+    def hard(self) -> FormulaContext:
+        """Return the same place without preferences."""
+        return self._replace(allows_preferences=False)
+
+
+_HARD = (Place.CONDITION, Place.TIMED_CONDITION, Place.CONSTRAINT, Place.TRAJECTORY)
+_HOLDS = (Place.CONDITION, Place.TRAJECTORY)
+_WITHIN_TIMED = {
+    Place.TIMED_CONDITION: Place.CONDITION,
+    Place.TIMED_EFFECT: Place.EFFECT,
+    Place.DURATION: Place.DURATION,
+    Place.CONSTRAINT: Place.CONDITION,
+    Place.TRAJECTORY: Place.CONDITION,
+}
+_Parts = Iterable[tuple[object, FormulaContext]]
+# A fluent whose terms are yet to be added: its position, the fluent, and its function.
+_OpenFluent = tuple[int, Fluent, FunctionDefinition]
+
+
+class _ScopeEnd(NamedTuple):
+    """Marks the end of a quantifier's body, where its variables go out of scope."""
+
+    bound: BoundVariables
+
+
+class TreeWriter:
+    """Checks formulas and makes the trees of one element.
+
+    Args:
+        transaction: where names are looked up.
+        role: what the formulas are, for messages.
+        parameters: the parameters of the action that they belong to.
+        kind: the kind of that action.
+    """
+
+    def __init__(
+        self,
+        transaction: Transaction,
+        role: str,
+        parameters: Sequence[ParameterDefinition] = (),
+        kind: str = "",
+    ) -> None:
+        self._transaction = transaction
+        self._definitions = transaction.definitions
+        self._role = role
+        self._parameters = parameters
+        self._has_duration = kind == DURATIVE_ACTION
+        self._has_time = kind in (DURATIVE_ACTION, PROCESS)
+        self._nodes: list[TreeNode] = []
+        # The variables that quantifiers bind around the present node, innermost last.
+        self._scope: dict[str, list[tuple[TreeTerm, TypeIds]]] = {}
+        self._check_duration(parameters)
+
+    def conjunction(self, formulas: Iterable[Node], place: Place) -> Tree:
+        """Make the tree of a conjunction."""
+        self._nodes = []
+        root = self._open(None, kinds.AND)
+        for formula in formulas:
+            self._add(formula, root, FormulaContext(place, allows_preferences=place in _HARD))
+        return tuple(self._nodes)
+
+    def tree(self, formula: Node, place: Place) -> Tree:
+        """Make the tree of a formula."""
+        self._nodes = []
+        self._add(formula, None, FormulaContext(place, allows_preferences=place in _HARD))
+        return tuple(self._nodes)
+
+    def _add(self, formula: object, parent: int | None, context: FormulaContext) -> None:
+        """Add a formula, iteratively: its depth has no limit."""
+        pending: list[tuple[object, int | None, FormulaContext]] = [(formula, parent, context)]
+        while pending:
+            part, above, around = pending.pop()
+            if isinstance(part, _ScopeEnd):
+                self._leave(part.bound)
+                continue
+            handler = _HANDLERS.get(type(part))
+            if handler is None:
+                self._fail(f"{shown(part)} is no formula but {type(part).__name__}")
+            position = len(self._nodes)
+            below = [*handler(self, part, above, around)]
+            if bound := self._nodes[position].variables:
+                self._enter(position, bound)
+                pending.append((_ScopeEnd(bound), None, context))
+            pending += [(child, position, inner) for child, inner in reversed(below)]
+
+    def _expect(self, formula: object, context: FormulaContext, *places: Place) -> None:
+        if context.place not in places:
+            self._fail(f"{shown(formula)} has no place in {context.place.value}")
+
+    def _open(self, parent: int | None, operator: str, **fields: Any) -> int:
+        position = len(self._nodes)
+        self._nodes.append(TreeNode(position, parent, operator, **fields))
+        return position
+
+    def _fail(self, fault: str) -> NoReturn:
+        raise InvalidKnowledgeError(f"{self._role}: {fault}")
+
+    # Formulas: each handler adds its own node and returns the parts to add below it.
+
+    def _atom(self, formula: Atom, parent: int | None, context: FormulaContext) -> _Parts:
+        self._expect(formula, context, *_HOLDS, Place.EFFECT, Place.INITIAL)
+        predicate = self._definitions.predicates.named(formula.predicate)
+        if predicate is None:
+            self._fail(
+                f"{shown(formula)} is of predicate {formula.predicate!r}, which is not known; "
+                "save the predicate first"
+            )
+        position = self._open(parent, kinds.PREDICATE, predicate_id=predicate.id)
+        self._give_terms(position, formula, predicate, context)
+        return ()
+
+    def _equal(self, formula: Equal, parent: int | None, context: FormulaContext) -> _Parts:
+        self._expect(formula, context, *_HOLDS, Place.INITIAL)
+        position = self._open(parent, kinds.EQUAL)
+        terms = [self._term(term, position, context)[0] for term in (formula.left, formula.right)]
+        self._set_terms(position, terms)
+        return ()
+
+    def _comparison(
+        self, formula: Comparison, parent: int | None, context: FormulaContext
+    ) -> _Parts:
+        self._expect(formula, context, *_HOLDS, Place.DURATION)
+        sides = (formula.left, formula.right)
+        if formula.operator not in COMPARISONS:
+            self._fail(f"{formula.operator!r} is no comparison; use one of {' '.join(COMPARISONS)}")
+        if context.place is Place.DURATION and Variable(DURATION) not in sides:
+            self._fail(f"{shown(formula)} is no constraint on ?duration")
+        position = self._open(parent, formula.operator)
+        for side in sides:
+            self._expression(side, position, context)
+        return ()
+
+    def _not(self, formula: Not, parent: int | None, context: FormulaContext) -> _Parts:
+        self._expect(formula, context, *_HARD, Place.EFFECT, Place.INITIAL)
+        part, place = formula.formula, context.place
+        if place is Place.EFFECT and not isinstance(part, Atom):
+            self._fail(f"{shown(formula)} deletes what is not an atom")
+        if place is Place.INITIAL and not isinstance(part, Atom | Equal):
+            self._fail(f"{shown(formula)} is no literal, as the initial state asks for")
+        self._open(parent, kinds.NOT)
+        return [(part, context.hard())]
+
+    def _and(self, formula: And, parent: int | None, context: FormulaContext) -> _Parts:
+        self._expect(formula, context, *_HARD, *_WITHIN_TIMED, Place.EFFECT)
+        self._open(parent, kinds.AND)
+        return [(part, context) for part in formula.formulas]
+
+    def _connective(
+        self, formula: Or | Imply, parent: int | None, context: FormulaContext
+    ) -> _Parts:
+        self._expect(formula, context, *_HARD)
+        if isinstance(formula, Or):
+            self._open(parent, kinds.OR)
+            return [(part, context.hard()) for part in formula.formulas]
+        self._open(parent, kinds.IMPLY)
+        return [(part, context.hard()) for part in (formula.condition, formula.formula)]
+
+    def _quantified(
+        self, formula: Forall | Exists, parent: int | None, context: FormulaContext
+    ) -> _Parts:
+        is_all = isinstance(formula, Forall)
+        effects = (Place.EFFECT, Place.TIMED_EFFECT) if is_all else ()
+        self._expect(formula, context, *_HARD, *effects)
+        bound = self._bind(formula.variables)
+        operator = kinds.FORALL if is_all else kinds.EXISTS
+        self._open(parent, operator, variables=bound)
+        return [(formula.formula, context if is_all else context.hard())]
+
+    def _timed(self, formula: Timed, parent: int | None, context: FormulaContext) -> _Parts:
+        time, place = formula.time, context.place
+        if time not in TIMES:
+            self._fail(f"{shown(formula)} has the time {time!r}, expected one of {TIMES}")
+        inner = _WITHIN_TIMED.get(place)
+        # The paper allows effects `over all`.
+        wrong = place is Place.DURATION and time == OVER_ALL
+        wrong = wrong or (place in (Place.CONSTRAINT, Place.TRAJECTORY) and time != AT_END)
+        if inner is None or wrong:
+            self._fail(f"{shown(formula)} has a time that has no place in {place.value}")
+        self._open(parent, time)
+        return [(formula.formula, context.hard()._replace(place=inner))]
+
+    def _preference(
+        self, formula: Preference, parent: int | None, context: FormulaContext
+    ) -> _Parts:
+        if not context.allows_preferences:
+            self._fail(
+                f"{shown(formula)} has no place here: a preference stands at the top of a goal, a "
+                "precondition or a constraint, or within forall there"
+            )
+        if formula.name is not None:
+            check_name("preference", formula.name)
+        self._open(parent, kinds.PREFERENCE, value=formula.name)
+        return [(formula.formula, context.hard())]
+
+    def _modal(self, formula: Modal, parent: int | None, context: FormulaContext) -> _Parts:
+        self._expect(formula, context, Place.CONSTRAINT, Place.TRAJECTORY)
+        wanted = MODALS.get(formula.operator)
+        if wanted != (len(formula.numbers), len(formula.formulas)):
+            self._fail(f"{shown(formula)} is no constraint of PDDL 3.0")
+        position = self._open(parent, formula.operator)
+        for number in formula.numbers:
+            self._open(position, kinds.NUMBER, value=self._decimal(number))
+        inner = context.hard()._replace(place=Place.TRAJECTORY)
+        return [(part, inner) for part in formula.formulas]
+
+    def _when(self, formula: When, parent: int | None, context: FormulaContext) -> _Parts:
+        self._expect(formula, context, Place.EFFECT, Place.TIMED_EFFECT)
+        self._open(parent, kinds.WHEN)
+        is_timed = context.place is Place.TIMED_EFFECT
+        place = Place.TIMED_CONDITION if is_timed else Place.CONDITION
+        return [(formula.condition, context._replace(place=place)), (formula.effect, context)]
+
+    def _assign(self, formula: Assign, parent: int | None, context: FormulaContext) -> _Parts:
+        self._expect(formula, context, Place.EFFECT, Place.TIMED_EFFECT)
+        if formula.operator not in ASSIGNMENTS:
+            known = " ".join(ASSIGNMENTS)
+            self._fail(f"{formula.operator!r} is no assignment; use one of {known}")
+        position = self._open(parent, formula.operator)
+        types = self._fluent(formula.fluent, position, context).type_ids
+        if types:
+            self._assign_object(formula, position, types, context)
+        else:
+            self._expression(formula.value, position, context)
+        if context.place is Place.TIMED_EFFECT and not any(
+            isinstance(part, ContinuousTime) for part in walk(formula.value)
+        ):
+            self._expect(formula, context, Place.EFFECT)
+        return ()
+
+    # Formulas that stand on their own.
+
+    def _derived(self, formula: Derived, parent: int | None, context: FormulaContext) -> _Parts:
+        self._expect(formula, context, Place.DERIVED)
+        bound = self._bind(formula.variables)
+        self._open(parent, kinds.DERIVED, variables=bound)
+        head = Atom(formula.predicate, tuple(Variable(part.name) for part in formula.variables))
+        inner = FormulaContext(Place.CONDITION)
+        return [(head, inner), (formula.formula, inner)]
+
+    def _timed_literal(
+        self, formula: TimedLiteral, parent: int | None, context: FormulaContext
+    ) -> _Parts:
+        self._expect(formula, context, Place.TIMED)
+        effect = formula.effect
+        self._open(parent, kinds.AT, value=self._decimal(formula.time))
+        if isinstance(effect, Assign):
+            terms = (*effect.fluent.terms, effect.value)
+            is_ground = all(isinstance(term, Constant | Number) for term in terms)
+            if effect.operator != ASSIGNMENTS[0] or not is_ground:
+                self._fail(f"{shown(formula)} assigns no number and no object to a ground fluent")
+            return [(effect, context._replace(place=Place.EFFECT))]
+        atom = effect.formula if isinstance(effect, Not) else effect
+        if not isinstance(atom, Atom):
+            self._fail(f"{shown(formula)} is no timed literal; give an Atom, a Not or an Assign")
+        return [(effect, context._replace(place=Place.INITIAL))]
+
+    def _metric(self, formula: Metric, parent: int | None, context: FormulaContext) -> _Parts:
+        self._expect(formula, context, Place.METRIC)
+        if formula.optimization not in kinds.OPTIMIZATIONS:
+            self._fail(f"{formula.optimization!r} is neither minimize nor maximize")
+        position = self._open(parent, formula.optimization)
+        self._expression(formula.expression, position, context)
+        return ()
+
+    # Expressions.
+
+    def _expression(self, expression: object, parent: int, context: FormulaContext) -> None:
+        """Add an expression, iteratively: its depth has no limit."""
+        pending = [(expression, parent)]
+        while pending:
+            part, above = pending.pop()
+            if isinstance(part, Arithmetic):
+                position = self._arithmetic(part, above)
+                pending += [(operand, position) for operand in reversed(part.operands)]
+            else:
+                self._number(part, above, context)
+
+    def _number(self, expression: object, parent: int, context: FormulaContext) -> None:
+        match expression:
+            case Number():
+                self._open(parent, kinds.NUMBER, value=self._decimal(expression))
+            case Fluent():
+                self._numeric_fluent(expression, parent, context)
+            case Variable() if fold(expression.name) == DURATION and self._has_duration:
+                self._open(parent, kinds.VARIABLE, value=f"?{expression.name}")
+            case ContinuousTime() if self._has_time:
+                self._open(parent, kinds.TIME)
+            case IsViolated() if context.place is Place.METRIC:
+                check_name("preference", expression.preference)
+                self._open(parent, kinds.IS_VIOLATED, value=expression.preference)
+            case _:
+                self._fail(f"{shown(expression)} is no number here")
+
+    def _decimal(self, number: object) -> str:
+        if not isinstance(number, Number):
+            self._fail(f"{shown(number)} is no Number")
+        return decimal_text(number.value)
+
+    def _arithmetic(self, expression: Arithmetic, parent: int) -> int:
+        operator, operands = expression.operator, expression.operands
+        if operator not in ARITHMETIC:
+            self._fail(f"{operator!r} is no operation; use one of {' '.join(ARITHMETIC)}")
+        least, most = 1 if operator == "-" else 2, 2 if operator in "-/" else len(operands)
+        if not least <= len(operands) <= most:
+            self._fail(f"{shown(expression)} has {len(operands)} operands")
+        return self._open(parent, operator)
+
+    def _numeric_fluent(self, fluent: Fluent, parent: int, context: FormulaContext) -> None:
+        named = self._definitions.functions.named(fluent.function)
+        is_time = context.place is Place.METRIC and fold(fluent.function) == TOTAL_TIME
+        if named is None and is_time and not fluent.terms:
+            self._open(parent, TOTAL_TIME)
+        elif self._fluent(fluent, parent, context).type_ids:
+            self._fail(f"{shown(fluent)} is an object, not a number")
+
+    def _fluent(self, fluent: Fluent, parent: int, context: FormulaContext) -> FunctionDefinition:
+        position = len(self._nodes)
+        function = self._open_fluent(fluent, parent)
+        self._give_terms(position, fluent, function, context)
+        return function
+
+    def _open_fluent(self, fluent: Fluent, parent: int) -> FunctionDefinition:
+        """Add a function's node, without its terms."""
+        function = self._definitions.functions.named(fluent.function)
+        if function is None:
+            self._fail(
+                f"{shown(fluent)} is of function {fluent.function!r}, which is not known; save "
+                "the function first"
+            )
+        self._open(parent, kinds.FUNCTION, function_id=function.id)
+        return function
+
+    # Terms and variables.
+
+    def _bind(self, variables: Sequence[TypedName]) -> BoundVariables:
+        bound = tuple(self._variable(variable) for variable in variables)
+        self._check_duration(bound)
+        if len({fold(variable.name) for variable in bound}) < len(bound):
+            self._fail(f"one quantifier binds a variable twice: {variables_text(variables)}")
+        return bound
+
+    def _check_duration(self, variables: Sequence[ParameterDefinition]) -> None:
+        """Refuse a variable named `?duration` in a durative action."""
+        if self._has_duration:
+            for each in variables:
+                check_name("variable of a durative action", each.name)
+
+    def _variable(self, variable: TypedName) -> ParameterDefinition:
+        if not isinstance(variable, TypedName):
+            self._fail(f"{shown(variable)} is no TypedName, as what a quantifier binds")
+        check_name("variable", variable.name)
+        ids = []
+        for name in variable.types:
+            type_ = self._definitions.types.named(name)
+            if type_ is None and fold(name) != ROOT_TYPE:
+                self._fail(
+                    f"?{variable.name} is of type {name!r}, which is not known; save it first"
+                )
+            # `object` needs no declaration.
+            type_ = type_ or TYPES.ensure(self._transaction, PddlTypeDto(ROOT_TYPE), self._role)
+            ids.append(type_.id)
+        return ParameterDefinition(variable.name, tuple(ids))
+
+    def _give_terms(
+        self,
+        position: int,
+        formula: Atom | Fluent,
+        owner: PredicateDefinition | FunctionDefinition,
+        context: FormulaContext,
+    ) -> None:
+        """Add the terms of a node, iteratively: their depth has no limit."""
+        pending = [self._terms(position, formula, owner, context)]
+        while pending:
+            below = next(pending[-1], None)
+            if below is None:
+                pending.pop()
+            else:
+                pending.append(self._terms(*below, context))
+
+    def _terms(
+        self,
+        position: int,
+        formula: Atom | Fluent,
+        owner: PredicateDefinition | FunctionDefinition,
+        context: FormulaContext,
+    ) -> Iterator[_OpenFluent]:
+        """Add the terms of a node; yield each fluent among them, whose own terms are still open."""
+        terms = formula.terms
+        if len(terms) != len(owner.parameters):
+            raise ArityError(
+                f"{self._role}: {shown(formula)} has {len(terms)} terms, expected "
+                f"{len(owner.parameters)} as in {owner.text}"
+            )
+        made = []
+        for number, (term, wanted) in enumerate(zip(terms, owner.parameters, strict=True), start=1):
+            child = len(self._nodes)
+            term_, types, function = self._begin_term(term, position, context)
+            if not self._may_fit(term, types, wanted.type_ids):
+                raise TypeMismatchError(
+                    f"{self._role}: term {number} of {shown(formula)} does not fit {owner.text}"
+                )
+            if function is not None and isinstance(term, Fluent):
+                yield child, term, function
+            made.append(term_)
+        self._set_terms(position, made)
+
+    def _set_terms(self, position: int, terms: Sequence[TreeTerm]) -> None:
+        self._nodes[position] = self._nodes[position]._replace(terms=tuple(terms))
+
+    def _may_fit(self, term: object, given: TypeIds, wanted: TypeIds) -> bool:
+        """Return whether a term may fit: real domains pass variables of a supertype."""
+        fits = self._definitions.any_fits
+        return fits(given, wanted) or (not isinstance(term, Constant) and fits(wanted, given))
+
+    def _term(
+        self, term: object, position: int, context: FormulaContext
+    ) -> tuple[TreeTerm, TypeIds]:
+        """Add a term with all its subterms."""
+        child = len(self._nodes)
+        made, types, function = self._begin_term(term, position, context)
+        if function is not None and isinstance(term, Fluent):
+            self._give_terms(child, term, function, context)
+        return made, types
+
+    def _begin_term(
+        self, term: object, position: int, context: FormulaContext
+    ) -> tuple[TreeTerm, TypeIds, FunctionDefinition | None]:
+        """Add a term; for a fluent, also return its function: its own terms are still open."""
+        if isinstance(term, Variable):
+            return *self._bound(term), None
+        if isinstance(term, Constant):
+            object_ = self._definitions.objects.named(term.name)
+            if object_ is None:
+                self._fail(f"object {term.name!r} is not known; save it first")
+            return TreeTerm(object_id=object_.id), object_.type_ids, None
+        if isinstance(term, Fluent):
+            if context.place is Place.INITIAL:
+                self._fail(f"{shown(term)} is no object, as the initial state asks for")
+            child = len(self._nodes)
+            function = self._open_fluent(term, position)
+            if not function.type_ids:
+                self._fail(f"{shown(term)} is a number, not an object")
+            return TreeTerm(child=child), function.type_ids, function
+        return self._fail(f"{shown(term)} is no term; give a Variable, a Constant or a Fluent")
+
+    def _assign_object(
+        self, formula: Assign, position: int, types: TypeIds, context: FormulaContext
+    ) -> None:
+        if formula.operator != ASSIGNMENTS[0]:
+            self._fail(f"{shown(formula)} counts with a function whose values are objects")
+        term, given = self._term(formula.value, position, context)
+        if not self._may_fit(formula.value, given, types):
+            raise TypeMismatchError(f"{self._role}: the value in {shown(formula)} does not fit")
+        self._set_terms(position, [term])
+
+    def _enter(self, position: int, bound: BoundVariables) -> None:
+        """Bind the variables of a quantifier until `_leave`."""
+        for index, one in enumerate(bound):
+            term = TreeTerm(quantifier=position, variable=index)
+            self._scope.setdefault(fold(one.name), []).append((term, one.type_ids))
+
+    def _leave(self, bound: BoundVariables) -> None:
+        for one in bound:
+            self._scope[fold(one.name)].pop()
+
+    def _bound(self, variable: Variable) -> tuple[TreeTerm, TypeIds]:
+        key = fold(variable.name)
+        if around := self._scope.get(key):
+            return around[-1]
+        for index, parameter in enumerate(self._parameters):
+            if fold(parameter.name) == key:
+                return TreeTerm(parameter=index), parameter.type_ids
+        return self._fail(f"?{variable.name} is neither a parameter nor bound by a quantifier")
+
+
+_HANDLERS: dict[type, Callable[[TreeWriter, Any, int | None, FormulaContext], _Parts]] = {
+    Atom: TreeWriter._atom,
+    Equal: TreeWriter._equal,
+    Comparison: TreeWriter._comparison,
+    Not: TreeWriter._not,
+    And: TreeWriter._and,
+    Or: TreeWriter._connective,
+    Imply: TreeWriter._connective,
+    Forall: TreeWriter._quantified,
+    Exists: TreeWriter._quantified,
+    Timed: TreeWriter._timed,
+    Preference: TreeWriter._preference,
+    Modal: TreeWriter._modal,
+    When: TreeWriter._when,
+    Assign: TreeWriter._assign,
+    Derived: TreeWriter._derived,
+    TimedLiteral: TreeWriter._timed_literal,
+    Metric: TreeWriter._metric,
+}
+
 
 N = TypeVar("N", bound=Node)
 
@@ -68,15 +637,7 @@ _FORMULAS: tuple[type, ...] = get_args(Formula)
 
 
 def read_formula(definitions: Definitions, formula: FormulaDefinition) -> Node:
-    """Read a stored formula.
-
-    Args:
-        definitions: what is defined.
-        formula: the formula.
-
-    Returns:
-        The node.
-    """
+    """Read a stored formula."""
     with reading_rows("formula_version", f"formula {formula.id!r}"):
         node: Node = TreeReader(definitions, formula.tree).formula()
         if not isinstance(node, _CLASSES.get(formula.section, _FORMULAS)):
@@ -85,117 +646,53 @@ def read_formula(definitions: Definitions, formula: FormulaDefinition) -> Node:
 
 
 def read_formulas(definitions: Definitions, section: str) -> list[FormulaDefinition]:
-    """Find the stored formulas of one section.
-
-    Args:
-        definitions: what is defined.
-        section: the section.
-
-    Returns:
-        The formulas, in the order in which each was first known.
-    """
+    """Find the stored formulas of one section."""
     return [each for each in definitions.formulas if each.section == section]
 
 
 def make_formula(transaction: Transaction, section: str, node: Node) -> FormulaDefinition:
-    """Check a formula, and find or make its identity.
-
-    Args:
-        transaction: the transaction.
-        section: the part of the domain or the problem that it stands in.
-        node: the formula.
-
-    Returns:
-        What it would be defined as.
-
-    Raises:
-        InvalidKnowledgeError: it is not well formed, or names what is not known.
-    """
+    """Check a formula and find or create its identity."""
     definitions = transaction.definitions
     writer = TreeWriter(transaction, f"the {section} {shown(node)}")
     tree = writer.tree(node, _PLACES[section])
-    text = formula_text(TreeReader(definitions, tree).formula())
-    name = formula_name(section, text)
-    stored = definitions.formulas.named(name)
-    id_ = stored.id if stored else transaction.intern("formula", name)[0]
+    text = canonical_text(definitions, FormulaDefinition(0, "", section, tree))
+    id_, name = identify(transaction, "formula", formula_name(section, text))
     return FormulaDefinition(id_, name, section, tree, text)
 
 
-def formula_text(node: Node) -> str:
-    """Write a formula as `str()` does, but without recursion.
-
-    Args:
-        node: the formula.
-
-    Returns:
-        The canonical PDDL text.
-
-    Raises:
-        InvalidKnowledgeError: the text could not be read back.
-    """
-    if isinstance(node, TimedLiteral):
-        return str(node)
-    if isinstance(node, Metric):
-        return f"(:metric {node.optimization} {node_text(node.expression)})"
-    if isinstance(node, Derived):
-        head = " ".join(part for part in (node.predicate, variables_text(node.variables)) if part)
-        return f"(:derived ({head}) {node_text(node.formula)})"
-    return node_text(node)
+def is_ground(formula: Node) -> bool:
+    """Return whether a formula is a ground atom, which is stored as a proposition."""
+    return isinstance(formula, Atom) and all(isinstance(term, Constant) for term in formula.terms)
 
 
 def put_formula(transaction: Transaction, section: str, node: Node) -> bool:
-    """Let a formula stand.
-
-    Args:
-        transaction: the transaction.
-        section: the part of the domain or the problem that it stands in.
-        node: the formula.
-
-    Returns:
-        Whether that is a change.
-
-    Raises:
-        InvalidKnowledgeError: as `make_formula`.
-    """
+    """Save a formula; return whether it is new."""
     return transaction.define("formula", make_formula(transaction, section, node))
 
 
-class _NotStandingError(Exception):
-    """Undoes what was made to look for a formula that does not stand."""
+class _AbsentError(Exception):
+    """Rolls back the identities that were made to look up an absent formula."""
 
 
 def remove_formula(transaction: Transaction, section: str, node: Node) -> bool:
-    """Let a formula stand no more.
-
-    Args:
-        transaction: the transaction.
-        section: the part of the domain or the problem that it stands in.
-        node: the formula, in any spelling of what it mentions.
-
-    Returns:
-        False when it does not stand.
-    """
+    """Delete a formula; return whether there was one."""
     try:
         with transaction.scope():
             made = make_formula(transaction, section, node)
             if transaction.definitions.formulas.get(made.id) is None:
-                raise _NotStandingError
-    except (InvalidKnowledgeError, _NotStandingError):
+                raise _AbsentError
+    except (InvalidKnowledgeError, _AbsentError):
         return False
     transaction.undefine("formula", made.id)
     return True
 
 
-def is_ground(formula: Node) -> bool:
-    """Tell whether a formula is an atom over objects, which is stored as a proposition.
-
-    Args:
-        formula: the formula.
-
-    Returns:
-        Whether it is.
-    """
-    return isinstance(formula, Atom) and all(isinstance(term, Constant) for term in formula.terms)
+def remove_formulas(transaction: Transaction, section: str) -> int:
+    """Delete all formulas of a section; return their number."""
+    stored = read_formulas(transaction.definitions, section)
+    for each in stored:
+        transaction.undefine("formula", each.id)
+    return len(stored)
 
 
 class SqlFormulaDao(SqlDao, FormulaDao[N], Generic[N]):
@@ -204,65 +701,68 @@ class SqlFormulaDao(SqlDao, FormulaDao[N], Generic[N]):
     section: ClassVar[str]
     node_classes: tuple[type, ...] = (Node,)
 
+    @override
     def get_all(self) -> list[N]:
-        """Read all formulas of the section."""
+        return self._store.read_definitions(self._stored, self._at)
 
-        def work(definitions: Definitions) -> list[N]:
-            stored = read_formulas(definitions, self.section)
-            return [read_formula(definitions, each) for each in stored]  # type: ignore[misc]
-
-        return self._store.read_definitions(work, self._at)
-
+    @override
     def save(self, formula: N) -> bool:
-        """Let a formula stand."""
         self.save_all([formula])
         return True
 
+    @override
     def insert(self, formula: N) -> bool:
-        """Let a formula stand that does not stand yet."""
         return self.save_all([formula]) > 0
 
+    @override
     def save_all(self, formulas: Iterable[N]) -> int:
-        """Let many formulas stand, in one revision."""
         self._check_writable()
         changed = 0
         with self._store.transaction() as transaction:
             for batch in batches(formulas):
-                changed += sum(self._put(transaction, self._checked(each)) for each in batch)
+                for formula in batch:
+                    made = [self._put(transaction, part) for part in self._parts(formula)]
+                    changed += any(made)
         return changed
 
+    @override
     def delete(self, formula: N) -> bool:
-        """Let a formula stand no more."""
         self._check_writable()
-        self._checked(formula)
-        return self._store.write(lambda transaction: self._remove(transaction, formula))
+        parts = self._parts(formula)
 
-    def delete_all(self) -> int:
-        """Let no formula of the section stand."""
-        self._check_writable()
-
-        def work(transaction: Transaction) -> int:
-            stored = read_formulas(transaction.definitions, self.section)
-            for each in stored:
-                transaction.undefine("formula", each.id)
-            return len(stored)
+        def work(transaction: Transaction) -> bool:
+            gone = [self._remove(transaction, part) for part in parts]
+            return any(gone)
 
         return self._store.write(work)
 
-    def _checked(self, formula: N) -> N:
+    @override
+    def delete_all(self) -> int:
+        self._check_writable()
+        return self._store.write(self._remove_all)
+
+    def _stored(self, definitions: Definitions) -> list[N]:
+        stored = read_formulas(definitions, self.section)
+        return [read_formula(definitions, each) for each in stored]  # type: ignore[misc]
+
+    def _parts(self, formula: N) -> Sequence[N]:
+        """Check a formula, and return those that are stored in its place."""
         if not isinstance(formula, self.node_classes):
             names = " or ".join(each.__name__ for each in self.node_classes)
             raise InvalidKnowledgeError(
-                f"what stands as a {self.section} is a node {names} of kant_sql.pddl, not "
+                f"what is saved as a {self.section} is a node {names} of kant_sql.pddl, not "
                 f"{type(formula).__name__}: {shown(formula)}"
             )
-        return formula
+        return (formula,)
 
     def _put(self, transaction: Transaction, formula: N) -> bool:
         return put_formula(transaction, self.section, formula)
 
     def _remove(self, transaction: Transaction, formula: N) -> bool:
         return remove_formula(transaction, self.section, formula)
+
+    def _remove_all(self, transaction: Transaction) -> int:
+        return remove_formulas(transaction, self.section)
 
 
 class SqlDerivedPredicateDao(SqlFormulaDao[Derived], DerivedPredicateDao):
@@ -286,21 +786,98 @@ class SqlInitialLiteralDao(SqlFormulaDao[Not | Equal], InitialLiteralDao):
     node_classes = (Not, Equal)
 
 
-class SqlConstraintDao(SqlFormulaDao[Formula], ConstraintDao):
+class _SqlConjunctionDao(SqlFormulaDao[Formula]):
+    """A section in which a conjunction is stored as its conjuncts."""
+
+    def _parts(self, formula: Formula) -> Sequence[Formula]:
+        return flatten(*super()._parts(formula))
+
+
+class SqlConstraintDao(_SqlConjunctionDao, ConstraintDao):
     """The problem's constraints in an SQL store."""
 
     section = CONSTRAINT
-
-    def _put(self, transaction: Transaction, formula: Formula) -> bool:
-        made = [put_formula(transaction, self.section, part) for part in flatten(formula)]
-        return any(made)
-
-    def _remove(self, transaction: Transaction, formula: Formula) -> bool:
-        gone = [remove_formula(transaction, self.section, part) for part in flatten(formula)]
-        return any(gone)
 
 
 class SqlDomainConstraintDao(SqlConstraintDao):
     """The domain's constraints in an SQL store."""
 
     section = DOMAIN_CONSTRAINT
+
+
+class SqlGoalDao(_SqlConjunctionDao, GoalDao):
+    """Goals of any form in an SQL store; ground atoms among them are propositions."""
+
+    section = GOAL
+
+    @override
+    def get_all(self) -> list[Formula]:
+        def work(view: View) -> list[Formula]:
+            atoms: list[Formula] = [
+                Atom(goal.predicate.name, tuple(Constant(object_.name) for object_ in goal.objects))
+                for goal in GOALS.answer(view)
+            ]
+            return atoms + self._stored(view.definitions)
+
+        return self._store.read(work, self._at)
+
+    def _put(self, transaction: Transaction, formula: Formula) -> bool:
+        if not (isinstance(formula, Atom) and is_ground(formula)):
+            return super()._put(transaction, formula)
+        tree = TreeWriter(transaction, "a goal").tree(formula, Place.CONDITION)
+        text = node_text(TreeReader(transaction.definitions, tree).formula())
+        key = self._key(transaction, formula)
+        assert key is not None
+        return transaction.propositions.hold_all({key: text}) > 0
+
+    def _remove(self, transaction: Transaction, formula: Formula) -> bool:
+        if not (isinstance(formula, Atom) and is_ground(formula)):
+            return super()._remove(transaction, formula)
+        key = self._key(transaction, formula)
+        found = None if key is None else transaction.propositions.find([key]).get(key)
+        return found is not None and transaction.propositions.set(found, False)
+
+    def _remove_all(self, transaction: Transaction) -> int:
+        atoms = [atom for atom in propositions_on(transaction, None) if atom.key.is_goal]
+        retract(transaction, atoms)
+        return len(atoms) + super()._remove_all(transaction)
+
+    @staticmethod
+    def _key(transaction: Transaction, goal: Atom) -> AtomKey | None:
+        """Return the key of a ground goal; None when it names something unknown."""
+        predicate = transaction.definitions.predicates.named(goal.predicate)
+        ids = transaction.definitions.arguments(map(str, goal.terms))
+        return None if predicate is None or ids is None else AtomKey(True, predicate.id, ids)
+
+
+class SqlMetricDao(SqlDao, MetricDao):
+    """The metric in an SQL store."""
+
+    @override
+    def get(self) -> Metric | None:
+        def work(definitions: Definitions) -> Metric | None:
+            stored = read_formulas(definitions, METRIC)
+            return read_formula(definitions, stored[0]) if stored else None  # type: ignore[return-value]
+
+        return self._store.read_definitions(work, self._at)
+
+    @override
+    def set(self, metric: Metric | None) -> bool:
+        self._check_writable()
+        if metric is not None and not isinstance(metric, Metric):
+            raise InvalidKnowledgeError(
+                f"the metric is a node Metric of kant_sql.pddl, or None, not "
+                f"{type(metric).__name__}: {shown(metric)}"
+            )
+        return self._store.write(lambda transaction: put_metric(transaction, metric))
+
+
+def put_metric(transaction: Transaction, metric: Metric | None) -> bool:
+    """Replace the metric; return whether it changed."""
+    made = None if metric is None else make_formula(transaction, METRIC, metric)
+    changed = False
+    for stored in read_formulas(transaction.definitions, METRIC):
+        if made is None or stored.id != made.id:
+            transaction.undefine("formula", stored.id)
+            changed = True
+    return (made is not None and transaction.define("formula", made)) or changed

@@ -1,33 +1,200 @@
-"""The values of functions: the DAO of numeric and object fluents."""
+"""The values of functions: the DAO of numeric and object fluents, and what fluents refer to.
+
+Each row of an answer has the fluent's id, its function's, the ids of its objects separated by
+spaces, and the number as text or the id of the object that it is.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from decimal import Decimal
+from collections.abc import Callable, Iterable, Sequence
+from decimal import Context, Decimal, Inexact, localcontext
 from typing import Any
 
-from ..arguments import expect, expect_list
-from ..backends import Row
-from ..dto import PddlFunctionDto, PddlFunctionValueDto, PddlObjectDto
-from ..dto.number import decimal_text
-from ..dto.pddl_function_value_dto import trusted_value
-from ..errors import InvalidKnowledgeError, each_readable
-from ..fluents import Fluent, FluentValue
-from ..transaction import Transaction
-from ..view import View
-from .arithmetic import DECREASE, INCREASE, SCALE_DOWN, SCALE_UP, Operation, calculate
-from .base import SqlDao, batches
-from .builder import DtoBuilder
-from .fluent_interfaces import (
-    FunctionReference,
-    Number,
-    ObjectReference,
-    PddlFunctionValueDao,
+from sqlalchemy import (
+    BigInteger,
+    ColumnElement,
+    Text,
+    bindparam,
+    cast,
+    literal_column,
+    null,
+    select,
 )
-from .fluent_reading import ALL, OF_FLUENT, OF_FUNCTION
-from .fluent_references import FluentReferences, check_fluent, existing_key
-from .fluents_on import function_values_on
-from .reading import NO_ID
+from typing_extensions import override
+
+from ..arguments import expect, expect_list, shown
+from ..dto import PddlFunctionDto, PddlFunctionValueDto, PddlObjectDto
+from ..dto.elements import atom_text, trusted_value
+from ..dto.lexical import MAX_DIGITS, decimal_text, number_text
+from ..errors import InvalidKnowledgeError, TypeMismatchError, each_readable
+from ..knowledge.definitions import Definitions, FunctionDefinition
+from ..sql.dialects.base import Row
+from ..sql.intervals import ANY_FUNCTION, held_then
+from ..sql.rows import KB
+from ..sql.tables import FunctionValueRow, FunctionValueVersionRow
+from ..store.caches import FluentKey, FluentValue, GroundFluent
+from ..store.snapshot import View
+from ..store.transaction import Transaction
+from .base import NO_ID, DtoBuilder, Reading, SqlDao, batches
+from .dependants import function_values_on
+from .function import FUNCTIONS
+from .interfaces import FunctionReference, Number, ObjectReference, PddlFunctionValueDao
+from .proposition import Arguments
+
+# What no decimal says exactly, as a third, or not in `MAX_DIGITS` digits, is rounded to so many.
+ROUNDED_DIGITS = 28
+
+Operation = Callable[[Context, Decimal, Decimal], Decimal]
+
+
+def _divide(context: Context, number: Decimal, by: Decimal) -> Decimal:
+    if not by:
+        raise InvalidKnowledgeError("no number can be divided by 0")
+    return context.divide(number, by)
+
+
+INCREASE: Operation = Context.add
+DECREASE: Operation = Context.subtract
+SCALE_UP: Operation = Context.multiply
+SCALE_DOWN: Operation = _divide
+
+
+def calculate(operation: Operation, number: Decimal, by: Decimal) -> Decimal:
+    """Calculate exactly, where the result has an end and at most `MAX_DIGITS` digits."""
+    with localcontext(prec=MAX_DIGITS) as context:
+        context.clear_flags()
+        result = operation(context, number, by)
+        if not context.flags[Inexact] and -int(result.as_tuple().exponent) <= MAX_DIGITS:
+            return result
+        context.prec = ROUNDED_DIGITS
+        return operation(context, number, by)
+
+
+_ARGUMENTS = (
+    select(FunctionValueRow.arguments)
+    .where(FunctionValueRow.kb_id == FunctionValueVersionRow.kb_id)
+    .where(FunctionValueRow.id == FunctionValueVersionRow.function_value_id)
+    .scalar_subquery()
+)
+_ROWS = select(
+    FunctionValueVersionRow.function_value_id,
+    FunctionValueVersionRow.function_id,
+    _ARGUMENTS,
+    FunctionValueVersionRow.value,
+    FunctionValueVersionRow.object_id,
+).where(FunctionValueVersionRow.kb_id == KB)
+
+
+def _reading(*conditions: ColumnElement[bool]) -> Reading:
+    now = _ROWS.where(FunctionValueVersionRow.until.is_(None), *conditions)
+    then = _ROWS.where(held_then(FunctionValueVersionRow), *(conditions or (ANY_FUNCTION,)))
+    return Reading(now, then, literal_column("''"), cast(null(), Text), cast(null(), BigInteger))
+
+
+_FLUENT = (
+    select(FunctionValueRow.id)
+    .where(FunctionValueRow.kb_id == KB)
+    .where(FunctionValueRow.function_id == bindparam("function"))
+    .where(FunctionValueRow.arguments == bindparam("arguments"))
+    .correlate(None)
+    .scalar_subquery()
+)
+ALL = _reading()
+OF_FUNCTION = _reading(FunctionValueVersionRow.function_id == bindparam("function"))
+OF_FLUENT = _reading(FunctionValueVersionRow.function_value_id == _FLUENT)
+
+
+_ROLE = "a function value"
+
+
+class FluentReferences(Arguments):
+    """What the fluents of one batch refer to."""
+
+    def __init__(self, transaction: Transaction) -> None:
+        """Make it for one batch."""
+        super().__init__(transaction, _ROLE)
+        self._functions: dict[int, tuple[FunctionDefinition, Any]] = {}
+
+    def entry(self, dto: PddlFunctionValueDto) -> tuple[FluentKey, str, FluentValue]:
+        """Check a value, and save what it refers to when it is missing."""
+        function, key, text = self.resolve(dto.function, dto.objects)
+        return key, text, self.value(function, dto.value, text)
+
+    def resolve(
+        self, function: FunctionReference, objects: Sequence[ObjectReference]
+    ) -> tuple[FunctionDefinition, FluentKey, str]:
+        """Check a fluent, and save what it refers to by a DTO when it is missing."""
+        declared = self._function(function)
+        names = [each if isinstance(each, str) else each.name for each in objects]
+        shown = f"({' '.join([declared.name, *map(str, names)])})"
+        found = self.check(shown, declared, objects)
+        ids = " ".join([str(object_.id) for object_ in found])
+        text = atom_text(declared.name, [object_.name for object_ in found])
+        return declared, FluentKey(declared.id, ids), text
+
+    def value(self, function: FunctionDefinition, given: object, text: str) -> FluentValue:
+        """Check a value."""
+        if not function.type_ids:
+            return FluentValue(number_text(self.number(function, given, text)))
+        if not isinstance(given, str | PddlObjectDto):
+            raise TypeMismatchError(
+                f"{text}: the value is {shown(given)}, expected an object, as in {function.text}"
+            )
+        object_ = self.object(given)
+        if not self._transaction.definitions.any_fits(object_.type_ids, function.type_ids):
+            raise self.mismatch(f"{text}: the value", object_, function.type_ids, function.text)
+        return FluentValue(object_.name, object_.id)
+
+    def number(self, function: FunctionDefinition, given: object, text: str) -> Decimal:
+        """Check a number, exactly as it is written: a float by its shortest digits."""
+        if function.type_ids or isinstance(given, bool) or not isinstance(given, Number):
+            expected = "an object" if function.type_ids else "a number"
+            raise TypeMismatchError(
+                f"{text}: the value is {shown(given)}, expected {expected}, as in {function.text}"
+            )
+        try:
+            return Decimal(number_text(given))
+        except InvalidKnowledgeError as error:
+            raise InvalidKnowledgeError(f"{text}: {error}") from None
+
+    def _function(self, dto: FunctionReference) -> FunctionDefinition:
+        if isinstance(dto, str):
+            named = self._transaction.definitions.functions.named(dto)
+            if named is None:
+                raise InvalidKnowledgeError(
+                    f"{_ROLE} refers to function {shown(dto)}, which is not known; save it first, "
+                    "or give a PddlFunctionDto"
+                )
+            return named
+        found = self._functions.get(id(dto))
+        if found is None:
+            found = FUNCTIONS.ensure(self._transaction, dto, _ROLE), dto
+            self._functions[id(dto)] = found
+        return found[0]
+
+
+def existing_key(
+    definitions: Definitions, function: FunctionReference, objects: Sequence[ObjectReference]
+) -> FluentKey | None:
+    """Find what makes a fluent the one that it is, from names alone."""
+    declared = definitions.functions.named(_name(function))
+    ids = definitions.arguments(map(_name, objects))
+    return None if declared is None or ids is None else FluentKey(declared.id, ids)
+
+
+def check_fluent(function: FunctionReference, objects: Sequence[ObjectReference]) -> None:
+    """Refuse what is neither a name nor a DTO."""
+    if not isinstance(function, str | PddlFunctionDto):
+        raise InvalidKnowledgeError(
+            f"the function of {_ROLE} is a name or a PddlFunctionDto, not "
+            f"{type(function).__name__}: {shown(function)}"
+        )
+    kinds: tuple[type[Any], ...] = (PddlObjectDto, str)
+    expect_list(objects, kinds, f"the list of objects of {_ROLE}")
+
+
+def _name(reference: FunctionReference | ObjectReference) -> str:
+    return reference if isinstance(reference, str) else reference.name
 
 
 def _dtos(view: View, rows: Iterable[Any]) -> list[PddlFunctionValueDto]:
@@ -47,10 +214,10 @@ def _dtos(view: View, rows: Iterable[Any]) -> list[PddlFunctionValueDto]:
 class SqlFunctionValueDao(SqlDao, PddlFunctionValueDao):
     """The values of functions in an SQL store."""
 
+    @override
     def get(
         self, function: FunctionReference, *, objects: Sequence[ObjectReference] = ()
     ) -> Decimal | PddlObjectDto | None:
-        """Read what a fluent is."""
         check_fluent(function, objects)
         transaction = self._store.current()
         if transaction is not None and self._at is None:
@@ -73,13 +240,12 @@ class SqlFunctionValueDao(SqlDao, PddlFunctionValueDao):
 
         return self._store.read(work, self._at)
 
+    @override
     def get_all(self) -> list[PddlFunctionValueDto]:
-        """Read the values of all functions."""
         return self._store.read(lambda view: _dtos(view, ALL.rows(view)), self._at)
 
+    @override
     def get_by_function(self, name: str) -> list[PddlFunctionValueDto]:
-        """Read the values of one function."""
-
         def work(view: View) -> list[PddlFunctionValueDto]:
             function = view.definitions.functions.named(name)
             id_ = NO_ID if function is None else function.id
@@ -87,6 +253,7 @@ class SqlFunctionValueDao(SqlDao, PddlFunctionValueDao):
 
         return self._store.read(work, self._at)
 
+    @override
     def set(
         self,
         function: FunctionReference,
@@ -94,7 +261,6 @@ class SqlFunctionValueDao(SqlDao, PddlFunctionValueDao):
         objects: Sequence[ObjectReference],
         value: Number | ObjectReference,
     ) -> bool:
-        """Let a fluent be a number, or an object."""
         self._check_writable()
         check_fluent(function, objects)
 
@@ -106,10 +272,10 @@ class SqlFunctionValueDao(SqlDao, PddlFunctionValueDao):
 
         return self._store.write(work)
 
+    @override
     def unset(
         self, function: FunctionReference, *, objects: Sequence[ObjectReference] = ()
     ) -> bool:
-        """Let a fluent have no value any more."""
         self._check_writable()
         check_fluent(function, objects)
 
@@ -119,38 +285,38 @@ class SqlFunctionValueDao(SqlDao, PddlFunctionValueDao):
 
         return self._store.write(work)
 
+    @override
     def increase(
         self, function: FunctionReference, *, objects: Sequence[ObjectReference], by: Number
     ) -> Decimal:
-        """Add to a number."""
         return self._change("increased", INCREASE, function, objects, by)
 
+    @override
     def decrease(
         self, function: FunctionReference, *, objects: Sequence[ObjectReference], by: Number
     ) -> Decimal:
-        """Subtract from a number."""
         return self._change("decreased", DECREASE, function, objects, by)
 
+    @override
     def scale_up(
         self, function: FunctionReference, *, objects: Sequence[ObjectReference], by: Number
     ) -> Decimal:
-        """Multiply a number."""
         return self._change("scaled up", SCALE_UP, function, objects, by)
 
+    @override
     def scale_down(
         self, function: FunctionReference, *, objects: Sequence[ObjectReference], by: Number
     ) -> Decimal:
-        """Divide a number."""
         return self._change("scaled down", SCALE_DOWN, function, objects, by)
 
+    @override
     def save(self, dto: PddlFunctionValueDto) -> bool:
-        """Let a fluent be what a DTO says."""
         self._check(dto)
         self._store.write(lambda transaction: self._save_batch(transaction, [dto]))
         return True
 
+    @override
     def insert(self, dto: PddlFunctionValueDto) -> bool:
-        """Give a value to a fluent that has none."""
         self._check(dto)
 
         def work(transaction: Transaction) -> bool:
@@ -160,8 +326,8 @@ class SqlFunctionValueDao(SqlDao, PddlFunctionValueDao):
 
         return self._store.write(work)
 
+    @override
     def update(self, dto: PddlFunctionValueDto) -> bool:
-        """Give another value to a fluent that has one."""
         self._check(dto)
 
         def work(transaction: Transaction) -> bool:
@@ -172,8 +338,8 @@ class SqlFunctionValueDao(SqlDao, PddlFunctionValueDao):
 
         return self._store.write(work)
 
+    @override
     def save_all(self, dtos: Iterable[PddlFunctionValueDto]) -> int:
-        """Give many fluents their values, in one revision."""
         self._check_writable()
         changed = 0
         with self._store.transaction() as transaction:
@@ -186,13 +352,13 @@ class SqlFunctionValueDao(SqlDao, PddlFunctionValueDao):
                 changed += self._save_batch(transaction, batch)
         return changed
 
+    @override
     def delete(self, dto: PddlFunctionValueDto) -> bool:
-        """Let a fluent have no value any more."""
         self._check(dto)
         return self.unset(dto.function, objects=dto.objects)
 
+    @override
     def delete_all(self) -> int:
-        """Let no fluent have a value."""
         self._check_writable()
 
         def work(transaction: Transaction) -> int:
@@ -260,6 +426,6 @@ class SqlFunctionValueDao(SqlDao, PddlFunctionValueDao):
         transaction: Transaction,
         function: FunctionReference,
         objects: Sequence[ObjectReference],
-    ) -> Fluent | None:
+    ) -> GroundFluent | None:
         key = existing_key(transaction.definitions, function, objects)
         return None if key is None else transaction.values.find([key]).get(key)

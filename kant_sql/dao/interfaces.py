@@ -1,30 +1,79 @@
-"""The abstract DAOs: what every family of them does with each PDDL element.
+"""The abstract DAOs: what every family does with each PDDL element.
 
-One call is one transaction, unless the task or thread has one open: it happens whole or not at all,
-and what changes something makes one revision. Besides the errors that a method names, each can
-raise `StoreError` (the database refused or failed; nothing was written) and, if it writes,
-`ReadOnlyError` (on a view of the past).
+Each call is one transaction, unless the task or thread has one open, and makes one revision if it
+changes something. Besides the errors listed, every method can raise `StoreError` (the database
+refused or failed; nothing was written), and every write `ReadOnlyError` (on a view of the past).
 
-Results are built anew for each call. Within one result, DTOs share the types, predicates and
-objects that they refer to.
+Each call returns new DTOs. Within one result, DTOs share the types, predicates and objects that
+they refer to.
 """
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
-from collections.abc import Iterable
+from abc import ABC, ABCMeta, abstractmethod, update_abstractmethods
+from collections.abc import Callable, Iterable, Sequence
+from decimal import Decimal
+from functools import wraps
 from typing import Generic, TypeVar
 
 from ..dto import (
     Dto,
     PddlActionDto,
     PddlEventDto,
+    PddlFunctionDto,
+    PddlFunctionValueDto,
     PddlObjectDto,
     PddlPredicateDto,
     PddlProcessDto,
     PddlPropositionDto,
     PddlTypeDto,
 )
+from ..dto.formulas import Derived, Equal, Formula, Metric, Node, Not, TimedLiteral
+
+C = TypeVar("C")
+F = TypeVar("F", bound=Callable[..., object])
+
+
+class Interface(metaclass=ABCMeta):  # noqa: B024  # its subclasses have required methods
+    """A class whose required methods a DAO family implements and a facade forwards."""
+
+
+def required(method: F) -> F:
+    """Mark a method of an interface as required.
+
+    This is `abstractmethod`, hidden from type checkers, which cannot see that `forwarding`
+    implements the method on a facade.
+    """
+    return abstractmethod(method)
+
+
+def forwarding(**parts: ABCMeta) -> Callable[[type[C]], type[C]]:
+    """Implement the required methods of each interface by the part in the attribute of its name."""
+
+    def decorate(cls: type[C]) -> type[C]:
+        for attribute, interface in parts.items():
+            for name in interface.__abstractmethods__ - vars(cls).keys():
+                setattr(cls, name, _forward(attribute, name, getattr(interface, name)))
+        return update_abstractmethods(cls)
+
+    return decorate
+
+
+def _forward(attribute: str, name: str, method: Callable[..., object] | property) -> object:
+    if isinstance(method, property):
+        return property(lambda self: getattr(getattr(self, attribute), name), doc=method.__doc__)
+
+    @wraps(method)
+    def call(self: object, *args: object, **kwargs: object) -> object:
+        return getattr(getattr(self, attribute), name)(*args, **kwargs)
+
+    # `wraps` copies what marks the method as abstract.
+    del call.__dict__["__isabstractmethod__"]
+    return call
+
+
+# Called with the number of items done, and the number in total.
+Progress = Callable[[int, int], None]
 
 D = TypeVar("D", bound=Dto)
 
@@ -37,35 +86,45 @@ class Dao(ABC, Generic[D]):
         """Read all elements of the kind.
 
         Returns:
-            The elements, in the order in which each was first known.
+            The elements, in the order of their first assertion.
+
+        Examples:
+            >>> print(*kb.objects.get_all())
+            rb1 - robot wp1 - wp
         """
 
     @abstractmethod
     def save(self, dto: D) -> bool:
-        """Insert an element, or update it. What it refers to is saved too when it is missing.
+        """Insert or update an element, and insert the elements it refers to if they are missing.
 
         Args:
             dto: the element.
 
         Returns:
-            True; what cannot be saved raises.
+            True; an element that cannot be saved raises.
 
         Raises:
-            InvalidKnowledgeError: it is not well formed; the message names the element, what was
+            InvalidKnowledgeError: it is not well-formed; the message names the element, what was
                 found and what was expected.
-            ConflictError: it refers to something that is stored with another definition.
-            DependantsError: it redefines something that live facts or actions depend on.
+            ConflictError: it refers to an element that is stored with another definition.
+            DependantsError: it redefines an element that live facts or actions depend on.
+
+        Examples:
+            >>> kb.propositions.save(PddlPropositionDto(robot_at, [rb1, wp2]))
+            True
+            >>> print(*kb.objects.get_all())
+            rb1 - robot wp1 - wp wp2 - wp
         """
 
     @abstractmethod
     def insert(self, dto: D) -> bool:
-        """Save an element that is not there yet.
+        """Save an element that is not stored.
 
         Args:
             dto: the element.
 
         Returns:
-            False when it is there already, whatever its definition; nothing is changed then.
+            False when it is stored, with any definition; then nothing changes.
 
         Raises:
             InvalidKnowledgeError: as `save`.
@@ -74,13 +133,13 @@ class Dao(ABC, Generic[D]):
 
     @abstractmethod
     def update(self, dto: D) -> bool:
-        """Save an element that is there already.
+        """Save an element that is stored.
 
         Args:
             dto: the element.
 
         Returns:
-            False when it is not there; nothing is changed then.
+            False when it is not stored; then nothing changes.
 
         Raises:
             InvalidKnowledgeError: as `save`.
@@ -93,85 +152,114 @@ class Dao(ABC, Generic[D]):
         """Save many elements in one revision, faster than one by one.
 
         Args:
-            dtos: the elements; an iterator is read as it goes, in constant memory for
-                propositions. It is read ahead, so each element has to be a DTO of its own.
+            dtos: the elements. An iterator is consumed in batches, in constant memory for
+                propositions, so each element must be a DTO of its own.
 
         Returns:
-            How many of them changed something.
+            The number of elements that changed something.
 
         Raises:
-            InvalidKnowledgeError: as `save`; nothing of all is saved.
-            ConflictError: as `save`; nothing of all is saved.
-            DependantsError: as `save`; nothing of all is saved.
+            InvalidKnowledgeError: as `save`; none is saved.
+            ConflictError: as `save`; none is saved.
+            DependantsError: as `save`; none is saved.
+
+        Examples:
+            >>> places = [PddlObjectDto(wp, f"wp{number}") for number in range(1, 1001)]
+            >>> kb.objects.save_all(places)
+            999
+            >>> kb.revision
+            2
         """
 
     @abstractmethod
     def delete(self, dto: D) -> bool:
-        """Delete an element, and in the same revision all that depends on it.
+        """Delete an element and everything that depends on it, in one revision.
 
         Args:
-            dto: the element; only what makes it the one that it is counts.
+            dto: the element; only its identity counts, for example an object's name.
 
         Returns:
-            False when it is not there.
+            False when it is not stored.
+
+        Examples:
+            >>> kb.objects.delete(rb1)
+            True
+            >>> kb.propositions.get_all()
+            []
         """
 
     @abstractmethod
     def delete_all(self) -> int:
-        """Delete all elements of the kind, and in the same revision all that depends on them.
+        """Delete all elements of the kind and everything that depends on them, in one revision.
 
         Returns:
-            How many elements of the kind there were.
+            The number of elements of the kind that were deleted.
         """
 
 
 class NamedDao(Dao[D]):
-    """Reads, saves and deletes one kind of element that has a name."""
+    """Reads, saves and deletes one kind of named element."""
 
     @abstractmethod
     def get(self, name: str) -> D | None:
         """Read one element.
 
         Args:
-            name: its name, in any spelling.
+            name: its name, in any case.
 
         Returns:
-            The element, or None when there is none of that name.
+            The element, or None.
+
+        Examples:
+            >>> print(kb.objects.get("RB1"))
+            rb1 - robot
+            >>> kb.objects.get("rb2") is None
+            True
         """
 
 
 class RedefinableDao(NamedDao[D]):
-    """Reads, saves and deletes one kind of element that others can depend on."""
+    """Reads, saves and deletes one kind of named element that others can depend on."""
 
     @abstractmethod
     def save(self, dto: D, *, cascade: bool = False) -> bool:
-        """Insert an element, or redefine it. What it refers to is saved too when it is missing.
+        """Insert or redefine an element, and insert the elements it refers to if they are missing.
 
         Args:
             dto: the element.
-            cascade: whether a redefinition retracts, in the same revision, the live facts and
-                actions that depend on the present definition, instead of being refused.
+            cascade: retract the live facts and actions that depend on the present definition, in
+                the same revision, instead of refusing.
 
         Returns:
-            True; what cannot be saved raises.
+            True; an element that cannot be saved raises.
 
         Raises:
-            InvalidKnowledgeError: it is not well formed.
-            ConflictError: it refers to something that is stored with another definition.
+            InvalidKnowledgeError: it is not well-formed.
+            ConflictError: it refers to an element that is stored with another definition.
             DependantsError: live facts or actions depend on the present definition, and `cascade`
-                was not given.
+                is False.
+
+        Examples:
+            >>> wider = PddlPredicateDto("robot_at", [robot, wp, wp])
+            >>> kb.predicates.save(wider)
+            Traceback (most recent call last):
+            kant_sql.errors.DependantsError: ...
+            >>> kb.predicates.save(wider, cascade=True)
+            True
+            >>> kb.propositions.get_all()
+            []
         """
 
     @abstractmethod
     def update(self, dto: D, *, cascade: bool = False) -> bool:
-        """Redefine an element that is there already.
+        """Redefine an element that is stored.
 
         Args:
             dto: the element.
             cascade: as `save`.
 
         Returns:
-            False when it is not there; nothing is changed then.
+            False when it is not stored; then nothing changes.
 
         Raises:
             InvalidKnowledgeError: as `save`.
@@ -183,43 +271,43 @@ class RedefinableDao(NamedDao[D]):
 class PddlTypeDao(RedefinableDao[PddlTypeDto]):
     """Reads, saves and deletes types.
 
-    Deleting a type deletes its subtypes, the objects of all these, the predicates and actions with
-    parameters of them, and the facts and goals of those.
+    Deleting a type deletes its subtypes, their objects, the predicates and actions with parameters
+    of these types, and the facts and goals of those.
 
-    `save` takes the DTO as the whole definition: without a parent, the type is right under the
-    root. A type that another element refers to is found by name, and its parent must agree only
-    when it is given.
+    `save` takes the DTO as the whole definition: without a parent, the type is a child of `object`.
+    A type that another element refers to is found by name, and its parent is compared only if it is
+    given.
     """
 
 
 class PddlObjectDao(RedefinableDao[PddlObjectDto]):
     """Reads, saves and deletes objects.
 
-    Deleting an object deletes the facts, goals and actions that mention it.
+    Deleting an object deletes the facts, goals and actions that refer to it.
     """
 
 
 class PddlPredicateDao(RedefinableDao[PddlPredicateDto]):
     """Reads, saves and deletes predicates.
 
-    Deleting a predicate deletes its facts and goals, and the actions that mention it.
+    Deleting a predicate deletes its facts and goals, and the actions that refer to it.
     """
 
 
 class PddlActionDao(NamedDao[PddlActionDto]):
     """Reads, saves and deletes actions; nothing depends on them.
 
-    A condition or an effect is a literal, or a node of `kant_sql.pddl`. A literal saves what it
-    refers to when it is missing; a node names what must be known already.
+    A condition or an effect is a literal, or a node of `kant_sql.pddl`. Saving a literal inserts
+    the elements it refers to if they are missing; the names in a node must be known.
     """
 
 
 class PddlProcessDao(NamedDao[PddlProcessDto]):
-    """Reads, saves and deletes processes (PDDL+); no action or event has the name of one."""
+    """Reads, saves and deletes processes (PDDL+), named apart from actions and events."""
 
 
 class PddlEventDao(NamedDao[PddlEventDto]):
-    """Reads, saves and deletes events (PDDL+); no action or process has the name of one."""
+    """Reads, saves and deletes events (PDDL+), named apart from actions and processes."""
 
 
 class PddlPropositionDao(Dao[PddlPropositionDto]):
@@ -230,10 +318,14 @@ class PddlPropositionDao(Dao[PddlPropositionDto]):
         """Read the facts and the goals of one predicate.
 
         Args:
-            name: the predicate's name, in any spelling.
+            name: the predicate's name, in any case.
 
         Returns:
-            The propositions; none when there is no such predicate.
+            The propositions; empty for an unknown predicate.
+
+        Examples:
+            >>> print(*kb.propositions.get_by_predicate("robot_at"))
+            (robot_at rb1 wp1)
         """
 
     @abstractmethod
@@ -242,6 +334,11 @@ class PddlPropositionDao(Dao[PddlPropositionDto]):
 
         Returns:
             The propositions with `is_goal`.
+
+        Examples:
+            >>> _ = kb.propositions.save(PddlPropositionDto(robot_at, [rb1, wp2], is_goal=True))
+            >>> print(*kb.propositions.get_goals())
+            (robot_at rb1 wp2)
         """
 
     @abstractmethod
@@ -250,4 +347,330 @@ class PddlPropositionDao(Dao[PddlPropositionDto]):
 
         Returns:
             The propositions without `is_goal`.
+        """
+
+
+FunctionReference = str | PddlFunctionDto
+ObjectReference = str | PddlObjectDto
+Number = int | float | Decimal
+
+
+class PddlFunctionDao(RedefinableDao[PddlFunctionDto]):
+    """Reads, saves and deletes functions.
+
+    Deleting a function deletes its values, and the actions and formulas that refer to it. A new
+    name for a parameter is a change but not a redefinition: nothing depends on it.
+    """
+
+
+class PddlFunctionValueDao(Dao[PddlFunctionValueDto]):
+    """Reads, sets and unsets the values of functions: numeric fluents and object fluents.
+
+    A fluent is a function applied to objects. Functions and objects are given as DTOs, which writes
+    insert if they are missing, or by name, in any case, if they are known.
+
+    Numbers are exact decimals. A `float` stands for its shortest decimal text. Setting a fluent to
+    an equal number, such as 10 to 10.0, changes nothing.
+
+    `insert` sets a fluent that has no value, `update` one that has a value; `delete` unsets a
+    fluent, whatever the DTO's value.
+    """
+
+    @abstractmethod
+    def get(
+        self, function: FunctionReference, *, objects: Sequence[ObjectReference] = ()
+    ) -> Decimal | PddlObjectDto | None:
+        """Read the value of a fluent.
+
+        Args:
+            function: the function.
+            objects: its arguments, in order.
+
+        Returns:
+            A number, or an object for an object fluent; None when it has no value, or a name is not
+            known.
+
+        Examples:
+            >>> battery = PddlFunctionDto("battery", [robot])
+            >>> kb.function_values.set(battery, objects=[rb1], value=87.5)
+            True
+            >>> kb.function_values.get("battery", objects=["rb1"])
+            Decimal('87.5')
+        """
+
+    @abstractmethod
+    def get_by_function(self, name: str) -> list[PddlFunctionValueDto]:
+        """Read the values of one function.
+
+        Args:
+            name: the function's name, in any case.
+
+        Returns:
+            The values; empty for an unknown function.
+        """
+
+    @abstractmethod
+    def set(
+        self,
+        function: FunctionReference,
+        *,
+        objects: Sequence[ObjectReference],
+        value: Number | ObjectReference,
+    ) -> bool:
+        """Set a fluent to a number, or to an object.
+
+        Args:
+            function: the function.
+            objects: its arguments, in order.
+            value: a finite number of at most 400 digits; for an object fluent, an object or its
+                name.
+
+        Returns:
+            Whether the value changed.
+
+        Raises:
+            ArityError: the function has another number of parameters.
+            TypeMismatchError: an object does not fit its parameter, or the value the function.
+            ConflictError: a DTO is stored with another definition.
+            InvalidKnowledgeError: a name is not known, or an argument is not well-formed.
+
+        Examples:
+            >>> kb.function_values.set(PddlFunctionDto("battery", [robot]), objects=[rb1], value=90)
+            True
+            >>> kb.function_values.set("battery", objects=["rb1"], value=90)
+            False
+        """
+
+    @abstractmethod
+    def unset(
+        self, function: FunctionReference, *, objects: Sequence[ObjectReference] = ()
+    ) -> bool:
+        """Remove the value of a fluent.
+
+        Args:
+            function: the function.
+            objects: its arguments, in order.
+
+        Returns:
+            False when it has no value, or a name is not known.
+        """
+
+    @abstractmethod
+    def increase(
+        self, function: FunctionReference, *, objects: Sequence[ObjectReference], by: Number
+    ) -> Decimal:
+        """Add to a number, atomically.
+
+        Args:
+            function: the function.
+            objects: its arguments, in order.
+            by: the summand.
+
+        Returns:
+            The new value: exact if 400 digits can express it, else rounded to 28 significant
+            digits.
+
+        Raises:
+            InvalidKnowledgeError: the fluent has no value; or as `set`.
+
+        Examples:
+            >>> distance = PddlFunctionDto("distance", [robot])
+            >>> _ = kb.function_values.set(distance, objects=[rb1], value=1.1)
+            >>> kb.function_values.increase(distance, objects=[rb1], by=2.2)
+            Decimal('3.3')
+        """
+
+    @abstractmethod
+    def decrease(
+        self, function: FunctionReference, *, objects: Sequence[ObjectReference], by: Number
+    ) -> Decimal:
+        """Subtract from a number, atomically.
+
+        Args:
+            function: the function.
+            objects: its arguments, in order.
+            by: the subtrahend.
+
+        Returns:
+            The new value, as `increase`.
+
+        Raises:
+            InvalidKnowledgeError: as `increase`.
+        """
+
+    @abstractmethod
+    def scale_up(
+        self, function: FunctionReference, *, objects: Sequence[ObjectReference], by: Number
+    ) -> Decimal:
+        """Multiply a number, atomically.
+
+        Args:
+            function: the function.
+            objects: its arguments, in order.
+            by: the factor.
+
+        Returns:
+            The new value, as `increase`.
+
+        Raises:
+            InvalidKnowledgeError: as `increase`.
+        """
+
+    @abstractmethod
+    def scale_down(
+        self, function: FunctionReference, *, objects: Sequence[ObjectReference], by: Number
+    ) -> Decimal:
+        """Divide a number, atomically.
+
+        Args:
+            function: the function.
+            objects: its arguments, in order.
+            by: the divisor.
+
+        Returns:
+            The new value, as `increase`.
+
+        Raises:
+            InvalidKnowledgeError: as `increase`, or the divisor is 0.
+        """
+
+
+N = TypeVar("N", bound=Node)
+
+
+class FormulaDao(ABC, Generic[N]):
+    """Reads, saves and deletes formulas of one section: nodes of `kant_sql.pddl`.
+
+    The predicates, functions, types and objects that a formula names must be known. Deleting one of
+    them deletes the formula.
+    """
+
+    @abstractmethod
+    def get_all(self) -> list[N]:
+        """Read all formulas of the section.
+
+        Returns:
+            The formulas, in the order of their first assertion.
+        """
+
+    @abstractmethod
+    def save(self, formula: N) -> bool:
+        """Save a formula; a conjunction of goals or constraints is saved as its conjuncts.
+
+        Args:
+            formula: the formula.
+
+        Returns:
+            True; a formula that cannot be saved raises.
+
+        Raises:
+            InvalidKnowledgeError: it is not well-formed, or a name is not known.
+
+        Examples:
+            >>> from kant_sql.pddl import Atom, Constant, Or
+            >>> places = [Atom("robot_at", (Constant("rb1"), Constant("wp1")))]
+            >>> kb.goals.save(Or((*places, *places)))
+            True
+            >>> print(*kb.goals.get_all())
+            (or (robot_at rb1 wp1) (robot_at rb1 wp1))
+        """
+
+    @abstractmethod
+    def insert(self, formula: N) -> bool:
+        """Save a formula that is not stored.
+
+        Args:
+            formula: the formula.
+
+        Returns:
+            False when it is stored; then nothing changes.
+
+        Raises:
+            InvalidKnowledgeError: as `save`.
+        """
+
+    @abstractmethod
+    def save_all(self, formulas: Iterable[N]) -> int:
+        """Save many formulas in one revision.
+
+        Args:
+            formulas: the formulas.
+
+        Returns:
+            The number of formulas that changed something.
+
+        Raises:
+            InvalidKnowledgeError: as `save`; none is saved.
+        """
+
+    @abstractmethod
+    def delete(self, formula: N) -> bool:
+        """Delete a formula.
+
+        Args:
+            formula: the formula, as returned by `get_all`.
+
+        Returns:
+            False when it is not stored.
+        """
+
+    @abstractmethod
+    def delete_all(self) -> int:
+        """Delete all formulas of the section.
+
+        Returns:
+            The number of formulas that were deleted.
+        """
+
+
+class DerivedPredicateDao(FormulaDao[Derived]):
+    """Reads, saves and deletes the rules of derived predicates (PDDL 2.2, section 3.1)."""
+
+
+class TimedInitialLiteralDao(FormulaDao[TimedLiteral]):
+    """Reads, saves and deletes timed initial literals and values (PDDL 2.2, section 3.2)."""
+
+
+class InitialLiteralDao(FormulaDao[Not | Equal]):
+    """Reads, saves and deletes negative literals and equalities of the initial state."""
+
+
+class GoalDao(FormulaDao[Formula]):
+    """Reads, saves and deletes goals of any form, ground atoms among them.
+
+    A conjunction is stored as its conjuncts, and a ground atom as a proposition with `is_goal`:
+    `PddlPropositionDao.get_goals` returns it, too.
+    """
+
+
+class ConstraintDao(FormulaDao[Formula]):
+    """Reads, saves and deletes trajectory constraints (PDDL 3.0, section 2).
+
+    A conjunction is stored as its conjuncts.
+    """
+
+
+class MetricDao(ABC):
+    """Reads and sets the metric, which plans minimise or maximise (PDDL 2.1, section 4.1)."""
+
+    @abstractmethod
+    def get(self) -> Metric | None:
+        """Read the metric.
+
+        Returns:
+            The metric, or None.
+        """
+
+    @abstractmethod
+    def set(self, metric: Metric | None) -> bool:
+        """Set the metric, or remove it.
+
+        Args:
+            metric: the metric, or None.
+
+        Returns:
+            Whether the metric changed.
+
+        Raises:
+            InvalidKnowledgeError: it is not well-formed, or a name is not known.
         """

@@ -1,93 +1,145 @@
-"""Predicates: the DAO, and what others do when they refer to one."""
+"""Predicates and their parameters: how they are defined, and their DAO."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from typing import ClassVar
 
-from ..arguments import expect, expect_list
-from ..dto import PddlPredicateDto, PddlTypeDto
-from ..dto.name import check_name
-from ..dto.parameters import declaration_text
-from ..errors import ConflictError
-from ..knowledge.predicate import PredicateDefinition
-from ..transaction import Transaction
-from .builder import DtoBuilder
-from .dependants import Scope, clear_for_redefinition, delete_scope
+from ..arguments import expect_list
+from ..dto import PddlEitherTypeDto, PddlFunctionDto, PddlPredicateDto, PddlTypeDto
+from ..dto.lexical import check_name, fold, variable_name
+from ..errors import ArityError, InvalidKnowledgeError
+from ..knowledge.canonical import type_text
+from ..knowledge.definitions import Definitions, PredicateDefinition
+from ..knowledge.trees import ParameterDefinition
+from ..store.transaction import Transaction
+from .base import Definer, SqlNamedDao
 from .interfaces import PddlPredicateDao
-from .named import SqlNamedDao
-from .parameters import agrees, check_parents, given_names, put_parameters, same_types, type_texts
+from .type import TYPES, ensure_types
+
+# The arguments of an atom are one index key, and PostgreSQL's keys end at 2,704 bytes.
+MAX_ARITY = 100
+
+Parameters = tuple[ParameterDefinition, ...]
 
 
-def ensure_predicate(
-    transaction: Transaction, dto: PddlPredicateDto, role: str
-) -> PredicateDefinition:
-    """Find the predicate that an element refers to; save it when it is missing.
-
-    Args:
-        transaction: the transaction.
-        dto: the predicate as referred to; the names of its parameters do not matter.
-        role: what refers to it, for the message.
-
-    Returns:
-        The predicate.
-
-    Raises:
-        ConflictError: it is stored with other parameters.
-        InvalidKnowledgeError: it is missing, and not well formed.
-    """
-    expect(dto, PddlPredicateDto, f"the predicate of {role}")
-    expect_list(dto.types, PddlTypeDto, f"the list of types of predicate {dto.name!r}")
-    stored = transaction.definitions.predicates.named(dto.name)
-    if stored is None:
-        return put_predicate(transaction, dto, cascade=False)[0]
-    if len(stored.parameters) != len(dto.types) or not all(
-        agrees(transaction.definitions, given, parameter.type_ids)
-        for given, parameter in zip(dto.types, stored.parameters, strict=True)
-    ):
-        raise ConflictError(
-            f"predicate {dto.name!r} is stored as {stored.text}, but {role} refers to it as {dto}; "
-            "use the stored definition, or save the predicate itself to redefine it"
+def put_parameters(
+    transaction: Transaction,
+    dto: PddlPredicateDto | PddlFunctionDto,
+    role: str,
+    stored: Parameters,
+) -> Parameters:
+    """Check the parameters of a DTO that is saved, and save their types when they are missing."""
+    types = expect_list(dto.types, PddlTypeDto, f"the list of types of {role}")
+    if len(types) > MAX_ARITY:
+        raise ArityError(f"{role} has {len(types)} parameters, {MAX_ARITY} at most")
+    names = given_names(dto, role)
+    allowed = [allowed_types(transaction, type_, role) for type_ in types]
+    definitions = transaction.definitions
+    made = tuple(
+        ParameterDefinition(
+            names[position] if names else variable_name(type_text(definitions, ids), position), ids
         )
-    given_names(dto, f"predicate {dto.name!r}")
-    for type_ in dto.types:
-        check_parents(transaction, type_, f"predicate {dto.name!r}")
-    return stored
-
-
-def put_predicate(
-    transaction: Transaction, dto: PddlPredicateDto, cascade: bool
-) -> tuple[PredicateDefinition, bool]:
-    """Define a predicate as a DTO says.
-
-    Args:
-        transaction: the transaction.
-        dto: the predicate.
-        cascade: whether a redefinition retracts what depends on the present definition.
-
-    Returns:
-        The predicate, and whether it has changed.
-    """
-    check_name("predicate", dto.name)
-    stored = transaction.definitions.predicates.named(dto.name)
-    present = stored.parameters if stored else ()
-    parameters = put_parameters(transaction, dto, f"predicate {dto.name!r}", present)
-    id_, name = (stored.id, stored.name) if stored else transaction.intern("predicate", dto.name)
-    text = declaration_text(
-        name,
-        type_texts(transaction.definitions, parameters),
-        [parameter.name for parameter in parameters],
+        for position, ids in enumerate(allowed)
     )
-    definition = PredicateDefinition(id_, name, parameters, text)
-    # What depends on a predicate does not depend on the names of its parameters.
-    if stored is not None and not same_types(parameters, present):
-        clear_for_redefinition(
-            transaction,
-            Scope(predicates={id_}),
-            f"predicate {stored.text}",
-            definition.text,
-            cascade,
+    if names is None and same_types(made, stored):
+        return tuple(part._replace(name=kept.name) for part, kept in zip(made, stored, strict=True))
+    return made
+
+
+def given_names(dto: PddlPredicateDto | PddlFunctionDto, role: str) -> Sequence[str] | None:
+    """Check the names that a DTO gives to its parameters."""
+    if dto.parameter_names is None:
+        return None
+    names = expect_list(dto.parameter_names, str, f"the list of parameter names of {role}")
+    if len(names) != len(dto.types):
+        raise ArityError(
+            f"{role} has {len(names)} parameter names for {len(dto.types)} types; give one for "
+            "each, or none at all"
         )
-    return definition, transaction.define("predicate", definition)
+    for name in names:
+        check_name("parameter", name)
+    return names
+
+
+def allowed_types(transaction: Transaction, dto: PddlTypeDto, role: str) -> tuple[int, ...]:
+    """Find the types that a type stands for; save those that are missing."""
+    return tuple(dict.fromkeys(ensure_types(transaction, dto, role)))
+
+
+def same_types(one: Parameters, other: Parameters) -> bool:
+    """Return whether parameters allow the same, whatever their names and the order in `either`."""
+    return [{*part.type_ids} for part in one] == [{*part.type_ids} for part in other]
+
+
+def agrees(definitions: Definitions, dto: PddlTypeDto, type_ids: Sequence[int]) -> bool:
+    """Return whether a type that is referred to is the stored one."""
+    names = [definitions.types.live(id_).name for id_ in type_ids]
+    if not isinstance(dto, PddlEitherTypeDto) and len(names) == 1:
+        return dto.name == names[0] or fold(dto.name) == fold(names[0])
+    return {fold(part.name) for part in _parts(dto)} == {fold(name) for name in names}
+
+
+def agree(definitions: Definitions, types: Sequence[PddlTypeDto], parameters: Parameters) -> bool:
+    """Return whether the types that are referred to are those of stored parameters."""
+    return len(types) == len(parameters) and all(
+        agrees(definitions, given, parameter.type_ids)
+        for given, parameter in zip(types, parameters, strict=True)
+    )
+
+
+def check_parents(transaction: Transaction, types: Iterable[PddlTypeDto], role: str) -> None:
+    """Check that types that are referred to say of their parents what is stored."""
+    for type_ in types:
+        for part in _parts(type_):
+            if part.parent is not None:
+                TYPES.ensure(transaction, part, role)
+
+
+def _parts(dto: PddlTypeDto) -> Sequence[PddlTypeDto]:
+    if not isinstance(dto, PddlEitherTypeDto):
+        return (dto,)
+    return expect_list(dto.types, PddlTypeDto, f"the list of types of {dto.name}")
+
+
+def refuse_number(dto: PddlTypeDto, role: str) -> None:
+    """Refuse the word that PDDL 3.1 has for numbers as the type of a function's objects."""
+    if any(fold(part.name) == "number" for part in _parts(dto)):
+        raise InvalidKnowledgeError(
+            f"{role} has values of a type called 'number', which PDDL reads as numbers; choose "
+            "another name for the type, or give no value types for numbers"
+        )
+
+
+class PredicateDefiner(Definer[PddlPredicateDto, PredicateDefinition]):
+    """Defines predicates."""
+
+    kind = "predicate"
+    dto_class = PddlPredicateDto
+
+    def _make(
+        self, transaction: Transaction, dto: PddlPredicateDto, stored: PredicateDefinition | None
+    ) -> PredicateDefinition:
+        present = stored.parameters if stored else ()
+        parameters = put_parameters(transaction, dto, f"predicate {dto.name!r}", present)
+        return PredicateDefinition(*self._identity(transaction, dto, stored), parameters)
+
+    def _keeps(self, stored: PredicateDefinition, made: PredicateDefinition) -> bool:
+        return same_types(stored.parameters, made.parameters)
+
+    def _agrees(
+        self, transaction: Transaction, dto: PddlPredicateDto, stored: PredicateDefinition
+    ) -> bool:
+        role = f"predicate {dto.name!r}"
+        expect_list(dto.types, PddlTypeDto, f"the list of types of {role}")
+        if not agree(transaction.definitions, dto.types, stored.parameters):
+            return False
+        given_names(dto, role)
+        check_parents(transaction, dto.types, role)
+        return True
+
+
+PREDICATES = PredicateDefiner()
 
 
 class SqlPredicateDao(SqlNamedDao[PddlPredicateDto], PddlPredicateDao):
@@ -95,12 +147,4 @@ class SqlPredicateDao(SqlNamedDao[PddlPredicateDto], PddlPredicateDao):
 
     kind: ClassVar[str] = "predicate"
     dto_class = PddlPredicateDto
-
-    def _build(self, builder: DtoBuilder, definition: PredicateDefinition) -> PddlPredicateDto:
-        return builder.predicate(definition.id)
-
-    def _put(self, transaction: Transaction, dto: PddlPredicateDto, cascade: bool) -> bool:
-        return put_predicate(transaction, dto, cascade)[1]
-
-    def _remove(self, transaction: Transaction, ids: list[int]) -> None:
-        delete_scope(transaction, Scope(predicates=set(ids)))
+    definer = PREDICATES

@@ -1,29 +1,127 @@
-"""Propositions: the DAO of facts and goals."""
+"""Propositions: the DAO of facts and goals, and what propositions refer to."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 from sqlalchemy import ColumnElement, bindparam, false, literal_column, select
+from typing_extensions import override
 
-from ..arguments import expect, expect_list, flag
-from ..atoms import AtomKey
-from ..backends import in_rows
+from ..arguments import expect, expect_list, flag, shown
 from ..dto import PddlObjectDto, PddlPredicateDto, PddlPropositionDto
-from ..errors import each_readable
-from ..knowledge.loading import KB
-from ..knowledge.past import ANY_PREDICATE, held_then
-from ..knowledge.rows import table_of
-from ..tables import PropositionRow, PropositionVersionRow
-from ..transaction import Transaction
-from ..view import View
-from .base import SqlDao, batches
-from .builder import DtoBuilder
+from ..dto.elements import atom_text
+from ..errors import ArityError, InvalidKnowledgeError, TypeMismatchError, all_readable
+from ..knowledge.canonical import type_text
+from ..knowledge.definitions import FunctionDefinition, ObjectDefinition, PredicateDefinition
+from ..sql.intervals import ANY_PREDICATE, held_then
+from ..sql.query import in_rows
+from ..sql.rows import KB, table_of
+from ..sql.tables import PropositionRow, PropositionVersionRow
+from ..store.caches import AtomKey
+from ..store.snapshot import View
+from ..store.transaction import Transaction
+from .base import NO_ID, DtoBuilder, Reading, SqlDao, batches
 from .dependants import propositions_on, retract
 from .interfaces import PddlPropositionDao
-from .reading import NO_ID, Reading
-from .references import References
+from .object import OBJECTS
+from .predicate import PREDICATES
+
+_ROLE = "a proposition"
+
+
+class Arguments:
+    """The objects that the elements of one batch refer to: the same reference is checked once.
+
+    A batch only ever adds definitions, so that what was found to agree goes on to agree.
+    """
+
+    def __init__(self, transaction: Transaction, role: str) -> None:
+        """Make it for one batch."""
+        self._transaction = transaction
+        self._role = role
+        # Keyed by id(dto): the DTO is kept alive so that no other gets its address.
+        self._objects: dict[tuple[str, int], tuple[ObjectDefinition, Any]] = {}
+
+    def check(
+        self,
+        shown: object,
+        declared: PredicateDefinition | FunctionDefinition,
+        objects: Sequence[PddlObjectDto | str],
+    ) -> list[ObjectDefinition]:
+        """Check arguments, and save those that are missing."""
+        if len(objects) != len(declared.parameters):
+            raise ArityError(
+                f"{shown} has {len(objects)} arguments, expected {len(declared.parameters)} as "
+                f"in {declared.text}"
+            )
+        found: list[ObjectDefinition] = []
+        definitions = self._transaction.definitions
+        for parameter, object_dto in zip(declared.parameters, objects, strict=True):
+            object_ = self.object(object_dto)
+            allowed = parameter.type_ids
+            if object_.type_id not in allowed and not definitions.any_fits(
+                object_.type_ids, allowed
+            ):
+                role = f"{shown}: argument {len(found) + 1}"
+                raise self.mismatch(role, object_, allowed, declared.text)
+            found.append(object_)
+        return found
+
+    def object(self, dto: PddlObjectDto | str) -> ObjectDefinition:
+        """Find an object; save it when it is missing."""
+        if isinstance(dto, str):
+            named = self._transaction.definitions.objects.named(dto)
+            if named is None:
+                raise InvalidKnowledgeError(
+                    f"{self._role} refers to object {shown(dto)}, which is not known; save it "
+                    "first, or give a PddlObjectDto"
+                )
+            return named
+        if type(dto) is not PddlObjectDto or type(dto.name) is not str:
+            return OBJECTS.ensure(self._transaction, dto, self._role)
+        type_ = dto.type
+        key = (dto.name, id(type_))
+        found = self._objects.get(key)
+        if found is None:
+            found = self._objects[key] = OBJECTS.ensure(self._transaction, dto, self._role), type_
+        return found[0]
+
+    def mismatch(
+        self, role: str, object_: ObjectDefinition, allowed: Sequence[int], declared: str
+    ) -> TypeMismatchError:
+        """Make the error for an object that does not fit its place."""
+        definitions = self._transaction.definitions
+        return TypeMismatchError(
+            f"{role}, {object_.name!r}, is of type "
+            f"{type_text(definitions, object_.type_ids)!r}, expected "
+            f"{type_text(definitions, allowed)!r} or a subtype, as in {declared}"
+        )
+
+
+class References(Arguments):
+    """What the propositions of one batch refer to."""
+
+    def __init__(self, transaction: Transaction) -> None:
+        """Make it for one batch."""
+        super().__init__(transaction, _ROLE)
+        self._predicates: dict[int, tuple[PredicateDefinition, Any]] = {}
+
+    def resolve(self, dto: PddlPropositionDto) -> tuple[AtomKey, str]:
+        """Check a proposition, and save what it refers to when it is missing."""
+        predicate = self._predicate(dto.predicate)
+        objects = self.check(dto, predicate, dto.objects)
+        ids = " ".join([str(object_.id) for object_ in objects])
+        text = atom_text(predicate.name, [object_.name for object_ in objects])
+        return AtomKey(flag(dto.is_goal, "is_goal of a proposition"), predicate.id, ids), text
+
+    def _predicate(self, dto: PddlPredicateDto) -> PredicateDefinition:
+        found = self._predicates.get(id(dto))
+        if found is None:
+            found = PREDICATES.ensure(self._transaction, dto, _ROLE), dto
+            self._predicates[id(dto)] = found
+        return found[0]
+
 
 _COLUMNS = (
     PropositionRow.id,
@@ -39,14 +137,7 @@ class PropositionReading(Reading):
 
     @classmethod
     def of_versions(cls, *conditions: ColumnElement[bool]) -> PropositionReading:
-        """Ask for the propositions of the versions that are open.
-
-        Args:
-            *conditions: what else is asked of the versions.
-
-        Returns:
-            The question.
-        """
+        """Ask for the propositions of the versions that are open."""
         versions = select(PropositionVersionRow.proposition_id).where(
             PropositionVersionRow.kb_id == KB, *conditions
         )
@@ -59,18 +150,9 @@ class PropositionReading(Reading):
         return cls(now, then, literal_column("''"), false())
 
     def answer(self, view: View, **parameters: Any) -> list[PddlPropositionDto]:
-        """Ask it.
-
-        Args:
-            view: the state to read from.
-            **parameters: the question's parameters.
-
-        Returns:
-            The propositions, in the order in which each was first known.
-        """
-        proposition = DtoBuilder(view.definitions).proposition
-        rows = [*self.rows(view, **parameters)]
-        return each_readable("proposition", rows, lambda row: proposition(*row[1:]))
+        """Ask it."""
+        build = DtoBuilder(view.definitions).propositions
+        return all_readable("proposition", self.rows(view, **parameters), build)
 
 
 _ALL = PropositionReading.of_versions()
@@ -81,15 +163,7 @@ GOALS = PropositionReading.of_versions(table_of(PropositionVersionRow).c.is_goal
 
 
 def existing_key(transaction: Transaction, dto: PddlPropositionDto) -> AtomKey | None:
-    """Find what makes a proposition the one that it is, from names alone.
-
-    Args:
-        transaction: the transaction.
-        dto: the proposition.
-
-    Returns:
-        The key; None when a name in it is not known, so that it cannot hold.
-    """
+    """Find what makes a proposition the one that it is, from names alone."""
     expect(dto.predicate, PddlPredicateDto, "the predicate of a proposition")
     predicate = transaction.definitions.predicates.named(dto.predicate.name)
     ids = transaction.definitions.arguments(object_.name for object_ in dto.objects)
@@ -101,13 +175,12 @@ def existing_key(transaction: Transaction, dto: PddlPropositionDto) -> AtomKey |
 class SqlPropositionDao(SqlDao, PddlPropositionDao):
     """Propositions in an SQL store."""
 
+    @override
     def get_all(self) -> list[PddlPropositionDto]:
-        """Read all facts and goals."""
         return self._store.read(_ALL.answer, self._at)
 
+    @override
     def get_by_predicate(self, name: str) -> list[PddlPropositionDto]:
-        """Read the facts and the goals of one predicate."""
-
         def work(view: View) -> list[PddlPropositionDto]:
             predicate = view.definitions.predicates.named(name)
             # Asked even of no predicate: the head may say that there is one by now.
@@ -116,22 +189,22 @@ class SqlPropositionDao(SqlDao, PddlPropositionDao):
 
         return self._store.read(work, self._at)
 
+    @override
     def get_goals(self) -> list[PddlPropositionDto]:
-        """Read the goals."""
         return self._store.read(GOALS.answer, self._at)
 
+    @override
     def get_no_goals(self) -> list[PddlPropositionDto]:
-        """Read the facts."""
         return [dto for dto in self.get_all() if not dto.is_goal]
 
+    @override
     def save(self, dto: PddlPropositionDto) -> bool:
-        """Let a proposition hold."""
         self._check(dto)
         self._store.write(lambda transaction: self._save_batch(transaction, [dto]))
         return True
 
+    @override
     def insert(self, dto: PddlPropositionDto) -> bool:
-        """Let a proposition hold that does not hold yet."""
         self._check(dto)
 
         def work(transaction: Transaction) -> bool:
@@ -139,8 +212,8 @@ class SqlPropositionDao(SqlDao, PddlPropositionDao):
 
         return self._store.write(work)
 
+    @override
     def update(self, dto: PddlPropositionDto) -> bool:
-        """Tell whether a proposition holds: there is nothing else of it to update."""
         self._check(dto)
 
         def work(transaction: Transaction) -> bool:
@@ -151,8 +224,8 @@ class SqlPropositionDao(SqlDao, PddlPropositionDao):
 
         return self._store.write(work)
 
+    @override
     def save_all(self, dtos: Iterable[PddlPropositionDto]) -> int:
-        """Let many propositions hold, in one revision."""
         self._check_writable()
         changed = 0
         with self._store.transaction() as transaction:
@@ -164,11 +237,11 @@ class SqlPropositionDao(SqlDao, PddlPropositionDao):
                 transaction.look_up("object", {name for name in names if isinstance(name, str)})
                 with transaction.batch():
                     changed += self._save_batch(transaction, batch)
-                transaction.propositions.spill()
+                transaction.spill()
         return changed
 
+    @override
     def delete(self, dto: PddlPropositionDto) -> bool:
-        """Let a proposition hold no more."""
         self._check(dto)
 
         def work(transaction: Transaction) -> bool:
@@ -177,8 +250,8 @@ class SqlPropositionDao(SqlDao, PddlPropositionDao):
 
         return self._store.write(work)
 
+    @override
     def delete_all(self) -> int:
-        """Let nothing hold, and no goal stand."""
         self._check_writable()
 
         def work(transaction: Transaction) -> int:

@@ -1,9 +1,7 @@
-"""Domains and problems as whole documents: loaded into a store, and built from it."""
+"""Whole domains and problems: load them, write them, plan."""
 
 from __future__ import annotations
 
-from .exchange import SqlExchange
-from .interfaces import Exchange, Loaded, Mode, State
-from .methods import DocumentMethods
+from .interfaces import Exchange, Loaded, Mode
 
-__all__ = ["DocumentMethods", "Exchange", "Loaded", "Mode", "SqlExchange", "State"]
+__all__ = ["Exchange", "Loaded", "Mode"]

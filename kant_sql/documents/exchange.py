@@ -7,26 +7,24 @@ import logging
 from collections.abc import Callable
 from typing import TypeVar
 
+from typing_extensions import override
+
 from ..arguments import one_of, optional_call
 from ..dao.base import SqlDao
-from ..dto.name import is_name
+from ..dao.interfaces import Progress
+from ..dto.lexical import is_name
 from ..errors import InvalidKnowledgeError, PddlError, printable
-from ..knowledge.definitions import Definitions
-from ..knowledge.document import DOMAIN
+from ..knowledge.definitions import DOMAIN, Definitions
 from ..pddl import read_domain, read_problem, used_requirements
-from ..pddl.collector import without_collector
 from ..pddl.document import Domain, PddlWarning, Problem
-from ..pddl.tokens import Source
+from ..pddl.lexer import Source
+from ..pddl.reader import without_collector
 from ..pddl.writer import write, write_domain
-from ..transaction import Transaction
-from ..verification.findings import Progress
-from ..view import View, read_revision
-from .domain_building import build_domain
-from .domain_loading import load_domain
+from ..store.snapshot import View, read_revision
+from ..store.transaction import Transaction
+from .build import build_domain, build_problem, domain_title, find_document, problem_text
 from .interfaces import Exchange, Loaded, Mode, State
-from .ordering import domain_title, find_document
-from .problem_building import build_problem, problem_text
-from .problem_loading import load_problem
+from .load import load_domain, load_problem
 
 T = TypeVar("T")
 
@@ -36,6 +34,7 @@ logger = logging.getLogger("kant_sql.documents")
 class SqlExchange(SqlDao, Exchange):
     """Loads domains and problems into an SQL store, and builds them from it."""
 
+    @override
     def load_domain(
         self,
         *sources: Source,
@@ -43,7 +42,6 @@ class SqlExchange(SqlDao, Exchange):
         strict: bool = False,
         progress: Progress | None = None,
     ) -> Loaded:
-        """Load a domain."""
         optional_call(progress, "progress")
         domain = read_domain(*sources, strict=strict)
         replace = self._is_replacing(mode)
@@ -52,6 +50,7 @@ class SqlExchange(SqlDao, Exchange):
         )
         return self._loaded("domain", domain.name, revision, domain.warnings)
 
+    @override
     @without_collector()
     def load_problem(
         self,
@@ -61,7 +60,6 @@ class SqlExchange(SqlDao, Exchange):
         strict: bool = False,
         progress: Progress | None = None,
     ) -> Loaded:
-        """Load a problem."""
         optional_call(progress, "progress")
         replace = self._is_replacing(mode)
         domain = self.domain()
@@ -78,9 +76,9 @@ class SqlExchange(SqlDao, Exchange):
         revision = self._write(work)
         return self._loaded("problem", problem.name, revision, problem.warnings)
 
+    @override
     @without_collector()
-    def put(self, domain: Domain, *, problem: Problem, mode: Mode = "replace") -> Loaded:
-        """Store a domain and a problem that go together."""
+    def _load(self, domain: Domain, *, problem: Problem, mode: Mode) -> Loaded:
         replace = self._is_replacing(mode)
         # Whoever made them, what is stored has passed the reader's checks.
         checked = read_domain(write(domain))
@@ -93,19 +91,18 @@ class SqlExchange(SqlDao, Exchange):
         warnings = domain.warnings + problem.warnings
         return self._loaded("domain and problem", problem.name, self._write(work), warnings)
 
+    @override
     def domain(self) -> Domain:
-        """Build the domain."""
         return self._store.read_definitions(self._build_domain, self._at)
 
+    @override
     @without_collector()
     def problem(self) -> Problem:
-        """Build the problem."""
         return self._read(lambda view: build_problem(view, *self._names(view.definitions)))
 
+    @override
     @without_collector()
-    def state(self) -> State:
-        """Build the domain and the problem of one and the same state."""
-
+    def _state(self) -> State:
         def work(view: View) -> State:
             definitions = view.definitions
             problem = build_problem(view, *self._names(definitions))
@@ -113,18 +110,18 @@ class SqlExchange(SqlDao, Exchange):
 
         return self._read(work)
 
+    @override
     def domain_pddl(self) -> str:
-        """Write the domain as PDDL."""
         return write_domain(self.domain())
 
+    @override
     @without_collector()
     def problem_pddl(self) -> str:
-        """Write the problem as PDDL."""
         return self._read(lambda view: problem_text(view, *self._names(view.definitions)))
 
+    @override
     def requirements(self) -> tuple[str, ...]:
-        """Compute which requirements domain and problem use."""
-        state = self.state()
+        state = self._state()
         return used_requirements(state.domain, problem=state.problem)
 
     def _loaded(
@@ -143,7 +140,7 @@ class SqlExchange(SqlDao, Exchange):
         return Loaded(revision, warnings)
 
     def _read(self, work: Callable[[View], T]) -> T:
-        return self._store.read_together(work, self._at)
+        return self._store.read_in_snapshot(work, self._at)
 
     def _write(self, work: Callable[[Transaction], None]) -> int | None:
         self._check_writable()

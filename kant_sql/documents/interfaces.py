@@ -1,24 +1,32 @@
-"""What loads whole documents, and gives them back."""
+"""The interface of whole documents: load, write, plan."""
+
+# What a family implements has no body here, and is not abstract to a type checker.
+# mypy: disable-error-code="empty-body"
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
-from typing import Literal, NamedTuple
+from dataclasses import replace
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
+from ..dao.interfaces import Interface, Progress, required
 from ..pddl.document import Domain, PddlWarning, Problem
-from ..pddl.tokens import Source
-from ..verification.findings import Progress
+from ..pddl.lexer import Source
+from ..pddl.writer import write
+from ..planning import Plan, from_unified_planning, problem_hash, solve, to_unified_planning
+
+if TYPE_CHECKING:
+    from unified_planning.model import Problem as UpProblem
+
 
 Mode = Literal["replace", "merge"]
 
 
 class Loaded(NamedTuple):
-    """What came of loading a document.
+    """The result of loading a document.
 
     Attributes:
-        revision: the revision that was made; None when nothing changed, or when it is part of a
-            transaction that is still open.
-        warnings: what violates the standard, and was read in the one way that makes sense.
+        revision: the new revision; None when nothing changed, or within an open transaction.
+        warnings: deviations from the standard that can be read in one way only.
     """
 
     revision: int | None
@@ -26,7 +34,7 @@ class Loaded(NamedTuple):
 
 
 class State(NamedTuple):
-    """Domain and problem of one and the same state.
+    """Domain and problem of one state.
 
     Attributes:
         revision: the revision; within a transaction, the one that it began from.
@@ -39,18 +47,17 @@ class State(NamedTuple):
     problem: Problem
 
 
-class Exchange(ABC):
-    """Loads domains and problems, as text or as documents, and gives them back.
+class Exchange(Interface):
+    """Loads domains and problems, from text or documents, and writes them.
 
-    Each load is one transaction, unless the task or thread has one open: all of it is stored or
-    nothing. With mode `replace`, what the document does not say is retracted: of a domain the
-    types, constants, predicates, functions, constraints, derived predicates and actions, and the
-    facts, values and formulas that fit no more; of a problem the objects, the initial state, the
-    goal, the constraints and the metric. With mode `merge` all that stays, and a contradiction to
-    it is refused.
+    Each load is one transaction, unless the task or thread has one open. Mode `replace` retracts
+    what the document does not declare: for a domain types, constants, predicates, functions,
+    constraints, derived predicates, actions, and the facts, values and formulas that no longer fit;
+    for a problem objects, initial state, goal, constraints and metric. Mode `merge` keeps it, and
+    refuses a document that contradicts it.
     """
 
-    @abstractmethod
+    @required
     def load_domain(
         self,
         *sources: Source,
@@ -58,28 +65,37 @@ class Exchange(ABC):
         strict: bool = False,
         progress: Progress | None = None,
     ) -> Loaded:
-        """Load a domain.
+        """Load a domain, in at most one revision.
 
         Args:
-            *sources: paths, or texts that begin with `(`; several files are one domain, if they do
-                not contradict each other.
-            mode: `replace` or `merge`.
-            strict: whether what violates the standard is refused, not warned of.
-            progress: called from time to time with the number of elements that are stored, and that
-                are to be stored; they are not committed yet.
+            *sources: paths, or texts that begin with `(`; several files form one domain if they
+                do not contradict each other.
+            mode: `replace` retracts what the domain does not declare, `merge` keeps it.
+            strict: refuse deviations from the standard, instead of warning.
+            progress: called with the number of elements written, and the number in total; they
+                are not committed yet.
 
         Returns:
             The revision, and the warnings with their positions.
 
         Raises:
-            PddlError: the text cannot be read; it says where, what was found and expected.
-            SourceMissingError: there is no such file; it is a `FileNotFoundError`, too.
+            PddlError: the text is not valid; the error has the position, what was found and what
+                was expected.
+            SourceMissingError: a file does not exist; this is a `FileNotFoundError`, too.
             SourceError: a file cannot be read.
-            ConflictError: with mode `merge`, it contradicts what is stored.
+            ConflictError: with mode `merge`, the domain contradicts what is stored.
             ReadOnlyError: this is a view of the past.
+
+        Examples:
+            >>> kb.load_domain('''(define (domain doors)
+            ...   (:requirements :strips)
+            ...   (:predicates (open)))''')
+            Loaded(revision=2, warnings=())
+            >>> print(*kb.predicates.get_all())
+            (open)
         """
 
-    @abstractmethod
+    @required
     def load_problem(
         self,
         source: Source,
@@ -88,88 +104,185 @@ class Exchange(ABC):
         strict: bool = False,
         progress: Progress | None = None,
     ) -> Loaded:
-        """Load a problem of the domain that is stored.
+        """Load a problem of the stored domain, in at most one revision.
 
         Args:
             source: a path, or a text that begins with `(`.
-            mode: `replace` or `merge`.
-            strict: whether what violates the standard is refused, not warned of.
-            progress: called from time to time with the number of elements that are stored, and that
-                are to be stored; they are not committed yet.
+            mode: `replace` retracts what the problem does not declare, `merge` keeps it.
+            strict: refuse deviations from the standard, instead of warning.
+            progress: called with the number of elements written, and the number in total; they
+                are not committed yet.
 
         Returns:
             The revision, and the warnings with their positions.
 
         Raises:
-            PddlError: the text cannot be read, or does not go with the domain.
-            SourceMissingError: there is no such file; it is a `FileNotFoundError`, too.
-            SourceError: a file cannot be read.
-            ConflictError: with mode `merge`, it contradicts what is stored.
+            PddlError: the text is not valid, or does not fit the domain.
+            SourceMissingError: the file does not exist; this is a `FileNotFoundError`, too.
+            SourceError: the file cannot be read.
+            ConflictError: with mode `merge`, the problem contradicts what is stored.
             ReadOnlyError: this is a view of the past.
+
+        Examples:
+            >>> loaded = kb.load_problem('''(define (problem patrol) (:domain tiago)
+            ...   (:objects rb1 - robot wp1 wp2 - wp)
+            ...   (:init (robot_at rb1 wp2)) (:goal (robot_at rb1 wp1)))''')
+            >>> print(*kb.propositions.get_no_goals())
+            (robot_at rb1 wp2)
         """
 
-    @abstractmethod
-    def put(self, domain: Domain, *, problem: Problem, mode: Mode = "replace") -> Loaded:
-        """Store a domain and a problem that go together, in one revision.
-
-        Args:
-            domain: the domain.
-            problem: the problem.
-            mode: `replace` or `merge`.
-
-        Returns:
-            The revision, and the warnings of both.
-
-        Raises:
-            PddlError: the two do not go together.
-            ConflictError: with mode `merge`, they contradict what is stored.
-            ReadOnlyError: this is a view of the past.
-        """
-
-    @abstractmethod
+    @required
     def domain(self) -> Domain:
         """Build the domain.
 
         Returns:
-            The domain; named like the knowledge base when none was loaded.
+            The domain; named like the knowledge base if none was loaded.
+
+        Examples:
+            >>> kb.domain().name
+            'tiago'
         """
 
-    @abstractmethod
+    @required
     def problem(self) -> Problem:
-        """Build the problem: the present state as the initial one, and the goals.
+        """Build the problem: the present state as initial state, and the goals.
 
         Returns:
-            The problem; named like the knowledge base when none was loaded.
+            The problem; named like the knowledge base if none was loaded.
+
+        Examples:
+            >>> kb.problem().facts
+            (Atom(predicate='robot_at', terms=(Constant(name='rb1'), Constant(name='wp1'))),)
         """
 
-    @abstractmethod
-    def state(self) -> State:
-        """Build the domain and the problem of one and the same state.
-
-        Returns:
-            Both, and the revision.
-        """
-
-    @abstractmethod
+    @required
     def domain_pddl(self) -> str:
         """Write the domain as PDDL.
 
         Returns:
             The text.
+
+        Examples:
+            >>> print(kb.domain_pddl(), end="")
+            (define (domain tiago)
+              (:requirements :strips :typing)
+              (:types
+                robot wp - object
+              )
+              (:predicates
+                (robot_at ?r0 - robot ?w1 - wp)
+              )
+            )
         """
 
-    @abstractmethod
+    @required
     def problem_pddl(self) -> str:
         """Write the problem as PDDL, from one consistent state.
 
         Returns:
             The text.
+
+        Examples:
+            >>> print(kb.problem_pddl(), end="")
+            (define (problem tiago)
+              (:domain tiago)
+              (:objects
+                rb1 - robot
+                wp1 - wp
+              )
+              (:init
+                (robot_at rb1 wp1)
+              )
+              (:goal (and))
+            )
         """
 
-    @abstractmethod
+    @required
     def requirements(self) -> tuple[str, ...]:
-        """Compute which requirements domain and problem really use.
+        """Compute the requirements that domain and problem use.
 
         Returns:
             The requirements, in the order of the standard.
+
+        Examples:
+            >>> kb.requirements()
+            (':strips', ':typing')
         """
+
+    def to_unified_planning(self) -> UpProblem:
+        """Convert the present state to a problem of unified-planning.
+
+        Returns:
+            The problem.
+
+        Raises:
+            UnsupportedConstructError: unified-planning cannot express something of it.
+            PlannerMissingError: unified-planning is not installed.
+
+        Examples:
+            >>> kb.to_unified_planning().name
+            'tiago'
+        """
+        state = self._state()
+        return to_unified_planning(state.domain, problem=state.problem)
+
+    def load_unified_planning(self, problem: UpProblem, *, mode: Mode = "replace") -> Loaded:
+        """Load a problem of unified-planning with its domain, in at most one revision.
+
+        Args:
+            problem: the problem.
+            mode: `replace` retracts what the problem does not declare, `merge` keeps it.
+
+        Returns:
+            The revision; there are no warnings.
+
+        Raises:
+            UnsupportedConstructError: PDDL cannot express something of it.
+            ConflictError: with mode `merge`, the problem contradicts what is stored.
+            ReadOnlyError: this is a view of the past.
+
+        Examples:
+            >>> kb.load_unified_planning(kb.to_unified_planning()).revision
+            2
+        """
+        domain, own = from_unified_planning(problem)
+        return self._load(domain, problem=own, mode=mode)
+
+    def plan(self, engine: str | None = None, *, timeout: float | None = None) -> Plan:
+        """Find a plan from the present state to the goals.
+
+        Args:
+            engine: an engine's name in unified-planning, for example `fast-downward`; None to
+                choose an installed one that supports the problem.
+            timeout: seconds to wait; None to wait without limit.
+
+        Returns:
+            The plan, with the revision of the state.
+
+        Raises:
+            NoPlanError: there is no plan, or none was found in time.
+            UnsupportedConstructError: planners cannot express something of the problem.
+            PlannerMissingError: unified-planning or the engine is not installed.
+
+        Examples:
+            >>> kb.load_domain('''(define (domain doors) (:predicates (open))
+            ...   (:action unlock :parameters () :effect (open)))''').revision
+            2
+            >>> kb.load_problem('''(define (problem enter) (:domain doors)
+            ...   (:init) (:goal (open)))''').revision
+            3
+            >>> print(kb.plan("pyperplan"), end="")
+            (unlock)
+        """
+        state = self._state()
+        plan = solve(state.domain, problem=state.problem, engine=engine, timeout=timeout)
+        digest = problem_hash(write(state.domain), problem=write(state.problem))
+        return replace(plan, revision=state.revision, problem_hash=digest)
+
+    @required
+    def _state(self) -> State:
+        """Build the domain and the problem from one state."""
+
+    @required
+    def _load(self, domain: Domain, *, problem: Problem, mode: Mode) -> Loaded:
+        """Load a domain and its problem, in at most one revision."""

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from .dto import Dto
-from .pddl_action_dto import PddlActionDto, PddlEventDto, PddlProcessDto
-from .pddl_condition_effect_dto import PddlConditionEffectDto
-from .pddl_either_type_dto import PddlEitherTypeDto
-from .pddl_function_dto import PddlFunctionDto
-from .pddl_function_value_dto import PddlFunctionValueDto
-from .pddl_object_dto import PddlObjectDto
-from .pddl_predicate_dto import PddlPredicateDto
-from .pddl_proposition_dto import PddlPropositionDto
-from .pddl_type_dto import PddlTypeDto
+from .actions import PddlActionDto, PddlConditionEffectDto, PddlEventDto, PddlProcessDto
+from .elements import (
+    Dto,
+    PddlEitherTypeDto,
+    PddlFunctionDto,
+    PddlFunctionValueDto,
+    PddlObjectDto,
+    PddlPredicateDto,
+    PddlPropositionDto,
+    PddlTypeDto,
+)
 
 __all__ = [
     "Dto",

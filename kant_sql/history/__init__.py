@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
+from ..dao.interfaces import Progress
 from .anchors import Anchor, AnchoredHead, parse_anchor
-from .archiving import Archived
+from .archive.archive import Archived
 from .interfaces import Element, History, When
-from .methods import HistoryMethods
-from .moments import head_revision, revision_at, state_at
 from .revisions import LogEntry, Revision
-from .sql_history import SqlHistory
-from .verifying import Finding, Progress, Verification
+from .verify.findings import Finding
+from .verify.verify import Verification
 from .versions import Version
 
 __all__ = [
@@ -19,16 +18,11 @@ __all__ = [
     "Element",
     "Finding",
     "History",
-    "HistoryMethods",
     "LogEntry",
     "Progress",
     "Revision",
-    "SqlHistory",
     "Verification",
     "Version",
     "When",
-    "head_revision",
     "parse_anchor",
-    "revision_at",
-    "state_at",
 ]

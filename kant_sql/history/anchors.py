@@ -1,4 +1,4 @@
-"""Anchors: the heads of a store, to keep where nobody who can change the store can change them."""
+"""Anchors: the heads of a store, to keep where those who can change the store cannot."""
 
 from __future__ import annotations
 
@@ -10,15 +10,16 @@ from typing import NamedTuple
 from sqlalchemy import literal_column, select
 
 from ..arguments import expect, shown
-from ..backends import Query, Session
-from ..canonical import time_text
 from ..errors import AnchorError, StoreIntegrityError, reading_rows
-from ..store import Store
-from ..tables import HeadRow, KnowledgeBaseRow, RevisionRow
+from ..knowledge.canonical import time_text
+from ..sql.dialects.base import Session
+from ..sql.query import Query
+from ..sql.tables import HeadRow, KnowledgeBaseRow, RevisionRow
+from ..store.store import Store
 
 FORMAT = 1
 _HASH = re.compile(r"[0-9a-f]{64}")
-# Of the revision itself, not of the head: that is what will be compared.
+# Of the revision, not of the head: verification compares with the former.
 _HEADS = Query(
     select(KnowledgeBaseRow.name, RevisionRow.number, RevisionRow.hash, RevisionRow.committed_at)
     .join(HeadRow, HeadRow.kb_id == KnowledgeBaseRow.id)
@@ -82,17 +83,7 @@ class Anchor(NamedTuple):
 
 
 def read_anchor(store: Store) -> Anchor:
-    """Read the heads of all knowledge bases.
-
-    Args:
-        store: the store.
-
-    Returns:
-        The heads.
-
-    Raises:
-        StoreIntegrityError: a head is at a revision that there is not.
-    """
+    """Read the heads of all knowledge bases."""
 
     def work(session: Session, _: int | None) -> Anchor:
         heads = []
@@ -108,7 +99,7 @@ def read_anchor(store: Store) -> Anchor:
             heads.append(AnchoredHead(name, number, digest, time))
         return Anchor(tuple(heads), time_text(store.clock(session)))
 
-    return store.look(work)
+    return store.query_in_snapshot(work)
 
 
 def parse_anchor(text: str | bytes) -> Anchor:
@@ -153,17 +144,7 @@ def _head(position: int, given: object) -> AnchoredHead:
 
 
 def check_anchor(anchor: Anchor) -> Anchor:
-    """Check an anchor that someone made without `parse_anchor`.
-
-    Args:
-        anchor: the anchor.
-
-    Returns:
-        The same.
-
-    Raises:
-        AnchorError: it is none.
-    """
+    """Check an anchor that a caller built without `parse_anchor`."""
     expect(anchor, Anchor, "the anchor", AnchorError)
     for position, head in enumerate(
         expect(anchor.heads, tuple, "heads of the anchor", AnchorError)

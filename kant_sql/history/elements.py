@@ -1,10 +1,22 @@
-"""What an element is that someone asks about: a DTO, a formula, PDDL text, or a name."""
+"""What callers ask for, as a DTO, a formula or PDDL text, and the identities that it names."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator
+from functools import cache
 from typing import Any, NamedTuple
+
+from sqlalchemy import (
+    ColumnElement,
+    Select,
+    Text,
+    bindparam,
+    cast,
+    literal_column,
+    select,
+    union_all,
+)
 
 from ..arguments import expect, expect_list, shown
 from ..dto import (
@@ -16,12 +28,22 @@ from ..dto import (
     PddlPropositionDto,
     PddlTypeDto,
 )
-from ..dto.dto import Dto, NamedDto
-from ..dto.formula import Node
-from ..dto.name import RESERVED, fold, is_word
+from ..dto.elements import Dto, NamedDto
+from ..dto.formulas import Node
+from ..dto.lexical import RESERVED, fold, is_word
 from ..errors import InvalidKnowledgeError
-from ..knowledge.sources import FACT, GOAL, VALUE
-from ..pddl.tokens import tokenize
+from ..pddl.lexer import tokenize
+from ..sql.dialects.base import Session
+from ..sql.query import Query, in_list
+from ..sql.rows import FACT, GOAL, KB, KIND_TABLES, PROPOSITION, SOURCES, VALUE, table_of
+from ..sql.tables import (
+    FormulaVersionRow,
+    FunctionRow,
+    FunctionValueRow,
+    ObjectRow,
+    PredicateRow,
+    PropositionRow,
+)
 
 NAMED_KINDS = ("type", "object", "predicate", "function", "action", "document")
 _CLASSES: dict[type[Dto], str] = {
@@ -62,12 +84,12 @@ class Applied(NamedTuple):
     """A predicate or a function, applied to objects.
 
     Attributes:
-        roles: `fact`, `goal`, `value`: as which of them.
+        kinds: `fact`, `goal`, `value`: as which of them.
         name: the name of predicate or function, folded.
         arguments: the names of the objects, folded.
     """
 
-    roles: frozenset[str]
+    kinds: frozenset[str]
     name: str
     arguments: tuple[str, ...]
 
@@ -86,14 +108,7 @@ Sought = Named | Applied | Written
 
 
 def comparable(text: str) -> str:
-    """Give the form of a formula's text under which it is compared.
-
-    Args:
-        text: the text.
-
-    Returns:
-        Its words, folded, and separated by single blanks.
-    """
+    """Normalize the text of a formula for comparison."""
     return " ".join(map(_comparable_word, tokenize(fold(text))))
 
 
@@ -103,17 +118,7 @@ def _comparable_word(word: str) -> str:
 
 
 def sought(element: object) -> list[Sought]:
-    """Tell what someone asks about.
-
-    Args:
-        element: a DTO, a formula, PDDL text, or a name.
-
-    Returns:
-        What may be meant by it.
-
-    Raises:
-        InvalidKnowledgeError: it is none of these.
-    """
+    """Read which elements are asked for."""
     if isinstance(element, Dto):
         return [_of_dto(element)]
     if isinstance(element, Node):
@@ -130,8 +135,8 @@ def _refusal(element: object) -> InvalidKnowledgeError:
 def _of_dto(dto: Dto) -> Sought:
     if isinstance(dto, PddlPropositionDto):
         expect(dto.predicate, PddlPredicateDto, "the predicate of a proposition")
-        role = GOAL if dto.is_goal else FACT
-        return _applied((role,), dto.predicate.name, _names(dto.objects, "a proposition"))
+        kind = GOAL if dto.is_goal else FACT
+        return _applied((kind,), dto.predicate.name, _names(dto.objects, "a proposition"))
     if isinstance(dto, PddlFunctionValueDto):
         expect(dto.function, PddlFunctionDto, "the function of a function value")
         return _applied((VALUE,), dto.function.name, _names(dto.objects, "a function value"))
@@ -146,8 +151,8 @@ def _names(objects: Any, of: str) -> list[str]:
     return [object_.name for object_ in expect_list(objects, PddlObjectDto, role)]
 
 
-def _applied(roles: Iterable[str], name: str, arguments: Iterable[str]) -> Applied:
-    return Applied(frozenset(roles), fold(name), tuple(map(fold, arguments)))
+def _applied(kinds: Iterable[str], name: str, arguments: Iterable[str]) -> Applied:
+    return Applied(frozenset(kinds), fold(name), tuple(map(fold, arguments)))
 
 
 def _of_text(text: str) -> Iterator[Sought]:
@@ -203,7 +208,7 @@ def _of_formula(words: list[str]) -> Iterator[Sought]:
 
 
 def _end(words: list[str]) -> int:
-    """Give the position behind the list that words begin with; 0 when it does not end."""
+    """Return the position after the list that words begin with; 0 when it is not closed."""
     depth = 0
     for position, word in enumerate(words, start=1):
         depth += (word == "(") - (word == ")")
@@ -218,3 +223,202 @@ def _parts(words: list[str]) -> Iterator[str]:
         end = _end(words) or len(words)
         yield " ".join(words[:end])
         words = words[end:]
+
+
+# Each number of arguments is a statement of its own.
+MOST_ARGUMENTS = 8
+
+
+class Lookup(NamedTuple):
+    """How identities are found by the names in what is asked for.
+
+    Attributes:
+        source: one of `SOURCES`.
+        arguments: how many objects a predicate or a function is applied to; None for a name.
+        is_goal: of a proposition: True, False, or both.
+    """
+
+    source: str
+    arguments: int | None = None
+    is_goal: tuple[bool, ...] = ()
+
+
+def lookups(wanted: list[Sought]) -> tuple[Lookup, ...] | None:
+    """Return the lookups that find an element; None where one statement cannot."""
+    match wanted:
+        case [Named(kinds, name)]:
+            return tuple(map(Lookup, kinds)) if is_word(name) else ()
+        case [Applied(kinds, name, arguments)] if len(arguments) <= MOST_ARGUMENTS:
+            return _lookups(kinds, len(arguments)) if all(map(is_word, (name, *arguments))) else ()
+    return None
+
+
+@cache
+def _lookups(kinds: frozenset[str], arguments: int) -> tuple[Lookup, ...]:
+    is_goal = tuple(kind == GOAL for kind in (FACT, GOAL) if kind in kinds)
+    of_propositions = [Lookup(PROPOSITION, arguments, is_goal)] if is_goal else []
+    return (*of_propositions, *([Lookup(VALUE, arguments)] if VALUE in kinds else []))
+
+
+def split_goals(lookup: Lookup) -> list[Lookup]:
+    """Split a lookup into those that find one identity at most."""
+    return [lookup._replace(is_goal=(each,)) for each in lookup.is_goal] or [lookup]
+
+
+def parameters(wanted: list[Sought]) -> dict[str, str]:
+    """Return the parameters of `identities_of`."""
+    match wanted:
+        case [Named(_, name)]:
+            return {"name": name}
+        case [Applied(_, name, arguments)]:
+            given = {f"argument{number}": argument for number, argument in enumerate(arguments)}
+            return {"name": name, **given}
+    return {}
+
+
+def identities_of(lookup: Lookup) -> Select[Any]:
+    """Select the ids of the identities that a lookup finds."""
+    identity = SOURCES[lookup.source].identity
+    ids: Select[Any] = select(identity.id).where(identity.kb_id == KB)
+    if lookup.arguments is None:
+        return ids.where(identity.key == bindparam("name"))
+    interned = identity.arguments == _interned(lookup.arguments)
+    if lookup.source == VALUE:
+        return ids.where(identity.function_id == _named(FunctionRow, "name"), interned)
+    goals: list[Any] = [literal_column("TRUE" if each else "FALSE") for each in lookup.is_goal]
+    is_goal = identity.is_goal == goals[0] if len(goals) == 1 else identity.is_goal.in_(goals)
+    return ids.where(is_goal, identity.predicate_id == _named(PredicateRow, "name"), interned)
+
+
+def _named(mapped: Any, parameter: str) -> ColumnElement[int]:
+    return (
+        select(mapped.id)
+        .where(mapped.kb_id == KB, mapped.key == bindparam(parameter))
+        .correlate(None)
+        .scalar_subquery()
+    )
+
+
+def _interned(arguments: int) -> ColumnElement[str]:
+    """Write the key that arguments are interned by; NULL when an object is unknown."""
+    text: Any = literal_column("''")
+    for number in range(arguments):
+        id_ = cast(_named(ObjectRow, f"argument{number}"), Text)
+        text = text.concat(literal_column("' '")).concat(id_) if number else id_
+    return text  # type: ignore[no-any-return]
+
+
+class Owner(NamedTuple):
+    """An identity and where its versions are.
+
+    Attributes:
+        source: one of the keys of `SOURCES`.
+        id: its id.
+    """
+
+    source: str
+    id: int
+
+
+def _identities(kind: str) -> Any:
+    identity = KIND_TABLES[kind].identity.c
+    name: Any = literal_column(f"'{kind}'")
+    return select(name, identity.key, identity.id).where(
+        identity.kb_id == KB, in_list(identity.key, "keys")
+    )
+
+
+def _propositions(kind: str) -> Any:
+    atom = PropositionRow
+    return select(literal_column(f"'{kind}'"), atom.id, atom.predicate_id, atom.arguments).where(
+        atom.kb_id == KB,
+        # Of the one index, `is_goal` is the first column.
+        atom.is_goal == bindparam(kind),
+        in_list(atom.predicate_id, "applied"),
+        in_list(atom.arguments, "arguments"),
+    )
+
+
+_IDENTITIES = Query(union_all(*map(_identities, NAMED_KINDS)))
+_INTERNED = Query(
+    union_all(
+        _propositions(FACT),
+        _propositions(GOAL),
+        select(
+            literal_column(f"'{VALUE}'"),
+            FunctionValueRow.id,
+            FunctionValueRow.function_id,
+            FunctionValueRow.arguments,
+        ).where(
+            FunctionValueRow.kb_id == KB,
+            in_list(FunctionValueRow.function_id, "applied"),
+            in_list(FunctionValueRow.arguments, "arguments"),
+        ),
+    )
+)
+_VERSION = table_of(FormulaVersionRow).c
+_FORMULAS = Query(select(_VERSION.formula_id, _VERSION.text).where(_VERSION.kb_id == KB).distinct())
+_Ids = dict[tuple[str, str], int]
+
+
+def find_owners(session: Session, kb_id: int, wanted: list[Sought]) -> list[Owner]:
+    """Find identities, in three statements at most."""
+    keys = sorted({key for each in wanted for key in _keys(each) if is_word(key)})
+    ids: _Ids = {}
+    if keys:
+        rows = session.rows(_IDENTITIES, kb=kb_id, keys=session.list_value(keys))
+        ids = {(kind, key): id_ for kind, key, id_ in rows}
+    found = [
+        Owner(kind, ids[kind, each.name])
+        for each in wanted
+        if isinstance(each, Named)
+        for kind in each.kinds
+        if (kind, each.name) in ids
+    ]
+    applied = [each for each in wanted if isinstance(each, Applied)]
+    found += _interned_ids(session, kb_id, applied, ids)
+    texts = {each.words for each in wanted if isinstance(each, Written)}
+    if texts:
+        rows_of_formulas = session.stream(_FORMULAS, kb=kb_id)
+        found += [
+            Owner("formula", id_) for id_, text in rows_of_formulas if comparable(text) in texts
+        ]
+    return list(dict.fromkeys(found))
+
+
+def _keys(wanted: Sought) -> tuple[str, ...]:
+    if isinstance(wanted, Written):
+        return ()
+    return (wanted.name, *wanted.arguments) if isinstance(wanted, Applied) else (wanted.name,)
+
+
+def _interned_ids(
+    session: Session, kb_id: int, applied: Iterable[Applied], ids: _Ids
+) -> Iterator[Owner]:
+    """Find ground atoms and fluents."""
+    wanted = {key for each in applied for key in _interned_keys(each, ids)}
+    if not wanted:
+        return
+    rows = session.rows(
+        _INTERNED,
+        kb=kb_id,
+        fact=False,
+        goal=True,
+        applied=session.list_value(sorted({id_ for _, id_, _ in wanted})),
+        arguments=session.list_value(sorted({arguments for _, _, arguments in wanted})),
+    )
+    for kind, id_, applied_id, arguments in rows:
+        if (kind, applied_id, arguments) in wanted:
+            yield Owner(VALUE if kind == VALUE else PROPOSITION, id_)
+
+
+def _interned_keys(applied: Applied, ids: _Ids) -> Iterator[tuple[str, int, str]]:
+    """Yield kind, predicate or function, and interned arguments, where all names are known."""
+    objects = [ids.get(("object", name)) for name in applied.arguments]
+    if None in objects:
+        return
+    arguments = " ".join(map(str, objects))
+    for kind in applied.kinds:
+        id_ = ids.get(("function" if kind == VALUE else "predicate", applied.name))
+        if id_ is not None:
+            yield kind, id_, arguments

@@ -1,18 +1,21 @@
-"""What can be asked of the past."""
+"""The interface of the past: what happened to a knowledge base, and going back."""
+
+# What a family implements has no body here, and is not abstract to a type checker.
+# mypy: disable-error-code="empty-body"
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from datetime import datetime
 
-from ..dto.dto import Dto
-from ..dto.formula import Node
-from ..knowledge.changes import Change
+from ..dao.interfaces import Interface, Progress, required
+from ..dto.elements import Dto
+from ..dto.formulas import Node
+from ..sql.changes import Change
 from .anchors import Anchor
-from .archiving import Archived
+from .archive.archive import Archived
 from .revisions import LogEntry, Revision
-from .verifying import Progress, Verification
+from .verify.verify import Verification
 from .versions import Version
 
 # A revision's number, or an aware time.
@@ -21,22 +24,26 @@ When = int | datetime
 Element = Dto | Node | str
 
 
-class History(ABC):
-    """What was: revisions, what they changed, and whether they are what was written."""
+class History(Interface):
+    """Reads the revisions of a knowledge base, restores, verifies and archives them."""
 
-    @abstractmethod
+    @required
     def revisions(self, after: int = 0, *, limit: int | None = None) -> list[Revision]:
         """Read revisions, oldest first.
 
         Args:
-            after: only those with a larger number.
-            limit: at most so many; None for all.
+            after: return revisions with a larger number.
+            limit: the maximum number of revisions; None for all.
 
         Returns:
-            The revisions.
+            The revisions, without what they changed.
+
+        Examples:
+            >>> [(revision.number, revision.actor) for revision in kb.revisions()]
+            [(1, 'perception')]
         """
 
-    @abstractmethod
+    @required
     def log(
         self,
         since: When | None = None,
@@ -46,144 +53,185 @@ class History(ABC):
         element: Element | None = None,
         limit: int | None = None,
     ) -> Iterator[LogEntry]:
-        """Read revisions with what they changed, newest first, in constant memory.
+        """Read revisions and their changes, newest first, in constant memory.
 
         Args:
-            since: only this revision and later ones, or those committed at this time or later.
-            until: only this revision and earlier ones, or those committed up to this time.
-            actor: only those of this actor.
-            element: only those that changed this element, with what they changed of it: a DTO, a
+            since: the first revision, or the earliest time of commit; both inclusive.
+            until: the last revision, or the latest time of commit; both inclusive.
+            actor: return revisions of this actor.
+            element: return revisions that changed this element, and their changes of it: a DTO, a
                 formula, PDDL text such as `(robot_at rb1 wp1)`, or a name.
-            limit: at most so many; None for all.
+            limit: the maximum number of revisions; None for all.
 
         Returns:
-            The entries up to the revision that is the last now, read in pages as they are asked
-            for.
+            The entries up to the present head, read in pages on demand.
 
         Raises:
             UnknownRevisionError: `since` or `until` lies in the future, or is a time without zone.
-            ArchivedError: once it comes to a revision of which a part was moved to an archive.
-            InvalidKnowledgeError: `element` is none of these.
+            ArchivedError: on reaching a revision that is partly in an archive.
+            InvalidKnowledgeError: `element` is not one of the above.
+
+        Examples:
+            >>> for entry in kb.log(element="(robot_at rb1 wp1)"):
+            ...     print(entry.revision.number, entry.revision.actor, entry.changes[0].sign)
+            1 perception +
         """
 
-    @abstractmethod
+    @required
     def changes(self, after: int = 0, *, limit: int | None = None) -> Iterator[LogEntry]:
-        """Follow what changes, oldest first: a feed that can be resumed.
+        """Read revisions and their changes, oldest first: a feed that can be resumed.
 
-        Revisions come in order and without gaps. Who keeps the number of the last one that was
-        dealt with, and begins there again, gets each at least once.
+        Revisions come in order and without gaps. A consumer that stores the number of the last
+        revision it processed, and resumes from there, receives each revision at least once.
 
         Args:
-            after: only revisions with a larger number.
-            limit: at most so many; None for all that there are.
+            after: return revisions with a larger number.
+            limit: the maximum number of revisions; None for all.
 
         Returns:
-            The entries, read in pages as they are asked for; it ends at the head.
+            The entries, read in pages on demand; the iterator ends at the head.
 
         Raises:
-            UnknownRevisionError: the knowledge base has not come to `after` yet.
-            ArchivedError: changes behind `after` were moved to an archive.
+            UnknownRevisionError: the knowledge base has no revision `after` yet.
+            ArchivedError: changes after `after` were moved to an archive.
             StoreIntegrityError: a revision is missing.
+
+        Examples:
+            >>> processed = 0
+            >>> for entry in kb.changes(after=processed):
+            ...     processed = entry.revision.number
+            >>> processed
+            1
         """
 
-    @abstractmethod
+    @required
     def watch(self, after: int | None = None, *, timeout: float | None = None) -> int | None:
-        """Wait until there is a revision that the caller does not know.
+        """Wait for a new revision.
 
-        It works across processes, and goes on when a server was started anew.
+        Revisions of other processes count. The wait survives a restart of the server.
 
         Args:
-            after: the last revision that the caller knows; None for the head as it is now.
-            timeout: how many seconds to wait; None for as long as it takes.
+            after: the last revision that the caller knows; None for the present head.
+            timeout: seconds to wait; None to wait without limit.
 
         Returns:
-            The number of the last revision, which is larger than `after`; None when time ran out.
+            The number of the head, which is larger than `after`; None after a timeout.
 
         Raises:
-            UnknownRevisionError: the knowledge base has not come to `after` yet.
+            UnknownRevisionError: the knowledge base has no revision `after` yet.
             ReadOnlyError: this is a view of the past, or the task or thread has a transaction open.
-            InvalidTimeoutError: `timeout` is negative, or no number.
-            StoreError: time ran out while the store could not be reached, or the knowledge base
-                was closed meanwhile.
+            InvalidTimeoutError: `timeout` is negative, or not a number.
+            StoreError: the timeout passed while the store was unreachable, or the knowledge base
+                was closed.
+
+        Examples:
+            >>> kb.watch(after=0)
+            1
+            >>> kb.watch(after=1, timeout=0) is None
+            True
         """
 
-    @abstractmethod
+    @required
     def diff(self, a: When, b: When) -> list[Change]:
-        """Tell what knowledge is different between two states; plans and archives are records.
+        """Compare two states. Recorded plans and archives belong to no state.
 
         Args:
             a: a revision's number, or an aware time.
-            b: another; it may be the earlier one.
+            b: another, before or after `a`.
 
         Returns:
-            `+` what holds at `b` and not at `a`, `-` what holds at `a` and not at `b`, sorted by
-            sign, kind and text.
+            `+` for what holds at `b` only, `-` for what holds at `a` only, sorted by sign, kind and
+            text.
 
         Raises:
             UnknownRevisionError: there is no such revision yet, or a time lies in the future or
                 has no zone.
             ArchivedError: one of the states was moved to an archive.
+
+        Examples:
+            >>> _ = kb.propositions.save(PddlPropositionDto(robot_at, [rb1, wp2]))
+            >>> for change in kb.diff(1, 2):
+            ...     print(change.sign, change.kind, change.text)
+            + fact (robot_at rb1 wp2)
+            + object wp2 - wp
         """
 
-    @abstractmethod
+    @required
     def history(self, element: Element) -> list[Version]:
-        """Tell when an element held, and who asserted and retracted it.
+        """Read when an element held, and who asserted and retracted it.
 
         Args:
-            element: a DTO (a function value whatever its value), a formula, PDDL text, or a name,
-                which stands for all definitions of that name. Of texts, `(robot_at rb1 wp1)` is
-                the fact and the goal, `(battery rb1)` what the function gives there, and others
+            element: a DTO (the value of a function value is ignored), a formula, PDDL text, or a
+                name, which matches all definitions of that name. The text `(robot_at rb1 wp1)`
+                matches the fact and the goal, `(battery rb1)` the values of the fluent; other texts
                 are formulas, or definitions as the log shows them.
 
         Returns:
-            Its versions as far as they are in this store and not in an archive, oldest first;
-            empty when it never was.
+            Its versions in this store, oldest first; empty for an unknown element. Archived
+            versions are not included.
 
         Raises:
-            InvalidKnowledgeError: it is none of these.
+            InvalidKnowledgeError: `element` is not one of the above.
+
+        Examples:
+            >>> _ = kb.propositions.delete(PddlPropositionDto(robot_at, [rb1, wp1]))
+            >>> for version in kb.history("(robot_at rb1 wp1)"):
+            ...     print(version.since.number, version.until.number)
+            1 2
         """
 
-    @abstractmethod
+    @required
     def blame(self, element: Element) -> Version | None:
-        """Tell who asserted what holds now, why, and since when.
+        """Show who asserted what holds now, when and why.
 
         Args:
             element: as for `history`.
 
         Returns:
-            The version that holds, `since` telling the revision; None when it does not hold. Of
-            a text that is a fact and a goal, the fact.
+            The version that holds, with the revision that asserted it in `since`; None when the
+            element does not hold. A text that matches a fact and a goal gives the fact.
 
         Raises:
-            InvalidKnowledgeError: it is none of these, or several things of that name hold.
+            InvalidKnowledgeError: `element` is not valid, or matches several things that hold.
+
+        Examples:
+            >>> kb.blame("(robot_at rb1 wp1)").since.actor
+            'perception'
         """
 
-    @abstractmethod
+    @required
     def restore(
         self, when: When, *, reason: str | None = None, actor: str | None = None
     ) -> int | None:
-        """Make the state equal to a past one, as a new revision.
+        """Restore a past state as a new revision.
 
-        Nothing is lost: what is retracted stays in the history, and the restoration can be undone
-        in the same way. Plans and archives are records, no state: they stay.
+        The history is kept, so a restoration can itself be undone. Recorded plans and archives
+        belong to no state, and stay.
 
         Args:
             when: a revision's number, or an aware time.
-            reason: why; `restored revision 12` when not given.
-            actor: who does it; the knowledge base's actor when not given.
+            reason: why; by default `restored revision NUMBER`.
+            actor: who restores; by default the knowledge base's actor.
 
         Returns:
-            The revision; None when nothing was different, or when it is part of a transaction
-            that is still open.
+            The new revision; None when the states are equal, or within an open transaction.
 
         Raises:
             UnknownRevisionError: there is no such revision yet, or the time lies in the future or
                 has no zone.
             ArchivedError: that state was moved to an archive.
             ReadOnlyError: this is a view of the past.
+
+        Examples:
+            >>> kb.propositions.delete_all()
+            1
+            >>> kb.restore(1)
+            3
+            >>> print(*kb.propositions.get_all())
+            (robot_at rb1 wp1)
         """
 
-    @abstractmethod
+    @required
     def verify(
         self,
         anchor: Anchor | None = None,
@@ -191,30 +239,40 @@ class History(ABC):
         progress: Progress | None = None,
         structure: bool = True,
     ) -> Verification:
-        """Recompute every hash from the tables, and compare what is said twice.
+        """Recompute every hash from the tables, and compare all redundant data.
 
         Args:
-            anchor: what `anchor()` gave at an earlier time, kept elsewhere.
-            progress: called with how much is checked, and how much there is to check.
-            structure: whether indexes, constraints and views are checked as well. All knowledge
-                bases of a store have them in common: of several, one is enough.
+            anchor: an earlier result of `anchor()`, kept elsewhere.
+            progress: called with the number of items checked, and the number in total.
+            structure: also check indexes, constraints and views. All knowledge bases of a store
+                share them, so one check per store is enough.
 
         Returns:
-            What was checked, and what is wrong: the first revision, and what differs.
+            What was checked and what is wrong: the first revision, and the differences.
 
         Raises:
             ReadOnlyError: the task or thread has a transaction open.
+
+        Examples:
+            >>> verification = kb.verify()
+            >>> verification.is_intact
+            True
         """
 
-    @abstractmethod
+    @required
     def anchor(self) -> Anchor:
-        """Give the heads of all knowledge bases of the store, to keep elsewhere.
+        """Read the heads of all knowledge bases of the store, to keep elsewhere.
 
         Returns:
-            The heads.
+            The heads; `verify` compares a later state with them.
+
+        Examples:
+            >>> anchor = kb.anchor()
+            >>> kb.verify(anchor).is_intact
+            True
         """
 
-    @abstractmethod
+    @required
     def archive(
         self,
         before: When,
@@ -225,20 +283,20 @@ class History(ABC):
         actor: str | None = None,
         progress: Progress | None = None,
     ) -> Archived:
-        """Move versions that ended before a time into another store.
+        """Move versions that ended before a revision or time into another store.
 
-        The other store has the knowledge base as it was at the last revision before that time,
-        history and all, and answers what this one answered. This one keeps what held then, the
-        revisions, and their hashes. It may be interrupted at any point and begun again.
+        The target holds the knowledge base up to the last revision before `before`, with its
+        history, and answers every question about it. This store keeps that state, all revisions
+        and their hashes. An interrupted archive can be resumed by calling this again.
 
         Args:
-            before: an aware time, or the number of a revision: what ended earlier is moved.
-            to: the other store's URL, on either dialect; a new SQLite file is created. It holds
-                nothing of this knowledge base but what was archived before.
+            before: an aware time, or a revision's number: versions that ended earlier are moved.
+            to: the target's URL, on any dialect; a new SQLite file is created. The target may
+                contain this knowledge base only from earlier archiving.
             dry_run: only count.
             reason: why.
-            actor: who does it; the knowledge base's actor when not given.
-            progress: called with the number of revisions that the other store has, and is to have.
+            actor: who archives; by default the knowledge base's actor.
+            progress: called with the number of revisions copied, and the number in total.
 
         Returns:
             What was moved, or would be.
@@ -246,6 +304,11 @@ class History(ABC):
         Raises:
             UnknownRevisionError: there is no such revision yet, or the time lies in the future or
                 has no zone.
-            ConflictError: the other store has another knowledge base of this name.
+            ConflictError: the target has another knowledge base of this name.
             ReadOnlyError: this is a view of the past, or the task or thread has a transaction open.
+
+        Examples:
+            >>> _ = kb.propositions.delete_all()
+            >>> kb.archive(2, to="sqlite:///2025.db", dry_run=True).upto
+            1
         """

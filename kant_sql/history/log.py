@@ -1,4 +1,4 @@
-"""The log: revisions with what they changed, newest first."""
+"""The log: revisions with their changes, newest first; that of an element, by its versions."""
 
 from __future__ import annotations
 
@@ -6,26 +6,32 @@ import sys
 from collections.abc import Iterator
 from datetime import datetime
 from functools import partial
+from heapq import merge
 from itertools import groupby, islice
 from typing import Any, NamedTuple
 
-from sqlalchemy import BigInteger, ColumnElement, bindparam, select
+from sqlalchemy import bindparam, select
 
 from ..arguments import optional_text
-from ..backends import Query, Row, Session, first_rows, in_list
-from ..dto.dto import Dto
-from ..dto.formula import Node
-from ..knowledge.changes import Change, few_changes, in_range, stream_changes_of, stream_latest
-from ..knowledge.loading import KB
-from ..knowledge.revision import REVISIONS
-from ..store import Store
-from ..tables import HeadRow, RevisionRow
-from .bounds import Bounds, find_bounds
-from .element_changes import changed_revisions
-from .elements import sought
-from .pages import PAGE as LOG_PAGE
-from .pages import PAGE_CHANGES as LOG_CHANGES
-from .pages import missing_revision
+from ..dto.elements import Dto
+from ..dto.formulas import Node
+from ..sql.changes import (
+    ASSERTED,
+    RETRACTED,
+    REVISIONS,
+    Change,
+    few_changes,
+    in_range,
+    stream_changes_of,
+    stream_latest,
+)
+from ..sql.dialects.base import Row, Session
+from ..sql.query import Query, first_rows, in_list, integer
+from ..sql.rows import KB, SOURCES, Source
+from ..sql.tables import HeadRow, RevisionRow
+from ..store.store import Store
+from .elements import Owner, Sought, find_owners, sought
+from .moments import Bounds, find_bounds
 from .revisions import (
     LARGEST,
     OLDEST_FIRST,
@@ -34,8 +40,71 @@ from .revisions import (
     at_most,
     check_after,
     make_revision,
+    missing_revision,
     refuse_archived,
 )
+from .revisions import PAGE as LOG_PAGE
+from .revisions import PAGE_CHANGES as LOG_CHANGES
+
+# Versions of an element that are read at a time.
+VERSION_PAGE = 500
+
+Changed = tuple[int, Change]
+
+
+def _page(source: Source) -> Query:
+    version = source.version
+    columns: tuple[Any, ...] = (source.kind, source.text, version.since, version.until)
+    rows = select(*columns).where(
+        version.kb_id == KB, source.owner == integer("id"), version.since <= integer("high")
+    )
+    return Query(first_rows(rows.order_by(version.since.desc()), integer("size")))
+
+
+_PAGES = {name: _page(source) for name, source in SOURCES.items()}
+
+
+def changed_revisions(
+    store: Store, wanted: list[Sought], low: int, high: int
+) -> Iterator[tuple[int, tuple[Change, ...]]]:
+    """Read the changes of an element by revision, newest first, in constant memory."""
+
+    def find(session: Session, kb_id: int | None) -> list[Owner]:
+        return [] if kb_id is None else find_owners(session, kb_id, wanted)
+
+    each = [_changes(store, owner, low, high) for owner in store.query_in_snapshot(find)]
+    together = merge(*each, key=lambda changed: -changed[0])
+    for number, changes in groupby(together, key=lambda changed: changed[0]):
+        yield number, tuple(sorted(change for _, change in changes))
+
+
+def _changes(store: Store, owner: Owner, low: int, high: int) -> Iterator[Changed]:
+    """Yield the changes of one identity, newest first; its versions do not overlap."""
+    for kind, text, since, until in _versions(store, owner, high):
+        if until is not None and low <= until <= high:
+            yield until, Change(RETRACTED, kind, text)
+        if (until or since) < low:
+            return
+        if since >= low:
+            yield since, Change(ASSERTED, kind, text)
+
+
+def _versions(store: Store, owner: Owner, high: int) -> Iterator[Row]:
+    """Read the versions of one identity that began up to a revision, newest first."""
+    while True:
+        page = store.query_in_snapshot(partial(_read, owner=owner, high=high))
+        yield from page
+        if len(page) < VERSION_PAGE:
+            return
+        high = page[-1][2] - 1
+
+
+def _read(session: Session, kb_id: int | None, owner: Owner, high: int) -> list[Row]:
+    if kb_id is None:
+        return []
+    query = _PAGES[owner.source]
+    return session.rows(query, kb=kb_id, id=owner.id, high=high, size=VERSION_PAGE)
+
 
 _Changes = dict[int, tuple[Change, ...]]
 
@@ -46,7 +115,7 @@ _LATEST = (
     .order_by(RevisionRow.number.desc())
 )
 _NEWEST_FIRST = Query(_LATEST)
-_SIZE: ColumnElement[int] = bindparam("size", type_=BigInteger)
+_SIZE = integer("size")
 _OF_ALL = Query(first_rows(_LATEST, _SIZE))
 _OF_ACTOR = Query(first_rows(_LATEST.where(RevisionRow.actor == bindparam("actor")), _SIZE))
 _NUMBERED = Query(
@@ -57,13 +126,13 @@ _NUMBERED = Query(
 
 
 class _Page(NamedTuple):
-    """What was read together.
+    """Entries that were read together.
 
     Attributes:
         entries: the entries.
-        archived: what ended up to this revision was moved to an archive.
-        next: the revision from which on the next page is to be read; 0 when there is none.
-        size: of how many revisions it is to be, where that follows from this page; else None.
+        archived: versions that ended up to this revision are in an archive.
+        next: the revision that the next page begins with; 0 after the last page.
+        size: the size of the next page, where this page determines it.
     """
 
     entries: list[LogEntry]
@@ -75,17 +144,7 @@ class _Page(NamedTuple):
 def read_revisions(
     store: Store, after: int = 0, limit: int | None = None, upto: int | None = None
 ) -> list[Revision]:
-    """Read revisions, oldest first.
-
-    Args:
-        store: the store.
-        after: only those with a larger number.
-        limit: at most so many; None for all.
-        upto: only those with no larger number; None for all.
-
-    Returns:
-        The revisions.
-    """
+    """Read revisions, oldest first."""
     after = min(check_after(after), LARGEST - 1)
     high = min(LARGEST if upto is None else upto, after + at_most(limit))
 
@@ -95,7 +154,7 @@ def read_revisions(
         rows = session.rows(OLDEST_FIRST, kb=kb_id, low=after + 1, high=high)
         return [make_revision(session, row) for row in rows]
 
-    return store.glance(work)
+    return store.query(work)
 
 
 def read_log(
@@ -107,20 +166,7 @@ def read_log(
     limit: int | None = None,
     upto: int | None = None,
 ) -> Iterator[LogEntry]:
-    """Read revisions with their changes, newest first, in pages; `History.log` says all of it.
-
-    Args:
-        store: the store.
-        since: the earliest.
-        until: the latest.
-        actor: only those of this actor.
-        element: only what changed this element.
-        limit: at most so many; None for all.
-        upto: the revision that a view of the past looks at; None for the head.
-
-    Returns:
-        The entries.
-    """
+    """Read revisions with their changes, newest first, in pages; see `History.log`."""
     optional_text(actor, "actor")
     wanted = None if element is None else sought(element)
     bounds = find_bounds(store, since, until, upto)
@@ -134,9 +180,9 @@ def read_log(
 
 
 def _complete(store: Store, pages: Iterator[_Page], low: int | None = None) -> Iterator[LogEntry]:
-    """Give entries, down to the first of which a part was moved to an archive.
+    """Yield entries, and refuse the first that is incomplete because of an archive.
 
-    Where entries are found by versions, they may have been moved without a trace: down to `low`.
+    Entries found by versions may have been archived without a trace, down to `low`.
     """
     archived = None
     for page in pages:
@@ -158,9 +204,11 @@ def _pages(store: Store, bounds: Bounds, actor: str | None, limit: int) -> Itera
     while high >= low and size:
         first, page = max(low, high - size + 1), None
         if actor is None:
-            page = store.glance(partial(_small_page, low=first, high=high, redefined=redefined))
+            page = store.query(partial(_small_page, low=first, high=high, redefined=redefined))
         if page is None:
-            page = store.look(partial(_page, low=low, high=high, size=size, actor=actor))
+            page = store.query_in_snapshot(
+                partial(_log_page, low=low, high=high, size=size, actor=actor)
+            )
         yield page
         high, size = page.next, most if page.size is None else min(most, page.size)
 
@@ -168,23 +216,23 @@ def _pages(store: Store, bounds: Bounds, actor: str | None, limit: int) -> Itera
 def _small_page(
     session: Session, kb_id: int | None, low: int, high: int, redefined: int
 ) -> _Page | None:
-    """Read a page with two statements, if it has few changes."""
+    """Read a page in two statements; None when it has many changes."""
     if kb_id is None:
         return _Page([])
     changes = few_changes(session, kb_id, low, high, low <= redefined)
     if changes is None:
         return None
-    # After the changes: what was moved to an archive before they were read, is said here.
+    # After the changes: this tells what was archived before they were read.
     rows = session.rows(_NEWEST_FIRST, kb=kb_id, low=low, high=high)
     _refuse_holes(session, rows, high, high - low + 1)
     entries = [LogEntry(make_revision(session, row), changes.get(row[0], ())) for row in rows]
     return _Page(entries, rows[0][-1] if rows else 0, low - 1)
 
 
-def _page(
+def _log_page(
     session: Session, kb_id: int | None, low: int, high: int, size: int, actor: str | None
 ) -> _Page:
-    """Read a page with three statements, of one state."""
+    """Read a page of one snapshot in three statements."""
     if kb_id is None:
         return _Page([])
     asked: dict[str, Any] = {"kb": kb_id, "low": low, "high": high, "size": size}
@@ -211,7 +259,7 @@ def _page(
 
 
 def _refuse_holes(session: Session, rows: list[Row], high: int, count: int) -> None:
-    """Refuse a page that lacks revisions: a head far beyond the last one has no end of them."""
+    """Refuse a page that lacks revisions: with a damaged head, pages would never end."""
     numbers = {row[0] for row in rows}
     for number in range(high, high - count, -1):
         if number not in numbers:
@@ -219,7 +267,7 @@ def _refuse_holes(session: Session, rows: list[Row], high: int, count: int) -> N
 
 
 def _collect(lines: Iterator[tuple[int, Change]], last: int) -> tuple[_Changes, int]:
-    """Keep changes down to a revision, or to one with which there are many; give that one, too."""
+    """Collect changes by revision, down to `last` or the page limit; return the last one, too."""
     changes: _Changes = {}
     total = 0
     for number, of_number in groupby(lines, key=lambda line: line[0]):
@@ -238,7 +286,7 @@ def _pages_of(
 ) -> Iterator[_Page]:
     size = min(LOG_PAGE, limit) if actor is None else LOG_PAGE
     while changes := dict(islice(changed, size)):
-        yield store.look(partial(_page_of, changes=changes, actor=actor))
+        yield store.query_in_snapshot(partial(_page_of, changes=changes, actor=actor))
 
 
 def _page_of(session: Session, kb_id: int | None, changes: _Changes, actor: str | None) -> _Page:

@@ -1,21 +1,22 @@
-"""Which revision held at a time, and how far a knowledge base has come."""
+"""The revision at a time, the head, and the bounds of a range of revisions."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from datetime import datetime
+from datetime import datetime, timedelta
 from typing import Any, NamedTuple
 
 from sqlalchemy import bindparam, literal_column, select
 
 from ..arguments import whole_number
-from ..backends import Query, Session, StoreClock, first_rows
 from ..errors import UnknownRevisionError, reading_rows
-from ..head import check_numbers
-from ..knowledge.loading import KB
-from ..store import Store
-from ..tables import HeadRow, RevisionRow
-from .revisions import FIRST_MOMENT, LAST_MOMENT, refuse_archived, refuse_unknown
+from ..sql.dialects.base import Session
+from ..sql.query import Query, StoreClock, first_rows
+from ..sql.rows import KB
+from ..sql.tables import HeadRow, RevisionRow
+from ..store.head import check_numbers
+from ..store.store import Store
+from .revisions import FIRST_MOMENT, LARGEST, LAST_MOMENT, refuse_archived, refuse_unknown
 
 _COLUMNS: tuple[Any, ...] = (
     HeadRow.revision,
@@ -37,20 +38,20 @@ def _last_until(moment: str) -> Any:
 
 
 _MOMENTS = ("one", "other")
-_STAND = Query(_HEAD)
-_STAND_AND_TIMES = Query(_HEAD.add_columns(StoreClock(), *map(_last_until, _MOMENTS)))
+_HEAD_QUERY = Query(_HEAD)
+_HEAD_AND_TIMES_QUERY = Query(_HEAD.add_columns(StoreClock(), *map(_last_until, _MOMENTS)))
 
 When = int | datetime
 
 
-class Stand(NamedTuple):
-    """How far a knowledge base has come.
+class HeadTimes(NamedTuple):
+    """The head of a knowledge base, and the revisions at some times.
 
     Attributes:
         revision: the last revision; 0 before the first.
-        archived: what ended up to this revision was moved to an archive.
+        archived: versions that ended up to this revision are in an archive.
         redefined: the last revision that changed a definition.
-        found: the last revision up to each of the times that were asked for.
+        found: the last revision up to each of the times.
     """
 
     revision: int
@@ -59,34 +60,23 @@ class Stand(NamedTuple):
     found: tuple[int, ...] = ()
 
 
-def read_stand(store: Store, moments: Sequence[datetime] = ()) -> Stand:
-    """Read how far a knowledge base has come, with one statement.
-
-    Args:
-        store: the store.
-        moments: the times to find revisions of, two at most.
-
-    Returns:
-        The stand.
-
-    Raises:
-        UnknownRevisionError: a time lies in the future, or has no zone.
-    """
+def read_head(store: Store, moments: Sequence[datetime] = ()) -> HeadTimes:
+    """Read the head, and the revisions at some times, with one statement."""
     for moment in moments:
         check_zone(moment)
 
-    def work(session: Session, kb_id: int | None) -> Stand:
+    def work(session: Session, kb_id: int | None) -> HeadTimes:
         row = None
         if kb_id is not None and not moments:
-            row = session.first(_STAND, kb=kb_id)
+            row = session.first(_HEAD_QUERY, kb=kb_id)
         elif kb_id is not None:
-            row = session.first(_STAND_AND_TIMES, kb=kb_id, **_times(session, moments))
+            row = session.first(_HEAD_AND_TIMES_QUERY, kb=kb_id, **_times(session, moments))
         if row is None:
             for moment in moments:
                 _refuse_future(moment, store.clock(session), FIRST_MOMENT)
-            return Stand(0, 0, 0, (0,) * len(moments))
+            return HeadTimes(0, 0, 0, (0,) * len(moments))
         revision, archived, redefined, committed_at, *times = row
-        # From a revision without end, a log would never end.
+        # A log from an endless revision would never end.
         names = ("revision", "archived_revision", "definition_revision")
         check_numbers(session, kb_id or 0, zip(names, row[:3], strict=True))
         if moments:
@@ -96,9 +86,9 @@ def read_stand(store: Store, moments: Sequence[datetime] = ()) -> Stand:
             for moment in moments:
                 _refuse_future(moment, now, last)
         found = tuple(number or 0 for number in times[: len(moments)])
-        return Stand(revision, archived, redefined, found)
+        return HeadTimes(revision, archived, redefined, found)
 
-    return store.glance(work)
+    return store.query(work)
 
 
 def _times(session: Session, moments: Sequence[datetime]) -> dict[str, Any]:
@@ -109,14 +99,7 @@ def _times(session: Session, moments: Sequence[datetime]) -> dict[str, Any]:
 
 
 def check_zone(moment: datetime) -> None:
-    """Refuse a time without zone.
-
-    Args:
-        moment: the time.
-
-    Raises:
-        UnknownRevisionError: it has none.
-    """
+    """Refuse a time without zone."""
     if moment.utcoffset() is None:
         raise UnknownRevisionError(f"the time {moment.isoformat()} has no zone; give one, as UTC")
 
@@ -131,33 +114,13 @@ def _refuse_future(moment: datetime, now: datetime, last: datetime) -> None:
 
 
 def head_revision(store: Store) -> int:
-    """Read the number of the last revision.
-
-    Args:
-        store: the store.
-
-    Returns:
-        The number; 0 before the first revision.
-    """
+    """Return the last revision; 0 before the first."""
     transaction = store.current()
-    return read_stand(store).revision if transaction is None else transaction.head.revision
+    return read_head(store).revision if transaction is None else transaction.head.revision
 
 
 def revision_at(store: Store, when: When, upto: int | None = None) -> int:
-    """Find the revision that held at a time, or check a revision's number.
-
-    Args:
-        store: the store.
-        when: a revision's number, or an aware time.
-        upto: the revision that a view of the past looks at, which knows no later one; None for
-            the head.
-
-    Returns:
-        The number; 0 before the first revision.
-
-    Raises:
-        UnknownRevisionError: the knowledge base has not come to it yet, or the time has no zone.
-    """
+    """Return the revision at a number or a time, as a view of `upto` (None: the head) knows it."""
     if upto is not None and not isinstance(when, datetime):
         return check_number(store, when, upto)
     (revision,), _ = _find(store, [when], upto)
@@ -165,90 +128,99 @@ def revision_at(store: Store, when: When, upto: int | None = None) -> int:
 
 
 def state_at(store: Store, when: When, upto: int | None = None) -> int:
-    """Find the revision that held at a time, and make sure that its state is in this store.
-
-    Args:
-        store: the store.
-        when: a revision's number, or an aware time.
-        upto: the revision that a view of the past looks at; None for the head.
-
-    Returns:
-        The number; 0 before the first revision.
-
-    Raises:
-        UnknownRevisionError: the knowledge base has not come to it yet, or the time has no zone.
-        ArchivedError: a part of that state was moved to an archive.
-    """
+    """Return the revision as `revision_at` does, and refuse it when its state is archived."""
     (revision,), _ = states_at(store, [when], upto)
     return revision
 
 
 def states_at(
     store: Store, whens: Sequence[When], upto: int | None = None
-) -> tuple[list[int], Stand]:
-    """Find the revisions of one or two states, as `state_at` does, with one statement.
-
-    Args:
-        store: the store.
-        whens: revisions' numbers, or aware times.
-        upto: the revision that a view of the past looks at; None for the head.
-
-    Returns:
-        The numbers, and how far the knowledge base has come.
-    """
-    revisions, stand = _find(store, whens, upto)
+) -> tuple[list[int], HeadTimes]:
+    """Return the revisions of one or two states, as `state_at` does, with one statement."""
+    revisions, head = _find(store, whens, upto)
     for revision in revisions:
-        if revision < stand.archived:
+        if revision < head.archived:
             refuse_archived(store, revision)
-    return revisions, stand
+    return revisions, head
 
 
-def _find(store: Store, whens: Sequence[When], upto: int | None) -> tuple[list[int], Stand]:
-    stand = read_stand(store, [when for when in whens if isinstance(when, datetime)])
-    found = iter(stand.found)
+def _find(store: Store, whens: Sequence[When], upto: int | None) -> tuple[list[int], HeadTimes]:
+    head = read_head(store, [when for when in whens if isinstance(when, datetime)])
+    found = iter(head.found)
     revisions = []
     for when in whens:
         if not isinstance(when, datetime):
-            revisions.append(check_number(store, when, last_known(store, stand, upto)))
+            revisions.append(check_number(store, when, last_known(store, head, upto)))
         else:
             revisions.append(next(found) if upto is None else min(next(found), upto))
-    return revisions, stand
+    return revisions, head
 
 
-def last_known(store: Store, stand: Stand, upto: int | None) -> int:
-    """Give the last revision that someone may ask for.
-
-    Args:
-        store: the store.
-        stand: how far the knowledge base has come.
-        upto: the revision that a view of the past looks at; None for the head.
-
-    Returns:
-        Its number. What an open transaction has made is no revision yet, in memory neither.
-    """
+def last_known(store: Store, head: HeadTimes, upto: int | None) -> int:
+    """Return the last revision that a caller may ask for."""
     if upto is not None:
         return upto
     transaction = store.current()
-    return stand.revision if transaction is None else transaction.head.revision
+    return head.revision if transaction is None else transaction.head.revision
 
 
 def check_number(store: Store, when: int, last: int) -> int:
-    """Refuse what is not the number of a revision that there is.
-
-    Args:
-        store: the store.
-        when: the number; 0 is before the first revision.
-        last: the last revision.
-
-    Returns:
-        The number.
-
-    Raises:
-        UnknownRevisionError: it is none.
-    """
+    """Check the number of a revision."""
     expected = "a revision's number, or an aware time"
     whole_number(
         when, "what is asked for", least=None, expected=expected, error=UnknownRevisionError
     )
     refuse_unknown(store.name, when, last)
     return when
+
+
+_MICROSECOND = timedelta(microseconds=1)
+
+
+class Bounds(NamedTuple):
+    """A range of revisions.
+
+    Attributes:
+        low: the first.
+        high: the last; below `low` in an empty range.
+        redefined: no revision after this one, up to `high`, changed a definition.
+    """
+
+    low: int
+    high: int
+    redefined: int
+
+
+def find_bounds(
+    store: Store,
+    since: int | datetime | None,
+    until: int | datetime | None,
+    upto: int | None,
+) -> Bounds:
+    """Find the first and last revision of a range, with one statement at most."""
+    after = _moment_before(since)
+    moments = [moment for moment in (after, until) if isinstance(moment, datetime)]
+    if upto is not None and not moments:
+        head = HeadTimes(upto, 0, LARGEST)
+    else:
+        head = read_head(store, moments)
+    last = last_known(store, head, upto)
+    low, high = 1, last
+    if after is not None:
+        low = min(head.found[0], last) + 1
+    elif since is not None and not isinstance(since, datetime):
+        low = max(1, check_number(store, since, last))
+    if isinstance(until, datetime):
+        high = min(head.found[-1], last)
+    elif until is not None:
+        high = check_number(store, until, last)
+    return Bounds(low, high, head.redefined)
+
+
+def _moment_before(since: int | datetime | None) -> datetime | None:
+    """Return the last moment before a range; None without one."""
+    if not isinstance(since, datetime):
+        return None
+    check_zone(since)
+    # Times have microseconds: nothing was committed between this one and the one before.
+    return since - _MICROSECOND if since > FIRST_MOMENT else None

@@ -1,9 +1,9 @@
-"""Revisions: who wrote, when and why, and what changed."""
+"""Revisions: who wrote, when and why; a page of them with their changes in two statements."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any
@@ -11,22 +11,22 @@ from typing import Any
 from sqlalchemy import ColumnElement, select
 
 from ..arguments import shown, whole_number
-from ..backends import Query, Row, Session, in_list
-from ..errors import UNREADABLE, UnknownRevisionError, unreadable
-from ..knowledge.changes import Change, in_range
-from ..knowledge.loading import KB
-from ..knowledge.revision import OWN_COLUMNS, REVISIONS, STEP_COLUMNS
-from ..store import Store
-from ..tables import HeadRow, RevisionPlanStepRow, RevisionRow
-from ..view import refuse_archived as refuse_archived_state
+from ..errors import UNREADABLE, StoreIntegrityError, UnknownRevisionError, unreadable
+from ..sql.changes import OWN_COLUMNS, REVISIONS, STEP_COLUMNS, Change, in_range, stream_changes
+from ..sql.dialects.base import Row, Session
+from ..sql.query import Query, in_list
+from ..sql.rows import KB
+from ..sql.tables import HeadRow, RevisionPlanStepRow, RevisionRow
+from ..store.snapshot import refuse_archived as refuse_archived_state
+from ..store.store import Store
 
 LARGEST = 2**63 - 1
-# What is earlier or later in another zone cannot be said in UTC.
+# The bounds of Python's datetime in UTC; another zone can express times beyond.
 FIRST_MOMENT = datetime.min.replace(tzinfo=UTC)
 LAST_MOMENT = datetime.max.replace(tzinfo=UTC)
 LARGEST_EXACT = 2**53 - 1
-# A database may plan a list parameter as if it had ten values. For a shorter one it finds a plan of
-# its own cheaper, so it makes one at each call, which takes longer than all the rest of it.
+# PostgreSQL plans a list parameter generically for ten values. For a shorter list a custom plan
+# looks cheaper, so it plans each call, which takes longer than the query.
 PLANNED_LIST = 11
 
 OLDEST_FIRST = Query(REVISIONS.where(in_range(RevisionRow.number)).order_by(RevisionRow.number))
@@ -73,17 +73,7 @@ class LogEntry:
 
 
 def at_most(limit: int | None) -> int:
-    """Tell how many entries a caller wants.
-
-    Args:
-        limit: at most so many; None for all.
-
-    Returns:
-        The number, which a column can hold.
-
-    Raises:
-        InvalidArgumentError: it is no number, or negative.
-    """
+    """Check a limit."""
     if limit is None:
         return LARGEST
     expected = "a whole number from 0 on, or None for all"
@@ -91,66 +81,37 @@ def at_most(limit: int | None) -> int:
 
 
 def check_after(after: int) -> int:
-    """Refuse what cannot be a revision's number.
-
-    Args:
-        after: the number; 0 is before the first revision.
-
-    Returns:
-        The number.
-
-    Raises:
-        UnknownRevisionError: it is none.
-    """
+    """Check the revision that a feed begins after."""
     expected = "a revision's number, or 0 to begin with the first"
     return whole_number(after, "after", expected=expected, error=UnknownRevisionError)
 
 
 def refuse_unknown(name: str, number: int, head: int) -> None:
-    """Refuse a revision that a knowledge base has not come to.
-
-    Args:
-        name: the knowledge base's name.
-        number: the revision; 0 is before the first.
-        head: the last revision.
-
-    Raises:
-        UnknownRevisionError: there is none of that number.
-    """
+    """Refuse a revision beyond the head."""
     if not 0 <= number <= head:
         raise UnknownRevisionError(
             f"knowledge base {name!r} has no revision {shown(number)}: it is at {head}"
         )
 
 
+def read_archived_revision(session: Session, kb_id: int) -> int:
+    """Read the revision up to which ended versions are in an archive."""
+    row = session.first(_ARCHIVED, kb=kb_id)
+    return int(row[0]) if row else 0
+
+
 def refuse_archived(store: Store, revision: int) -> None:
-    """Refuse to read a state of which a part was moved elsewhere.
-
-    Args:
-        store: the store.
-        revision: the state's revision.
-
-    Raises:
-        ArchivedError: a part of it was moved to an archive.
-    """
+    """Refuse to read an archived state."""
 
     def work(session: Session, kb_id: int | None) -> None:
-        head = None if kb_id is None else session.first(_ARCHIVED, kb=kb_id)
-        if kb_id is not None and head is not None:
-            refuse_archived_state(session, kb_id, revision, head[0])
+        if kb_id is not None:
+            refuse_archived_state(session, kb_id, revision, read_archived_revision(session, kb_id))
 
-    store.look(work)
+    store.query_in_snapshot(work)
 
 
 def revision_of(number: ColumnElement[int]) -> tuple[ColumnElement[Any], ...]:
-    """Give what `make_revision` reads, of the revision that a column of another query names.
-
-    Args:
-        number: the column; the query has few rows.
-
-    Returns:
-        The columns, each a subquery: before statistics, a join could be of all with all.
-    """
+    """Select what `make_revision` reads, for a revision named by a column of the outer query."""
     return tuple(
         select(column)
         .where(of.kb_id == KB, of.number == number)
@@ -165,16 +126,7 @@ def revision_of(number: ColumnElement[int]) -> tuple[ColumnElement[Any], ...]:
 
 
 def read_numbered(session: Session, kb_id: int, numbers: Collection[int]) -> dict[int, Revision]:
-    """Read revisions by their numbers, in one statement.
-
-    Args:
-        session: the session, in a transaction.
-        kb_id: the knowledge base.
-        numbers: their numbers.
-
-    Returns:
-        The revisions that there are, by number.
-    """
+    """Read revisions by number, in one statement."""
     if not numbers:
         return {}
     listed = [*numbers]
@@ -184,21 +136,13 @@ def read_numbered(session: Session, kb_id: int, numbers: Collection[int]) -> dic
 
 
 def _number(text: str) -> int | float:
-    """Read a number that is written without a point: beyond these, RFC 8785 writes floats so."""
+    """Read a number without a point: RFC 8785 writes large floats so, too."""
     number = int(text)
     return number if abs(number) <= LARGEST_EXACT else float(text)
 
 
 def make_revision(session: Session, row: Row) -> Revision:
-    """Make a revision of a row that begins with the columns of `REVISIONS`.
-
-    Args:
-        session: the session that the row is from.
-        row: the row.
-
-    Returns:
-        The revision.
-    """
+    """Build a revision from a row that begins with the columns of `REVISIONS`."""
     try:
         return _make_revision(session, row)
     except UNREADABLE as error:
@@ -210,8 +154,7 @@ def _make_revision(session: Session, row: Row) -> Revision:
     value: Any = None if source is None else json.loads(source, parse_int=_number)
     observed_at = None if seen is None else session.to_time(seen)
     revision = object.__new__(Revision)
-    # As its `__init__` would, which goes about each attribute of a frozen class by itself and takes
-    # twice as long: a log has many.
+    # The `__init__` of a frozen dataclass takes twice as long.
     revision.__dict__.update(
         number=number,
         committed_at=session.to_time(committed_at),
@@ -223,3 +166,43 @@ def _make_revision(session: Session, row: Row) -> Revision:
         plan_step=None if plan_id is None else (plan_id, position),
     )
     return revision
+
+
+# A page ends after this many revisions, or with the revision that reaches this many changes.
+PAGE = 500
+PAGE_CHANGES = 50_000
+
+
+def read_page(session: Session, kb_id: int, low: int, high: int) -> list[LogEntry]:
+    """Read a range of revisions with their changes, or its beginning."""
+    rows = session.rows(OLDEST_FIRST, kb=kb_id, low=low, high=high)
+    for number, row in enumerate(rows, low):
+        if row[0] != number:
+            raise missing_revision(session, number)
+    if not rows:
+        raise missing_revision(session, low)
+    last = rows[-1][0]
+    changes: dict[int, list[Change]] = {row[0]: [] for row in rows}
+    end = _collect(stream_changes(session, kb_id, low, last), changes)
+    return [
+        LogEntry(make_revision(session, row), tuple(changes[row[0]]))
+        for row in rows
+        if end is None or row[0] < end
+    ]
+
+
+def _collect(lines: Iterator[tuple[int, Change]], changes: dict[int, list[Change]]) -> int | None:
+    """Group changes by revision; return the revision that the page limit cuts off, if any."""
+    for count, (number, change) in enumerate(lines):
+        if count >= PAGE_CHANGES and not changes[number]:
+            return number
+        changes[number].append(change)
+    return None
+
+
+def missing_revision(session: Session, number: int) -> StoreIntegrityError:
+    """Build the error for a missing revision."""
+    return StoreIntegrityError(
+        f"{session.backend.label}: revision {number} is missing; run verify to see what else is "
+        "not as it was written"
+    )

@@ -1,4 +1,4 @@
-"""What held of one element, and from which revision until which."""
+"""The versions of an element: what held from which revision until which."""
 
 from __future__ import annotations
 
@@ -7,30 +7,27 @@ from dataclasses import dataclass
 from functools import cache, lru_cache, partial
 from typing import Any
 
-from sqlalchemy import (
-    BigInteger,
-    ColumnElement,
-    Select,
-    bindparam,
-    literal_column,
-    select,
-    union_all,
-)
+from sqlalchemy import ColumnElement, Select, literal_column, select, union_all
 
 from ..arguments import shown
-from ..backends import Query, Row, Session, first_rows, in_list, in_rows
-from ..dto.dto import Dto
-from ..dto.formula import Node
+from ..dto.elements import Dto
+from ..dto.formulas import Node
 from ..errors import InvalidKnowledgeError, check_integer, unreadable
-from ..knowledge.loading import KB
-from ..knowledge.sources import FACT, GOAL, SOURCES, Source
-from ..store import Store
-from .elements import Sought, sought
-from .owners import find_owners
-from .places import Place, each_alone, identity_at, parameters, places
+from ..sql.dialects.base import Row, Session
+from ..sql.query import Query, first_rows, in_list, in_rows
+from ..sql.rows import FACT, GOAL, KB, SOURCES, THEN, Source
+from ..store.store import Store
+from .elements import (
+    Lookup,
+    Sought,
+    find_owners,
+    identities_of,
+    lookups,
+    parameters,
+    sought,
+    split_goals,
+)
 from .revisions import LARGEST, Revision, make_revision, read_numbered, revision_of
-
-_AT: ColumnElement[int] = bindparam("at", type_=BigInteger)
 
 
 @dataclass(frozen=True)
@@ -57,37 +54,37 @@ def _versions(source: Source, owned: ColumnElement[bool], *which: Any) -> Select
     return select(*columns).where(version.kb_id == KB, owned, *which)
 
 
-def _at_place(place: Place, which: Callable[[Any], ColumnElement[bool]]) -> Select[Any]:
-    source = SOURCES[place.source]
-    owned = in_rows(source.owner, identity_at(place))
+def _versions_of(lookup: Lookup, which: Callable[[Any], ColumnElement[bool]]) -> Select[Any]:
+    source = SOURCES[lookup.source]
+    owned = in_rows(source.owner, identities_of(lookup))
     return _versions(source, owned, which(source.version))
 
 
-def _last_at(place: Place) -> Select[Any]:
-    """Give the last version of one identity: one step in an index, however many there are."""
-    source = SOURCES[place.source]
+def _last_version_of(lookup: Lookup) -> Select[Any]:
+    """Select the last version of one identity: one index step, however many there are."""
+    source = SOURCES[lookup.source]
     since = source.version.since
-    owned = source.owner == identity_at(place).scalar_subquery()
-    newest_first = _versions(source, owned, since <= _AT).order_by(since.desc())
+    owned = source.owner == identities_of(lookup).scalar_subquery()
+    newest_first = _versions(source, owned, since <= THEN).order_by(since.desc())
     return select(first_rows(newest_first, literal_column("1")).subquery())
 
 
-# Of the places where the element may be: to plan and to run all of them takes longer.
+# Only the lookups that may find it: planning and running all of them takes longer.
 @lru_cache(maxsize=64)
-def _all_of(places: tuple[Place, ...]) -> Query:
+def _all_of(lookups: tuple[Lookup, ...]) -> Query:
     return Query(
-        union_all(*(_at_place(each, lambda version: version.since <= _AT) for each in places))
+        union_all(*(_versions_of(each, lambda version: version.since <= THEN) for each in lookups))
     )
 
 
 @lru_cache(maxsize=64)
-def _held_of(places: tuple[Place, ...], is_now: bool) -> Query:
-    """Give the query of what holds, or of what was last, with the revisions that asserted it."""
+def _held_of(lookups: tuple[Lookup, ...], is_now: bool) -> Query:
+    """Build the query of what holds, or held last, with the revisions that asserted it."""
     if is_now:
-        # The live version of an identity is unique, and has an index of its own.
-        parts = [_at_place(each, lambda version: version.until.is_(None)) for each in places]
+        # The live version of an identity has a unique index.
+        parts = [_versions_of(each, lambda version: version.until.is_(None)) for each in lookups]
     else:
-        parts = [_last_at(each) for place in places for each in each_alone(place)]
+        parts = [_last_version_of(each) for lookup in lookups for each in split_goals(lookup)]
     held = union_all(*parts).subquery("held")
     return Query(select(held, *revision_of(held.c.since)))
 
@@ -97,7 +94,7 @@ def _of_owners(names: tuple[str, ...]) -> Query:
     return Query(
         union_all(
             *(
-                _versions(source, in_list(source.owner, name), source.version.since <= _AT)
+                _versions(source, in_list(source.owner, name), source.version.since <= THEN)
                 for name, source in ((name, SOURCES[name]) for name in names)
             )
         )
@@ -105,23 +102,11 @@ def _of_owners(names: tuple[str, ...]) -> Query:
 
 
 def read_versions(store: Store, element: Dto | Node | str, upto: int | None) -> list[Version]:
-    """Read when an element held.
-
-    Args:
-        store: the store.
-        element: a DTO, a formula, PDDL text, or a name.
-        upto: the revision that a view of the past looks at; None for the head.
-
-    Returns:
-        Its versions, oldest first.
-
-    Raises:
-        InvalidKnowledgeError: the element is none of these.
-    """
+    """Read the versions of an element."""
     wanted, at = sought(element), _last_known(store, upto)
-    found = places(wanted)
+    found = lookups(wanted)
     if found is None:
-        return store.look(partial(_of_identities, wanted=wanted, at=at))
+        return store.query_in_snapshot(partial(_of_identities, wanted=wanted, at=at))
 
     def work(session: Session, kb_id: int | None) -> list[Version]:
         if kb_id is None or not found:
@@ -129,27 +114,15 @@ def read_versions(store: Store, element: Dto | Node | str, upto: int | None) -> 
         rows = session.rows(_all_of(found), kb=kb_id, at=at, **parameters(wanted))
         return _make(session, kb_id, rows, at)
 
-    # Revisions are for ever: no transaction has to hold both statements together.
-    return store.glance(work)
+    # Revisions never change: both statements need no common transaction.
+    return store.query(work)
 
 
 def blame(store: Store, element: Dto | Node | str, at: int | None) -> Version | None:
-    """Read which version of an element holds.
-
-    Args:
-        store: the store.
-        element: a DTO, a formula, PDDL text, or a name.
-        at: the revision that a view of the past looks at; None for the head.
-
-    Returns:
-        The version; None when it does not hold.
-
-    Raises:
-        InvalidKnowledgeError: the element is none of these, or several that hold.
-    """
+    """Read the version of an element that holds."""
     held = _held(store, sought(element), _last_known(store, at))
     if {version.kind for version in held} == {FACT, GOAL}:
-        # What holds comes before what is wanted to hold.
+        # A fact takes precedence over a goal.
         held = [version for version in held if version.kind == FACT]
     if len(held) > 1:
         several = ", ".join(f"{version.kind} {version.text}" for version in held)
@@ -160,7 +133,7 @@ def blame(store: Store, element: Dto | Node | str, at: int | None) -> Version | 
 
 
 def _last_known(store: Store, upto: int | None) -> int:
-    """Give the last revision that versions are of; in memory, tables hold what is not committed."""
+    """Return the last visible revision; in memory, the tables hold uncommitted versions, too."""
     transaction = store.current()
     if upto is not None or transaction is None:
         return LARGEST if upto is None else upto
@@ -168,10 +141,10 @@ def _last_known(store: Store, upto: int | None) -> int:
 
 
 def _held(store: Store, wanted: list[Sought], at: int) -> list[Version]:
-    """Read which versions hold; one statement, where names tell of what."""
-    found, is_now = places(wanted), at == LARGEST
+    """Read the versions that hold, in one statement where names suffice."""
+    found, is_now = lookups(wanted), at == LARGEST
     if found is None:
-        versions = store.look(partial(_of_identities, wanted=wanted, at=at))
+        versions = store.query_in_snapshot(partial(_of_identities, wanted=wanted, at=at))
         return [version for version in versions if version.until is None]
 
     def work(session: Session, kb_id: int | None) -> list[Version]:
@@ -186,13 +159,13 @@ def _held(store: Store, wanted: list[Sought], at: int) -> list[Version]:
             if row[3] is None or row[3] > at
         ]
 
-    return store.glance(work)
+    return store.query(work)
 
 
 def _of_identities(
     session: Session, kb_id: int | None, wanted: list[Sought], at: int
 ) -> list[Version]:
-    """Read the versions of what names alone do not tell of."""
+    """Read the versions of identities that names alone do not find."""
     ids: dict[str, list[int]] = {}
     for owner in sorted(find_owners(session, kb_id, wanted)) if kb_id is not None else ():
         ids.setdefault(owner.source, []).append(owner.id)
@@ -205,7 +178,7 @@ def _of_identities(
 
 
 def _make(session: Session, kb_id: int, rows: Iterable[Row], at: int) -> list[Version]:
-    """Make versions of rows, oldest first; what ends after a revision holds there."""
+    """Build versions from rows, oldest first; one that ends after `at` holds there."""
     known = []
     for kind, text, since, until in rows:
         for number in (since, until or 0):

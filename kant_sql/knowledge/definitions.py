@@ -1,25 +1,378 @@
-"""All that is defined at one revision, facts and the values of functions apart."""
+"""All that is defined at one revision, in memory; found by id and by name."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+import hashlib
+from collections.abc import Iterable, Iterator, Mapping
+from decimal import Decimal
 from functools import partial
-from typing import Any
+from math import isqrt
+from typing import Any, Generic, NamedTuple, Protocol, TypeVar
 
-from ..dto.name import ROOT_TYPE, fold
+from ..dto.formulas import Node
+from ..dto.lexical import ROOT_TYPE, fold
+from ..errors import StoreIntegrityError
 from ..pddl.hierarchy import Ancestry
-from .action import ActionDefinition
-from .document import DocumentDefinition
-from .elements import Elements, PendingElements
-from .formula import FormulaDefinition
-from .function import FunctionDefinition
-from .object import ObjectDefinition
-from .predicate import PredicateDefinition
-from .type import TypeDefinition
+from .trees import ParameterDefinition, Tree
+
+
+class Definition(Protocol):
+    """A named element at one revision: immutable, equal when unchanged."""
+
+    @property
+    def id(self) -> int:
+        """The identity's id."""
+
+    @property
+    def name(self) -> str:
+        """The name, in its first spelling."""
+
+    @property
+    def text(self) -> str:
+        """The canonical PDDL text."""
+
+
+D = TypeVar("D", bound=Definition)
+
+
+class Elements(Generic[D]):
+    """The live definitions of one kind of element, and every id that is known of the kind.
+
+    A snapshot that threads share: `evolve` makes the next one. It keeps recent changes apart from
+    the bulk, so that one change in a large knowledge base does not copy it.
+    """
+
+    __slots__ = ("_base", "_delta", "ids")
+
+    def __init__(
+        self,
+        ids: dict[str, int] | None = None,
+        base: dict[int, D] | None = None,
+        delta: dict[int, D | None] | None = None,
+    ) -> None:
+        # Folded name -> id. An identity is for ever, so all snapshots share one growing map.
+        self.ids: dict[str, int] = {} if ids is None else ids
+        self._base: dict[int, D] = base or {}
+        self._delta: dict[int, D | None] = delta or {}
+
+    def get(self, id_: int | None) -> D | None:
+        """Find a live definition by id."""
+        if id_ in self._delta:
+            return self._delta[id_]
+        return self._base.get(id_) if id_ is not None else None
+
+    def live(self, id_: int) -> D:
+        """Return a definition that something live refers to."""
+        definition = self.get(id_)
+        if definition is None:
+            raise StoreIntegrityError(
+                f"element {id_} is referred to but not live; the tables were changed by hand"
+            )
+        return definition
+
+    def named(self, name: str) -> D | None:
+        """Find a live definition by name, in any spelling."""
+        return self.get(self.ids.get(fold(name)))
+
+    def __iter__(self) -> Iterator[D]:
+        """Return the live definitions, in the order in which the elements were first known."""
+        if not self._delta:
+            live = list(self._base.values())
+        else:
+            merged: dict[int, D | None] = {**self._base, **self._delta}
+            live = [definition for definition in merged.values() if definition is not None]
+        return iter(sorted(live, key=lambda definition: definition.id))
+
+    def evolve(self, changes: Mapping[int, D | None]) -> Elements[D]:
+        """Make the snapshot that follows."""
+        for definition in changes.values():
+            if definition is not None:
+                self.ids[fold(definition.name)] = definition.id
+        return self._changed(changes)
+
+    def _changed(self, changes: Mapping[int, D | None]) -> Elements[D]:
+        if not changes:
+            return self
+        delta = {**self._delta, **changes}
+        if len(delta) <= 64 + isqrt(len(self._base)):
+            return Elements(self.ids, self._base, delta)
+        base = dict(self._base)
+        for id_, definition in delta.items():
+            if definition is None:
+                base.pop(id_, None)
+            else:
+                base[id_] = definition
+        return Elements(self.ids, base)
+
+
+class PendingElements(Elements[D]):
+    """The definitions as a transaction has changed them so far, over those that it began with."""
+
+    __slots__ = ("changes", "interned", "origin", "unwritten")
+
+    def __init__(self, origin: Elements[D]) -> None:
+        super().__init__(origin.ids, origin._base, origin._delta)
+        self.origin = origin
+        self.changes: dict[int, D | None] = {}
+        # Folded name -> id and first spelling of what the transaction looked up or gave out, None
+        # for a name that nothing ever had. An id that it gives out is nobody's if it rolls back.
+        self.interned: dict[str, tuple[int, str] | None] = {}
+        # Id -> name, of the identities that have no row yet.
+        self.unwritten: dict[int, str] = {}
+
+    def get(self, id_: int | None) -> D | None:
+        """Find a definition by id, as changed so far."""
+        if id_ in self.changes:
+            return self.changes[id_]
+        return super().get(id_)
+
+    def named(self, name: str) -> D | None:
+        """Find a definition by name, as changed so far."""
+        return self.get(self.id_of(name))
+
+    def id_of(self, name: str) -> int | None:
+        """Find the id of an element that is, was, or is about to be known."""
+        key = fold(name)
+        id_ = self.ids.get(key)
+        if id_ is None and (identity := self.interned.get(key)) is not None:
+            return identity[0]
+        return id_
+
+    def __iter__(self) -> Iterator[D]:
+        """Return the live definitions, as changed so far."""
+        return iter(self.evolved())
+
+    def evolved(self) -> Elements[D]:
+        """Make the snapshot that holds once the transaction is committed."""
+        return Elements(self.ids, self._base, self._delta)._changed(self.changes)
+
+    def publish(self) -> Elements[D]:
+        """Make the snapshot after the commit, with the ids that were allocated."""
+        self.ids.update(
+            (key, found[0])
+            for key, found in self.interned.items()
+            if found is not None and found[0] not in self.unwritten
+        )
+        return self.evolved()
+
+
+class TypeDefinition(NamedTuple):
+    """A type and the type above it.
+
+    Attributes:
+        id: the identity's id.
+        name: the name, in its first spelling.
+        parent_id: the type above it; None right under the root.
+        other_parent_ids: further parents, when the parent is declared with `either`.
+        text: the canonical PDDL text.
+    """
+
+    id: int
+    name: str
+    parent_id: int | None
+    other_parent_ids: tuple[int, ...] = ()
+    text: str = ""
+
+    @property
+    def parent_ids(self) -> tuple[int, ...]:
+        """All types right above it; none right under the root."""
+        return () if self.parent_id is None else (self.parent_id, *self.other_parent_ids)
+
+
+class ObjectDefinition(NamedTuple):
+    """An object and its type.
+
+    Attributes:
+        id: the identity's id.
+        name: the name, in its first spelling.
+        type_id: its type.
+        other_type_ids: further types, when it is declared with `either`.
+        is_constant: whether the domain declares it, not the problem.
+        text: the canonical PDDL text.
+    """
+
+    id: int
+    name: str
+    type_id: int
+    other_type_ids: tuple[int, ...] = ()
+    is_constant: bool = False
+    text: str = ""
+
+    @property
+    def type_ids(self) -> tuple[int, ...]:
+        """All its types."""
+        return (self.type_id, *self.other_type_ids)
+
+
+class PredicateDefinition(NamedTuple):
+    """A predicate and its parameters.
+
+    Attributes:
+        id: the identity's id.
+        name: the name, in its first spelling.
+        parameters: the parameters, in order.
+        text: the canonical PDDL text.
+    """
+
+    id: int
+    name: str
+    parameters: tuple[ParameterDefinition, ...]
+    text: str = ""
+
+
+class FunctionDefinition(NamedTuple):
+    """A function, its parameters and its values.
+
+    Attributes:
+        id: the identity's id.
+        name: the name, in its first spelling.
+        parameters: the parameters, in order.
+        type_ids: the types of its values; none for numbers.
+        text: the canonical PDDL text.
+    """
+
+    id: int
+    name: str
+    parameters: tuple[ParameterDefinition, ...]
+    type_ids: tuple[int, ...]
+    text: str = ""
+
+
+CONDITION, EFFECT, DURATION = "condition", "effect", "duration"
+
+
+class ActionDefinition(NamedTuple):
+    """An action, a process or an event.
+
+    Attributes:
+        id: the identity's id.
+        name: the name, in its first spelling.
+        kind: `action`, `durative-action`, `process` or `event`.
+        parameters: the parameters, in order.
+        duration: the conjunction of the constraints on the duration; empty when there is none.
+        condition: the conjunction of what must hold.
+        effect: the conjunction of what it brings about.
+        text: the canonical PDDL text.
+    """
+
+    id: int
+    name: str
+    kind: str
+    parameters: tuple[ParameterDefinition, ...]
+    duration: Tree
+    condition: Tree
+    effect: Tree
+    text: str = ""
+
+    @property
+    def trees(self) -> tuple[Tree, ...]:
+        """All its trees."""
+        return (self.duration, self.condition, self.effect)
+
+
+DERIVED_PREDICATE, DOMAIN_CONSTRAINT = "derived", "domain constraint"
+INITIAL, TIMED, GOAL, CONSTRAINT, METRIC = "initial", "timed", "goal", "constraint", "metric"
+DOMAIN_SECTIONS = (DERIVED_PREDICATE, DOMAIN_CONSTRAINT)
+PROBLEM_SECTIONS = (INITIAL, TIMED, GOAL, CONSTRAINT, METRIC)
+
+
+class FormulaDefinition(NamedTuple):
+    """A derived predicate's rule, a goal, a constraint, the metric ...
+
+    Attributes:
+        id: the identity's id.
+        name: what interns it: the SHA-256 of section and text.
+        section: the part of the domain or the problem that it stands in.
+        tree: the formula.
+        text: the canonical PDDL text.
+    """
+
+    id: int
+    name: str
+    section: str
+    tree: Tree
+    text: str = ""
+
+
+def formula_name(section: str, text: str) -> str:
+    """Return what interns a formula."""
+    return hashlib.sha256(f"{section}\n{text}".encode()).hexdigest()
+
+
+DOMAIN, PROBLEM = "domain", "problem"
+
+
+class Item(NamedTuple):
+    """A place in a document.
+
+    Attributes:
+        section: the part of the document.
+        name: the element's name; for a goal that is a ground atom, its text.
+    """
+
+    section: str
+    name: str
+
+
+class DocumentDefinition(NamedTuple):
+    """The domain, or the problem.
+
+    Attributes:
+        id: the identity's id.
+        name: `domain` or `problem`.
+        title: what it is called.
+        domain: the name of a problem's domain.
+        items: its places, in order within each section.
+        text: all of it on one line.
+    """
+
+    id: int
+    name: str
+    title: str
+    domain: str | None
+    items: tuple[Item, ...]
+    text: str = ""
+
+    def names(self, section: str) -> Iterator[str]:
+        """Return the names of one section, in order."""
+        return (item.name for item in self.items if item.section == section)
+
 
 # In the order in which they can be written: each refers to those before it only.
 KINDS = ("type", "object", "predicate", "function", "action", "formula", "document")
 _ATTRIBUTES = tuple(f"{kind}s" for kind in KINDS)
+
+
+class LiteralTemplate(NamedTuple):
+    """A literal of an action: all of it that says the same in every result.
+
+    Attributes:
+        predicate_id: its predicate.
+        terms: its terms in order: the id of an object, or the complement of a parameter's place.
+        time: when it has to hold, or comes about; None in an action that is not durative.
+        is_negative: whether it is negated.
+    """
+
+    predicate_id: int
+    terms: tuple[int, ...]
+    time: str | None
+    is_negative: bool
+
+
+class ActionTemplate(NamedTuple):
+    """What the trees of an action say: to read them takes ten times as long as to copy this.
+
+    Attributes:
+        definition: the action.
+        duration: its duration: a number, or constraints.
+        conditions: the conditions: literals, and nodes of formulas.
+        effects: the effects: literals, and nodes of effects.
+    """
+
+    definition: ActionDefinition
+    duration: int | float | Decimal | tuple[Node, ...]
+    conditions: tuple[LiteralTemplate | Node, ...]
+    effects: tuple[LiteralTemplate | Node, ...]
 
 
 class Definitions:
@@ -33,6 +386,7 @@ class Definitions:
         actions: the actions, processes and events.
         formulas: the formulas that stand on their own.
         documents: the domain and the problem.
+        templates: what was read of actions' trees, by id, shared with the snapshots that follow.
     """
 
     __slots__ = (
@@ -44,6 +398,7 @@ class Definitions:
         "functions",
         "objects",
         "predicates",
+        "templates",
         "types",
     )
 
@@ -56,38 +411,21 @@ class Definitions:
     documents: Elements[DocumentDefinition]
 
     def __init__(self, *elements: Elements[Any]) -> None:
-        """Make it.
-
-        Args:
-            *elements: the elements of each kind, in the order of `KINDS`; all of them or none.
-        """
+        """Make it."""
         self._ancestry: Ancestry[int] | None = None
+        self.templates: dict[int, ActionTemplate] = {}
         given: Iterable[Elements[Any]] = elements or [Elements() for _ in KINDS]
         self._by_kind: dict[str, Any] = dict(zip(KINDS, given, strict=True))
         for name, of_kind in zip(_ATTRIBUTES, self._by_kind.values(), strict=True):
             setattr(self, name, of_kind)
 
     def elements(self, kind: str) -> Elements[Any]:
-        """Find the elements of one kind.
-
-        Args:
-            kind: one of `KINDS`.
-
-        Returns:
-            The elements.
-        """
+        """Find the elements of one kind."""
         elements: Elements[Any] = self._by_kind[kind]
         return elements
 
     def arguments(self, names: Iterable[str]) -> str | None:
-        """Give what interns the arguments of a proposition or a fluent.
-
-        Args:
-            names: the names of the objects, in order.
-
-        Returns:
-            Their ids, separated by spaces; None when one is not known.
-        """
+        """Return what interns the arguments of a proposition or a fluent."""
         ids = []
         for name in names:
             object_ = self.objects.named(name)
@@ -97,14 +435,7 @@ class Definitions:
         return " ".join(ids)
 
     def ancestry(self, type_id: int) -> Iterator[TypeDefinition]:
-        """Give a type and all types above it.
-
-        Args:
-            type_id: the type.
-
-        Yields:
-            The type itself, its parents, and so on up, each once.
-        """
+        """Yield a type and all types above it."""
         pending, seen = [type_id], {type_id}
         while pending:
             definition = self.types.get(pending.pop(0))
@@ -115,27 +446,12 @@ class Definitions:
                 pending += above
 
     def is_root(self, type_id: int) -> bool:
-        """Tell whether a type is `object`, above all types (PDDL 2.1, appendix A), said or not.
-
-        Args:
-            type_id: the type.
-
-        Returns:
-            Whether it is.
-        """
+        """Tell whether a type is `object`, above all types (PDDL 2.1, appendix A), said or not."""
         definition = self.types.get(type_id)
         return definition is not None and fold(definition.name) == ROOT_TYPE
 
     def fits(self, type_id: int, allowed: Iterable[int]) -> bool:
-        """Tell whether an object of a type fits a parameter.
-
-        Args:
-            type_id: the object's type.
-            allowed: the types that the parameter allows.
-
-        Returns:
-            Whether the type is one of them, or a subtype of one.
-        """
+        """Return whether an object of a type fits a parameter."""
         for wanted in allowed:
             if type_id == wanted or self.is_root(wanted):
                 return True
@@ -144,7 +460,7 @@ class Definitions:
         return False
 
     def _hierarchy(self) -> Ancestry[int]:
-        """Give what knows which types are above which."""
+        """Return what knows which types are above which."""
         found = self._ancestry
         if found is None:
             # Snapshots share it, so it holds the types alone.
@@ -152,26 +468,11 @@ class Definitions:
         return found
 
     def any_fits(self, type_ids: Iterable[int], allowed: Iterable[int]) -> bool:
-        """Tell whether what is of one of some types fits a parameter.
-
-        Args:
-            type_ids: the types, several for `either`.
-            allowed: the types that the parameter allows.
-
-        Returns:
-            Whether one of the types fits.
-        """
+        """Return whether what is of one of some types fits a parameter."""
         return any(self.fits(type_id, allowed) for type_id in type_ids)
 
     def subtypes(self, *type_ids: int) -> set[int]:
-        """Give types and all types below them.
-
-        Args:
-            *type_ids: the types.
-
-        Returns:
-            Their ids.
-        """
+        """Return types and all types below them."""
         children: dict[int, list[int]] = {}
         for definition in self.types:
             for parent_id in definition.parent_ids:
@@ -205,10 +506,11 @@ class PendingDefinitions(Definitions):
     documents: PendingElements[DocumentDefinition]
 
     def __init__(self, origin: Definitions) -> None:
-        # Most transactions look at few kinds: the others come to be when they are asked for.
+        # Most transactions use few kinds, so each is made on first use.
         self._origin = origin
         self._by_kind = {}
         self._ancestry = None
+        self.templates = origin.templates
 
     def __getattr__(self, name: str) -> Any:
         if name not in _ATTRIBUTES:
@@ -216,19 +518,11 @@ class PendingDefinitions(Definitions):
         return self.elements(name[:-1])
 
     def changed(self) -> list[tuple[str, PendingElements[Any]]]:
-        """Give the kinds of which a definition was set, even to what it was.
-
-        Returns:
-            The name of each kind, and its elements.
-        """
+        """Return the kinds of which a definition was set, even to what it was."""
         return [(kind, elements) for kind, elements in self.used() if elements.changes]
 
     def used(self) -> list[tuple[str, PendingElements[Any]]]:
-        """Give the kinds that were asked for so far: of the others, nothing has changed.
-
-        Returns:
-            The name of each kind, and its elements, in the order of `KINDS`.
-        """
+        """Return the kinds that were asked for so far: of the others, nothing has changed."""
         return [(kind, self._by_kind[kind]) for kind in KINDS if kind in self._by_kind]
 
     def elements(self, kind: str) -> PendingElements[Any]:
@@ -240,28 +534,21 @@ class PendingDefinitions(Definitions):
         return elements
 
     def _hierarchy(self) -> Ancestry[int]:
-        """Give what knows which types are above which: as it was while no type has changed."""
+        """Return what knows which types are above which: as it was while no type has changed."""
         types = self._by_kind.get("type")
         return super()._hierarchy() if types and types.changes else self._origin._hierarchy()
 
     def reshape(self, new_type: int | None = None) -> None:
-        """Let checks know that the hierarchy of types is about to change.
-
-        Args:
-            new_type: the type that comes to be; None when others change, or changes are undone.
-        """
+        """Tell checks that the type hierarchy is about to change."""
         if self._ancestry is not None and new_type is not None:
             self._ancestry.forget(new_type)
         else:
             self._ancestry = None
 
     def publish(self) -> Definitions:
-        """Make the snapshot after the commit.
-
-        Returns:
-            The snapshot.
-        """
+        """Make the snapshot after the commit."""
         made = Definitions(*(self.elements(kind).publish() for kind in KINDS))
+        made.templates = self.templates
         if not self.elements("type").changes:
             made._ancestry = self._origin._hierarchy()
         return made

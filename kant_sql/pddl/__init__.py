@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ..dto.formula import (
+from ..dto.formulas import (
     And,
     Arithmetic,
     Assign,
@@ -15,10 +15,12 @@ from ..dto.formula import (
     Exists,
     Fluent,
     Forall,
+    Formula,
     Imply,
     IsViolated,
     Metric,
     Modal,
+    Node,
     Not,
     Number,
     Or,
@@ -30,6 +32,7 @@ from ..dto.formula import (
     When,
 )
 from .document import Action, Domain, Function, FunctionValue, PddlWarning, Predicate, Problem
+from .lexer import Position, Source, Text
 from .reader import read, read_domain, read_problem
 from .requirements import used_requirements
 from .writer import write
@@ -49,19 +52,24 @@ __all__ = [
     "Exists",
     "Fluent",
     "Forall",
+    "Formula",
     "Function",
     "FunctionValue",
     "Imply",
     "IsViolated",
     "Metric",
     "Modal",
+    "Node",
     "Not",
     "Number",
     "Or",
     "PddlWarning",
+    "Position",
     "Predicate",
     "Preference",
     "Problem",
+    "Source",
+    "Text",
     "Timed",
     "TimedLiteral",
     "TypedName",

@@ -1,44 +1,30 @@
-"""Actions, durative actions, processes, events, and rules for derived predicates."""
+"""Reading actions, durative actions, processes, events and rules for derived predicates."""
 
 from __future__ import annotations
 
-from ..dto.formula import (
-    COMPARISONS,
-    And,
-    Comparison,
-    Derived,
-    Formula,
-    Timed,
-    TypedName,
-    Variable,
-)
-from ..dto.node import Node
-from .conjuncts import flatten
-from .cursor import Steps, finished, hint
+from ..dto.formulas import COMPARISONS, And, Comparison, Derived, Formula, Timed, TypedName
+from .cursor import VARIABLES, Group, Section, hint
 from .document import DURATIVE_ACTION, PROCESS, Action, Predicate
-from .effects import EffectReader
-from .formulas import PREFERENCES, TIMED
+from .formulas import (
+    DURATION_VARIABLE,
+    EFFECT,
+    PREFERENCES,
+    TIMED,
+    FormulaReader,
+    Steps,
+    finished,
+    flatten,
+)
 from .hierarchy import Fit, Types
-from .section import Section
-from .typed_lists import VARIABLES, Group
 
-_CONDITION = {DURATIVE_ACTION: ":condition"}
 _KEYS = (":parameters", ":vars", ":duration", ":condition", ":precondition", ":effect")
-_DURATION = Variable("duration")
 
 
-class ActionReader(EffectReader):
+class ActionReader(FormulaReader):
     """A reader of actions, one after another."""
 
     def action(self, section: Section) -> tuple[Action, int]:
-        """Read an action.
-
-        Args:
-            section: its section.
-
-        Returns:
-            The action, and the index of its name.
-        """
+        """Read an action; return it with the index of its name."""
         self._kind = kind = section.keyword[1:]
         self.open(section, kind)
         self._parameters: tuple[TypedName, ...] = ()
@@ -48,27 +34,22 @@ class ActionReader(EffectReader):
         self._context = TIMED if durative else 0
         self.duration_allowed = durative
         self.time_allowed = durative or kind == PROCESS
-        return self._action()
-
-    def _action(self) -> tuple[Action, int]:
         self.at = 2
-        name = self.declared_name(self._kind)
-        whole = self.nesting = f"{self._kind} {name}"
+        name = self.declared_name(kind)
+        whole = self.nesting = f"{kind} {name}"
         self._find_parameters()
         while self.tokens[self.at] != ")":
             self.nesting = whole
             self._part(self._key())
         self.nesting = whole
         self.at += 1
-        if self._kind == DURATIVE_ACTION and ":duration" not in self._keys:
+        if durative and ":duration" not in self._keys:
             self.deviate("a :duration", "read as any duration", f"{whole} without one", 2)
-        parts = self._parts
-        duration, condition = parts.get(":duration", ()), parts.get(":condition", ())
-        effect = parts.get(":effect", ())
-        return Action(self._kind, name, self._parameters, duration, condition, effect), 2
+        parts = [self._parts.get(key, ()) for key in (":duration", ":condition", ":effect")]
+        return Action(kind, name, self._parameters, *parts), 2
 
     def _find_parameters(self) -> None:
-        """Read the parameters first, wherever they are: conditions and effects use them."""
+        """Read the parameters first, wherever they stand: conditions and effects need them."""
         start = self.at
         if self.tokens[start].lower() == ":parameters":
             return
@@ -88,7 +69,7 @@ class ActionReader(EffectReader):
         if key not in _KEYS or (key == ":duration" and self._kind != DURATIVE_ACTION):
             self.fail(f"a part of an action, such as :effect{hint(key, list(_KEYS))}")
         if key in (":condition", ":precondition"):
-            proper = _CONDITION.get(self._kind, ":precondition")
+            proper = ":condition" if self._kind == DURATIVE_ACTION else ":precondition"
             if key != proper:
                 self.deviate(proper, "read so")
             key = ":condition"
@@ -116,20 +97,14 @@ class ActionReader(EffectReader):
             self._parts[key] = tuple(found)
 
     def _read_part(self, key: str) -> tuple[Formula, ...]:
+        if key == ":condition":
+            return self.conjuncts(PREFERENCES | self._context)
         if key == ":effect":
-            return self.effects(self._context)
-        if key == ":duration":
-            if self._skip_empty():
-                return ()
-            found = self._duration()
-            return flatten(found if isinstance(found, Node) else finished(found))
-        return self.conjuncts(PREFERENCES | self._context)
-
-    def _skip_empty(self) -> bool:
-        """Pass `()`, if it is next."""
-        empty = self.is_empty()
-        self.at += 2 if empty else 0
-        return empty
+            return self.conjuncts(EFFECT | self._context)
+        if self.is_empty():
+            self.at += 2
+            return ()
+        return flatten(finished(self._duration()))
 
     def _duration(self) -> Formula | Steps[Formula]:
         self.expect("(", "a duration, such as (= ?duration 5)")
@@ -159,39 +134,25 @@ class ActionReader(EffectReader):
         if operator not in COMPARISONS:
             self.fail("(= ?duration ...), (<= ?duration ...) or (>= ?duration ...)")
         found = self.comparison()
-        if not isinstance(found, Comparison) or _DURATION not in (found.left, found.right):
+        if not isinstance(found, Comparison) or DURATION_VARIABLE not in (found.left, found.right):
             self.fail("a comparison with ?duration", at=start)
         if operator in "<>":
             self.deviate(f"({operator}= ?duration ...)", "kept", at=start)
         return found
 
 
-class DerivedReader(EffectReader):
+class RuleReader(FormulaReader):
     """A reader of rules for derived predicates, one after another."""
 
     def head(self, section: Section) -> Predicate:
-        """Read the head of a rule alone, as a predicate's declaration.
-
-        Args:
-            section: the rule's section.
-
-        Returns:
-            The predicate.
-        """
+        """Read only the head of a rule, as the declaration of its predicate."""
         self.open(section, section.keyword)
         self.at = 3
         name = self.declared_name("predicate")
         return Predicate(name, self.bind(self.typed_list(VARIABLES)))
 
     def rule(self, section: Section) -> Derived:
-        """Read a rule.
-
-        Args:
-            section: its section.
-
-        Returns:
-            The rule.
-        """
+        """Read a rule."""
         self.open(section, section.keyword)
         self.at = 2
         self.expect("(", "a predicate with its variables")
@@ -212,7 +173,7 @@ class DerivedReader(EffectReader):
         return Derived(signature.name, variables, formula)
 
     def _check_variables(self, groups: list[Group], parameters: tuple[Types, ...]) -> None:
-        """Check the types against the predicate's; variables that say none have those."""
+        """Check the types of variables; those without one get the predicate's."""
         wanted = iter(parameters)
         for group in groups:
             for number, word in enumerate(group.words):

@@ -1,65 +1,75 @@
-"""Where a reader is in the tokens of a section, and what it says when something is wrong there."""
+"""The position of a reader in the tokens of a section: errors, words, names and typed lists."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Iterable
+import re
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 from difflib import get_close_matches
 from operator import itemgetter
-from typing import Any, NoReturn, TypeVar
+from typing import Final, NamedTuple, NoReturn
 
 from ..arguments import flag
-from ..dto.name import fold
-from ..dto.node import Node
+from ..dto.lexical import fold, is_name
 from ..errors import InvalidArgumentError, PddlError
 from .document import PddlWarning
-from .section import Section
-from .tokens import Text
+from .hierarchy import Types
+from .lexer import Text, tokenize
+from .symbols import ANY, SymbolTable
 
-END = "the end of the text"
-_SHOWN = 60
-# Each looks through all names, so only the first warnings of a reading suggest one.
+END: Final = "the end of the text"
+OBJECTS, VARIABLES = "name", "variable"
+# A suggestion compares with all names, so only the first warnings of a reading get one.
 MAX_SUGGESTIONS = 20
 
-T = TypeVar("T")
-# What reads something with the like of it within: it yields what is within, or the steps that read
-# that, is sent what was read, and returns the whole.
-Steps = Generator[Any, Any, T]
+_STANDARD_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]{0,254}")
+_SHOWN = 60
+# No reader looks further ahead than this without checking.
+_ENDS = ["", "", ""]
 
 
-def finished(steps: Steps[T]) -> T:
-    """Take steps, and those that they yield, on a stack that is not the interpreter's.
-
-    Args:
-        steps: what reads something, nested to any depth.
-
-    Returns:
-        What was read.
-    """
-    stack, given = [steps], None
-    while True:
-        try:
-            found = stack[-1].send(given)
-        except StopIteration as end:
-            stack.pop()
-            given = end.value
-            if not stack:
-                return end.value  # type: ignore[no-any-return]
-            continue
-        if isinstance(found, Node):
-            given = found
-        else:
-            stack.append(found)
-            given = None
-
-
-class Reading:
-    """What one call of a reader has come across.
+@dataclass(eq=False, slots=True)
+class Section:
+    """A section of a definition: from its parenthesis to the next section.
 
     Attributes:
-        strict: whether what violates the standard is refused.
-        standard_names: names in typed lists that were found to be as in the standard, or noted.
-        standard_variables: the same of variables, with their question marks.
-        odd_names: other names that were noted.
+        text: the text that contains it.
+        keyword: its keyword in lower case, such as `:action`; `define` for a head, and empty
+            outside of definitions.
+        start: the offset of its beginning in the code.
+        end: the offset of the next section, or of the end of the code.
+        last: whether it is the last section of its definition.
+    """
+
+    text: Text
+    keyword: str
+    start: int
+    end: int
+    last: bool = True
+    _tokens: list[str] | None = None
+
+    @property
+    def tokens(self) -> list[str]:
+        """The tokens, followed by empty ones for the end."""
+        if self._tokens is None:
+            self._tokens = tokenize(self.text.code[self.start : self.end])
+            self._tokens += _ENDS
+        return self._tokens
+
+    def forget(self) -> None:
+        """Free the tokens: they take ten times the memory of the text."""
+        self._tokens = None
+
+
+class Diagnostics:
+    """The warnings of one reading, or its refusal of them.
+
+    Attributes:
+        strict: whether a violation of the standard is an error.
+        standard_names: names of typed lists that need no further check.
+        standard_variables: the same for variables, with their question marks.
+        odd_names: other names that have their warning already.
+        suggestions: the number of names that may still be suggested.
     """
 
     def __init__(self, strict: bool) -> None:
@@ -74,19 +84,7 @@ class Reading:
     def deviate(
         self, section: Section, index: int, found: str, expected: str, read_as: str, nesting: str
     ) -> None:
-        """Note what violates the standard, or refuse it.
-
-        Args:
-            section: the section it is in.
-            index: the token in the section.
-            found: what is there.
-            expected: what the standard asks for.
-            read_as: what it is taken for.
-            nesting: what it is in.
-
-        Raises:
-            PddlError: the reading is strict.
-        """
+        """Warn about a violation of the standard; when strict, refuse it."""
         if self.strict:
             self.refuse(section, index, found, expected, nesting)
         within = f"in {nesting}: " if nesting else ""
@@ -94,11 +92,7 @@ class Reading:
         self._noted.setdefault(section, {}).setdefault(index, []).append(message)
 
     def check_comments(self, text: Text) -> None:
-        """Note a comment that is not UTF-8.
-
-        Args:
-            text: the text.
-        """
+        """Warn about a comment that is not UTF-8."""
         place = text.undecodable
         if place is None:
             return
@@ -111,33 +105,18 @@ class Reading:
     def refuse(
         self, section: Section, index: int, found: str, expected: str, nesting: str
     ) -> NoReturn:
-        """Say what is wrong.
-
-        Args:
-            section: the section it is in.
-            index: the token in the section.
-            found: what is there.
-            expected: what should be there.
-            nesting: what it is in.
-
-        Raises:
-            PddlError: always.
-        """
+        """Raise the error for a token."""
         text = section.text
-        [place] = text.locate(text.offsets(section.start, [index]))
+        [place] = text.locate(text.offsets(section.start, indexes=[index]))
         raise PddlError(text.name, place.line, place.column, found, expected, nesting)
 
     def warnings(self) -> tuple[PddlWarning, ...]:
-        """Give what was noted.
-
-        Returns:
-            The warnings, in the order of the sources and of the places in them.
-        """
+        """Return the warnings, in the order of the text."""
         found = list(self._whole)
         if not self._noted:
             return tuple(found)
         for noted in self._noted_by_source():
-            # All at once: each call goes through the source from its beginning.
+            # One call for all: each starts at the beginning of the source.
             places = noted[0][1].locate(offset for offset, _, _ in noted)
             for (_, text, messages), place in zip(noted, places, strict=True):
                 found += [PddlWarning(text.name, *place, message) for message in messages]
@@ -146,101 +125,99 @@ class Reading:
         return tuple(sorted(found, key=lambda one: (order.get(one.source, -1), one[1], one[2])))
 
     def _noted_by_source(self) -> Iterable[list[tuple[int, Text, list[str]]]]:
-        """Give what was noted in each source: the offset in its code, the text, the messages."""
+        """Return the warnings of each source: offset in its code, text, messages."""
         sources: dict[int, list[tuple[int, Text, list[str]]]] = {}
         for section in sorted(self._noted, key=lambda section: section.start):
             noted, text = self._noted[section], section.text
             indexes = sorted(noted)
             sources.setdefault(text.source, []).extend(
                 (offset, text, noted[index])
-                for index, offset in zip(indexes, text.offsets(section.start, indexes), strict=True)
+                for index, offset in zip(
+                    indexes, text.offsets(section.start, indexes=indexes), strict=True
+                )
             )
         for of_source in sources.values():
             of_source.sort(key=itemgetter(0))
         return sources.values()
 
+    def hint(self, name: str, known: Callable[[], list[str]]) -> str:
+        """Suggest a similar name in a warning, up to a number of warnings."""
+        if not self.suggestions:
+            return ""
+        self.suggestions -= 1
+        return hint(name, known())
 
-class Cursor:
-    """A place in the tokens of a section, from where they are read.
+
+def hint(name: str, known: list[str]) -> str:
+    """Suggest a known name that is similar to an unknown one."""
+    if len(name) > _SHOWN:
+        return ""
+    spelled = {fold(one): one for one in known[:5000]}
+    close = get_close_matches(fold(name), spelled, n=1)
+    return f" (did you mean {spelled[close[0]]}?)" if close else ""
+
+
+class Group(NamedTuple):
+    """Names of one type in a typed list, as written.
 
     Attributes:
-        reading: the call that reads.
+        words: the names, in order; variables with their question marks.
+        types: their types; empty when none are given.
+        at: the index of the first name's token.
+        types_at: the index of the token after the names.
+    """
+
+    words: list[str]
+    types: Types
+    at: int
+    types_at: int
+
+
+class Cursor:
+    """A position in the tokens of a section, and what all readers read there.
+
+    Attributes:
+        diagnostics: the warnings of this reading.
         section: the section.
-        tokens: its tokens, or some of them.
+        tokens: its tokens, or a block of them.
         at: the index of the next token.
-        base: how many tokens of the section are before the first of `tokens`.
+        base: the number of tokens of the section before `tokens`.
         nesting: what is being read, for messages.
     """
 
-    def __init__(self, reading: Reading, section: Section, nesting: str) -> None:
-        self.reading = reading
+    # The token after which types were last looked for, and the token where one was found.
+    _found = (-1, -1)
+
+    def __init__(self, diagnostics: Diagnostics, section: Section, nesting: str = "") -> None:
+        self.diagnostics = diagnostics
         self.open(section, nesting)
 
-    def open(self, section: Section, nesting: str) -> None:
-        """Go to the beginning of a section.
-
-        Args:
-            section: the section.
-            nesting: what it is, for messages.
-        """
+    def open(self, section: Section, nesting: str, tokens: list[str] | None = None) -> None:
+        """Go to the beginning of a section, or of a block of its tokens."""
         self.section = section
-        self.tokens = self.first_tokens()
+        self.tokens = section.tokens if tokens is None else tokens
         self.at = 0
         self.base = 0
         self.nesting = nesting
 
-    def first_tokens(self) -> list[str]:
-        """Give the tokens to begin with.
-
-        Returns:
-            All of the section, with empty ones that stand for the end.
-        """
-        return self.section.tokens
-
     def fail(self, expected: str, found: str | None = None, at: int | None = None) -> NoReturn:
-        """Refuse what is here.
-
-        Args:
-            expected: what should be here.
-            found: what is here; the token unless given.
-            at: the index of the token; the next one unless given.
-
-        Raises:
-            PddlError: always.
-        """
+        """Refuse the token here."""
         index = self.at if at is None else at
         found = self.shown(index) if found is None else found
-        self.reading.refuse(self.section, self.base + index, found, expected, self.nesting)
+        self.diagnostics.refuse(self.section, self.base + index, found, expected, self.nesting)
 
     def deviate(
         self, expected: str, read_as: str, found: str | None = None, at: int | None = None
     ) -> None:
-        """Note that what is here violates the standard.
-
-        Args:
-            expected: what the standard asks for.
-            read_as: what it is taken for.
-            found: what is here; the token unless given.
-            at: the index of the token; the next one unless given.
-
-        Raises:
-            PddlError: the reading is strict.
-        """
+        """Warn that the token here violates the standard."""
         index = self.at if at is None else at
         found = self.shown(index) if found is None else found
-        self.reading.deviate(
+        self.diagnostics.deviate(
             self.section, self.base + index, found, expected, read_as, self.nesting
         )
 
     def shown(self, index: int) -> str:
-        """Show a token in a message.
-
-        Args:
-            index: which token.
-
-        Returns:
-            The token in quotes, with the one that follows a parenthesis.
-        """
+        """Return a token for a message."""
         token = self.tokens[index]
         if token == "(":
             following = self.tokens[index + 1]
@@ -250,31 +227,13 @@ class Cursor:
         return f"'{token}'" if len(token) <= _SHOWN else f"'{token[:_SHOWN]}...'"
 
     def expect(self, token: str, expected: str | None = None) -> None:
-        """Pass a token.
-
-        Args:
-            token: the token that must be next.
-            expected: how a message calls it.
-
-        Raises:
-            PddlError: it is not next.
-        """
+        """Pass the given token."""
         if self.tokens[self.at] != token:
             self.fail(expected or f"'{token}'")
         self.at += 1
 
     def word(self, expected: str) -> str:
-        """Pass a word.
-
-        Args:
-            expected: how a message calls it.
-
-        Returns:
-            The word.
-
-        Raises:
-            PddlError: a parenthesis is next.
-        """
+        """Pass a word."""
         token = self.tokens[self.at]
         if token in ("(", ")", ""):
             self.fail(expected)
@@ -282,7 +241,7 @@ class Cursor:
         return token
 
     def skip(self) -> None:
-        """Pass a word, or all from a parenthesis to the one that closes it."""
+        """Pass a word, or a list with all its parts."""
         depth, at, tokens = 0, self.at, self.tokens
         while True:
             token = tokens[at]
@@ -297,36 +256,147 @@ class Cursor:
                 self.at = at
                 return
 
+    def typed_list(self, kind: str) -> list[Group]:
+        """Read a typed list and the parenthesis after it."""
+        tokens, at = self.tokens, self.at
+        diagnostics = self.diagnostics
+        standard = (
+            diagnostics.standard_variables if kind == VARIABLES else diagnostics.standard_names
+        )
+        groups: list[Group] = []
+        start = at
+        while True:
+            token = tokens[at]
+            if token in standard:
+                at += 1
+                continue
+            self.at = at
+            if token == ")":
+                if at > start:
+                    groups.append(Group(tokens[start:at], (), start, at))
+                self.at = at + 1
+                return groups
+            if token[:1] == "-":
+                types = self.type_behind(kind, token, at - start)
+                groups.append(Group(tokens[start:at], types, start, at))
+                at = start = self.at
+            else:
+                self._check_name(kind, token)
 
-def bounded_hint(reading: Reading, name: str, known: Callable[[], list[str]]) -> str:
-    """Suggest a name in a warning, of which a text may get many.
+    def type_behind(self, kind: str, token: str, count: int) -> Types:
+        """Read a dash and the type of the names before it."""
+        if not count and token != "-":
+            # It is a name rather than a type that nothing has.
+            self.fail(f"a {kind}, which does not begin with '-'")
+        if not count:
+            self.deviate(f"a {kind} before the type", "the type left out")
+        return self.after_dash(token)
 
-    Args:
-        reading: the call that reads, which has a number of suggestions left.
-        name: the name.
-        known: gives the names that are known.
+    def _check_name(self, kind: str, token: str) -> None:
+        """Check a name of a typed list, once for each spelling."""
+        name, known = token, self.diagnostics.standard_names
+        if kind == VARIABLES:
+            if token[:1] != "?":
+                self.fail("a variable, which begins with '?'")
+            name, known = token[1:], self.diagnostics.standard_variables
+        if _STANDARD_NAME.fullmatch(name) is None:
+            self.odd_name(name, kind)
+        known.add(token)
 
-    Returns:
-        As `hint`; nothing when no suggestions are left.
-    """
-    if not reading.suggestions:
-        return ""
-    reading.suggestions -= 1
-    return hint(name, known())
+    def odd_name(self, name: str, kind: str) -> None:
+        """Warn about a name that is not standard; refuse one that cannot be a name."""
+        article = "an" if kind[0] in "aeiou" else "a"
+        if not is_name(name, kind if kind != OBJECTS else "object"):
+            self.fail(f"the name of {article} {kind}" if kind != OBJECTS else "a name")
+        expected = f"{article} {kind} of a letter and letters, digits, '-' and '_'"
+        self.deviate(expected, "taken as it is")
 
+    def declared_name(self, kind: str) -> str:
+        """Pass the name of a declaration, outside of typed lists."""
+        name = self.word(f"the name of the {kind}")
+        self.at -= 1
+        if not is_name(name, kind):
+            self.fail(f"the name of the {kind}, which is no reserved word")
+        # Rules differ by kind: `5` may name a predicate, but not an object.
+        if _STANDARD_NAME.fullmatch(name) is None and name not in self.diagnostics.odd_names:
+            self.diagnostics.odd_names.add(name)
+            self.odd_name(name, kind)
+        self.at += 1
+        return name
 
-def hint(name: str, known: list[str]) -> str:
-    """Suggest a name that is like one that is not known.
+    def after_dash(self, token: str) -> Types:
+        """Read a dash and a type, which may be written without a space between them."""
+        if token == "-":
+            self.at += 1
+            return self.type_expression()
+        self.deviate(f"'- {token[1:]}'", "read so")
+        self.at += 1
+        return (token[1:],)
 
-    Args:
-        name: the name.
-        known: the names that are known.
+    def type_expression(self) -> Types:
+        """Read a type, or `(either ...)`."""
+        if self.tokens[self.at] != "(":
+            return (self.word("a type"),)
+        types: dict[str, str] = {}
+        # The number of open lists, and whether the innermost has a type: its types count for all.
+        opened, filled = 0, False
+        while True:
+            token = self.tokens[self.at]
+            if token == "(":
+                if opened:
+                    self.deviate("a type", "its types read as alternatives")
+                self._open_either()
+                opened, filled = opened + 1, False
+            elif token == ")":
+                if not filled:
+                    self.fail("a type")
+                self.at += 1
+                opened -= 1
+                if not opened:
+                    return tuple(types.values())
+            else:
+                name = self.word("a type")
+                types.setdefault(fold(name), name)
+                filled = True
 
-    Returns:
-        `; did you mean ...?`, or nothing.
-    """
-    if len(name) > _SHOWN:
-        return ""
-    spelled = {fold(one): one for one in known[:5000]}
-    close = get_close_matches(fold(name), spelled, n=1)
-    return f" (did you mean {spelled[close[0]]}?)" if close else ""
+    def _open_either(self) -> None:
+        """Pass the beginning of a list of types."""
+        self.at += 1
+        if self.tokens[self.at].lower() == "either":
+            self.at += 1
+        else:
+            self.deviate("a type or (either ...)", "read as (either ...)", at=self.at - 1)
+
+    def resolve(self, symbols: SymbolTable, types: Types, at: int) -> Types:
+        """Return types in their declared spelling."""
+        known = symbols.resolved.get(types)
+        if known is None:
+            known = symbols.resolved[types] = tuple(
+                [self._resolve(symbols, name, at) for name in types or ANY]
+            )
+        return known
+
+    def _resolve(self, symbols: SymbolTable, name: str, at: int) -> str:
+        known = symbols.types.get(fold(name))
+        if known is None:
+            if not is_name(name, "type"):
+                self.fail("a type", f"'{name}'", self._token_of(name, at))
+            if not symbols.unknown_domain:
+                place = self._token_of(name, at)
+                close = self.diagnostics.hint(name, symbols.type_names)
+                expected = f"a type that is declared{close}"
+                if not symbols.grows:
+                    self.fail(expected, f"the type '{name}'", place)
+                self.deviate(expected, "added under object", f"the type '{name}'", place)
+            known = symbols.types[fold(name)] = name
+        return known
+
+    def _token_of(self, name: str, at: int) -> int:
+        """The index of a type's own token, when it is one of those after the dash."""
+        # Types are looked up in order, so the search goes on where the last one ended.
+        start = self._found[1] if self._found[0] == at else at
+        for index in range(start, self.at):
+            if self.tokens[index] in (name, f"-{name}"):
+                self._found = at, index
+                return index
+        return at

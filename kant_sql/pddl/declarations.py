@@ -1,46 +1,38 @@
-"""The sections that declare names: types, constants and objects, predicates, functions."""
+"""Declarations in sections of a domain or a problem: how they are read, and what repeats."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
+from typing import Generic, NamedTuple, TypeVar
 
-from ..dto.formula import TypedName
-from ..dto.name import fold, function_kind, is_name, is_requirement
-from .cursor import Reading
+from ..dto.formulas import TypedName
+from ..dto.lexical import ROOT_TYPE, fold, function_kind, is_name, is_requirement
+from .cursor import OBJECTS, VARIABLES, Cursor, Diagnostics, Group, Section
 from .document import Function, Predicate
-from .section import Section
-from .symbols import Symbols
-from .typed_lists import OBJECTS, VARIABLES, Group, ListReader
+from .hierarchy import Types
+from .symbols import SymbolTable
 
 NUMBER_TYPE = "number"
 
 
-class DeclarationReader(ListReader):
+class DeclarationReader(Cursor):
     """A reader of one section of declarations.
 
     Attributes:
         symbols: the names that are declared; the reader adds to them.
     """
 
-    def __init__(self, reading: Reading, section: Section, symbols: Symbols) -> None:
-        super().__init__(reading, section, section.keyword)
+    def __init__(self, diagnostics: Diagnostics, section: Section, symbols: SymbolTable) -> None:
+        super().__init__(diagnostics, section, section.keyword)
         self.symbols = symbols
         self.at = 2
 
     def names(self) -> list[Group]:
-        """Read the names of a section of types, constants or objects.
-
-        Returns:
-            The names, as written.
-        """
+        """Read the names of a section of types, constants or objects."""
         return self.typed_list(OBJECTS)
 
     def requirements(self) -> list[str]:
-        """Read the requirements.
-
-        Returns:
-            Each, as written, with its colon.
-        """
+        """Read the requirements."""
         found: dict[str, str] = {}
         while self.tokens[self.at] != ")":
             word = self.word("a requirement such as :typing")
@@ -56,11 +48,7 @@ class DeclarationReader(ListReader):
         return list(found.values())
 
     def predicates(self, add: Callable[[Predicate, int], None]) -> None:
-        """Read the predicates.
-
-        Args:
-            add: what is told each predicate, and the index of its name.
-        """
+        """Read the predicates."""
         while self.tokens[self.at] != ")":
             if self.tokens[self.at : self.at + 2] == ["(", "="]:
                 self.deviate("no declaration of =, which is built in", "left out")
@@ -70,11 +58,7 @@ class DeclarationReader(ListReader):
         self.at += 1
 
     def predicate(self) -> tuple[Predicate, int]:
-        """Read a predicate with its parameters.
-
-        Returns:
-            The predicate, and the index of its name.
-        """
+        """Read a predicate with its parameters."""
         at, name, parameters = self._skeleton("predicate")
         return Predicate(name, parameters), at
 
@@ -104,11 +88,7 @@ class DeclarationReader(ListReader):
         return tuple(parameters)
 
     def functions(self, add: Callable[[Function, int], None]) -> None:
-        """Read the functions.
-
-        Args:
-            add: what is told each function, and the index of its name.
-        """
+        """Read the functions."""
         pending: list[tuple[int, str, tuple[TypedName, ...]]] = []
         while True:
             token = self.tokens[self.at]
@@ -135,3 +115,112 @@ class DeclarationReader(ListReader):
         if len(types) == 1 and fold(types[0]) == NUMBER_TYPE:
             return ()
         return self.resolve(self.symbols, types, at)
+
+
+Element = TypeVar("Element")
+
+
+class Declarations(Generic[Element]):
+    """Elements by name, in the order of their first declaration.
+
+    Args:
+        kind: the kind of the elements, for messages.
+        meaning: returns what two declarations of one name must agree in.
+    """
+
+    def __init__(self, kind: str, meaning: Callable[[Element], Hashable]) -> None:
+        self._kind = kind
+        self._meaning = meaning
+        self._elements: dict[str, tuple[Element, object]] = {}
+
+    def __contains__(self, name: str) -> bool:
+        return fold(name) in self._elements
+
+    def elements(self) -> tuple[Element, ...]:
+        """Return the elements."""
+        return tuple([element for element, _ in self._elements.values()])
+
+    def add(self, cursor: Cursor, name: str, element: Element, at: int) -> bool:
+        """Declare an element; return whether it is new."""
+        source = cursor.section.text
+        known, first = self._elements.setdefault(fold(name), (element, source))
+        if known is element:
+            return True
+        if self._meaning(known) != self._meaning(element):
+            found = f"another {self._kind} {name}, which differs from the first"
+            cursor.fail(f"one {self._kind} of that name", found, at)
+        if first is source:
+            cursor.deviate(f"each {self._kind} once", "left out", f"'{name}' again", at)
+        return False
+
+
+class _Entry(NamedTuple):
+    name: str
+    types: Types
+    cursor: Cursor
+    types_at: int
+
+
+class TypedNames:
+    """Names with types, which are resolved when all types are known; `kind` is for messages."""
+
+    def __init__(self, kind: str) -> None:
+        self._kind = kind
+        self._entries: dict[str, _Entry] = {}
+
+    def __contains__(self, name: str) -> bool:
+        return fold(name) in self._entries
+
+    def names(self) -> list[str]:
+        """Return the names."""
+        return [entry.name for entry in self._entries.values()]
+
+    def add(self, cursor: Cursor, name: str, group: Group, at: int) -> bool:
+        """Declare a name; return whether it is new."""
+        key = fold(name)
+        known = self._entries.get(key)
+        if known is None:
+            self._entries[key] = _Entry(name, group.types, cursor, group.types_at)
+            return True
+        same_source = known.cursor.section.text is cursor.section.text
+        types = self._united(known, name, group.types, cursor, at)
+        if same_source:
+            together = TypedName("", types or (ROOT_TYPE,)).type_text
+            repeated = f"the {self._kind} '{name}' again"
+            cursor.deviate(f"each {self._kind} once", f"read as {together}", repeated, at)
+        if types != known.types:
+            self._entries[key] = _Entry(known.name, types, cursor, group.types_at)
+        return False
+
+    def _united(self, known: _Entry, name: str, types: Types, cursor: Cursor, at: int) -> Types:
+        """Return the types of a name that is declared twice."""
+        first = {fold(one): one for one in known.types}
+        second = {fold(one): one for one in types}
+        if first.keys() == second.keys() or second.keys() <= {ROOT_TYPE}:
+            return known.types
+        if first.keys() <= {ROOT_TYPE}:
+            return types
+        other = known.cursor.section.text
+        if other is not cursor.section.text:
+            found = f"the {self._kind} '{name}' of another type"
+            expected = f"{TypedName('', known.types).type_text}, as in {other.name}"
+            cursor.fail(expected, found, at)
+        return tuple((first | second).values())
+
+    def resolve(self, symbols: SymbolTable) -> list[TypedName]:
+        """Return the names with their types resolved."""
+        found: list[TypedName] = []
+        memo: dict[tuple[Types, int], Types] = {}
+        for entry in self._entries.values():
+            key = (entry.types, id(entry.cursor))
+            types = memo.get(key)
+            if types is None:
+                types = entry.cursor.resolve(symbols, entry.types, entry.types_at)
+                memo[key] = types
+            found.append(TypedName(entry.name, types))
+        return found
+
+    def refuse(self, name: str, expected: str, found: str) -> None:
+        """Refuse a declared name."""
+        entry = self._entries[fold(name)]
+        entry.cursor.fail(expected, found, entry.types_at)

@@ -10,20 +10,19 @@ list of its conjuncts.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from ..arguments import expect, expect_tuple
-from ..dto.formula import (
+from ..arguments import expect
+from ..dto.formulas import (
     Atom,
+    Checked,
     Constant,
     Derived,
     Equal,
     Fluent,
     Formula,
     Metric,
-    Node,
     Not,
     Number,
     TimedLiteral,
@@ -31,20 +30,6 @@ from ..dto.formula import (
 )
 
 ACTION, DURATIVE_ACTION, PROCESS, EVENT = "action", "durative-action", "process", "event"
-
-
-def _check(
-    document: object, single: dict[str, type], several: Mapping[str, type | tuple[type, ...]]
-) -> None:
-    """Check the fields of a part of a document; a list is kept as a tuple."""
-    of = f"of {type(document).__name__}"
-    for field_name, kind in single.items():
-        expect(getattr(document, field_name), kind, f"{field_name} {of}")
-    for field_name, wanted in several.items():
-        value = getattr(document, field_name)
-        checked: tuple[object, ...] = expect_tuple(value, wanted, f"{field_name} {of}")
-        if checked is not value:
-            object.__setattr__(document, field_name, checked)
 
 
 class PddlWarning(NamedTuple):
@@ -67,7 +52,7 @@ class PddlWarning(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Predicate:
+class Predicate(Checked):
     """A predicate's declaration.
 
     Attributes:
@@ -78,12 +63,9 @@ class Predicate:
     name: str
     parameters: tuple[TypedName, ...] = ()
 
-    def __post_init__(self) -> None:
-        _check(self, {"name": str}, {"parameters": TypedName})
-
 
 @dataclass(frozen=True, slots=True)
-class Function:
+class Function(Checked):
     """A function's declaration.
 
     Attributes:
@@ -96,12 +78,9 @@ class Function:
     parameters: tuple[TypedName, ...] = ()
     types: tuple[str, ...] = ()
 
-    def __post_init__(self) -> None:
-        _check(self, {"name": str}, {"parameters": TypedName, "types": str})
-
 
 @dataclass(frozen=True, slots=True)
-class Action:
+class Action(Checked):
     """An action, a durative action, a process or an event.
 
     Attributes:
@@ -120,13 +99,9 @@ class Action:
     condition: tuple[Formula, ...] = ()
     effect: tuple[Formula, ...] = ()
 
-    def __post_init__(self) -> None:
-        formulas = dict.fromkeys(("duration", "condition", "effect"), Node)
-        _check(self, {"kind": str, "name": str}, {"parameters": TypedName, **formulas})
-
 
 @dataclass(frozen=True)
-class Domain:
+class Domain(Checked):
     """A domain.
 
     Attributes:
@@ -153,22 +128,6 @@ class Domain:
     actions: tuple[Action, ...] = ()
     warnings: tuple[PddlWarning, ...] = field(default=(), compare=False)
 
-    def __post_init__(self) -> None:
-        _check(self, {"name": str}, _DOMAIN_PARTS)
-
-
-_DOMAIN_PARTS: dict[str, type | tuple[type, ...]] = {
-    "requirements": str,
-    "types": TypedName,
-    "constants": TypedName,
-    "predicates": Predicate,
-    "functions": Function,
-    "constraints": Node,
-    "derived": Derived,
-    "actions": Action,
-    "warnings": PddlWarning,
-}
-
 
 class FunctionValue(NamedTuple):
     """What a fluent is at first.
@@ -182,21 +141,8 @@ class FunctionValue(NamedTuple):
     value: Number | Constant
 
 
-_PROBLEM_PARTS: dict[str, type | tuple[type, ...]] = {
-    "requirements": str,
-    "objects": TypedName,
-    "facts": Atom,
-    "literals": (Not, Equal),
-    "values": FunctionValue,
-    "timed": TimedLiteral,
-    "goal": Node,
-    "constraints": Node,
-    "warnings": PddlWarning,
-}
-
-
 @dataclass(frozen=True, eq=False)
-class Problem:
+class Problem(Checked):
     """A problem.
 
     Attributes:
@@ -228,9 +174,7 @@ class Problem:
     warnings: tuple[PddlWarning, ...] = field(default=(), compare=False)
 
     def __post_init__(self) -> None:
-        _check(self, {"name": str, "domain": str}, _PROBLEM_PARTS)
-        if self.metric is not None:
-            expect(self.metric, Metric, "the metric of a Problem")
+        super().__post_init__()
         for value in self.values:
             expect(value.fluent, Fluent, "the fluent of a FunctionValue")
             expect(value.value, (Number, Constant), "the value of a FunctionValue")

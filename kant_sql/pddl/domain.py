@@ -1,54 +1,44 @@
-"""The reader of domains."""
+"""Reading domains."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 
-from ..dto.formula import Derived, Formula, TypedName
-from ..dto.name import ROOT_TYPE, fold, is_name
-from .actions import ActionReader, DerivedReader
-from .cursor import Cursor, Reading
-from .declarations import DeclarationReader
+from ..dto.formulas import Derived, Formula, TypedName
+from ..dto.lexical import ROOT_TYPE, fold, is_name
+from .actions import ActionReader, RuleReader
+from .cursor import Cursor, Diagnostics, Section
+from .declarations import DeclarationReader, Declarations, TypedNames
 from .document import Action, Domain, Function, Predicate
 from .forms import DOMAIN_ORDER, STRUCTURES, Form, check_sections, finish
 from .formulas import CONSTRAINTS, PREFERENCES, FormulaReader
 from .hierarchy import find_cycle
+from .lexer import Text
 from .requirements import used_requirements
-from .section import Section
-from .symbols import ANY, Symbols
-from .tables import NameTable, Table
-from .tokens import Text
-from .typed_lists import ListReader
+from .symbols import ANY, SymbolTable
 
 
 class DomainReader:
     """A reader of one domain, which may be spread over several forms."""
 
-    def __init__(self, reading: Reading) -> None:
-        self._reading = reading
-        self._symbols = Symbols()
+    def __init__(self, diagnostics: Diagnostics) -> None:
+        self._diagnostics = diagnostics
+        self._symbols = SymbolTable()
         self._symbols.grows = True
         self._requirements: dict[str, str] = {}
-        self._types = NameTable("type")
-        self._constants = NameTable("constant")
-        self._predicates: Table[Predicate] = Table("predicate", _predicate_meaning)
-        self._functions: Table[Function] = Table("function", _function_meaning)
-        self._actions: Table[Action] = Table("action", _action_meaning)
+        self._types = TypedNames("type")
+        self._constants = TypedNames("constant")
+        self._predicates: Declarations[Predicate] = Declarations("predicate", _predicate_meaning)
+        self._functions: Declarations[Function] = Declarations("function", _function_meaning)
+        self._actions: Declarations[Action] = Declarations("action", _action_meaning)
         self._action_reader: ActionReader | None = None
-        self._derived_reader: DerivedReader | None = None
-        self._derived: Table[Derived] = Table("rule", lambda rule: None)
+        self._rule_reader: RuleReader | None = None
+        self._derived: Declarations[Derived] = Declarations("rule", lambda rule: None)
         self._constraints: list[Formula] = []
         self._constrained: dict[Formula, Text] = {}
 
     def read(self, forms: list[Form]) -> Domain:
-        """Read the domain.
-
-        Args:
-            forms: its forms.
-
-        Returns:
-            The domain, without the warnings.
-        """
+        """Read the domain."""
         sections = [section for form in forms for section in form.sections]
         self._check_forms(forms)
         self._declare(sections)
@@ -75,18 +65,18 @@ class DomainReader:
     def _check_forms(self, forms: list[Form]) -> None:
         for form in forms:
             check_sections(
-                self._reading, form, DOMAIN_ORDER, STRUCTURES, {":objects": ":constants"}
+                self._diagnostics, form, DOMAIN_ORDER, STRUCTURES, {":objects": ":constants"}
             )
             if fold(form.name) != fold(forms[0].name):
-                cursor = Cursor(self._reading, form.head, "")
+                cursor = Cursor(self._diagnostics, form.head)
                 cursor.fail(f"{forms[0].name}, as in {forms[0].head.text.name}", at=4)
 
     def _declare(self, sections: list[Section]) -> None:
-        """Read all declarations, which may stand behind what uses them."""
+        """Read all declarations, which may follow their uses."""
         for keyword, declare in _DECLARATIONS:
             for section in sections:
                 if section.keyword == keyword:
-                    reader = DeclarationReader(self._reading, section, self._symbols)
+                    reader = DeclarationReader(self._diagnostics, section, self._symbols)
                     declare(self, reader)
                     finish(reader)
             if keyword == ":types":
@@ -123,7 +113,7 @@ class DomainReader:
             self._types.refuse(name, "no cycle of types", f"the type {name} above itself")
 
     def _known_types(self) -> list[TypedName]:
-        """All types: those that are declared, and then those that were only used."""
+        """All types: the declared ones, then those that are only used."""
         symbols = self._symbols
         names = [name for name in symbols.type_names() if name != ROOT_TYPE]
         return [TypedName(name, symbols.parents.get(name, ANY)) for name in names]
@@ -137,24 +127,24 @@ class DomainReader:
     def _read_predicates(self, reader: DeclarationReader) -> None:
         reader.predicates(lambda predicate, at: self._add_predicate(reader, predicate, at))
 
-    def _add_predicate(self, reader: ListReader, predicate: Predicate, at: int) -> None:
-        if self._predicates.add(reader, predicate.name, predicate, at):
+    def _add_predicate(self, cursor: Cursor, predicate: Predicate, at: int) -> None:
+        if self._predicates.add(cursor, predicate.name, predicate, at):
             self._symbols.predicates.declare(predicate)
             if predicate.name in self._types:
-                _clash(reader, "predicate", "type", predicate.name, at)
+                _clash(cursor, "predicate", "type", predicate.name, at)
 
     def _read_functions(self, reader: DeclarationReader) -> None:
         reader.functions(lambda function, at: self._add_function(reader, function, at))
 
-    def _add_function(self, reader: ListReader, function: Function, at: int) -> None:
-        if self._functions.add(reader, function.name, function, at):
+    def _add_function(self, cursor: Cursor, function: Function, at: int) -> None:
+        if self._functions.add(cursor, function.name, function, at):
             self._symbols.functions.declare(function)
             if function.name in self._predicates:
-                _clash(reader, "function", "predicate", function.name, at)
+                _clash(cursor, "function", "predicate", function.name, at)
 
     def _declare_derived(self, section: Section) -> None:
         if section.tokens[2] == "(" and self._symbols.predicates.find(section.tokens[3]) is None:
-            reader = DerivedReader(self._reading, section, self._symbols, section.keyword)
+            reader = RuleReader(self._diagnostics, section, self._symbols, section.keyword)
             predicate = reader.head(section)
             found = f"the predicate '{predicate.name}'"
             reader.deviate("its declaration in :predicates", "declared so", found, 3)
@@ -163,36 +153,34 @@ class DomainReader:
     def _read_action(self, section: Section) -> None:
         reader = self._action_reader
         if reader is None:
-            reader = ActionReader(self._reading, section, self._symbols, "")
-            self._action_reader = reader
+            reader = self._action_reader = ActionReader(self._diagnostics, section, self._symbols)
         action, at = reader.action(section)
         finish(reader)
         if self._actions.add(reader, action.name, action, at) and action.name in self._predicates:
             _clash(reader, "action", "predicate", action.name, at)
 
     def _read_derived(self, section: Section) -> None:
-        reader = self._derived_reader
+        reader = self._rule_reader
         if reader is None:
-            reader = DerivedReader(self._reading, section, self._symbols, "")
-            self._derived_reader = reader
+            reader = self._rule_reader = RuleReader(self._diagnostics, section, self._symbols)
         rule = reader.rule(section)
-        # Rules say the same when their words are the same; comparing nodes would take longer.
+        # Comparing the words of rules is faster than comparing their nodes.
         words = " ".join(reader.tokens[: reader.at])
         finish(reader)
         self._derived.add(reader, words, rule, 3)
 
     def _read_constraints(self, section: Section) -> None:
-        reader = FormulaReader(self._reading, section, self._symbols, section.keyword)
+        reader = FormulaReader(self._diagnostics, section, self._symbols, section.keyword)
         reader.at = 2
         for formula in reader.conjuncts(CONSTRAINTS | PREFERENCES):
-            # A file may say a thing twice, as preferences do; another file says it again.
+            # Preferences may repeat within a file; another file repeats the first one.
             if self._constrained.setdefault(formula, section.text) is section.text:
                 self._constraints.append(formula)
         reader.expect(")", "')' after the constraints")
         finish(reader)
 
     def _all_functions(self) -> tuple[Function, ...]:
-        """The functions, with total-cost if it was only used."""
+        """The functions, and total-cost if it is used without a declaration."""
         declared = self._functions.elements()
         used = self._symbols.functions.names()
         return declared + tuple([Function(name) for name in used if name not in self._functions])
@@ -202,7 +190,7 @@ class DomainReader:
             return
         used = [one for one in used_requirements(domain) if one != ":strips"]
         if used:
-            cursor = Cursor(self._reading, forms[0].head, "")
+            cursor = Cursor(self._diagnostics, forms[0].head)
             expected = f"(:requirements {' '.join(used)})"
             cursor.deviate(expected, "taken for required", "no requirements", 0)
 
@@ -221,7 +209,7 @@ def _action_meaning(action: Action) -> tuple[object, ...]:
 
 
 def _clash(cursor: Cursor, kind: str, other: str, name: str, at: int) -> None:
-    """Note that things of two kinds have one name."""
+    """Warn that elements of two kinds share a name."""
     found = f"the {kind} {name}, which is named like a {other}"
     cursor.deviate("names that differ", "kept apart by what they are", found, at)
 

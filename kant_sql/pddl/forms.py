@@ -1,8 +1,8 @@
-"""The forms of a text, `(define ...)`, and their sections: found without reading what is in them.
+"""The forms of a text, `(define ...)`, and their sections: found without reading their contents.
 
-Declarations may stand behind what uses them, so the sections have to be known before any is read.
-A section is found by its `(:keyword` and by counting parentheses, which costs next to nothing, and
-also tells in which section one is missing.
+Declarations may follow their uses, so the sections are found before any of them is read. A section
+is found by its `(:keyword` and by counting parentheses. That costs little, and it also finds the
+section in which a parenthesis is missing.
 """
 
 from __future__ import annotations
@@ -13,10 +13,8 @@ from functools import cached_property
 from typing import NoReturn
 
 from ..errors import PddlError
-from .cursor import END, Cursor, Reading, hint
-from .section import Section
-from .tokens import Text, end_of_tokens, tokenize, unmatched
-from .typed_lists import ListReader
+from .cursor import END, Cursor, Diagnostics, Section, hint
+from .lexer import Text, end_of_tokens, tokenize, unmatched
 
 DOMAIN, PROBLEM = "domain", "problem"
 HEAD = "define"
@@ -41,7 +39,7 @@ PROBLEM_ORDER = (
 STRUCTURES = (":action", ":durative-action", ":process", ":event", ":derived")
 _SECTIONS = frozenset(DOMAIN_ORDER + PROBLEM_ORDER + STRUCTURES)
 
-# What old and other languages have: a message should not call it a mistyped section.
+# Sections of older and other languages: no message should take them for mistyped.
 _FOREIGN = {
     ":axiom": "PDDL 1.2; use (:derived ...)",
     ":domain-variables": "PDDL 1.2",
@@ -59,10 +57,10 @@ _DEFINE = re.compile(r"\(\s*define\s*\(", re.IGNORECASE)
 
 @dataclass(eq=False)
 class Form:
-    """One definition.
+    """A definition: `(define ...)`.
 
     Attributes:
-        head: its beginning, up to the first section.
+        head: the text before its first section.
         sections: its sections, in order.
     """
 
@@ -70,11 +68,7 @@ class Form:
     sections: list[Section] = field(default_factory=list)
 
     def add(self, section: Section) -> None:
-        """Add a section behind the others.
-
-        Args:
-            section: the section.
-        """
+        """Add a section at the end."""
         last = self.sections[-1] if self.sections else self.head
         last.last = False
         self.sections.append(section)
@@ -86,12 +80,12 @@ class Form:
 
     @property
     def name(self) -> str:
-        """The name of what it defines."""
+        """The name of the domain or problem."""
         return self.head.tokens[4]
 
     @property
     def domain(self) -> str:
-        """The name of a problem's domain; empty when it does not say one."""
+        """The name of a problem's domain; empty without one."""
         for section in self.sections:
             if section.keyword == ":domain":
                 return section.tokens[2]
@@ -104,24 +98,17 @@ class Form:
 
 
 class Scanner:
-    """What finds the forms of one text."""
+    """Finds the forms of a text."""
 
-    def __init__(self, reading: Reading, text: Text) -> None:
-        self._reading = reading
+    def __init__(self, diagnostics: Diagnostics, text: Text) -> None:
+        self._diagnostics = diagnostics
         self._text = text
         self._code = text.code
         self._forms: list[Form] = []
 
     def scan(self) -> list[Form]:
-        """Find the forms.
-
-        Returns:
-            The definitions, in order.
-
-        Raises:
-            PddlError: there is none, or the parentheses do not match.
-        """
-        self._reading.check_comments(self._text)
+        """Find the forms."""
+        self._diagnostics.check_comments(self._text)
         self._check_start()
         wrong = unmatched(self._code)
         if wrong is not None:
@@ -140,7 +127,7 @@ class Scanner:
         raise PddlError(self._text.name, place.line, place.column, found, expected, nesting)
 
     def _check_start(self) -> None:
-        """Refuse what cannot be PDDL without looking at all of it."""
+        """Refuse a text that cannot be PDDL, by its first tokens."""
         end = end_of_tokens(self._code, 2)
         tokens = tokenize(self._code[:end])
         if tokens[:1] != ["("] or tokens[1:] in ([], ["("], [")"]):
@@ -148,7 +135,7 @@ class Scanner:
 
     def _refuse_start(self, at: int) -> NoReturn:
         start = Section(self._text, "", 0, end_of_tokens(self._code, 2))
-        Cursor(self._reading, start, "").fail("(define", at=at)
+        Cursor(self._diagnostics, start).fail("(define", at=at)
 
     def _split(self) -> None:
         """Cut the code at each `(define` and at each section."""
@@ -161,7 +148,7 @@ class Scanner:
             if depth == (keyword != HEAD) or self._begins(before, start, keyword, depth):
                 before.end = start
                 if not before.keyword:
-                    skip_foreign(Cursor(self._reading, before, ""))
+                    skip_foreign(Cursor(self._diagnostics, before))
                 before = self._begin(start, keyword)
         before.end = len(self._code)
         depth += self._code.count("(", seen) - self._code.count(")", seen)
@@ -170,7 +157,7 @@ class Scanner:
             self._refuse(len(self._code.rstrip()), END, expected)
 
     def _begins(self, before: Section, start: int, keyword: str, depth: int) -> bool:
-        """Whether a section or a form begins at a depth where none should."""
+        """Refuse a section or a form at a wrong depth; return False for a nested keyword."""
         level = 0 if keyword == HEAD else 1
         if depth < level:
             outside = f"'({keyword}' outside of a definition: a ')' before it is too many"
@@ -197,7 +184,7 @@ class Scanner:
         return section
 
     def _check_head(self, form: Form) -> None:
-        cursor = ListReader(self._reading, form.head, "")
+        cursor = Cursor(self._diagnostics, form.head)
         cursor.at = 3
         kind = cursor.word("domain or problem").lower()
         if kind not in (DOMAIN, PROBLEM):
@@ -209,14 +196,7 @@ class Scanner:
 
 
 def finish(cursor: Cursor) -> None:
-    """Check that a section ends where its reader has come to.
-
-    Args:
-        cursor: the reader, behind the parenthesis that closes the section.
-
-    Raises:
-        PddlError: something follows that is no section.
-    """
+    """Check that a section ends at the cursor."""
     expected = "a section such as (:action ...), or ')' that closes the definition"
     if cursor.section.last:
         cursor.expect(")", expected)
@@ -228,14 +208,7 @@ def finish(cursor: Cursor) -> None:
 
 
 def skip_foreign(cursor: Cursor) -> None:
-    """Pass what is outside of definitions, with a warning.
-
-    Args:
-        cursor: the reader, outside of all definitions.
-
-    Raises:
-        PddlError: there is a word, or the reading is strict.
-    """
+    """Pass the text outside of definitions, with warnings."""
     while cursor.tokens[cursor.at]:
         if cursor.tokens[cursor.at] == ")":
             cursor.deviate("the end of the text", "left out", "')' that closes nothing")
@@ -247,28 +220,20 @@ def skip_foreign(cursor: Cursor) -> None:
 
 
 def check_sections(
-    reading: Reading,
+    diagnostics: Diagnostics,
     form: Form,
     order: tuple[str, ...],
     structures: tuple[str, ...],
     aliases: dict[str, str],
 ) -> None:
-    """Check which sections a form has, and in which order.
-
-    Args:
-        reading: the call that reads.
-        form: the form.
-        order: the sections that come first, in the order of the standard, each once.
-        structures: the sections that come behind them, as often as one likes.
-        aliases: sections that belong elsewhere, and what they are read as.
-    """
+    """Check the sections of a form, and their order."""
     known = {keyword: rank for rank, keyword in enumerate(order)}
     known |= dict.fromkeys(structures, len(order))
     highest, behind = 0, ""
     seen: set[str] = set()
     for section in form.sections:
         if section.keyword not in known:
-            _rename(reading, form, section, list(known), aliases)
+            _rename(diagnostics, form, section, list(known), aliases)
         keyword = section.keyword
         expected, read_as = "", ""
         if keyword in seen:
@@ -280,20 +245,24 @@ def check_sections(
         if known[keyword] > highest:
             highest, behind = known[keyword], keyword
         if expected:
-            reading.deviate(section, 0, f"'({keyword}'", expected, read_as, form.nesting)
+            diagnostics.deviate(section, 0, f"'({keyword}'", expected, read_as, form.nesting)
 
 
 def _rename(
-    reading: Reading, form: Form, section: Section, known: list[str], aliases: dict[str, str]
+    diagnostics: Diagnostics,
+    form: Form,
+    section: Section,
+    known: list[str],
+    aliases: dict[str, str],
 ) -> None:
-    """Note a section that has another name here, or refuse one that there is not."""
+    """Warn about a section under another name; refuse an unknown one."""
     keyword = section.keyword
     alias = aliases.get(keyword)
     if alias is not None:
-        reading.deviate(section, 0, f"'({keyword}'", f"'({alias}'", "read so", form.nesting)
+        diagnostics.deviate(section, 0, f"'({keyword}'", f"'({alias}'", "read so", form.nesting)
         section.keyword = alias
         return
     origin = _FOREIGN.get(keyword)
     found = f"'({keyword}'{f', which is of {origin}' if origin else ''}"
     expected = f"a section of a {form.kind}{hint(keyword, known)}"
-    reading.refuse(section, 0, found, expected, form.nesting)
+    diagnostics.refuse(section, 0, found, expected, form.nesting)

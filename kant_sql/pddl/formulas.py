@@ -1,64 +1,207 @@
-"""Formulas: conditions, goals, constraints and preferences."""
+"""Reading formulas: terms, numeric expressions, conditions, effects, constraints and preferences.
+
+Formulas are nested to any depth, so no method recurses: one that reads a node with formulas inside
+is a generator, which yields what is to be read inside and is sent the result (`finished`).
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Final
+import re
+from collections.abc import Callable, Generator
+from decimal import Decimal
+from types import GeneratorType
+from typing import Any, Final, NoReturn, TypeVar, overload
 
-from ..dto.formula import (
+from ..dto.formulas import (
+    ARITHMETIC,
+    ASSIGNMENTS,
     AT_END,
     AT_START,
     COMPARISONS,
+    DURATION,
     MODALS,
     OVER_ALL,
+    TOTAL_COST,
+    TOTAL_TIME,
     And,
+    Arithmetic,
+    Assign,
     Atom,
     Comparison,
+    Constant,
+    ContinuousTime,
     Equal,
     Exists,
+    Expression,
+    Fluent,
     Forall,
     Formula,
     Imply,
+    IsViolated,
     Modal,
+    Node,
     Not,
     Number,
     Or,
     Preference,
+    Term,
     Timed,
+    TypedName,
+    Variable,
+    When,
+    shown,
+    walk,
 )
-from ..dto.name import fold
-from ..dto.node import Node
-from .conjuncts import flatten
-from .cursor import Steps, finished, hint
-from .expressions import ExpressionReader
-from .signatures import Signature
-from .symbols import Head
+from ..dto.lexical import MAX_DIGITS, NUMBER, fold, is_name
+from .cursor import VARIABLES, Cursor, Diagnostics, Group, Section, hint
+from .hierarchy import Fit, Types
+from .symbols import BoundVariable, Entity, Head, Signature, Signatures, SymbolTable
 
-# What a formula may or must be, where it is: bits of a context.
-PREFERENCES: Final = 1  # preferences may be
-TIMED: Final = 2  # atoms must be within (at start ...), (over all ...) or (at end ...)
-CONSTRAINTS: Final = 4  # atoms must be within modal operators
-MODAL: Final = 8  # modal operators may be
-_MUST: Final = TIMED | CONSTRAINTS
+DURATION_VARIABLE = Variable(DURATION)
+_DURATION_WORD = f"?{DURATION}"
+
+# What a formula is, and what it may or must contain: bits of a context.
+PREFERENCES: Final = 1  # preferences are allowed
+TIMED: Final = 2  # atoms are inside (at start ...), (over all ...) or (at end ...)
+CONSTRAINTS: Final = 4  # atoms are inside modal operators
+MODAL: Final = 8  # modal operators are allowed
+EFFECT: Final = 16  # it is an effect
+_WRAPPED: Final = TIMED | CONSTRAINTS
 
 _TIMES = {("at", "start"): AT_START, ("at", "end"): AT_END, ("over", "all"): OVER_ALL}
+_TIMED_EFFECT = "(at start ...), (at end ...) or a continuous effect with #t"
 _TIMED_FORM = "(at start ...), (over all ...) or (at end ...)"
 _CONSTRAINT_FORM = "a constraint such as (always ...)"
+# Operators of conditions that are no effects, and operators of other languages.
+_NO_EFFECTS: Final = frozenset(
+    {"or", "imply", "exists", "preference", "=", "<", "<=", ">=", ">", "oneof", "probabilistic"}
+)
+_STANDARD_NUMBER = re.compile(r"-?[0-9]+(\.[0-9]+)?")
+
+T = TypeVar("T")
+Steps = Generator[Any, Any, T]
 
 
-class FormulaReader(ExpressionReader):
-    """A reader of formulas."""
+@overload
+def finished(found: Steps[T]) -> T: ...
+@overload
+def finished(found: T) -> T: ...
+def finished(found: Any) -> Any:
+    """Return a node, or run the steps that read it, on a stack of their own."""
+    if not isinstance(found, GeneratorType):
+        return found
+    stack: list[Steps[Any]] = [found]
+    given: Any = None
+    while True:
+        try:
+            part = stack[-1].send(given)
+        except StopIteration as end:
+            stack.pop()
+            given = end.value
+            if not stack:
+                return given
+            continue
+        if isinstance(part, Node):
+            given = part
+        else:
+            stack.append(part)
+            given = None
+
+
+def flatten(formula: Formula) -> tuple[Formula, ...]:
+    """Return the conjuncts of a formula, including those of nested conjunctions."""
+    if not isinstance(formula, And):
+        return (formula,)
+    if And not in map(type, formula.formulas):
+        return formula.formulas
+    found: list[Formula] = []
+    stack: list[Formula] = [formula]
+    while stack:
+        part = stack.pop()
+        if isinstance(part, And):
+            stack.extend(reversed(part.formulas))
+        else:
+            found.append(part)
+    return tuple(found)
+
+
+class Scope(dict[str, Entity]):
+    """The variables in scope, each with its `?`: by folded name and by the spelling it is bound in.
+
+    Bindings are journaled and rolled back: copies would be quadratic in the depth.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._journal: list[tuple[str, Entity | None]] = []
+
+    def mark(self) -> int:
+        """Return the present state, for `release`."""
+        return len(self._journal)
+
+    def release(self, mark: int) -> None:
+        """Remove the bindings since a mark."""
+        while len(self._journal) > mark:
+            spelling, entity = self._journal.pop()
+            if entity is None:
+                del self[spelling]
+            else:
+                self[spelling] = entity
+
+    def bind(self, word: str, bound: BoundVariable) -> None:
+        """Bind a variable."""
+        key, entity, journal = bound.key, bound.entity, self._journal
+        outside = self.get(key)
+        if outside is not None and str(outside[0]) != key:
+            # The outer variable in another spelling is hidden as well.
+            journal.append((str(outside[0]), outside))
+            self[str(outside[0])] = entity
+        journal.append((key, outside))
+        self[key] = entity
+        if word != key:
+            journal.append((word, self.get(word)))
+            self[word] = entity
+
+    def find(self, word: str) -> Entity | None:
+        """Look up a variable."""
+        return self.get(word) or self.get(fold(word))
+
+
+class FormulaReader(Cursor):
+    """A reader of formulas.
+
+    Attributes:
+        symbols: the names that may be used.
+        scope: the variables that may be used.
+        duration_allowed: whether `?duration` is the duration of the action.
+        time_allowed: whether `#t` may be used.
+        metric: whether it reads a metric, which has `total-time` and `is-violated`.
+    """
+
+    duration_allowed = False
+    time_allowed = False
+    metric = False
+
+    def __init__(
+        self, diagnostics: Diagnostics, section: Section, symbols: SymbolTable, nesting: str = ""
+    ) -> None:
+        super().__init__(diagnostics, section, nesting)
+        self.symbols = symbols
+
+    def open(self, section: Section, nesting: str, tokens: list[str] | None = None) -> None:
+        """Go to the beginning of a section, where no variables are bound."""
+        super().open(section, nesting, tokens)
+        self.scope = Scope()
+
+    # Conditions and effects.
 
     def conjuncts(self, context: int) -> tuple[Formula, ...]:
-        """Read a formula that may be `()` or a conjunction, at the top of something.
-
-        Args:
-            context: what it may or must be.
-
-        Returns:
-            Its conjuncts.
-        """
+        """Read a formula that may be `()` or a conjunction, at the top of something."""
         return flatten(self._empty() if self.is_empty() else self.formula(context))
+
+    def formula(self, context: int) -> Formula:
+        """Read a formula."""
+        return finished(self._begin(context))
 
     def is_empty(self) -> bool:
         """Whether `()` is next."""
@@ -68,74 +211,67 @@ class FormulaReader(ExpressionReader):
         self.at += 2
         return And()
 
-    def formula(self, context: int) -> Formula:
-        """Read a formula.
-
-        Args:
-            context: what it may or must be.
-
-        Returns:
-            The formula.
-        """
-        found = self.begin(context)
-        return found if isinstance(found, Node) else finished(found)
-
-    def begin(self, context: int) -> Formula | Steps[Formula]:
-        """Read a formula, unless there are formulas within.
-
-        Args:
-            context: what it may or must be.
-
-        Returns:
-            The formula; or the steps that read it.
-        """
+    def _begin(self, context: int) -> Formula | Steps[Formula]:
+        """Read a formula, or return the steps that read it when formulas are inside."""
         tokens, at = self.tokens, self.at
         if tokens[at] != "(":
-            self.fail("a formula, which begins with '('")
+            self.fail(f"{_called(context)}, which begins with '('")
         head = tokens[at + 1]
-        kind = self.symbols.heads.get(head)
+        heads = self.symbols.effect_heads if context & EFFECT else self.symbols.heads
+        kind = heads.get(head)
         if kind is None:
-            kind = self._head(head)
+            kind = self._head(head, context)
         if not isinstance(kind, Signature):
             return kind(self, context)
-        if context & _MUST:
+        if context & _WRAPPED:
             self._misplaced(context)
         if not kind.accepted:
             return self.atom(kind)
         return Atom(kind.name, self.arguments(kind))
 
-    def _head(self, head: str) -> Head:
-        """Find what a word behind a parenthesis begins, and remember it."""
+    def _head(self, head: str, context: int) -> Head:
+        """Find what the word after a parenthesis begins, and cache it."""
         if head in ("(", ")", ""):
-            return self._no_head()
-        kind: Head | None = _READERS.get(head.lower())
+            if head != ")":
+                self.fail("a predicate or an operator", at=self.at + 1)
+            self.deviate(_called(context), "read as (and)", "'()'")
+            return FormulaReader._no_conjuncts
+        is_effect = context & EFFECT
+        operators = _EFFECTS if is_effect else _CONDITIONS
+        kind: Head | None = operators.get(head.lower())
         if kind is None:
             kind = self.symbols.predicates.find(head)
         if kind is None:
             if not self.symbols.unknown_domain:
-                self._unknown_predicate(head)
+                self._unknown_predicate(head, context)
             kind = self.known(self.symbols.predicates, head)
-        self.symbols.heads[head] = kind
+        (self.symbols.effect_heads if is_effect else self.symbols.heads)[head] = kind
         return kind
 
-    def _unknown_predicate(self, head: str) -> None:
+    def _unknown_predicate(self, head: str, context: int) -> NoReturn:
+        operators = _EFFECTS if context & EFFECT else _CONDITIONS
+        if context & EFFECT and head.lower() in _NO_EFFECTS:
+            self.fail("an effect", f"'({head}', which is none")
         names = self.symbols.predicates.names()
-        expected = f"a predicate that is declared{hint(head, [*names, *_READERS])}"
+        expected = f"a predicate that is declared{hint(head, [*names, *operators])}"
         function = self.symbols.functions.find(head)
         if function is not None:
-            expected = f"a formula, but {function.name} is a function"
+            expected = f"{_called(context)}, but {function.name} is a function"
         self.fail(expected, f"the predicate '{head}'", self.at + 1)
 
-    def _no_head(self) -> Head:
-        if self.tokens[self.at + 1] != ")":
-            self.fail("a predicate or an operator", at=self.at + 1)
-        self.deviate("a formula", "read as (and)", "'()'")
-        return FormulaReader._none
-
-    def _misplaced(self, context: int) -> None:
+    def _misplaced(self, context: int) -> NoReturn:
+        if context & EFFECT:
+            self.fail(_TIMED_EFFECT)
         self.fail(_TIMED_FORM if context & TIMED else _CONSTRAINT_FORM)
 
-    def _none(self, context: int) -> Formula:
+    def _plain(self, operator: str, context: int) -> int:
+        """The context inside an operator that should not contain timed formulas or constraints."""
+        if context & _WRAPPED:
+            expected = _TIMED_FORM if context & TIMED else _CONSTRAINT_FORM
+            self.deviate(f"{expected} instead of ({operator} ...)", "read as it is")
+        return context & ~PREFERENCES
+
+    def _no_conjuncts(self, context: int) -> Formula:
         del context
         return self._empty()
 
@@ -147,101 +283,102 @@ class FormulaReader(ExpressionReader):
         self.at += 2
         formulas = []
         while tokens[self.at] != ")":
-            found = self.begin(context)
+            found = self._begin(context)
             formulas.append(found if isinstance(found, Node) else (yield found))
         self.at += 1
         return kind(tuple(formulas))
 
-    def _plain(self, operator: str, context: int) -> int:
-        """The context within an operator that timed formulas and constraints should not be in."""
-        if context & _MUST:
-            expected = _TIMED_FORM if context & TIMED else _CONSTRAINT_FORM
-            self.deviate(f"{expected} instead of ({operator} ...)", "read as it is")
-        return context & ~PREFERENCES
-
     def _not(self, context: int) -> Steps[Formula]:
         context = self._plain("not", context)
         self.at += 2
-        formula = yield self.begin(context)
+        formula = yield self._begin(context)
         self.expect(")", "')' after the formula that is negated")
+        return Not(formula)
+
+    def _delete(self, context: int) -> Formula:
+        if context & TIMED:
+            self.fail(_TIMED_EFFECT)
+        self.at += 2
+        at = self.at
+        formula = self.formula(0)
+        if not isinstance(formula, Atom):
+            self.fail("an atom that is deleted", at=at)
+        self.expect(")", "')' after the atom that is deleted")
         return Not(formula)
 
     def _imply(self, context: int) -> Steps[Formula]:
         context = self._plain("imply", context)
         self.at += 2
-        condition = yield self.begin(context)
-        formula = yield self.begin(context)
+        condition = yield self._begin(context)
+        formula = yield self._begin(context)
         self.expect(")", "')' after the two formulas of imply")
         return Imply(condition, formula)
 
-    def _forall(self, context: int) -> Steps[Formula]:
-        outside = self.mark()
+    def _when(self, context: int) -> Steps[Formula]:
         self.at += 2
-        variables = self.variables()
-        formula = yield self.begin(context)
-        self.expect(")", "')' after the formula of forall")
-        self.release(outside)
-        return Forall(variables, formula)
+        condition = self._empty() if self.is_empty() else (yield self._begin(context & ~EFFECT))
+        effect = yield self._begin(context)
+        self.expect(")", "')' after the condition and the effect of when")
+        return When(condition, effect)
 
-    def _exists(self, context: int) -> Steps[Formula]:
-        context = self._plain("exists", context)
-        outside = self.mark()
+    def _quantified(self, context: int) -> Steps[Formula]:
+        operator = self.tokens[self.at + 1].lower()
+        if operator == "exists":
+            context = self._plain("exists", context)
+        outside = self.scope.mark()
         self.at += 2
         variables = self.variables()
-        formula = yield self.begin(context)
-        self.expect(")", "')' after the formula of exists")
-        self.release(outside)
-        return Exists(variables, formula)
+        formula = yield self._begin(context)
+        self.expect(")", f"')' after the {_noun(context)} of {operator}")
+        self.scope.release(outside)
+        return (Forall if operator == "forall" else Exists)(variables, formula)
 
     def _comparison(self, context: int) -> Comparison | Equal:
-        if context & _MUST:
+        if context & _WRAPPED:
             self._misplaced(context)
         return self.comparison()
 
     def time_here(self) -> str | None:
-        """Tell at which time what is next is said to hold or happen.
-
-        Returns:
-            `at start`, `over all` or `at end`; None when it is not said.
-        """
+        """Return the time of the formula that is next, if it has one."""
         words = self.tokens[self.at + 1].lower(), self.tokens[self.at + 2].lower()
         return _TIMES.get(words) if self.tokens[self.at + 3] == "(" else None
 
     def _at_time(self, context: int) -> Formula | Steps[Formula]:
         time = self.time_here()
         if time is None:
+            if context & EFFECT and context & TIMED:
+                self._misplaced(context)
             return self._named_like_operator(context)
-        if not (context & TIMED or (time == AT_END and context & (CONSTRAINTS | MODAL))):
+        if context & EFFECT:
+            if not context & TIMED or time == OVER_ALL:
+                self.fail(_TIMED_EFFECT if context & TIMED else "an effect without a time")
+        elif not (context & TIMED or (time == AT_END and context & (CONSTRAINTS | MODAL))):
             self.fail("a formula without a time", f"({time} ...)")
-        return self._timed_formula(time)
+        return self._inside_time(time, context & EFFECT)
 
-    def _timed_formula(self, time: str) -> Steps[Formula]:
+    def _inside_time(self, time: str, context: int) -> Steps[Formula]:
         self.at += 3
-        formula = yield self.begin(0)
-        self.expect(")", f"')' after the formula that holds {time}")
+        formula = yield self._begin(context)
+        happens = "effect that happens" if context & EFFECT else "formula that holds"
+        self.expect(")", f"')' after the {happens} {time}")
         return Timed(time, formula)
 
     def _named_like_operator(self, context: int) -> Formula:
         """Read an atom whose predicate is named like an operator."""
         signature = self.known(self.symbols.predicates, self.tokens[self.at + 1])
-        if context & _MUST:
+        if context & _WRAPPED:
             self._misplaced(context)
         return self.atom(signature)
 
     def _may_be_predicate(self) -> bool:
-        """Whether the word behind the next parenthesis names a predicate, as far as is known."""
+        """Whether the word after the next parenthesis names a predicate, as far as is known."""
         unknown = self.symbols.unknown_domain
         return unknown or self.symbols.predicates.find(self.tokens[self.at + 1]) is not None
 
-    def _is_predicate(self) -> bool:
-        """Whether the word that is next, an operator, is used as a predicate's name."""
-        declared = self.symbols.predicates.find(self.tokens[self.at + 1]) is not None
-        return declared and self.tokens[self.at + 2] != "("
-
     def _preference(self, context: int) -> Formula | Steps[Formula]:
-        # What is preferred is a formula, alone or behind a name; terms are no formulas.
-        behind = self.tokens[self.at + 2 : self.at + (4 if context & PREFERENCES else 3)]
-        if (behind[0] == ")" or "(" not in behind) and self._may_be_predicate():
+        # A preference holds a formula, alone or after a name; terms are no formulas.
+        following = self.tokens[self.at + 2 : self.at + (4 if context & PREFERENCES else 3)]
+        if (following[0] == ")" or "(" not in following) and self._may_be_predicate():
             return self._named_like_operator(context)
         if not context & PREFERENCES:
             self.fail("a formula; a preference belongs to the top of a goal or precondition")
@@ -252,14 +389,14 @@ class FormulaReader(ExpressionReader):
         name = None if self.tokens[self.at] == "(" else self.declared_name("preference")
         if name is not None:
             self.symbols.preferences.setdefault(fold(name), name)
-        formula = yield self.begin(context & ~PREFERENCES)
+        formula = yield self._begin(context & ~PREFERENCES)
         self.expect(")", "')' after the formula that is preferred")
         return Preference(name, formula)
 
     def _takes_operands(self, numbers: int) -> bool:
-        """Whether what is behind the word that is next are the operands of a modal operator.
+        """Whether operands of a modal operator follow the word that is next.
 
-        A predicate of that name takes neither a formula, nor a number: no object's name is one.
+        A predicate of that name takes neither a formula nor a number: no object is named so.
         """
         self.at += 2
         found = self.is_number() if numbers else self.tokens[self.at] == "("
@@ -280,7 +417,7 @@ class FormulaReader(ExpressionReader):
         numbers = tuple([self._time_span(operator) for _ in range(wanted)])
         parts = []
         for _ in range(formulas):
-            parts.append((yield self.begin(MODAL)))
+            parts.append((yield self._begin(MODAL)))
         self.expect(")", f"')' after the {formulas} formula{'s' * (formulas - 1)} of {operator}")
         return Modal(operator, numbers, tuple(parts))
 
@@ -291,18 +428,419 @@ class FormulaReader(ExpressionReader):
         self.at += 1
         return number
 
+    def _assign(self, context: int) -> Formula:
+        start = self.at
+        operator = self.tokens[start + 1]
+        declared = self.symbols.predicates.find(operator)
+        if declared is not None and self.tokens[start + 2] != "(":
+            return self.atom(declared)
+        operator = operator.lower()
+        self.at += 2
+        signature, fluent = self.assigned_fluent(None if operator == "assign" else True)
+        value = self.assigned(signature)
+        self.expect(")", f"')' after the value of {operator}")
+        if context & TIMED and not any(isinstance(one, ContinuousTime) for one in walk(value)):
+            self.fail(_TIMED_EFFECT, at=start)
+        return Assign(operator, fluent, value)
 
-_Reader = Callable[[FormulaReader, int], Formula | Steps[Formula]]
-_READERS: dict[str, _Reader] = {
+    def assigned_fluent(self, numeric: bool | None = None) -> tuple[Signature, Fluent]:
+        """Read the fluent that gets a value."""
+        if self.tokens[self.at] == "(":
+            fluent = self._fluent(numeric)
+        else:
+            fluent = self._bare_fluent(self.tokens[self.at])
+        signature = self.symbols.functions.find(fluent.function)
+        assert signature is not None
+        return signature, fluent
+
+    def assigned(self, signature: Signature) -> Expression | Term:
+        """Read the value that a fluent gets."""
+        at = self.at
+        if signature.parameters is None:
+            return self.expression() if self._is_numeric() else self.term()[0]
+        if not signature.types:
+            return self.expression()
+        entity = self.term()
+        if self.symbols.fit(entity[1], signature.types) is not Fit.YES:
+            self._misfit(entity, signature.types, f"as the value of {signature.name}", at)
+        return entity[0]
+
+    def comparison(self) -> Comparison | Equal:
+        """Read a comparison of numbers, or an equation of objects."""
+        operator = self.tokens[self.at + 1]
+        self.at += 2
+        if operator == "=" and self._equates_objects():
+            left, right = self.term()[0], self.term()[0]
+            self.expect(")", "')' after two terms")
+            return Equal(left, right)
+        first, second = self.expression(), self.expression()
+        self.expect(")", "')' after two numbers")
+        return Comparison(operator, first, second)
+
+    def _equates_objects(self) -> bool:
+        """Whether the next token begins a term that denotes an object."""
+        start = self.at
+        numeric = self._is_numeric()
+        if numeric is None:
+            self.skip()
+            numeric = self._is_numeric()
+            self.at = start
+        return not numeric if numeric is not None else False
+
+    def _is_numeric(self) -> bool | None:
+        """Whether a number is next, or an object; None when a function may be either."""
+        token = self.tokens[self.at]
+        if token == "(":
+            head = self.tokens[self.at + 1]
+            signature = self.symbols.functions.find(head)
+            if signature is not None and signature.parameters is not None:
+                return not signature.types
+            return True if head in ARITHMETIC or not self.symbols.unknown_domain else None
+        if token[:1] == "?":
+            return self.duration_allowed and fold(token) == _DURATION_WORD
+        if token in ("#t", "#T") or NUMBER.fullmatch(token) is not None:
+            return self.symbols.unknown_domain or not self.symbols.is_object(token)
+        if self.symbols.is_object(token):
+            return False
+        return self.symbols.functions.find(token) is not None
+
+    # Numeric expressions.
+
+    def expression(self) -> Expression:
+        """Read a numeric expression."""
+        return finished(self._begin_expression())
+
+    def _begin_expression(self) -> Expression | Steps[Expression]:
+        """Read a number, or return the steps that read an operation."""
+        token = self.tokens[self.at]
+        if token == "(":
+            head = self.tokens[self.at + 1]
+            if head in ARITHMETIC:
+                return self._arithmetic(head)
+            if self.metric and head.lower() == "is-violated":
+                return self._is_violated()
+            return self._fluent(numeric=True)
+        if token[:1] == "?" or token in ("#t", "#T"):
+            return self._special(token)
+        number = self.number_here()
+        if number is not None:
+            self.at += 1
+            return number
+        return self._bare_fluent(token)
+
+    def _arithmetic(self, operator: str) -> Steps[Expression]:
+        start = self.at
+        self.at += 2
+        operands = []
+        while self.tokens[self.at] != ")":
+            found = self._begin_expression()
+            operands.append(found if isinstance(found, Node) else (yield found))
+        if not operands or (len(operands) == 1 and operator != "-"):
+            self.fail(f"two operands of {operator}", f"{len(operands)}")
+        if len(operands) > 2 and operator in "-/":
+            self.deviate(f"two operands of {operator}", "read from the left", at=start)
+            for operand in operands[2:]:
+                operands[:2] = [Arithmetic(operator, tuple(operands[:2])), operand]
+            del operands[2:]
+        self.at += 1
+        return Arithmetic(operator, tuple(operands))
+
+    def _is_violated(self) -> IsViolated:
+        self.at += 2
+        name = self.declared_name("preference")
+        known = self.symbols.preference(name)
+        if known is None and not self.symbols.unknown_domain:
+            names = self.symbols.preferences
+            expected = f"a preference{self.diagnostics.hint(name, lambda: list(names.values()))}"
+            found = f"the preference '{name}'"
+            self.deviate(expected, "never violated", found, self.at - 1)
+        self.expect(")")
+        return IsViolated(known or name)
+
+    def _fluent(self, numeric: bool | None = None) -> Fluent:
+        """Read a function applied to terms."""
+        self.expect("(", "a function, such as (distance ?a ?b)")
+        self.at -= 1
+        signature = self._cost_or_time() or self._function_here()
+        if (
+            numeric is not None
+            and signature.parameters is not None
+            and numeric != (not signature.types)
+        ):
+            kinds = ("an object", "a number")
+            found = f"({signature.name} ...), which is {kinds[not numeric]}"
+            self.fail(kinds[numeric], found)
+        return Fluent(signature.name, self.arguments(signature))
+
+    def _cost_or_time(self) -> Signature | None:
+        """The signature of `total-time` or `total-cost`, when it is here and not declared."""
+        name = self.tokens[self.at + 1]
+        if self.symbols.unknown_domain or self.symbols.functions.find(name) is not None:
+            return None
+        if self.metric and fold(name) == TOTAL_TIME:
+            return Signature(TOTAL_TIME, ())
+        if fold(name) == TOTAL_COST:
+            return self._undeclared_cost(self.at + 1)
+        return None
+
+    def _undeclared_cost(self, at: int) -> Signature:
+        declared = "the declaration of total-cost in :functions"
+        self.deviate(declared, "taken for declared", "total-cost", at)
+        signature = Signature(TOTAL_COST, ())
+        self.symbols.functions.add(signature)
+        return signature
+
+    def _special(self, token: str) -> Expression:
+        if token[0] == "#":
+            if not self.time_allowed:
+                self.fail("a number", f"'{token}' outside of a process or a durative action")
+            self.at += 1
+            return ContinuousTime()
+        if not (self.duration_allowed and fold(token) == _DURATION_WORD):
+            self.fail("a number")
+        self.at += 1
+        return DURATION_VARIABLE
+
+    def _bare_fluent(self, token: str) -> Fluent:
+        """Read a function without its parentheses."""
+        if token == ")":
+            self.fail("a number")
+        if self.metric and fold(token) == TOTAL_TIME and self.symbols.functions.find(token) is None:
+            self.at += 1
+            return Fluent(TOTAL_TIME)
+        signature = self.symbols.functions.find(token)
+        if signature is None and fold(token) == TOTAL_COST:
+            signature = self._undeclared_cost(self.at)
+        if signature is None or signature.parameters or signature.types:
+            self.fail(f"a number{hint(token, self.symbols.functions.names())}")
+        self.deviate(f"'({token})'", "read so")
+        self.at += 1
+        return Fluent(signature.name)
+
+    def is_number(self) -> bool:
+        """Whether the next token is a number."""
+        return NUMBER.fullmatch(self.tokens[self.at]) is not None
+
+    def number_here(self) -> Number | None:
+        """Return the next token as a number, without passing it."""
+        token = self.tokens[self.at]
+        if _STANDARD_NUMBER.fullmatch(token) is None:
+            if NUMBER.fullmatch(token) is None:
+                return None
+            value = self._bounded(token)
+            text = f"{value:f}"
+            plain = f"'{text}'" if len(text) <= 40 else "a number without an exponent"
+            self.deviate(plain, "read so")
+            return Number(value)
+        return Number(Decimal(token) if len(token) < 20 else self._bounded(token))
+
+    def _bounded(self, token: str) -> Decimal:
+        """Return a number; refuse one of too many digits."""
+        value = Decimal(token) if len(token) <= MAX_DIGITS else Decimal(f"1e{MAX_DIGITS}")
+        digits, exponent = value.as_tuple().digits, value.as_tuple().exponent
+        assert isinstance(exponent, int)
+        if max(len(digits) + exponent, -exponent) > MAX_DIGITS:
+            self.fail(f"a number of at most {MAX_DIGITS} digits")
+        return value
+
+    # Atoms, terms and variables.
+
+    def atom(self, signature: Signature) -> Atom:
+        """Read an atom."""
+        if not signature.accepted and self.tokens[self.at + 2] == ")":
+            self.at += 3
+            return signature.bare
+        return Atom(signature.name, self.arguments(signature))
+
+    def arguments(self, signature: Signature) -> tuple[Term, ...]:
+        """Read the arguments of a predicate or function, and the parenthesis after them."""
+        if signature.parameters is None:
+            return self._any_arguments()
+        tokens, scope, objects = self.tokens, self.scope, self.symbols.objects
+        start = self.at
+        at = start + 2
+        terms: list[Term] = []
+        for wanted, accepted in signature.accepted:
+            word = tokens[at]
+            entity = scope.get(word) or objects.get(word)
+            if entity is None or (entity[1] is not wanted and entity[1] not in accepted):
+                self.at = at
+                terms.append(self._argument(signature, len(terms), start))
+                at = self.at
+            else:
+                terms.append(entity[0])
+                at += 1
+        self.at = at + 1
+        if tokens[at] != ")":
+            self._wrong_number(signature, start, at)
+        return tuple(terms)
+
+    def _any_arguments(self) -> tuple[Term, ...]:
+        self.at += 2
+        terms = []
+        while self.tokens[self.at] != ")":
+            terms.append(self.term()[0])
+        self.at += 1
+        return tuple(terms)
+
+    def _argument(self, signature: Signature, position: int, start: int) -> Term:
+        """Read one argument with all checks."""
+        at = self.at
+        if self.tokens[at] == ")":
+            self._wrong_number(signature, start, at)
+        entity = self.term()
+        self._check_fit(signature, position, entity, at)
+        return entity[0]
+
+    def _wrong_number(self, signature: Signature, start: int, at: int) -> NoReturn:
+        wanted = len(signature.accepted)
+        arguments = f"{wanted} argument{'' if wanted == 1 else 's'} of {signature.name}"
+        if self.tokens[at] == ")":
+            given = sum(1 for token in self.tokens[start + 2 : at] if token not in ("(", ")"))
+            self.fail(arguments, f"{given}", at)
+        self.fail(f"')' after the {arguments}", at=at)
+
+    def _check_fit(self, signature: Signature, position: int, entity: Entity, at: int) -> None:
+        """Check that a term, whose first token is given, fits the parameter at a position."""
+        wanted, accepted = signature.accepted[position]
+        if self.symbols.fit(entity[1], wanted) is Fit.YES:
+            accepted.add(entity[1])
+        else:
+            self._misfit(entity, wanted, f"as argument {position + 1} of {signature.name}", at)
+
+    def _misfit(self, entity: Entity, wanted: Types, role: str, at: int) -> None:
+        """Warn about a term that may not fit; refuse one that does not."""
+        term, types = entity
+        found = f"{shown(term)} of type {TypedName('', types).type_text}"
+        expected = f"{TypedName('', wanted).type_text} {role}"
+        if isinstance(term, Constant) or self.symbols.fit(types, wanted) is Fit.NO:
+            self.fail(expected, found, at)
+        self.deviate(expected, "it may be one", found, at)
+
+    def term(self) -> Entity:
+        """Read a term."""
+        if self.tokens[self.at] == "(":
+            return finished(self._object_fluent())
+        return self._named_term()
+
+    def _named_term(self) -> Entity:
+        """Read a variable or an object."""
+        token = self.tokens[self.at]
+        if token == ")":
+            self.fail("a term")
+        found = self.scope.find(token) if token[0] == "?" else self.symbols.object(token)
+        if found is None:
+            self._unknown_term(token)
+        self.at += 1
+        return found
+
+    def _unknown_term(self, token: str) -> NoReturn:
+        if token[0] != "?":
+            names = self.symbols.object_names()
+            expected = f"an object that is declared{hint(token, names)}"
+            if self.scope.find(f"?{token}") is not None:
+                expected = f"an object, or the variable ?{token}"
+            self.fail(expected, f"the object '{token}'")
+        names = [f"{entity[0]}" for entity in self.scope.values()]
+        expected = f"a variable that is bound here{hint(token, names)}"
+        self.fail(expected, f"the variable '{token}'")
+
+    def _object_fluent(self) -> Steps[Entity]:
+        signature, start = self._function_here(), self.at
+        if signature.parameters is not None and not signature.types:
+            self.fail("a term", f"the number ({signature.name} ...)")
+        self.at += 2
+        terms: list[Term] = []
+        declared = signature.parameters is not None
+        while self.tokens[self.at] != ")" and not (
+            declared and len(terms) == len(signature.accepted)
+        ):
+            at = self.at
+            if self.tokens[at] == "(":
+                entity: Entity = yield self._object_fluent()
+            else:
+                entity = self._named_term()
+            if declared:
+                self._check_fit(signature, len(terms), entity, at)
+            terms.append(entity[0])
+        if self.tokens[self.at] != ")" or (declared and len(terms) < len(signature.accepted)):
+            self._wrong_number(signature, start, self.at)
+        self.at += 1
+        return Fluent(signature.name, tuple(terms)), signature.types
+
+    def _function_here(self) -> Signature:
+        """Look up the function whose parenthesis is the next token."""
+        self.at += 1
+        name = self.word("a function")
+        self.at -= 2
+        return self.known(self.symbols.functions, name)
+
+    def known(self, signatures: Signatures, name: str) -> Signature:
+        """Look up a predicate or a function."""
+        found = signatures.find(name)
+        if found is not None:
+            return found
+        if self.symbols.unknown_domain and is_name(name, signatures.kind):
+            found = Signature(name, None, ())
+            signatures.add(found)
+        else:
+            expected = f"a {signatures.kind} that is declared{hint(name, signatures.names())}"
+            self.fail(expected, f"the {signatures.kind} '{name}'", self.at + 1)
+        return found
+
+    def variables(self) -> tuple[TypedName, ...]:
+        """Read a parenthesised list of typed variables, and bind them."""
+        self.expect("(", "'(' before the variables")
+        return self.bind(self.typed_list(VARIABLES))
+
+    def bind(self, groups: list[Group]) -> tuple[TypedName, ...]:
+        """Bind variables, in addition to those in scope."""
+        symbols, scope = self.symbols, self.scope
+        found: dict[str, BoundVariable] = {}
+        for group in groups:
+            types = self.resolve(symbols, group.types, group.types_at)
+            for word in group.words:
+                bound = symbols.bound(word, types)
+                key = bound.key
+                if self.duration_allowed and key == _DURATION_WORD:
+                    at = group.at + group.words.index(word)
+                    self.fail("a variable that is not the duration of the action", at=at)
+                if key in found:
+                    at = group.at + group.words.index(word)
+                    self.fail("each variable once", f"the variable '{word}' again", at)
+                found[key] = bound
+                scope.bind(word, bound)
+        return tuple([bound.declared for bound in found.values()])
+
+
+def _noun(context: int) -> str:
+    return "effect" if context & EFFECT else "formula"
+
+
+def _called(context: int) -> str:
+    return "an effect" if context & EFFECT else "a formula"
+
+
+_Operators = dict[str, Callable[[FormulaReader, int], Formula | Steps[Formula]]]
+_CONDITIONS: _Operators = {
     "and": FormulaReader._junction,
     "or": FormulaReader._junction,
     "not": FormulaReader._not,
     "imply": FormulaReader._imply,
-    "forall": FormulaReader._forall,
-    "exists": FormulaReader._exists,
+    "forall": FormulaReader._quantified,
+    "exists": FormulaReader._quantified,
     "at": FormulaReader._at_time,
     "over": FormulaReader._at_time,
     "preference": FormulaReader._preference,
     **dict.fromkeys(COMPARISONS, FormulaReader._comparison),
     **dict.fromkeys(MODALS, FormulaReader._modal),
+}
+_EFFECTS: _Operators = {
+    "and": FormulaReader._junction,
+    "not": FormulaReader._delete,
+    "forall": FormulaReader._quantified,
+    "when": FormulaReader._when,
+    "at": FormulaReader._at_time,
+    "over": FormulaReader._at_time,
+    **dict.fromkeys(ASSIGNMENTS, FormulaReader._assign),
 }

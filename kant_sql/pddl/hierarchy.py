@@ -49,15 +49,7 @@ class Ancestry(Generic[K]):
         self._places: dict[K, _Place[K]] = {}
 
     def is_below(self, lower: K, upper: K) -> bool:
-        """Tell whether a type is another, or below it.
-
-        Args:
-            lower: the type to go up from.
-            upper: the type to come to.
-
-        Returns:
-            Whether it is.
-        """
+        """Return whether a type is another, or below it."""
         depth = self._place(upper).depth
         pending, seen = [lower], {lower}
         while pending:
@@ -77,15 +69,11 @@ class Ancestry(Generic[K]):
         return False
 
     def forget(self, type_: K) -> None:
-        """Look a type up again: it has come to be, with nothing below it.
-
-        Args:
-            type_: the type.
-        """
+        """Look up a type that was just declared, with nothing below it."""
         self._places.pop(type_, None)
 
     def _is_on_path(self, type_: K, upper: K, depth: int) -> bool:
-        """Tell whether a type, at a depth, is another or above it along first parents."""
+        """Return whether a type, at a depth, is another or above it along first parents."""
         place = self._place(type_)
         while place.depth > depth:
             above = self._places[place.jump]
@@ -122,14 +110,7 @@ class Ancestry(Generic[K]):
 
 
 def find_cycle(parents: Mapping[str, Types]) -> str | None:
-    """Find a type that is above itself.
-
-    Args:
-        parents: the types directly above each type.
-
-    Returns:
-        Such a type; None when there is none.
-    """
+    """Find a type that is above itself."""
     children: dict[str, list[str]] = {}
     waiting = {type_: sum(1 for one in above if one in parents) for type_, above in parents.items()}
     for type_, above in parents.items():

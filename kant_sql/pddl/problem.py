@@ -1,20 +1,442 @@
-"""The reader of problems."""
+"""Reading problems; a tight loop reads plain facts, most of a large problem.
+
+The loop accepts objects that fit, in their declared spelling. The general readers handle the rest
+and report errors.
+"""
 
 from __future__ import annotations
 
-from ..dto.formula import Formula, Metric, TypedName
-from ..dto.name import fold, is_name
-from ..dto.node import shown
-from .cursor import Cursor, Reading, hint
-from .declarations import DeclarationReader
-from .document import Domain, Problem
+import re
+from decimal import Decimal
+from operator import getitem
+from typing import Final, NamedTuple
+
+from ..dto.formulas import (
+    Assign,
+    Atom,
+    Constant,
+    Equal,
+    Fluent,
+    Formula,
+    Metric,
+    Not,
+    Number,
+    Term,
+    TimedLiteral,
+    TypedName,
+    shown,
+    trusted_atom,
+)
+from ..dto.lexical import fold, is_name
+from .cursor import Cursor, Diagnostics, Group, Section, hint
+from .declarations import DeclarationReader, TypedNames
+from .document import Domain, FunctionValue, Problem
 from .forms import PROBLEM_ORDER, Form, check_sections, finish
 from .formulas import CONSTRAINTS, PREFERENCES, FormulaReader
-from .initial_state import InitialState, InitialStateReader
-from .section import Section
-from .symbols import Symbols
-from .tables import NameTable
-from .typed_lists import Group
+from .hierarchy import Fit, Types
+from .lexer import Blocks
+from .symbols import ANY, Signatures, SymbolTable
+
+# Of predicates that no domain declares.
+MAX_ARITY: Final = 32
+_NO_NAME: Final = frozenset({"(", ")", "?", ""})
+_PLAIN_NUMBER = re.compile(r"-?[0-9]{1,50}(\.[0-9]{1,50})?")
+
+
+class NotPlainError(Exception):
+    """The tight loop cannot read a token."""
+
+
+class _Fitting(dict[str, Constant]):
+    """The objects that fit a parameter, by declared spelling; found on first use."""
+
+    def __init__(self, symbols: SymbolTable, wanted: Types) -> None:
+        super().__init__()
+        self._symbols = symbols
+        self._wanted = wanted
+
+    def __missing__(self, token: str) -> Constant:
+        if token[:1] in _NO_NAME:
+            raise NotPlainError
+        entity = self._symbols.object(token)
+        if entity is None or self._symbols.fit(entity[1], self._wanted) is not Fit.YES:
+            raise NotPlainError
+        constant = entity[0]
+        if not isinstance(constant, Constant) or constant.name != token:
+            raise NotPlainError
+        self[token] = constant
+        return constant
+
+
+class _Numbers(dict[str, Number]):
+    """Numbers in standard spelling, by their text."""
+
+    def __missing__(self, token: str) -> Number:
+        if _PLAIN_NUMBER.fullmatch(token) is None:
+            raise NotPlainError
+        number = self[token] = Number(Decimal(token))
+        return number
+
+
+class FactSignature:
+    """The signature of a predicate or a function for the tight loop, and its facts or values.
+
+    Attributes:
+        name: its name.
+        arity: the number of its arguments.
+        fitting: for each parameter, the objects that fit.
+        value: for a function, its possible numbers or objects.
+        facts: the arguments for which it holds, in their declared spelling.
+        values: the index of its value for each list of arguments, in their declared spelling.
+    """
+
+    __slots__ = ("arity", "facts", "fitting", "name", "value", "values")
+
+    def __init__(self, name: str, fitting: list[_Fitting], value: _Fitting | _Numbers) -> None:
+        self.name = name
+        self.arity = len(fitting)
+        self.fitting = fitting
+        self.value = value
+        self.facts: set[tuple[str, ...]] = set()
+        self.values: dict[tuple[str, ...], int] = {}
+
+
+class FactSignatures(dict[str, FactSignature | None]):
+    """Predicates or functions, in the spellings that were met; None for other words."""
+
+    def __init__(self, symbols: SymbolTable, named: Signatures) -> None:
+        super().__init__()
+        self._symbols = symbols
+        self._named = named
+        self._fitting: dict[Types, _Fitting] = {}
+        self._numbers = _Numbers()
+        self.update(dict.fromkeys(("=", "not")))
+
+    def __missing__(self, word: str) -> FactSignature | None:
+        signature = self._named.find(word)
+        if signature is None:
+            return None
+        entry = self.get(signature.name)
+        if entry is None:
+            fitting = [self._fits(wanted) for wanted in signature.parameters or ()]
+            value = self._fits(signature.types) if signature.types else self._numbers
+            entry = self[signature.name] = FactSignature(signature.name, fitting, value)
+        self[word] = entry
+        return entry
+
+    def _fits(self, wanted: Types) -> _Fitting:
+        return self._fitting.setdefault(wanted, _Fitting(self._symbols, wanted))
+
+    def slow(self, name: str, arity: int) -> FactSignature:
+        """Return the signature of an atom or fluent that a general reader has read."""
+        entry = self[name]
+        assert entry is not None
+        if self._symbols.unknown_domain and entry.arity != arity <= MAX_ARITY:
+            entry.arity, entry.fitting = arity, [self._fits(ANY)] * arity
+        return entry
+
+
+_FOREIGN: Final = {
+    "oneof": "conformant planning",
+    "unknown": "conformant planning",
+    "or": "conformant planning",
+    "probabilistic": "probabilistic planning",
+}
+
+
+_TokenIndex = tuple[Section, int]
+
+
+class InitialState(NamedTuple):
+    """The contents of an initial state.
+
+    Attributes:
+        facts: the atoms that hold.
+        literals: negative literals and equalities.
+        values: the values of fluents.
+        timed: timed initial literals and values.
+    """
+
+    facts: tuple[Atom, ...]
+    literals: tuple[Not | Equal, ...]
+    values: tuple[FunctionValue, ...]
+    timed: tuple[TimedLiteral, ...]
+
+
+class InitialStateReader(FormulaReader):
+    """A reader of an initial state, which may be spread over several sections."""
+
+    def __init__(self, diagnostics: Diagnostics, section: Section, symbols: SymbolTable) -> None:
+        super().__init__(diagnostics, section, symbols, section.keyword)
+        self._facts: list[Atom] = []
+        self._literals: dict[Not | Equal, _TokenIndex] = {}
+        self._values: list[FunctionValue] = []
+        self._replaced: set[int] = set()
+        # The first token of each value, and the first value of each section.
+        self._value_tokens: list[int] = []
+        self._value_sections: list[tuple[int, Section]] = []
+        self._timed: dict[TimedLiteral, None] = {}
+        self._predicates = FactSignatures(symbols, symbols.predicates)
+        self._functions = FactSignatures(symbols, symbols.functions)
+
+    def read(self, section: Section) -> None:
+        """Read a section and the parenthesis that closes it."""
+        self.open(section, section.keyword, [""])
+        self._value_sections.append((len(self._values), section))
+        self._blocks = Blocks(section.text.code, section.start, section.end)
+        # The loop looks as far ahead as the longest fact goes.
+        longest = max(
+            MAX_ARITY, self.symbols.predicates.longest(), self.symbols.functions.longest()
+        )
+        self._ends = [""] * (longest + 6)
+        self._count = 0
+        self._next_block()
+        self.at = 2
+        self._elements()
+        self.at += 1
+        self.tokens[self._count :] = self._blocks.rest() + self._ends
+
+    def state(self) -> InitialState:
+        """Return what was read."""
+        literals = tuple([one for one, place in self._literals.items() if self._agrees(one, place)])
+        values = self._values
+        if self._replaced:
+            values = [one for number, one in enumerate(values) if number not in self._replaced]
+        return InitialState(tuple(self._facts), literals, tuple(values), tuple(self._timed))
+
+    def _agrees(self, literal: Not | Equal, place: _TokenIndex) -> bool:
+        """Whether a literal contradicts no fact; otherwise the fact holds, as in VAL."""
+        if not isinstance(literal, Not) or not isinstance(literal.formula, Atom):
+            return True
+        atom = literal.formula
+        entry = self._predicates.slow(atom.predicate, len(atom.terms))
+        if tuple([str(term) for term in atom.terms]) not in entry.facts:
+            return True
+        section, index = place
+        found = f"{literal} beside {atom}"
+        read_as = f"left out: {atom} holds"
+        self.diagnostics.deviate(section, index, found, "one of the two", read_as, section.keyword)
+        return False
+
+    def _next_block(self) -> bool:
+        """Go on to the next block, if there is one."""
+        tokens = self._blocks.next()
+        self.base += self._count
+        self._count = len(tokens)
+        self.tokens = tokens + self._ends
+        self.at = 0
+        return bool(tokens)
+
+    def _elements(self) -> None:
+        """Read facts and the like up to the parenthesis that closes their list."""
+        tokens, at = self.tokens, self.at
+        predicates, append = self._predicates, self._facts.append
+        self._lists = 0
+        while tokens[at] != ")" or self._lists:
+            entry = predicates[tokens[at + 1]]
+            if entry is not None and tokens[at] == "(":
+                end = at + 2 + entry.arity
+                arguments = tuple(tokens[at + 2 : end])
+                try:
+                    terms = tuple(map(getitem, entry.fitting, arguments))
+                except NotPlainError:
+                    terms = None
+                if terms is not None and tokens[end] == ")" and arguments not in entry.facts:
+                    entry.facts.add(arguments)
+                    append(trusted_atom(entry.name, terms))
+                    at = end + 1
+                    continue
+            elif tokens[at + 1] == "=":
+                end = self._plain_value(at)
+                if end:
+                    at = end
+                    continue
+            self.at = at
+            if tokens[at] or not self._next_block():
+                self._element()
+            tokens, at = self.tokens, self.at
+        self.at = at
+
+    def _plain_value(self, at: int) -> int:
+        """Read `(= (function object ...) number)` and return its end; 0 if it is something else."""
+        tokens = self.tokens
+        entry = self._functions[tokens[at + 3]]
+        if entry is None or tokens[at + 2] != "(" or tokens[at] != "(":
+            return 0
+        end = at + 4 + entry.arity
+        arguments = tuple(tokens[at + 4 : end])
+        if tokens[end] != ")" or tokens[end + 2] != ")" or arguments in entry.values:
+            return 0
+        try:
+            terms = tuple(map(getitem, entry.fitting, arguments))
+            value = entry.value[tokens[end + 1]]
+        except NotPlainError:
+            return 0
+        entry.values[arguments] = len(self._values)
+        self._values.append(FunctionValue(Fluent(entry.name, terms), value))
+        self._value_tokens.append(self.base + at)
+        return end + 3
+
+    def _element(self) -> None:
+        """Read one element of the initial state, or the end of a nested list."""
+        if self.tokens[self.at] == ")":
+            self.at += 1
+            self._lists -= 1
+            return
+        self.expect("(", "a fact, which begins with '('")
+        head = self.word("a predicate").lower()
+        self.at -= 2
+        if head == "=":
+            self._equation()
+        elif head == "not":
+            start = self.at
+            self._add_literal(self._negation(), start)
+        elif head == "at" and self._is_timed():
+            self._timed_element()
+        elif head == "and":
+            self.deviate("facts without (and ...)", "read as a list")
+            self.at += 2
+            self._lists += 1
+        elif head in _FOREIGN and self._is_foreign(head):
+            self.fail("a fact", f"'({head}', which is of {_FOREIGN[head]}")
+        else:
+            self._fact()
+
+    def _is_foreign(self, head: str) -> bool:
+        """Whether the word that is next is an operator, and not a predicate of that name."""
+        if self.symbols.predicates.find(head) is not None:
+            return False
+        self.at += 2
+        takes_operands = self.tokens[self.at] == "(" or self.is_number()
+        self.at -= 2
+        return takes_operands or not self.symbols.unknown_domain
+
+    def _fact(self) -> None:
+        start = self.at
+        atom = self._ground_atom()
+        entry = self._predicates.slow(atom.predicate, len(atom.terms))
+        key = tuple([str(term) for term in atom.terms])
+        if key in entry.facts:
+            self.deviate("each fact once", "left out", f"{atom} again", start)
+            return
+        entry.facts.add(key)
+        self._facts.append(atom)
+
+    def _ground_atom(self) -> Atom:
+        self.expect("(", "an atom")
+        name = self.word("a predicate")
+        self.at -= 2
+        start = self.at
+        atom = self.atom(self.known(self.symbols.predicates, name))
+        self._check_ground(atom.terms, start)
+        return atom
+
+    def _check_ground(self, terms: tuple[Term, ...], start: int) -> None:
+        for term in terms:
+            if not isinstance(term, Constant):
+                self.fail("objects as arguments", f"the argument {shown(term)}", start)
+
+    def _negation(self) -> Not:
+        self.at += 2
+        if self.tokens[self.at + 1] == "=":
+            formula: Atom | Equal = self._equality()
+        else:
+            formula = self._ground_atom()
+        self.expect(")", "')' after the atom that is negated")
+        return Not(formula)
+
+    def _equality(self) -> Equal:
+        start = self.at
+        found = self.comparison()
+        if not isinstance(found, Equal):
+            self.fail("two objects", shown(found), start)
+        self._check_ground((found.left, found.right), start)
+        return found
+
+    def _equation(self) -> None:
+        """Read `(= (function ...) value)`, or that two names denote one object."""
+        first = self.tokens[self.at + 2]
+        if first != "(" and (
+            self.symbols.functions.find(first) is None or self.symbols.is_object(first)
+        ):
+            start = self.at
+            self._add_literal(self._equality(), start)
+            return
+        start = self.at
+        value = self._function_value()
+        entry = self._functions.slow(value.fluent.function, len(value.fluent.terms))
+        key = tuple([str(term) for term in value.fluent.terms])
+        number = entry.values.setdefault(key, len(self._values))
+        if number == len(self._values):
+            self._values.append(value)
+            self._value_tokens.append(self.base + start)
+        elif self._values[number].value == value.value:
+            self.deviate("each value once", "left out", f"the value of {value.fluent} again", start)
+        else:
+            self._replace_value(number, value, start)
+            entry.values[key] = len(self._values) - 1
+
+    def _replace_value(self, number: int, value: FunctionValue, start: int) -> None:
+        """Replace an earlier value of the same fluent, as VAL does."""
+        first = self._values[number].value
+        of = f"as the value of {value.fluent}"
+        self.deviate(
+            f"one value, which was {first}", "the last one holds", f"{value.value} {of}", start
+        )
+        section = next(one for least, one in reversed(self._value_sections) if least <= number)
+        expected = f"one value, which is {value.value} further on"
+        index = self._value_tokens[number]
+        self.diagnostics.deviate(
+            section, index, f"{first} {of}", expected, "the last one holds", section.keyword
+        )
+        self._values.append(value)
+        self._value_tokens.append(self.base + start)
+        self._replaced.add(number)
+
+    def _function_value(self) -> FunctionValue:
+        self.at += 2
+        start = self.at
+        signature, fluent = self.assigned_fluent()
+        self._check_ground(fluent.terms, start)
+        at = self.at
+        value = self.assigned(signature)
+        if not isinstance(value, Number | Constant):
+            self.fail("a number" if not signature.types else "an object", shown(value), at)
+        self.expect(")", "')' after the value")
+        return FunctionValue(fluent, value)
+
+    def _add_literal(self, literal: Not | Equal, start: int) -> None:
+        if literal in self._literals:
+            self.deviate("each literal once", "left out", f"{literal} again", self.at - 1)
+        self._literals.setdefault(literal, (self.section, self.base + start))
+
+    def _is_timed(self) -> bool:
+        self.at += 2
+        number = self.is_number() and self.tokens[self.at + 1] == "("
+        self.at -= 2
+        return number
+
+    def _timed_element(self) -> None:
+        start = self.at
+        self.at += 2
+        time = self.number_here()
+        assert time is not None
+        self.at += 1
+        timed = TimedLiteral(time, self._timed_effect())
+        self.expect(")", "')' after the timed literal")
+        if timed in self._timed:
+            self.deviate("each timed literal once", "left out", f"{timed} again", start)
+        self._timed[timed] = None
+
+    def _timed_effect(self) -> Atom | Not | Assign:
+        head = self.tokens[self.at + 1].lower()
+        if head == "=":
+            value = self._function_value()
+            return Assign("assign", value.fluent, value.value)
+        if head == "not":
+            return self._negation()
+        return self._ground_atom()
+
 
 _OPTIMIZATIONS = ("minimize", "maximize")
 
@@ -28,23 +450,21 @@ class ProblemReader:
         domain: its domain; None to read without the checks that need it.
     """
 
-    def __init__(self, reading: Reading, form: Form, domain: Domain | None) -> None:
-        self._reading = reading
+    def __init__(self, diagnostics: Diagnostics, form: Form, domain: Domain | None) -> None:
+        self._diagnostics = diagnostics
         self._form = form
         self._domain = domain
-        self._symbols = Symbols.of_domain(domain) if domain else Symbols(unknown_domain=True)
+        self._symbols = (
+            SymbolTable.of_domain(domain) if domain else SymbolTable(unknown_domain=True)
+        )
 
     def read(self) -> Problem:
-        """Read the problem.
-
-        Returns:
-            The problem, without the warnings.
-        """
-        check_sections(self._reading, self._form, PROBLEM_ORDER, (), {":constants": ":objects"})
+        """Read the problem."""
+        check_sections(self._diagnostics, self._form, PROBLEM_ORDER, (), {":constants": ":objects"})
         domain = self._read_domain_name()
         requirements: list[str] = []
         for section in self._sections(":requirements"):
-            reader = DeclarationReader(self._reading, section, self._symbols)
+            reader = DeclarationReader(self._diagnostics, section, self._symbols)
             requirements += reader.requirements()
             finish(reader)
         objects = self._read_objects()
@@ -69,12 +489,12 @@ class ProblemReader:
         return [section for section in self._form.sections if section.keyword == keyword]
 
     def _head(self) -> Cursor:
-        return Cursor(self._reading, self._form.head, self._form.nesting)
+        return Cursor(self._diagnostics, self._form.head, self._form.nesting)
 
     def _read_domain_name(self) -> str:
         name = ""
         for section in self._sections(":domain"):
-            cursor = Cursor(self._reading, section, self._form.nesting)
+            cursor = Cursor(self._diagnostics, section, self._form.nesting)
             cursor.at = 2
             name = cursor.word("the name of the domain")
             if self._domain is not None and fold(name) != fold(self._domain.name):
@@ -88,10 +508,10 @@ class ProblemReader:
         return self._domain.name if self._domain else name
 
     def _read_objects(self) -> list[TypedName]:
-        table = NameTable("object")
+        table = TypedNames("object")
         constants = {fold(one.name): one for one in self._domain.constants} if self._domain else {}
         for section in self._sections(":objects"):
-            reader = DeclarationReader(self._reading, section, self._symbols)
+            reader = DeclarationReader(self._diagnostics, section, self._symbols)
             for group in reader.names():
                 for at, name in enumerate(group.words, group.at):
                     constant = constants.get(fold(name)) if constants else None
@@ -109,7 +529,7 @@ class ProblemReader:
     def _check_constant(
         self, reader: DeclarationReader, name: str, group: Group, at: int, constant: TypedName
     ) -> None:
-        """Check that an object that is a constant already is of the same type."""
+        """Check that an object that repeats a constant has the same type."""
         types = reader.resolve(self._symbols, group.types, group.types_at)
         if group.types and types != constant.types:
             expected = f"{constant.type_text}, as the domain's constant"
@@ -124,7 +544,7 @@ class ProblemReader:
         sections = self._sections(":init")
         if not sections:
             self._head().deviate("(:init ...)", "read as (:init)", "no initial state", 0)
-        reader = InitialStateReader(self._reading, self._form.head, self._symbols)
+        reader = InitialStateReader(self._diagnostics, self._form.head, self._symbols)
         for section in sections:
             reader.read(section)
             finish(reader)
@@ -142,7 +562,7 @@ class ProblemReader:
     def _read_conjuncts(self, sections: list[Section], context: int) -> tuple[Formula, ...]:
         found: list[Formula] = []
         for section in sections:
-            reader = FormulaReader(self._reading, section, self._symbols, section.keyword)
+            reader = FormulaReader(self._diagnostics, section, self._symbols, section.keyword)
             reader.at = 2
             if reader.is_empty() or reader.tokens[2] == ")":
                 reader.deviate("'(and)'", "read so", f"'({section.keyword})'", 0)
@@ -159,7 +579,7 @@ class ProblemReader:
     def _read_metric(self) -> Metric | None:
         metric: Metric | None = None
         for section in self._sections(":metric"):
-            reader = FormulaReader(self._reading, section, self._symbols, section.keyword)
+            reader = FormulaReader(self._diagnostics, section, self._symbols, section.keyword)
             reader.metric = True
             reader.at = 2
             word = reader.word("minimize or maximize")
@@ -175,7 +595,7 @@ class ProblemReader:
 
     def _leave_out_length(self) -> None:
         for section in self._sections(":length"):
-            cursor = Cursor(self._reading, section, self._form.nesting)
+            cursor = Cursor(self._diagnostics, section, self._form.nesting)
             cursor.deviate("no (:length ...), which PDDL 2.1 deprecates", "left out", at=0)
             cursor.skip()
             finish(cursor)

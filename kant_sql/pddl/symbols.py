@@ -1,31 +1,94 @@
-"""What the names in a domain and a problem refer to, and which arguments fit which parameters."""
+"""The symbol table: the names that formulas may use, and what each stands for."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Generator, Iterable
 from itertools import chain
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-from ..dto.formula import Constant, Formula, Preference, Term, TypedName, Variable
-from ..dto.name import ROOT_TYPE, fold, is_name
-from ..dto.node import walk
-from .cursor import Steps
-from .document import Domain
+from ..dto.formulas import Atom, Constant, Formula, Preference, Term, TypedName, Variable, walk
+from ..dto.lexical import ROOT_TYPE, fold, is_name
+from .document import Domain, Function, Predicate
 from .hierarchy import Ancestry, Fit, Types
-from .signatures import Named, Signature
 
-# What a term is, and the types of what it denotes.
+# A term and the types of the object that it denotes.
 Entity = tuple[Term, Types]
 ANY: Types = (ROOT_TYPE,)
 
 
-class Bound(NamedTuple):
+class Signature:
+    """The parameters of a predicate or a function, as readers need them.
+
+    Attributes:
+        name: its name, as declared.
+        parameters: the types of its parameters; None when they are unknown.
+        accepted: for each parameter, its types, and the types of arguments that fit it.
+        types: the types of a function's values; empty for numbers and for a predicate.
+        bare: the atom without arguments.
+    """
+
+    __slots__ = ("accepted", "bare", "name", "parameters", "types")
+
+    def __init__(self, name: str, parameters: tuple[Types, ...] | None, types: Types = ()) -> None:
+        self.name = name
+        self.parameters = parameters
+        self.accepted: tuple[tuple[Types, set[Types]], ...] = tuple(
+            [(wanted, {wanted}) for wanted in parameters or ()]
+        )
+        self.types = types
+        self.bare = Atom(name)
+
+
+class Signatures:
+    """The signatures of the predicates, or of the functions, by name; `kind` is for messages."""
+
+    def __init__(self, kind: str) -> None:
+        self.kind = kind
+        self._declared: dict[str, Predicate | Function] = {}
+        self._found: dict[str, Signature] = {}
+
+    def declare(self, element: Predicate | Function) -> None:
+        """Add a declaration."""
+        self._declared[fold(element.name)] = element
+
+    def add(self, signature: Signature) -> None:
+        """Add a signature that is not declared."""
+        self._found[signature.name] = self._found[fold(signature.name)] = signature
+
+    def find(self, name: str) -> Signature | None:
+        """Look up a name."""
+        found = self._found.get(name)
+        if found is None:
+            key = fold(name)
+            found = self._found.get(key)
+            if found is None:
+                element = self._declared.get(key)
+                if element is None:
+                    return None
+                types = element.types if isinstance(element, Function) else ()
+                parameters = tuple([parameter.types for parameter in element.parameters])
+                found = self._found[key] = Signature(element.name, parameters, types)
+            self._found[name] = found
+        return found
+
+    def names(self) -> list[str]:
+        """Return the names, as declared."""
+        names = {key: element.name for key, element in self._declared.items()}
+        names |= {fold(one.name): one.name for one in self._found.values()}
+        return list(names.values())
+
+    def longest(self) -> int:
+        """Return the greatest number of parameters."""
+        return max((len(one.parameters) for one in self._declared.values()), default=0)
+
+
+class BoundVariable(NamedTuple):
     """A variable that is bound.
 
     Attributes:
         declared: the variable with its types.
         key: its folded name, with its question mark.
-        entity: what it is in a formula.
+        entity: the term that formulas have for it, with its types.
     """
 
     declared: TypedName
@@ -33,26 +96,25 @@ class Bound(NamedTuple):
     entity: Entity
 
 
-# What a word behind a parenthesis begins: an atom, or what a reader's method reads.
-Head = Signature | Callable[..., Formula | Steps[Formula]]
+# What follows a parenthesis: a predicate, or the reader's method for an operator.
+Head = Signature | Callable[..., Formula | Generator[Any, Any, Formula]]
 
 
-class Symbols:
+class SymbolTable:
     """The names that formulas may use.
 
     Attributes:
-        unknown_domain: whether names are taken for what their place asks for, since there is no
-            domain to look them up in.
-        grows: whether types that are not declared are added: those of a domain that is being read.
-        types: the types: their names by folded names.
-        resolved: lists of types in the spellings that were met, and in the declared spelling.
-        parents: the types above each type, by its name.
-        predicates: the predicates.
-        functions: the functions.
-        objects: constants and objects, by the spellings that were met.
-        preferences: the names of the preferences that were read, by folded names.
-        heads: what begins a formula, by the spellings that were met: a predicate, or an operator.
-        effect_heads: the same of effects.
+        unknown_domain: whether there is no domain, so that undeclared names are accepted.
+        grows: whether undeclared types are added, as while a domain is read.
+        types: the declared spelling of each type, by folded name.
+        resolved: cache of lists of types: the declared spelling of each list that was met.
+        parents: the supertypes of each type.
+        predicates: the signatures of the predicates.
+        functions: the signatures of the functions.
+        objects: cache of constants and objects, by the spellings that were met.
+        preferences: the names of the preferences that were read, by folded name.
+        heads: cache of what begins a condition, by the spellings that were met.
+        effect_heads: the same for effects.
     """
 
     def __init__(self, unknown_domain: bool = False) -> None:
@@ -61,28 +123,21 @@ class Symbols:
         self.types: dict[str, str] = {ROOT_TYPE: ROOT_TYPE}
         self.resolved: dict[Types, Types] = {}
         self.parents: dict[str, Types] = {}
-        self.predicates = Named("predicate")
-        self.functions = Named("function")
+        self.predicates = Signatures("predicate")
+        self.functions = Signatures("function")
         self.objects: dict[str, Entity] = {}
         self.preferences: dict[str, str] = {}
         self._domain: Domain | None = None
         self.heads: dict[str, Head] = {}
         self.effect_heads: dict[str, Head] = {}
-        self._bound: dict[tuple[str, Types], Bound] = {}
+        self._bound: dict[tuple[str, Types], BoundVariable] = {}
         self._declared_objects: dict[str, Entity] = {}
         self._fits: dict[tuple[Types, Types], Fit] = {}
         self._ancestry: Ancestry[str] = Ancestry(lambda type_: self.parents.get(type_, ()))
 
     @classmethod
-    def of_domain(cls, domain: Domain) -> Symbols:
-        """Give the names that a domain declares.
-
-        Args:
-            domain: the domain.
-
-        Returns:
-            Its names; what is added to them does not change the domain.
-        """
+    def of_domain(cls, domain: Domain) -> SymbolTable:
+        """Make the symbol table of a domain."""
         symbols = cls()
         symbols._domain = domain
         symbols.add_types(domain.types)
@@ -95,57 +150,34 @@ class Symbols:
         return symbols
 
     def add_types(self, types: Iterable[TypedName]) -> None:
-        """Declare types.
-
-        Args:
-            types: the types, with those above them in their declared spelling.
-        """
+        """Declare types."""
         for type_ in types:
             self.types[fold(type_.name)] = type_.name
             self.parents[type_.name] = type_.types
 
     def add_object(self, item: TypedName) -> None:
-        """Declare a constant or an object.
-
-        Args:
-            item: it, with its types in their declared spelling.
-        """
+        """Declare a constant or an object."""
         entity = (Constant(item.name), item.types)
         self._declared_objects[fold(item.name)] = entity
         self.objects[item.name] = entity
 
-    def bound(self, word: str, types: Types) -> Bound:
-        """Give a variable that is bound.
-
-        Args:
-            word: its name, with its question mark.
-            types: its types.
-
-        Returns:
-            The variable: the same for the same arguments, since domains repeat them.
-        """
+    def bound(self, word: str, types: Types) -> BoundVariable:
+        """Return a variable with its types."""
         found = self._bound.get((word, types))
         if found is None:
             name = word[1:]
             entity = (Variable(name), types)
-            found = Bound(TypedName(name, types), fold(word), entity)
+            found = BoundVariable(TypedName(name, types), fold(word), entity)
             self._bound[word, types] = found
         return found
 
     def preference(self, name: str) -> str | None:
-        """Look up a preference.
-
-        Args:
-            name: its name, in any spelling.
-
-        Returns:
-            Its name, as in the first preference of that name; None when there is none.
-        """
+        """Look up a preference."""
         found = self.preferences.get(fold(name))
         if found is None and self._domain is not None:
             conditions = [action.condition for action in self._domain.actions]
             nodes = walk(*chain(self._domain.constraints, *conditions))
-            # Only metrics ask for it, so the preferences of a domain are not looked for before.
+            # Only a metric needs the preferences of the domain, so they are found on demand.
             self._domain = None
             for node in nodes:
                 if isinstance(node, Preference) and node.name is not None:
@@ -154,14 +186,7 @@ class Symbols:
         return found
 
     def object(self, name: str) -> Entity | None:
-        """Look up a constant or an object.
-
-        Args:
-            name: its name, in any spelling.
-
-        Returns:
-            It and its types; None when it is not declared.
-        """
+        """Look up a constant or an object."""
         found = self.objects.get(name)
         if found is None:
             found = self._declared_objects.get(fold(name))
@@ -172,43 +197,19 @@ class Symbols:
         return found
 
     def is_object(self, name: str) -> bool:
-        """Tell whether a constant or an object is declared.
-
-        Args:
-            name: its name, in any spelling.
-
-        Returns:
-            Whether it is.
-        """
+        """Return whether a constant or an object is declared."""
         return name in self.objects or fold(name) in self._declared_objects
 
     def type_names(self) -> list[str]:
-        """Give the names of types, as declared.
-
-        Returns:
-            The names, `object` first.
-        """
+        """Return the names of types, as declared."""
         return list(self.types.values())
 
     def object_names(self) -> list[str]:
-        """Give the names of constants and objects, as declared.
-
-        Returns:
-            The names.
-        """
+        """Return the names of constants and objects, as declared."""
         return [str(term) for term, _ in self._declared_objects.values()]
 
     def fit(self, given: Types, wanted: Types) -> Fit:
-        """Tell whether an argument fits a parameter.
-
-        Args:
-            given: the argument's types: it is of one of them.
-            wanted: the parameter's types.
-
-        Returns:
-            `Fit.YES` when one of the argument's types is one of the parameter's or below it,
-            `Fit.PERHAPS` when one is above, else `Fit.NO`.
-        """
+        """Return whether an argument fits a parameter."""
         found = self._fits.get((given, wanted))
         if found is None:
             found = Fit.NO
@@ -220,7 +221,7 @@ class Symbols:
         return found
 
     def _is_below(self, lower: Types, upper: Types) -> bool:
-        """Tell whether one of some types is one of others, or below it."""
+        """Return whether one of some types is one of others, or a subtype of it."""
         is_below = self._ancestry.is_below
         if not set(lower).isdisjoint(upper):
             return True

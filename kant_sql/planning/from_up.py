@@ -1,37 +1,59 @@
-"""From unified-planning to documents."""
+"""The conversion of a problem of unified-planning to documents."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import replace
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field, replace
 from decimal import Decimal
 from fractions import Fraction
+from math import prod
 from typing import TYPE_CHECKING
 
 from ..arguments import expect
-from ..dto.formula import (
+from ..dto.formulas import (
+    AT_END,
+    AT_START,
+    DURATION,
+    OVER_ALL,
+    TOTAL_COST,
+    TOTAL_TIME,
+    And,
     Arithmetic,
     Assign,
     Atom,
+    Comparison,
     Constant,
+    ContinuousTime,
+    Equal,
+    Exists,
     Expression,
     Fluent,
+    Forall,
+    Formula,
+    Imply,
     IsViolated,
     Metric,
+    Modal,
     Not,
     Number,
+    Or,
     Preference,
+    Term,
+    Timed,
     TimedLiteral,
     TypedName,
+    Variable,
+    When,
+    walk,
 )
-from ..dto.name import ROOT_TYPE, fold
-from ..dto.node import walk
+from ..dto.lexical import ROOT_TYPE, fold
 from ..errors import InvalidArgumentError, UnsupportedConstructError
 from ..pddl.document import (
     ACTION,
     DURATIVE_ACTION,
     EVENT,
     PROCESS,
+    Action,
     Domain,
     Function,
     FunctionValue,
@@ -39,19 +61,372 @@ from ..pddl.document import (
     Problem,
 )
 from ..pddl.requirements import used_requirements
-from .cost import TOTAL_COST, TOTAL_TIME
-from .extra import require_unified_planning
-from .from_actions import FromActions
-from .from_formulas import Bound, Expressions, category_of
-from .from_names import PddlNames, pddl_name
-from .from_numbers import number
-from .from_state import initial_state
-from .names import FUNCTION, OBJECT, TYPE
+from .names import (
+    FUNCTION,
+    OBJECT,
+    PREDICATE,
+    SHARED_MODALS,
+    TYPE,
+    VARIABLE,
+    PddlNames,
+    number,
+    pddl_name,
+    require_unified_planning,
+    unsupported,
+    unused_name,
+)
 
 if TYPE_CHECKING:
+    from unified_planning.model import (
+        DurationInterval,
+        Effect,
+        FNode,
+        Object,
+        Parameter,
+        Timing,
+        Transition,
+        Type,
+    )
     from unified_planning.model import Fluent as UpFluent
-    from unified_planning.model import FNode, Object, Transition, Type
     from unified_planning.model import Problem as UpProblem
+    from unified_planning.model import Variable as UpVariable
+    from unified_planning.model.timing import TimeInterval
+
+
+@dataclass(frozen=True, slots=True)
+class PddlVariables:
+    """The parameters and variables in scope.
+
+    Attributes:
+        names: the name of each in PDDL.
+    """
+
+    names: dict[Parameter | UpVariable, str] = field(default_factory=dict)
+
+    def bind(self, variables: Iterable[Parameter | UpVariable]) -> PddlVariables:
+        """Bind more variables, under unused names."""
+        names = dict(self.names)
+        for variable in variables:
+            taken = {fold(name) for name in names.values()}
+            names[variable] = unused_name(pddl_name(VARIABLE, variable.name), taken)
+        return PddlVariables(names)
+
+
+def category_of(fluent: UpFluent) -> str:
+    """Return what a fluent is in PDDL."""
+    return PREDICATE if fluent.type.is_bool_type() else FUNCTION
+
+
+class PddlExpressions:
+    """Converts expressions of one problem."""
+
+    def __init__(self, names: PddlNames) -> None:
+        self._names = names
+        self.where = "the problem"
+
+    def unsupported(self, construct: object, reason: str) -> UnsupportedConstructError:
+        """Make the error for a construct that PDDL cannot express."""
+        return unsupported("PDDL", construct, self.where, reason)
+
+    def type_name(self, type_: Type) -> str:
+        """Return the name of a type."""
+        if not type_.is_user_type():
+            raise self.unsupported(f"a parameter of type {type_}", "parameters are objects")
+        if type_.father is None and fold(type_.name) == ROOT_TYPE:
+            return ROOT_TYPE
+        return self._names.of(TYPE, type_.name)
+
+    def typed(
+        self, variables: Iterable[Parameter | UpVariable], bound: PddlVariables
+    ) -> tuple[TypedName, ...]:
+        """Write variables with their types."""
+        return tuple(
+            TypedName(bound.names[variable], (self.type_name(variable.type),))
+            for variable in variables
+        )
+
+    def conjuncts(self, nodes: Iterable[FNode], bound: PddlVariables) -> tuple[Formula, ...]:
+        """Convert conditions to a list of conjuncts."""
+        found: list[Formula] = []
+        for node in nodes:
+            if node.is_and():
+                found.extend(self.conjuncts(node.args, bound))
+            elif not node.is_true():
+                found.append(self.formula(node, bound))
+        return tuple(found)
+
+    def formula(self, node: FNode, bound: PddlVariables) -> Formula:
+        """Convert a condition or a constraint."""
+        from unified_planning.model import OperatorKind
+
+        kind = node.node_type
+        if kind in {OperatorKind.FORALL, OperatorKind.EXISTS}:
+            within = bound.bind(node.variables())
+            quantifier = Forall if kind == OperatorKind.FORALL else Exists
+            variables = self.typed(node.variables(), within)
+            return quantifier(variables, self.formula(node.arg(0), within))
+        if kind == OperatorKind.BOOL_CONSTANT:
+            return And() if node.is_true() else Or()
+        if kind in {OperatorKind.LE, OperatorKind.LT} or (
+            kind == OperatorKind.EQUALS and not node.arg(0).type.is_user_type()
+        ):
+            sign = {OperatorKind.LE: "<=", OperatorKind.LT: "<"}.get(kind, "=")
+            left, right = (self.expression(part, bound) for part in node.args)
+            return Comparison(sign, left, right)
+        if kind == OperatorKind.EQUALS:
+            return Equal(*(self.term(part, bound) for part in node.args))
+        if kind == OperatorKind.FLUENT_EXP:
+            terms = tuple(self.term(part, bound) for part in node.args)
+            return Atom(self._names.of(PREDICATE, node.fluent().name), terms)
+        return self._connective(node, bound)
+
+    def _connective(self, node: FNode, bound: PddlVariables) -> Formula:
+        from unified_planning.model import OperatorKind
+
+        kind = node.node_type
+        modal = kind.name.lower().replace("_", "-")
+        connectives = {OperatorKind.AND, OperatorKind.OR, OperatorKind.NOT}
+        connectives |= {OperatorKind.IMPLIES, OperatorKind.IFF}
+        if kind not in connectives and modal not in SHARED_MODALS:
+            raise self.unsupported(node, "it is no formula of PDDL")
+        parts = tuple(self.formula(part, bound) for part in node.args)
+        if modal in SHARED_MODALS:
+            return Modal(modal, (), parts)
+        if kind == OperatorKind.NOT:
+            return Not(parts[0])
+        if kind == OperatorKind.IMPLIES:
+            return Imply(*parts)
+        if kind == OperatorKind.IFF:
+            return And((Imply(*parts), Imply(*reversed(parts))))
+        return And(parts) if kind == OperatorKind.AND else Or(parts)
+
+    def term(self, node: FNode, bound: PddlVariables) -> Term:
+        """Convert a term."""
+        if node.is_object_exp():
+            return Constant(self._names.of(OBJECT, node.object().name))
+        if node.type.is_user_type():
+            if node.is_parameter_exp():
+                return Variable(bound.names[node.parameter()])
+            if node.is_variable_exp():
+                return Variable(bound.names[node.variable()])
+            if node.is_fluent_exp():
+                return self.fluent(node, bound)
+        raise self.unsupported(node, "it is no object")
+
+    def fluent(self, node: FNode, bound: PddlVariables) -> Fluent:
+        """Convert a numeric or object fluent."""
+        terms = tuple(self.term(part, bound) for part in node.args)
+        return Fluent(self._names.of(FUNCTION, node.fluent().name), terms)
+
+    def expression(self, node: FNode, bound: PddlVariables) -> Expression:
+        """Convert a numeric expression."""
+        from unified_planning.model import OperatorKind
+
+        operators = {
+            OperatorKind.PLUS: "+",
+            OperatorKind.MINUS: "-",
+            OperatorKind.TIMES: "*",
+            OperatorKind.DIV: "/",
+        }
+        if node.is_int_constant() or node.is_real_constant():
+            return number(node.constant_value())
+        if node.is_fluent_exp() and not node.type.is_user_type():
+            return self.fluent(node, bound)
+        if node.node_type in operators:
+            operands = tuple(self.expression(part, bound) for part in node.args)
+            return Arithmetic(operators[node.node_type], operands)
+        raise self.unsupported(node, "it is no number")
+
+
+class PddlActions:
+    """Converts the actions of one problem."""
+
+    def __init__(self, names: PddlNames, expressions: PddlExpressions) -> None:
+        self._names, self._expressions = names, expressions
+
+    def action(self, action: Transition, cost: FNode | None) -> Action:
+        """Convert an action, a process or an event."""
+        from unified_planning import model
+
+        kinds = {
+            model.InstantaneousAction: ACTION,
+            model.DurativeAction: DURATIVE_ACTION,
+            model.Process: PROCESS,
+            model.Event: EVENT,
+        }
+        self._expressions.where = f"action {action.name}"
+        if type(action) not in kinds:
+            raise self._expressions.unsupported(type(action).__name__, "PDDL has no such action")
+        kind = kinds[type(action)]
+        simulated = "simulated_effects" if kind == DURATIVE_ACTION else "simulated_effect"
+        if getattr(action, simulated, None) if kind != PROCESS else None:
+            raise self._expressions.unsupported("a simulated effect", "its meaning is a program")
+        bound = PddlVariables().bind(action.parameters)
+        timed = kind == DURATIVE_ACTION
+        effects = list(
+            self._durative_effects(action, bound) if timed else self._effects(action, bound)
+        )
+        if cost is not None:
+            value = self._expressions.expression(cost, bound)
+            increase = Assign("increase", Fluent(TOTAL_COST), value)
+            effects.append(Timed(AT_END, increase) if timed else increase)
+        return Action(
+            kind,
+            self._names.of(kind, action.name),
+            self._expressions.typed(action.parameters, bound),
+            self._duration(action.duration, bound) if timed else (),
+            tuple(self._conditions(action, bound))
+            if timed
+            else self._expressions.conjuncts(action.preconditions, bound),
+            tuple(effects),
+        )
+
+    def _duration(self, interval: DurationInterval, bound: PddlVariables) -> tuple[Formula, ...]:
+        variable = Variable(DURATION)
+        lower = self._expressions.expression(interval.lower, bound)
+        upper = self._expressions.expression(interval.upper, bound)
+        if interval.lower == interval.upper:
+            return (Comparison("=", variable, lower),)
+        left = ">" if interval.is_left_open() else ">="
+        right = "<" if interval.is_right_open() else "<="
+        return Comparison(left, variable, lower), Comparison(right, variable, upper)
+
+    def _conditions(self, action: Transition, bound: PddlVariables) -> Iterator[Formula]:
+        for interval, nodes in action.conditions.items():
+            for node in self._expressions.conjuncts(nodes, bound):
+                for time in self._times(interval):
+                    yield Timed(time, node)
+
+    def _times(self, interval: TimeInterval) -> Iterator[str]:
+        lower, upper = self._time(interval.lower), self._time(interval.upper)
+        if lower == upper:
+            yield lower
+            return
+        if (lower, upper) != (AT_START, AT_END):
+            raise self._expressions.unsupported(interval, "it ends before it starts")
+        if not interval.is_left_open():
+            yield AT_START
+        yield OVER_ALL
+        if not interval.is_right_open():
+            yield AT_END
+
+    def _time(self, timing: Timing) -> str:
+        from unified_planning.model.timing import TimepointKind
+
+        times = {TimepointKind.START: AT_START, TimepointKind.END: AT_END}
+        if timing.delay != 0 or timing.timepoint.kind not in times:
+            reason = "a time in an action is its start or its end"
+            raise self._expressions.unsupported(f"time {timing}", reason)
+        return times[timing.timepoint.kind]
+
+    def _effects(self, action: Transition, bound: PddlVariables) -> Iterator[Formula]:
+        for effect in action.effects:
+            yield from self.effect(effect, None, bound)
+
+    def _durative_effects(self, action: Transition, bound: PddlVariables) -> Iterator[Formula]:
+        for timing, effects in action.effects.items():
+            for effect in effects:
+                yield from self.effect(effect, self._time(timing), bound)
+        for interval, effects in action.continuous_effects.items():
+            if list(self._times(interval)) != [AT_START, OVER_ALL, AT_END]:
+                reason = "a continuous effect lasts throughout its action"
+                raise self._expressions.unsupported(interval, reason)
+            for effect in effects:
+                yield from self.effect(effect, None, bound)
+
+    def effect(self, effect: Effect, time: str | None, bound: PddlVariables) -> Iterator[Formula]:
+        """Convert an effect."""
+        within = bound.bind(effect.forall)
+        conditions = self._expressions.conjuncts([effect.condition], within)
+        for extra, change in self._changes(effect, within):
+            parts = tuple(
+                part if time is None else Timed(time, part) for part in (*conditions, *extra)
+            )
+            formula: Formula = change if time is None else Timed(time, change)
+            if parts:
+                formula = When(parts[0] if len(parts) == 1 else And(parts), formula)
+            if effect.forall:
+                formula = Forall(self._expressions.typed(effect.forall, within), formula)
+            yield formula
+
+    def _changes(
+        self, effect: Effect, bound: PddlVariables
+    ) -> Iterator[tuple[tuple[Formula, ...], Formula]]:
+        expressions, target, value = self._expressions, effect.fluent, effect.value
+        if target.type.is_bool_type():
+            atom = expressions.formula(target, bound)
+            if not value.is_bool_constant():
+                condition = expressions.formula(value, bound)
+                yield (condition,), atom
+                yield (Not(condition),), Not(atom)
+            else:
+                yield (), atom if value.is_true() else Not(atom)
+            return
+        fluent = expressions.fluent(target, bound)
+        if target.type.is_user_type():
+            yield (), Assign("assign", fluent, expressions.term(value, bound))
+            return
+        amount = expressions.expression(value, bound)
+        if effect.is_continuous_increase() or effect.is_continuous_decrease():
+            operator = "increase" if effect.is_continuous_increase() else "decrease"
+            yield (), Assign(operator, fluent, Arithmetic("*", (ContinuousTime(), amount)))
+        elif effect.is_assignment():
+            yield (), Assign("assign", fluent, amount)
+        else:
+            yield (), Assign("increase" if effect.is_increase() else "decrease", fluent, amount)
+
+
+def initial_state(
+    problem: UpProblem, expressions: PddlExpressions
+) -> tuple[tuple[Atom, ...], tuple[FunctionValue, ...]]:
+    """Convert the initial state."""
+    facts, values = [], []
+    for fluent in problem.fluents:
+        for target, value in _values(problem, fluent, expressions):
+            if fluent.type.is_bool_type():
+                fact = expressions.formula(target, PddlVariables())
+                if value.is_true() and isinstance(fact, Atom):
+                    facts.append(fact)
+                continue
+            function = expressions.fluent(target, PddlVariables())
+            values.append(FunctionValue(function, _value(value, fluent, expressions)))
+    return tuple(facts), tuple(values)
+
+
+def _value(value: FNode, fluent: UpFluent, expressions: PddlExpressions) -> Number | Constant:
+    if fluent.type.is_user_type():
+        item = expressions.term(value, PddlVariables())
+        if isinstance(item, Constant):
+            return item
+        raise expressions.unsupported(value, "it is no object")
+    number = expressions.expression(value, PddlVariables())
+    if isinstance(number, Number):
+        return number
+    raise expressions.unsupported(value, "no decimal number is equal to it")
+
+
+def _values(
+    problem: UpProblem, fluent: UpFluent, expressions: PddlExpressions
+) -> Iterator[tuple[FNode, FNode]]:
+    from unified_planning.model.fluent import get_all_fluent_exp
+
+    explicit = {
+        target: value
+        for target, value in problem.explicit_initial_values.items()
+        if target.fluent() == fluent
+    }
+    default = problem.fluents_defaults.get(fluent)
+    if default is not None and not default.is_false():
+        for target in get_all_fluent_exp(problem, fluent):
+            yield target, explicit.get(target, default)
+        return
+    if fluent.type.is_bool_type() and default is None:
+        sizes = (len(list(problem.objects(part.type))) for part in fluent.signature)
+        if len(explicit) != prod(sizes):
+            reason = "atoms that are not listed are false; give it a default initial value"
+            raise expressions.unsupported(f"unknown values of {fluent.name}", reason)
+    yield from explicit.items()
+
 
 _PREFERENCE = "goal-"
 
@@ -81,7 +456,7 @@ def from_unified_planning(problem: UpProblem) -> tuple[Domain, Problem]:
     expected = "a problem of unified-planning"
     expect(problem, AbstractProblem, "the problem", InvalidArgumentError, expected)
     try:
-        return _Reverse(problem).documents()
+        return PddlDocuments(problem).documents()
     except RecursionError as error:
         raise UnsupportedConstructError(
             f"problem {problem.name} has expressions that are nested too deeply for a conversion "
@@ -89,17 +464,19 @@ def from_unified_planning(problem: UpProblem) -> tuple[Domain, Problem]:
         ) from error
 
 
-class _Reverse:
+class PddlDocuments:
+    """One conversion of a problem."""
+
     def __init__(self, problem: UpProblem) -> None:
         self._problem = problem
         self._names = PddlNames()
-        self._expressions = Expressions(self._names)
+        self._expressions = PddlExpressions(self._names)
         self._check()
         for category, element in _elements(problem):
             self._names.claim(category, element.name)
         if self._costs():
             self._names.claim(FUNCTION, TOTAL_COST)
-        self._actions = FromActions(self._names, self._expressions)
+        self._actions = PddlActions(self._names, self._expressions)
 
     def _check(self) -> None:
         problem, unsupported = self._problem, self._expressions.unsupported
@@ -112,6 +489,7 @@ class _Reverse:
             raise unsupported("several metrics", "a problem has one")
 
     def documents(self) -> tuple[Domain, Problem]:
+        """Return the domain and the problem."""
         name = pddl_name("problem", self._problem.name or "problem")
         domain = self._domain(f"{name}-domain")
         constants = {part.name for part in _constants(domain)}
@@ -145,7 +523,9 @@ class _Reverse:
         for fluent in problem.fluents:
             self._expressions.where = f"fluent {fluent.name}"
             called = names.of(category_of(fluent), fluent.name)
-            parameters = self._expressions.typed(fluent.signature, Bound().bind(fluent.signature))
+            parameters = self._expressions.typed(
+                fluent.signature, PddlVariables().bind(fluent.signature)
+            )
             if fluent.type.is_bool_type():
                 predicates.append(Predicate(called, parameters))
             elif fluent.type.is_user_type():
@@ -204,7 +584,7 @@ class _Reverse:
                 if effect.is_conditional() or not constant or not effect.is_assignment():
                     reason = "what happens at a time is certain, and no increase"
                     raise self._expressions.unsupported(effect, reason)
-                for change in self._actions.effect(effect, None, Bound()):
+                for change in self._actions.effect(effect, None, PddlVariables()):
                     if not isinstance(change, Atom | Not | Assign):
                         raise self._expressions.unsupported(effect, "it is no single literal")
                     yield TimedLiteral(time, change)
@@ -212,16 +592,16 @@ class _Reverse:
     def _with_goals(self, problem: Problem) -> Problem:
         expressions, up_problem = self._expressions, self._problem
         expressions.where = "the goals"
-        goals = list(expressions.conjuncts(up_problem.goals, Bound()))
+        goals = list(expressions.conjuncts(up_problem.goals, PddlVariables()))
         for interval, nodes in up_problem.timed_goals.items():
             if not (interval.lower == interval.upper and interval.lower.is_from_end()):
                 raise expressions.unsupported(f"a goal in {interval}", "goals hold at the end")
-            goals.extend(expressions.conjuncts(nodes, Bound()))
+            goals.extend(expressions.conjuncts(nodes, PddlVariables()))
         for number_, (goal, _) in enumerate(self._gains().items(), start=1):
-            preferred = expressions.formula(goal, Bound())
+            preferred = expressions.formula(goal, PddlVariables())
             goals.append(Preference(f"{_PREFERENCE}{number_}", preferred))
         expressions.where = "the trajectory constraints"
-        constraints = expressions.conjuncts(up_problem.trajectory_constraints, Bound())
+        constraints = expressions.conjuncts(up_problem.trajectory_constraints, PddlVariables())
         return replace(problem, goal=tuple(goals), constraints=constraints)
 
     def _gains(self) -> dict[FNode, Fraction | int]:
@@ -250,7 +630,7 @@ class _Reverse:
             if metric.is_temporal_oversubscription():
                 raise self._expressions.unsupported(metric, "a preferred goal has no time")
             sense = "maximize" if metric.is_maximize_expression_on_final_state() else "minimize"
-            return Metric(sense, self._expressions.expression(metric.expression, Bound()))
+            return Metric(sense, self._expressions.expression(metric.expression, PddlVariables()))
         return None
 
 

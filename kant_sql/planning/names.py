@@ -1,27 +1,74 @@
-"""Names in a problem of unified-planning, where all elements share one set of names.
+"""What both directions share: names, numbers, and the total cost of a plan.
 
-PDDL lets an action and a predicate, or an object and a type, have one name. Objects and actions
-keep theirs, because plans are made of them; what clashes with them has its category appended.
+In PDDL, an action and a predicate, or an object and a type, may share a name. Objects and actions
+keep theirs, because plans consist of them; other elements get their category appended.
 """
 
 from __future__ import annotations
 
-from ..dto.name import fold
-from ..pddl.document import Domain, Problem
+import importlib.util
+import re
+from collections.abc import Container, Iterator
+from decimal import Context, Decimal, Inexact
+from fractions import Fraction
+
+from ..dto.formulas import (
+    ASSIGNMENTS,
+    DURATION,
+    MODALS,
+    TOTAL_COST,
+    TOTAL_TIME,
+    And,
+    Arithmetic,
+    Assign,
+    Fluent,
+    Formula,
+    Node,
+    Number,
+    Timed,
+    walk,
+)
+from ..dto.lexical import RESERVED, ROOT_TYPE, fold
+from ..errors import InvalidNameError, PlannerMissingError, UnsupportedConstructError
+from ..pddl.document import ACTION, DURATIVE_ACTION, Action, Domain, Problem
+from ..pddl.requirements import is_function
+
+
+def require_unified_planning() -> None:
+    """Raise `PlannerMissingError` unless unified-planning can be imported."""
+    if importlib.util.find_spec("unified_planning") is None:
+        raise PlannerMissingError(
+            "planning needs unified-planning, which is not installed; "
+            'run pip install "kant-sql[planning]"'
+        )
+
 
 OBJECT, PREDICATE, FUNCTION, TYPE = "object", "predicate", "function", "type"
+# The modal operators that both have; unified-planning spells them `AT_MOST_ONCE` and `AtMostOnce`.
+SHARED_MODALS = ("always", "sometime", "at-most-once", "sometime-after", "sometime-before")
 
 
-class Names:
-    """What each element is called in unified-planning."""
+def unused_name(wanted: str, taken: Container[str]) -> str:
+    """Return a name whose folded form is not taken, with a number appended if needed."""
+    candidate, number = wanted, 2
+    while fold(candidate) in taken:
+        candidate, number = f"{wanted}_{number}", number + 1
+    return candidate
+
+
+def unsupported(
+    system: str, construct: object, where: str, reason: str
+) -> UnsupportedConstructError:
+    """Make the error for a construct without counterpart in a system."""
+    text = " ".join(str(construct).split())
+    short = text if len(text) <= 120 else text[:117] + "..."
+    return UnsupportedConstructError(f"{system} cannot express {short} in {where}: {reason}")
+
+
+class UpNames:
+    """The name of each element in unified-planning: the same for the same documents."""
 
     def __init__(self, domain: Domain, problem: Problem) -> None:
-        """Choose a name for each element, always the same for the same documents.
-
-        Args:
-            domain: the domain.
-            problem: the problem.
-        """
         self._taken: set[str] = set()
         self._chosen: dict[tuple[str, str], str] = {}
         self._action_of: dict[str, str] = {}
@@ -37,50 +84,21 @@ class Names:
         return True
 
     def unused(self, name: str) -> str:
-        """Take a name that nothing else has.
-
-        Args:
-            name: the name that is wanted.
-
-        Returns:
-            The name, with a number appended when it is taken.
-        """
-        candidate, number = name, 2
-        while fold(candidate) in self._taken:
-            candidate, number = f"{name}_{number}", number + 1
+        """Claim a name that no other element has."""
+        candidate = unused_name(name, self._taken)
         self._taken.add(fold(candidate))
         return candidate
 
     def of(self, category: str, name: str) -> str:
-        """Give an element's name in unified-planning.
-
-        Args:
-            category: what it is: an object, a type, an action ...
-            name: its name in PDDL.
-
-        Returns:
-            Its name in unified-planning; the PDDL name for what was declared nowhere.
-        """
+        """Return an element's name in unified-planning."""
         return self._chosen.get((category, fold(name)), name)
 
     def stands_for(self, up_name: str, action: str) -> None:
-        """Remember which action of the document an action of unified-planning stands for.
-
-        Args:
-            up_name: the name in unified-planning.
-            action: the name in PDDL.
-        """
+        """Record the PDDL name of an action of unified-planning."""
         self._action_of[up_name] = action
 
     def action_of(self, up_name: str) -> str:
-        """Give the PDDL name of an action.
-
-        Args:
-            up_name: its name in unified-planning.
-
-        Returns:
-            Its name in the domain.
-        """
+        """Return the PDDL name of an action."""
         return self._action_of[up_name]
 
 
@@ -92,3 +110,129 @@ def _declared(domain: Domain, problem: Problem) -> list[tuple[str, str]]:
         *((FUNCTION, part.name) for part in domain.functions),
         *((TYPE, part.name) for part in domain.types),
     ]
+
+
+_EXACT = Context(prec=60, traps=[Inexact])
+
+
+def number(value: int | Fraction) -> Number | Arithmetic:
+    """Return the exact expression of a number."""
+    if isinstance(value, int):
+        return Number(Decimal(value))
+    try:
+        return Number(_EXACT.divide(Decimal(value.numerator), Decimal(value.denominator)))
+    except Inexact:
+        parts = (Number(Decimal(value.numerator)), Number(Decimal(value.denominator)))
+        return Arithmetic("/", parts)
+
+
+_RESERVED = (
+    RESERVED["function"]
+    | RESERVED["type"]
+    | set(ASSIGNMENTS)
+    | set(MODALS)
+    | {ROOT_TYPE, "number", "preference", "is-violated", "undefined", TOTAL_TIME}
+)
+_RESERVED_VARIABLES = frozenset({DURATION})
+VARIABLE = "variable"
+_CARRIED = re.compile(r"[A-Za-z][A-Za-z0-9_-]*")
+
+
+def pddl_name(category: str, name: str) -> str:
+    """Return a name that the grammar of PDDL allows."""
+    carried = re.sub(r"[^A-Za-z0-9_-]", "_", name)
+    if not _CARRIED.fullmatch(carried):
+        carried = f"{category[0]}_{carried}"
+    reserved = _RESERVED_VARIABLES if category == VARIABLE else _RESERVED
+    return f"{carried}_" if fold(carried) in reserved else carried
+
+
+class PddlNames:
+    """The name of each element in PDDL, which ignores case."""
+
+    def __init__(self) -> None:
+        self._names: dict[tuple[str, str], str] = {}
+        self._owners: dict[str, tuple[str, str]] = {}
+
+    def claim(self, category: str, name: str) -> str:
+        """Choose a name for an element; append its category to a name of another category."""
+        chosen = pddl_name(category, name)
+        owner = self._owners.get(fold(chosen))
+        if owner is not None and owner[0] != category:
+            chosen = f"{chosen}_{category}"
+            owner = self._owners.get(fold(chosen))
+        if owner is not None:
+            raise InvalidNameError(
+                f"{category} {name} and {owner[0]} {owner[1]} would both be named {chosen} in "
+                "PDDL; rename one of them"
+            )
+        self._owners[fold(chosen)] = (category, name)
+        self._names[category, name] = chosen
+        return chosen
+
+    def of(self, category: str, name: str) -> str:
+        """Return an element's name in PDDL."""
+        return self._names[category, name]
+
+
+def static_functions(domain: Domain, problem: Problem) -> frozenset[str]:
+    """Return the functions whose values never change."""
+    effects: list[Node] = [effect for action in domain.actions for effect in action.effect]
+    effects.extend(timed.effect for timed in problem.timed)
+    changed = {fold(node.fluent.function) for node in walk(*effects) if isinstance(node, Assign)}
+    return frozenset(fold(function.name) for function in domain.functions) - changed
+
+
+def is_sum_of_costs(domain: Domain, problem: Problem) -> bool:
+    """Return whether the metric minimizes the cost of actions and nothing else needs the sum."""
+    metric = problem.metric
+    if metric is None or metric.optimization != "minimize":
+        return False
+    if not is_function(metric.expression, TOTAL_COST):
+        return False
+    starts = [value for fluent, value in problem.values if is_function(fluent, TOTAL_COST)]
+    if not starts or not all(isinstance(value, Number) and value.value == 0 for value in starts):
+        return False
+    static = static_functions(domain, problem)
+    return not any(_mentions(node) for node in _readers(domain, problem)) and all(
+        _adds_up(action, static) for action in domain.actions
+    )
+
+
+def _adds_up(action: Action, static: frozenset[str]) -> bool:
+    for effect in _unconditional(action.effect):
+        if not isinstance(effect, Assign) or not is_function(effect.fluent, TOTAL_COST):
+            if _mentions(effect):
+                return False
+            continue
+        functions = {fold(n.function) for n in walk(effect.value) if isinstance(n, Fluent)}
+        if effect.operator != "increase" or TOTAL_COST in functions:
+            return False
+        if action.kind == DURATIVE_ACTION and not functions <= static:
+            return False
+        if action.kind not in {ACTION, DURATIVE_ACTION}:
+            return False
+    return True
+
+
+def _unconditional(effects: tuple[Formula, ...]) -> Iterator[Formula]:
+    for effect in effects:
+        if isinstance(effect, And):
+            yield from _unconditional(effect.formulas)
+        elif isinstance(effect, Timed):
+            yield from _unconditional((effect.formula,))
+        else:
+            yield effect
+
+
+def _readers(domain: Domain, problem: Problem) -> Iterator[Node]:
+    for action in domain.actions:
+        yield from (*action.condition, *action.duration)
+    yield from (rule.formula for rule in domain.derived)
+    yield from (*domain.constraints, *problem.goal, *problem.constraints)
+    for timed in problem.timed:
+        yield timed.effect
+
+
+def _mentions(node: Node) -> bool:
+    return any(is_function(part, TOTAL_COST) for part in walk(node))

@@ -1,4 +1,4 @@
-"""Plans, and how to get one: a planner is asked in a process of its own."""
+"""Plans, and `solve`, which runs a planner in a separate process."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from hashlib import sha256
 from pathlib import Path
 
 from ..arguments import expect, expect_tuple, optional_text, seconds, whole_number
-from ..dto.number import check_number
+from ..dto.lexical import check_number
 from ..errors import (
     InvalidArgumentError,
     InvalidKnowledgeError,
@@ -28,7 +28,7 @@ from ..errors import (
     printable,
 )
 from ..pddl.document import Domain, Problem
-from .extra import require_unified_planning
+from .names import require_unified_planning
 
 logger = logging.getLogger("kant_sql.planning")
 
@@ -76,10 +76,9 @@ class Plan:
     Attributes:
         steps: its steps, in order.
         engine: the engine of unified-planning that found it.
-        status: what the engine says of it: `solved_satisficing` or `solved_optimally`.
+        status: the engine's verdict: `solved_satisficing` or `solved_optimally`.
         revision: the revision of the knowledge base that it was made from.
-        problem_hash: what `problem_hash` gives for what the planner was given; None when that is
-            not known.
+        problem_hash: the `problem_hash` of the planner's input; None when unknown.
     """
 
     steps: tuple[PlanStep, ...]
@@ -103,7 +102,7 @@ class Plan:
 
 
 def problem_hash(domain: str, *, problem: str) -> str:
-    """Hash what a planner is given.
+    """Hash the input of a planner.
 
     Args:
         domain: the domain's PDDL text.
@@ -114,7 +113,7 @@ def problem_hash(domain: str, *, problem: str) -> str:
     """
     for text, role in ((domain, "domain"), (problem, "problem")):
         expect(text, str, role, InvalidArgumentError)
-    # Half a character has no UTF-8; what has one is no PDDL text.
+    # A lone surrogate has no UTF-8; such a text is not PDDL.
     return sha256((domain + problem).encode(errors="surrogatepass")).hexdigest()
 
 
@@ -166,21 +165,21 @@ def solve(
 
 
 def check_documents(domain: Domain, problem: Problem) -> None:
-    """Check that what is to be planned with are documents.
+    """Check that the arguments are documents.
 
     Args:
         domain: the domain.
         problem: the problem.
 
     Raises:
-        InvalidArgumentError: one of them is none.
+        InvalidArgumentError: one of them is not.
     """
     expect(domain, Domain, "the domain", InvalidArgumentError)
     expect(problem, Problem, "the problem", InvalidArgumentError)
 
 
 def _run(directory: str, timeout: float) -> str:
-    # The process ends when its standard input does: not even a killed parent leaves it behind.
+    # The worker ends with its standard input, so it does not outlive a killed parent.
     with Path(directory, "log").open("w+", errors="replace") as log:
         process = subprocess.Popen(
             [sys.executable, "-m", f"{__package__}.worker", directory],
@@ -192,7 +191,7 @@ def _run(directory: str, timeout: float) -> str:
             start_new_session=True,
         )
         try:
-            # A longer wait is one without end, and the system's clock cannot count it.
+            # Longer waits overflow the system's clock; they mean no timeout.
             process.wait(timeout if timeout <= threading.TIMEOUT_MAX else None)
         except subprocess.TimeoutExpired:
             raise NoPlanError(f"no plan was found within {timeout:g} seconds", "timeout") from None

@@ -1,18 +1,270 @@
-"""From documents to unified-planning."""
+"""The conversion of documents to a problem of unified-planning."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
 from ..arguments import expect
-from ..errors import InvalidArgumentError
-from ..pddl.document import Domain, Problem
-from .extra import require_unified_planning
+from ..dto.formulas import (
+    AT_END,
+    TOTAL_COST,
+    TOTAL_TIME,
+    And,
+    Assign,
+    Constant,
+    Equal,
+    Forall,
+    Formula,
+    IsViolated,
+    Metric,
+    Modal,
+    Not,
+    Timed,
+    TypedName,
+)
+from ..dto.lexical import fold
+from ..errors import InvalidArgumentError, UnsupportedConstructError
+from ..pddl.document import DURATIVE_ACTION, PROCESS, Domain, Problem
+from ..pddl.requirements import is_function
+from .names import (
+    FUNCTION,
+    OBJECT,
+    PREDICATE,
+    SHARED_MODALS,
+    UpNames,
+    is_sum_of_costs,
+    require_unified_planning,
+    static_functions,
+)
 from .plan import check_documents
+from .up_actions import SingleEffect, UpActions, UpEffects
+from .up_formulas import Bindings, ConversionContext, UpFormulas, UpPreferences, UpTypes, mentions
 
 if TYPE_CHECKING:
     from unified_planning.environment import Environment
+    from unified_planning.model import FNode, Parameter
     from unified_planning.model import Problem as UpProblem
+    from unified_planning.model import Variable as UpVariable
+
+
+class UpConversion:
+    """One conversion of documents.
+
+    Attributes:
+        context: the state that all parts share; its `problem` is the result.
+    """
+
+    def __init__(
+        self, domain: Domain, problem: Problem, environment: Environment, integers: bool = False
+    ) -> None:
+        from unified_planning.model import Problem as UpProblem
+
+        self._domain, self._document = domain, problem
+        names = UpNames(domain, problem)
+        manager = environment.expression_manager
+        self.context = ConversionContext(
+            environment,
+            UpProblem(
+                problem.name,
+                environment,
+                initial_defaults={environment.type_manager.BoolType(): manager.FALSE()},
+            ),
+            names,
+            UpTypes(domain, problem, names, environment),
+            static=static_functions(domain, problem),
+            integers=integers,
+            costed=is_sum_of_costs(domain, problem),
+        )
+        self._formulas = UpFormulas(self.context)
+        self._declare()
+        self._preferences = UpPreferences(problem.metric, self.context, self._formulas)
+        self._actions = UpActions(self.context, self._formulas, self._preferences)
+        for action in domain.actions:
+            with self.context.at(f"{action.kind} {action.name}"):
+                self._actions.add(action)
+        with self.context.at("the initial state"):
+            self._initial_state()
+        with self.context.at("the goal"):
+            for goal in self._preferences.goals(problem.goal, Bindings()):
+                self.context.problem.add_goal(goal)
+        with self.context.at("the constraints"):
+            for constraint in self._preferences.without(
+                (*domain.constraints, *problem.constraints)
+            ):
+                self._constraint(constraint, (), Bindings())
+        with self.context.at("the metric"):
+            self._metric(problem.metric)
+
+    def _declare(self) -> None:
+        context = self.context
+        manager = context.environment.type_manager
+        for rule in self._domain.derived:
+            context.rules.setdefault(fold(rule.predicate), []).append(rule)
+        with context.at("the types"):
+            for type_ in context.types.all():
+                context.problem._add_user_type(type_)
+        for predicate in self._domain.predicates:
+            if fold(predicate.name) not in context.rules:
+                with context.at(f"predicate {predicate.name}"):
+                    self._fluent(
+                        PREDICATE, predicate.name, manager.BoolType(), predicate.parameters
+                    )
+        number = manager.IntType() if context.integers else manager.RealType()
+        for function in self._domain.functions:
+            if not (context.costed and fold(function.name) == TOTAL_COST):
+                with context.at(f"function {function.name}"):
+                    value = context.types.widest(function.types) if function.types else number
+                    self._fluent(FUNCTION, function.name, value, function.parameters)
+        for item in (*self._domain.constants, *self._document.objects):
+            with context.at(f"object {item.name}"):
+                self._object(item)
+
+    def _fluent(
+        self, category: str, name: str, value: object, parameters: tuple[TypedName, ...]
+    ) -> None:
+        from unified_planning.model import Fluent, Parameter
+
+        context, scope = self.context, Bindings()
+        signature: list[Parameter] = []
+        for parameter in parameters:
+            type_ = context.types.widest(parameter.types)
+            made = Parameter(scope.fresh(parameter.name), type_, context.environment)
+            scope = Bindings({}, scope.names | {made.name})
+            signature.append(made)
+        fluent = Fluent(context.names.of(category, name), value, signature, context.environment)
+        context.fluents[category, fold(name)] = context.problem.add_fluent(fluent)
+
+    def _object(self, item: TypedName) -> None:
+        from unified_planning.model import Object
+
+        context = self.context
+        branches = context.types.branches(item.types)
+        if len(branches) > 1:
+            raise context.unsupported(
+                f"{item.name} - {item.type_text}", "an object has one type there; give it one"
+            )
+        made = Object(context.names.of(OBJECT, item.name), branches[0], context.environment)
+        known = context.objects.setdefault(fold(item.name), made)
+        if known is not made and known.type != made.type:
+            raise context.unsupported(item.name, f"it is of {known.type.name} as well")
+        if known is made:
+            # `add_object` compares with all other objects: too slow for many.
+            context.problem.all_objects.append(made)
+            context.problem._add_user_type(made.type)
+
+    def _initial_state(self) -> None:
+        problem, formulas, scope = self.context.problem, self._formulas, Bindings()
+        manager = self.context.environment.expression_manager
+        for literal in self._document.literals:
+            match literal:
+                case Not(Equal()):
+                    continue
+                case Not(inner):
+                    problem.set_initial_value(formulas.formula(inner, scope), manager.FALSE())
+                case Equal(Constant(left), Constant(right)) if fold(left) == fold(right):
+                    continue
+                case _:
+                    raise self.context.unsupported(literal, "two objects are never one there")
+        for fact in self._document.facts:
+            if fold(fact.predicate) in self.context.rules:
+                raise self.context.unsupported(fact, "a derived predicate is no fluent there")
+            problem.set_initial_value(formulas.formula(fact, scope), manager.TRUE())
+        for fluent, value in self._document.values:
+            if self.context.costed and is_function(fluent, TOTAL_COST):
+                continue
+            node = formulas.fluent(fluent, scope)
+            if isinstance(value, Constant):
+                problem.set_initial_value(node, formulas.term(value, scope))
+            else:
+                problem.set_initial_value(node, formulas.expression(value, scope))
+        self._timed_effects()
+
+    def _timed_effects(self) -> None:
+        from unified_planning.model import GlobalStartTiming
+
+        change = UpEffects(self.context, self._formulas)
+        for timed in self._document.timed:
+            single = SingleEffect(Bindings(), change=timed.effect)
+            target = change.target(single)
+            operator, value = change.value(single, target)
+            if isinstance(timed.effect, Assign) and operator != "assign":
+                raise self.context.unsupported(timed, "a timed value is assigned")
+            time = self._formulas.expression(timed.time, Bindings()).constant_value()
+            self.context.problem.add_timed_effect(GlobalStartTiming(time), target, value)
+
+    def _constraint(
+        self, node: Formula, variables: tuple[UpVariable, ...], scope: Bindings
+    ) -> None:
+        manager = self.context.environment.expression_manager
+        match node:
+            case And(parts):
+                for part in parts:
+                    self._constraint(part, variables, scope)
+            case Forall(names, inner):
+                for bound, within in self._formulas.variables(names, scope):
+                    self._constraint(inner, variables + bound, within)
+            case Timed(time, inner) if time == AT_END:
+                goal = self._formulas.formula(inner, scope)
+                self.context.problem.add_goal(
+                    manager.Forall(goal, *variables) if variables else goal
+                )
+            case Modal():
+                constraint = self._modal(node, scope)
+                self.context.problem.add_trajectory_constraint(
+                    manager.Forall(constraint, *variables) if variables else constraint
+                )
+            case _:
+                raise self.context.unsupported(node, "it is no constraint on the trajectory there")
+
+    def _modal(self, node: Modal, scope: Bindings) -> FNode:
+        manager = self.context.environment.expression_manager
+        if node.operator not in SHARED_MODALS:
+            raise self.context.unsupported(node, f"{node.operator} has no counterpart")
+        build = getattr(manager, node.operator.title().replace("-", ""))
+        return build(*(self._formulas.formula(part, scope) for part in node.formulas))
+
+    def _metric(self, metric: Metric | None) -> None:
+        if metric is None:
+            return
+        from unified_planning import model
+
+        problem, environment = self.context.problem, self.context.environment
+        minimize = metric.optimization == "minimize"
+        if self.context.costed:
+            zero = environment.expression_manager.Int(0)
+            problem.add_quality_metric(
+                model.MinimizeActionCosts(self._actions.costs(), zero, environment)
+            )
+        elif is_function(metric.expression, TOTAL_TIME) and minimize:
+            timed = self._document.timed or any(
+                action.kind in {DURATIVE_ACTION, PROCESS} for action in self._domain.actions
+            )
+            kind = model.MinimizeMakespan if timed else model.MinimizeSequentialPlanLength
+            problem.add_quality_metric(kind(environment))
+        elif self._preferences.counted:
+            gains = self._preferences.gains
+            problem.add_quality_metric(model.Oversubscription(gains, environment))
+        elif not mentions(IsViolated, metric.expression):
+            expression = self._formulas.expression(metric.expression, Bindings())
+            kind = (
+                model.MinimizeExpressionOnFinalState
+                if minimize
+                else model.MaximizeExpressionOnFinalState
+            )
+            problem.add_quality_metric(kind(expression, environment))
+
+
+def convert(
+    domain: Domain, problem: Problem, environment: Environment, integers: bool = False
+) -> ConversionContext:
+    """Convert documents."""
+    try:
+        return UpConversion(domain, problem, environment, integers).context
+    except RecursionError as error:
+        raise UnsupportedConstructError(
+            f"problem {problem.name} or its domain has formulas that are nested too deeply for a "
+            "conversion to unified-planning; give their parts predicates of their own"
+        ) from error
 
 
 def to_unified_planning(
@@ -50,6 +302,5 @@ def to_unified_planning(
 
     if environment is not None:
         expect(environment, Environment, "the environment", InvalidArgumentError)
-    from .up_problem import convert
 
     return convert(domain, problem, get_environment(environment)).problem

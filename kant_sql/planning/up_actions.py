@@ -1,60 +1,319 @@
-"""Actions, durative actions, processes and events as those of unified-planning."""
+"""Actions, processes and events with their effects and durations, converted to unified-planning."""
 
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
 from itertools import product
 from typing import TYPE_CHECKING
 
-from ..dto.formula import (
+from ..dto.formulas import (
     AT_END,
     AT_START,
+    DURATION,
+    TOTAL_COST,
     And,
+    Arithmetic,
     Assign,
     Atom,
+    Comparison,
+    Constant,
+    ContinuousTime,
+    Expression,
+    Fluent,
     Forall,
     Formula,
     Not,
     Timed,
+    Variable,
+    When,
+    walk,
 )
-from ..dto.name import fold
+from ..dto.lexical import fold
 from ..pddl.document import DURATIVE_ACTION, EVENT, PROCESS, Action
-from .context import Context, Scope
-from .cost import TOTAL_COST
-from .up_continuous import Rates, is_continuous
-from .up_duration import DURATION, duration, fixed
-from .up_effects import Change, Effect, single_effects
-from .up_formulas import Formulas
-from .up_preferences import Preferences
+from .up_formulas import Bindings, ConversionContext, UpFormulas, UpPreferences
 
 if TYPE_CHECKING:
-    from unified_planning.model import FNode, Timing, Transition
+    from unified_planning.model import DurationInterval, FNode, Timing, Transition
+    from unified_planning.model import Variable as UpVariable
     from unified_planning.model.types import Type
 
 
-class Actions:
+_FLIPPED = {"<": ">", "<=": ">=", "=": "=", ">=": "<=", ">": "<"}
+
+
+def duration(
+    action: Action, scope: Bindings, context: ConversionContext, formulas: UpFormulas
+) -> DurationInterval:
+    """Convert the constraints on a duration."""
+    from unified_planning.model import DurationInterval
+
+    lower: list[tuple[FNode, bool]] = []
+    upper: list[tuple[FNode, bool]] = []
+    for operator, bound in _bounds(action.duration, context):
+        node = formulas.expression(bound, scope)
+        if operator in {"=", ">", ">="}:
+            lower.append((node, operator == ">"))
+        if operator in {"=", "<", "<="}:
+            upper.append((node, operator == "<"))
+    if not upper:
+        text = " ".join(map(str, action.duration)) or "a duration without a bound"
+        raise context.unsupported(text, "the duration needs an upper bound; give it one")
+    zero = (context.environment.expression_manager.Int(0), False)
+    (least, left), (most, right) = (
+        _tightest(lower or [zero], 1, context),
+        _tightest(upper, -1, context),
+    )
+    return DurationInterval(least, most, left, right)
+
+
+def fixed(action: Action, context: ConversionContext) -> Expression | None:
+    """Return the value of a duration that is fixed when the action starts."""
+    bounds = list(_bounds(action.duration, context))
+    if len(bounds) == 1 and bounds[0][0] == "=" and _is_static(bounds[0][1], context):
+        return bounds[0][1]
+    return None
+
+
+def _bounds(
+    constraints: Iterable[Formula], context: ConversionContext, time: str | None = None
+) -> Iterator[tuple[str, Expression]]:
+    for constraint in constraints:
+        match constraint:
+            case And(parts):
+                yield from _bounds(parts, context, time)
+            case Timed(when, inner):
+                yield from _bounds([inner], context, when)
+            case Comparison(operator, left, right):
+                if not _is_duration(left):
+                    operator, left, right = _FLIPPED[operator], right, left
+                if not _is_duration(left) or any(map(_is_duration, walk(right))):
+                    raise context.unsupported(constraint, "it is no bound of ?duration")
+                if time == AT_END and not _is_static(right, context):
+                    reason = "a bound that is only known at the end has no counterpart"
+                    raise context.unsupported(constraint, reason)
+                yield operator, right
+            case _:
+                raise context.unsupported(constraint, "it is no bound of ?duration")
+
+
+def _is_duration(node: object) -> bool:
+    return isinstance(node, Variable) and fold(node.name) == DURATION
+
+
+def _is_static(node: Expression, context: ConversionContext) -> bool:
+    return all(
+        fold(part.function) in context.static for part in walk(node) if isinstance(part, Fluent)
+    )
+
+
+def _tightest(
+    bounds: list[tuple[FNode, bool]], sign: int, context: ConversionContext
+) -> tuple[FNode, bool]:
+    distinct = list(dict.fromkeys(bounds))
+    if len(distinct) == 1:
+        return distinct[0]
+    if not all(node.is_constant() for node, _ in distinct):
+        text = " and ".join(str(node) for node, _ in distinct)
+        raise context.unsupported(text, "a duration has one lower and one upper bound there")
+    return max(distinct, key=lambda bound: (sign * bound[0].constant_value(), bound[1]))
+
+
+@dataclass(frozen=True, slots=True)
+class SingleEffect:
+    """A single effect with its surroundings.
+
+    Attributes:
+        scope: the variables in scope.
+        variables: the variables of its quantifiers.
+        conditions: its conditions, each with its time, or None without one, and its scope.
+        time: the time of the effect; None without one, and for a continuous effect.
+        change: the literal or assignment.
+    """
+
+    scope: Bindings
+    variables: tuple[UpVariable, ...] = ()
+    conditions: tuple[tuple[str | None, Formula, Bindings], ...] = ()
+    time: str | None = None
+    change: Atom | Not | Assign | None = None
+
+
+def single_effects(
+    effect: Formula, context: ConversionContext, formulas: UpFormulas, outer: SingleEffect
+) -> Iterator[SingleEffect]:
+    """Split an effect into single effects."""
+    match effect:
+        case And(parts):
+            for part in parts:
+                yield from single_effects(part, context, formulas, outer)
+        case Forall(names, inner):
+            for variables, scope in formulas.variables(names, outer.scope):
+                around = replace(outer, scope=scope, variables=outer.variables + variables)
+                yield from single_effects(inner, context, formulas, around)
+        case When(condition, inner):
+            conditions = (*outer.conditions, *_timed(condition, outer))
+            yield from single_effects(
+                inner, context, formulas, replace(outer, conditions=conditions)
+            )
+        case Timed(time, inner) if outer.time is None:
+            yield from single_effects(inner, context, formulas, replace(outer, time=time))
+        case Atom() | Assign() | Not(Atom()):
+            yield replace(outer, change=effect)
+        case _:
+            raise context.unsupported(effect, "it is no effect")
+
+
+def _timed(
+    condition: Formula, outer: SingleEffect
+) -> Iterator[tuple[str | None, Formula, Bindings]]:
+    match condition:
+        case And(parts):
+            for part in parts:
+                yield from _timed(part, outer)
+        case Timed(time, inner):
+            yield time, inner, outer.scope
+        case _:
+            yield outer.time, condition, outer.scope
+
+
+class UpEffects:
+    """Converts single effects to expressions of unified-planning."""
+
+    def __init__(self, context: ConversionContext, formulas: UpFormulas) -> None:
+        self._context, self._formulas = context, formulas
+        self._manager = context.environment.expression_manager
+
+    def condition(self, effect: SingleEffect) -> FNode:
+        """Convert the condition of an effect."""
+        for time, condition, _ in effect.conditions:
+            if time != effect.time:
+                reason = "an effect whose condition has another time than itself has no counterpart"
+                raise self._context.unsupported(condition, reason)
+        return self._formulas.conjunction(
+            self._formulas.formula(condition, scope) for _, condition, scope in effect.conditions
+        )
+
+    def target(self, effect: SingleEffect) -> FNode:
+        """Convert the fluent that an effect changes."""
+        change = effect.change
+        fluent = change.fluent if isinstance(change, Assign) else _atom(change)
+        if any(isinstance(node, Fluent) for term in fluent.terms for node in walk(term)):
+            reason = "an effect on what another fluent denotes has no counterpart"
+            raise self._context.unsupported(change, reason)
+        if isinstance(fluent, Atom):
+            return self._formulas.formula(fluent, effect.scope)
+        return self._formulas.fluent(fluent, effect.scope)
+
+    def value(self, effect: SingleEffect, target: FNode) -> tuple[str, FNode]:
+        """Return the operator and the value of an effect."""
+        change = effect.change
+        if not isinstance(change, Assign):
+            return "assign", self._manager.Bool(isinstance(change, Atom))
+        if target.type.is_user_type():
+            return "assign", self._object(change, effect.scope, target)
+        value = self.number(effect)
+        if change.operator == "scale-up":
+            return "assign", self._manager.Times(target, value)
+        if change.operator == "scale-down":
+            return "assign", self._manager.Div(target, value)
+        return change.operator, value
+
+    def number(self, effect: SingleEffect) -> FNode:
+        """Convert the value of an assignment."""
+        return self._formulas.expression(number_of(effect.change), effect.scope)
+
+    def _object(self, change: Assign, scope: Bindings, target: FNode) -> FNode:
+        if not isinstance(change.value, Constant | Variable | Fluent):
+            raise self._context.unsupported(change, "it assigns what is no object")
+        value = self._formulas.term(change.value, scope)
+        if not target.type.is_compatible(value.type):
+            reason = f"{value} is of type {value.type}, not of {target.type}"
+            raise self._context.unsupported(change, reason)
+        return value
+
+    def repeats(self, effect: SingleEffect, nodes: Iterable[FNode]) -> int:
+        """Count how often an effect happens for the quantified variables that it does not mention.
+
+        unified-planning drops those variables.
+        """
+        oracle = self._context.environment.free_vars_oracle
+        mentioned = {variable for node in nodes for variable in oracle.get_free_variables(node)}
+        count = 1
+        for variable in effect.variables:
+            if variable not in mentioned:
+                count *= sum(
+                    variable.type.is_compatible(item.type)
+                    for item in self._context.objects.values()
+                )
+        return count
+
+    def rate(self, effect: SingleEffect) -> FNode:
+        """Convert the rate of a continuous effect."""
+        if getattr(effect.change, "operator", None) not in {"increase", "decrease"}:
+            raise self._context.unsupported(effect.change, "it gives no rate of change")
+        return self._rate(number_of(effect.change), effect)
+
+    def _rate(self, node: Expression, effect: SingleEffect) -> FNode:
+        match node:
+            case ContinuousTime():
+                return self._manager.Int(1)
+            case Arithmetic("*", operands):
+                timed = [part for part in operands if _has_time(part)]
+                if len(timed) == 1:
+                    factors = [
+                        self._formulas.expression(part, effect.scope)
+                        for part in operands
+                        if part is not timed[0]
+                    ]
+                    if isinstance(timed[0], ContinuousTime):
+                        return self._manager.Times(factors)
+                    return self._manager.Times(self._rate(timed[0], effect), *factors)
+            case Arithmetic("/", (dividend, divisor)) if not _has_time(divisor):
+                return self._manager.Div(
+                    self._rate(dividend, effect), self._formulas.expression(divisor, effect.scope)
+                )
+        raise self._context.unsupported(effect.change, "it is no multiple of #t")
+
+
+def number_of(change: Atom | Not | Assign | None) -> Expression:
+    """Return the value of an assignment to a numeric fluent."""
+    assert isinstance(change, Assign), "only an assignment has a number"
+    assert not isinstance(change.value, Constant), "a number's fluent is assigned a number"
+    return change.value
+
+
+def _atom(change: Atom | Not | None) -> Atom:
+    inner = change.formula if isinstance(change, Not) else change
+    assert isinstance(inner, Atom), "an effect is an atom, its negation or an assignment"
+    return inner
+
+
+def is_continuous(effect: SingleEffect) -> bool:
+    """Return whether an effect is continuous."""
+    change = effect.change
+    if not isinstance(change, Assign) or isinstance(change.value, Constant):
+        return False
+    return _has_time(change.value)
+
+
+def _has_time(node: Expression) -> bool:
+    return any(isinstance(part, ContinuousTime) for part in walk(node))
+
+
+class UpActions:
     """Converts actions; one with `either` becomes one action for each choice of types."""
 
-    def __init__(self, context: Context, formulas: Formulas, preferences: Preferences) -> None:
-        """Convert within a context.
-
-        Args:
-            context: the conversion.
-            formulas: what converts formulas.
-            preferences: which preferences count.
-        """
+    def __init__(
+        self, context: ConversionContext, formulas: UpFormulas, preferences: UpPreferences
+    ) -> None:
         self._context, self._formulas, self._preferences = context, formulas, preferences
-        self._change, self._rates = Change(context, formulas), Rates(context, formulas)
+        self._effects = UpEffects(context, formulas)
         self._names: set[str] = set()
         self._costs: dict[str, FNode] = {}
 
     def costs(self) -> dict[Transition, FNode]:
-        """Give what the actions add to the total cost.
-
-        Returns:
-            The cost of each action of the problem that has one.
-        """
+        """Return the cost of each action."""
         return {
             made: self._costs[made.name]
             for made in self._context.problem.actions
@@ -62,14 +321,7 @@ class Actions:
         }
 
     def add(self, action: Action) -> None:
-        """Add an action to the problem.
-
-        Args:
-            action: the action of the document.
-
-        Raises:
-            UnsupportedConstructError: something in it has no exact counterpart.
-        """
+        """Add an action to the problem."""
         parameters = [fold(parameter.name) for parameter in action.parameters]
         if len(set(parameters)) != len(parameters):
             text = " ".join(f"?{name}" for name in parameters)
@@ -97,7 +349,7 @@ class Actions:
         made = classes.get(action.kind, model.InstantaneousAction)(
             name, OrderedDict(named), self._context.environment
         )
-        scope = Scope()
+        scope = Bindings()
         for parameter in made.parameters:
             node = self._context.environment.expression_manager.ParameterExp(parameter)
             scope = scope.bind(parameter.name, node)
@@ -108,7 +360,7 @@ class Actions:
                 scope = scope.bind(DURATION, self._formulas.expression(value, scope))
         self._conditions(action, made, scope)
         for effect in action.effect:
-            outer = Effect(scope)
+            outer = SingleEffect(scope)
             for single in single_effects(effect, self._context, self._formulas, outer):
                 self._effect(action, made, single)
         self._register(action, made)
@@ -122,14 +374,14 @@ class Actions:
         else:
             if made.name in self._names:
                 raise self._context.unsupported(made.name, "two actions have this name")
-            # `add_action` looks at each action before: too slow for thousands of them.
+            # `add_action` compares with all other actions: too slow for thousands.
             self._names.add(made.name)
             problem.actions.append(made)
             for parameter in made.parameters:
                 problem._add_user_type(parameter.type)
             self._context.names.stands_for(made.name, action.name)
 
-    def _conditions(self, action: Action, made: Transition, scope: Scope) -> None:
+    def _conditions(self, action: Action, made: Transition, scope: Bindings) -> None:
         for condition in self._preferences.without(action.condition):
             if action.kind != DURATIVE_ACTION:
                 made.add_precondition(self._formulas.formula(condition, scope))
@@ -137,7 +389,7 @@ class Actions:
             for time, node in self._timed(condition, scope):
                 made.add_condition(self._interval(time), node)
 
-    def _timed(self, condition: Formula, scope: Scope) -> Iterator[tuple[str, FNode]]:
+    def _timed(self, condition: Formula, scope: Bindings) -> Iterator[tuple[str, FNode]]:
         match condition:
             case And(parts):
                 for part in parts:
@@ -163,7 +415,7 @@ class Actions:
             return model.TimePointInterval(end)
         return model.OpenTimeInterval(start, end)
 
-    def _effect(self, action: Action, made: Transition, effect: Effect) -> None:
+    def _effect(self, action: Action, made: Transition, effect: SingleEffect) -> None:
         if is_continuous(effect):
             self._continuous(action, made, effect)
             return
@@ -175,9 +427,9 @@ class Actions:
         if self._context.costed and _is_cost(change):
             self._cost(made, effect)
             return
-        condition, target = self._change.condition(effect), self._change.target(effect)
-        operator, value = self._change.value(effect, target)
-        repeats = self._change.repeats(effect, [condition, target, value])
+        condition, target = self._effects.condition(effect), self._effects.target(effect)
+        operator, value = self._effects.value(effect, target)
+        repeats = self._effects.repeats(effect, [condition, target, value])
         if repeats == 0 or condition.is_false():
             return
         if repeats > 1 and isinstance(change, Assign) and change.operator != "assign":
@@ -192,7 +444,7 @@ class Actions:
         }[operator]
         add(*timing, target, value, condition, effect.variables)
 
-    def _timing(self, effect: Effect) -> Timing:
+    def _timing(self, effect: SingleEffect) -> Timing:
         from unified_planning import model
 
         if effect.time == AT_START:
@@ -202,13 +454,13 @@ class Actions:
         reason = "an effect of a durative action is at start or at end"
         raise self._context.unsupported(effect.change, reason)
 
-    def _cost(self, made: Transition, effect: Effect) -> None:
+    def _cost(self, made: Transition, effect: SingleEffect) -> None:
         manager = self._context.environment.expression_manager
-        cost = self._change.number(effect)
+        cost = self._effects.number(effect)
         earlier = self._costs.get(made.name)
         self._costs[made.name] = cost if earlier is None else manager.Plus(earlier, cost)
 
-    def _continuous(self, action: Action, made: Transition, effect: Effect) -> None:
+    def _continuous(self, action: Action, made: Transition, effect: SingleEffect) -> None:
         from unified_planning import model
 
         change = effect.change
@@ -218,7 +470,7 @@ class Actions:
         if effect.conditions or effect.variables:
             reason = "a continuous effect with a condition or a quantifier has no counterpart"
             raise self._context.unsupported(change, reason)
-        target, rate = self._change.target(effect), self._rates.rate(effect)
+        target, rate = self._effects.target(effect), self._effects.rate(effect)
         interval = []
         if action.kind == DURATIVE_ACTION:
             if effect.time is not None:

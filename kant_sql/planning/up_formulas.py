@@ -1,19 +1,22 @@
-"""Formulas, terms and expressions as expressions of unified-planning."""
+"""Types, formulas and preferences converted to unified-planning."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import reduce
-from itertools import product
+from itertools import chain, product
 from typing import TYPE_CHECKING
 
-from ..dto.formula import (
+from ..dto.formulas import (
     And,
     Arithmetic,
     Atom,
     Comparison,
     Constant,
+    Derived,
     Equal,
     Exists,
     Expression,
@@ -21,49 +24,221 @@ from ..dto.formula import (
     Forall,
     Formula,
     Imply,
+    IsViolated,
+    Metric,
+    Node,
     Not,
     Number,
     Or,
+    Preference,
     Term,
     TypedName,
     Variable,
+    walk,
 )
-from ..dto.name import fold
-from .context import Context, Scope
-from .names import FUNCTION, PREDICATE
+from ..dto.lexical import ROOT_TYPE, fold
+from ..errors import UnsupportedConstructError
+from ..pddl.document import Domain, Problem
+from .names import FUNCTION, PREDICATE, TYPE, UpNames, unsupported
 
 if TYPE_CHECKING:
-    from unified_planning.model import FNode
+    from unified_planning.environment import Environment
+    from unified_planning.model import Fluent as UpFluent
+    from unified_planning.model import FNode, Type
+    from unified_planning.model import Object as UpObject
+    from unified_planning.model import Problem as UpProblem
     from unified_planning.model import Variable as UpVariable
 
 
-class Formulas:
-    """Converts formulas; a derived predicate is replaced by what it follows from."""
+class UpTypes:
+    """The hierarchy of types.
 
-    def __init__(self, context: Context) -> None:
-        """Convert within a context.
+    `object` is a type of unified-planning only where the documents need it: otherwise the types
+    without a supertype stay roots, as unified-planning's own reader has it.
+    """
 
-        Args:
-            context: the elements that formulas name.
-        """
+    def __init__(
+        self, domain: Domain, problem: Problem, names: UpNames, environment: Environment
+    ) -> None:
+        self._names, self._manager = names, environment.type_manager
+        self._spelling = {ROOT_TYPE: ROOT_TYPE}
+        self._above: dict[str, tuple[str, ...]] = {ROOT_TYPE: ()}
+        self._declared = [key for part in domain.types if (key := fold(part.name)) != ROOT_TYPE]
+        for part in domain.types:
+            self._spelling[fold(part.name)] = part.name
+            self._above[fold(part.name)] = tuple(map(fold, part.types))
+        self._above[ROOT_TYPE] = ()
+        used = list(_typed_names(domain, problem))
+        for name in chain.from_iterable(part.types for part in (*domain.types, *used)):
+            self._spelling.setdefault(fold(name), name)
+            self._above.setdefault(fold(name), (ROOT_TYPE,))
+        self._father = {key: self._only_father(key) for key in self._above}
+        self._rooted = any(self._widest(part.types) == ROOT_TYPE for part in used)
+        self._types: dict[str, Type] = {}
+
+    def all(self) -> list[Type]:
+        """Return the types that the domain declares."""
+        return [self._type(key) for key in self._declared]
+
+    def widest(self, types: Iterable[str]) -> Type:
+        """Return the narrowest common supertype."""
+        return self._type(self._widest(types))
+
+    def branches(self, types: Iterable[str]) -> list[Type]:
+        """Return the types of an `either` without those that are below others."""
+        keys = list(dict.fromkeys(map(fold, types)))
+        kept = [key for key in keys if not set(self._ancestors(key)[1:]) & set(keys)]
+        return [self._type(key) for key in kept]
+
+    def _type(self, key: str) -> Type:
+        if key not in self._types:
+            father = self._father[key]
+            above = None
+            if father is not None and (father != ROOT_TYPE or self._rooted):
+                above = self._type(father)
+            name = self._names.of(TYPE, self._spelling[key])
+            self._types[key] = self._manager.UserType(name, above)
+        return self._types[key]
+
+    def _widest(self, types: Iterable[str]) -> str:
+        chains = [self._ancestors(fold(name)) for name in types]
+        return next(key for key in chains[0] if all(key in chain for chain in chains))
+
+    def _ancestors(self, key: str) -> list[str]:
+        found = [key]
+        for above in found:
+            found.extend(name for name in self._above[above] if name not in found)
+        if ROOT_TYPE in found:
+            found.remove(ROOT_TYPE)
+        return [*found, ROOT_TYPE]
+
+    def _only_father(self, key: str) -> str | None:
+        above = [name for name in dict.fromkeys(self._above[key]) if name != key]
+        near = [
+            name for name in above if not any(name in self._ancestors(other)[1:] for other in above)
+        ]
+        if len(near) > 1:
+            shown = " and ".join(self._spelling[name] for name in near)
+            raise UnsupportedConstructError(
+                f"unified-planning cannot express type {self._spelling[key]}: it has the "
+                f"supertypes {shown}, where one is possible; give it one supertype"
+            )
+        return near[0] if near else None
+
+
+def _typed_names(domain: Domain, problem: Problem) -> Iterator[TypedName]:
+    yield from (*domain.constants, *problem.objects)
+    for predicate in domain.predicates:
+        yield from predicate.parameters
+    for function in domain.functions:
+        yield from function.parameters
+        if function.types:
+            yield TypedName(function.name, function.types)
+    nodes = [*domain.constraints, *problem.goal, *problem.constraints]
+    for rule in domain.derived:
+        yield from rule.variables
+        nodes.append(rule.formula)
+    for action in domain.actions:
+        yield from action.parameters
+        nodes.extend((*action.condition, *action.effect))
+    for node in walk(*nodes):
+        if isinstance(node, Forall | Exists):
+            yield from node.variables
+
+
+@dataclass(frozen=True, slots=True)
+class Bindings:
+    """The variables that a formula may mention.
+
+    Attributes:
+        bound: the value of each variable, by folded name.
+        names: the names of unified-planning's parameters and variables in scope.
+    """
+
+    bound: dict[str, FNode] = field(default_factory=dict)
+    names: frozenset[str] = frozenset()
+
+    def fresh(self, name: str) -> str:
+        """Return a name that hides no variable in scope."""
+        candidate, number = name, 2
+        while candidate in self.names:
+            candidate, number = f"{name}_{number}", number + 1
+        return candidate
+
+    def bind(self, name: str, node: FNode) -> Bindings:
+        """Bind a variable to a value."""
+        taken = self.names | {variable.name for variable in _variables(node)}
+        return Bindings({**self.bound, fold(name): node}, taken)
+
+
+def _variables(node: FNode) -> list[UpVariable]:
+    if node.is_parameter_exp():
+        return [node.parameter()]
+    return [node.variable()] if node.is_variable_exp() else []
+
+
+@dataclass
+class ConversionContext:
+    """A conversion under way.
+
+    Attributes:
+        environment: unified-planning's environment.
+        problem: the problem that is built.
+        names: the names of the elements.
+        types: the hierarchy of types.
+        fluents: predicates and functions, by category and folded name.
+        objects: the objects, by folded name.
+        rules: the rules of derived predicates, by folded name.
+        static: the folded names of the functions that never change.
+        integers: whether numeric fluents are integers.
+        costed: whether `total-cost` is the cost of the actions, not a fluent.
+        where: what is being converted, for messages.
+    """
+
+    environment: Environment
+    problem: UpProblem
+    names: UpNames
+    types: UpTypes
+    fluents: dict[tuple[str, str], UpFluent] = field(default_factory=dict)
+    objects: dict[str, UpObject] = field(default_factory=dict)
+    rules: dict[str, list[Derived]] = field(default_factory=dict)
+    static: frozenset[str] = frozenset()
+    integers: bool = False
+    costed: bool = False
+    where: str = ""
+
+    @contextmanager
+    def at(self, where: str) -> Iterator[None]:
+        """Name what is being converted, and translate unified-planning's errors."""
+        from unified_planning.exceptions import UPException
+
+        outer, self.where = self.where, where
+        try:
+            yield
+        except UPException as error:
+            reason = " ".join(" ".join(map(str, error.args)).split())
+            raise UnsupportedConstructError(
+                f"unified-planning refuses {where}: {reason or type(error).__name__}"
+            ) from error
+        finally:
+            self.where = outer
+
+    def unsupported(self, construct: object, reason: str) -> UnsupportedConstructError:
+        """Make the error for a construct without a counterpart."""
+        return unsupported("unified-planning", construct, self.where, reason)
+
+
+class UpFormulas:
+    """Converts formulas; a derived predicate is replaced by the bodies of its rules."""
+
+    def __init__(self, context: ConversionContext) -> None:
         self._context = context
         self._manager = context.environment.expression_manager
         self._expanding: list[str] = []
         self._expanded: dict[tuple[str, tuple[FNode, ...]], FNode] = {}
 
-    def formula(self, node: Formula, scope: Scope) -> FNode:
-        """Convert a condition.
-
-        Args:
-            node: the condition.
-            scope: the variables that it may mention.
-
-        Returns:
-            The expression, a Boolean.
-
-        Raises:
-            UnsupportedConstructError: it has no exact counterpart.
-        """
+    def formula(self, node: Formula, scope: Bindings) -> FNode:
+        """Convert a condition."""
         match node:
             case Atom():
                 return self._atom(node, scope)
@@ -85,19 +260,8 @@ class Formulas:
                 return self._comparison(node, scope)
         raise self._context.unsupported(node, "it is no condition on a state")
 
-    def term(self, node: Term, scope: Scope) -> FNode:
-        """Convert a term.
-
-        Args:
-            node: the term.
-            scope: the variables that it may mention.
-
-        Returns:
-            The expression: an object, a parameter, a variable or an object fluent.
-
-        Raises:
-            UnsupportedConstructError: it has no exact counterpart.
-        """
+    def term(self, node: Term, scope: Bindings) -> FNode:
+        """Convert a term."""
         match node:
             case Variable(name):
                 if fold(name) in scope.bound:
@@ -110,34 +274,12 @@ class Formulas:
                 raise self._context.unsupported(node, "it is no object of the problem")
         return self.fluent(node, scope)
 
-    def fluent(self, node: Fluent, scope: Scope) -> FNode:
-        """Convert a function applied to terms.
-
-        Args:
-            node: the function and its terms.
-            scope: the variables that it may mention.
-
-        Returns:
-            The expression.
-
-        Raises:
-            UnsupportedConstructError: it has no exact counterpart.
-        """
+    def fluent(self, node: Fluent, scope: Bindings) -> FNode:
+        """Convert a function applied to terms."""
         return self._applied(FUNCTION, node.function, node, node.terms, scope)
 
-    def expression(self, node: Expression, scope: Scope) -> FNode:
-        """Convert a number's expression.
-
-        Args:
-            node: the expression.
-            scope: the variables that it may mention.
-
-        Returns:
-            The expression.
-
-        Raises:
-            UnsupportedConstructError: it has no exact counterpart.
-        """
+    def expression(self, node: Expression, scope: Bindings) -> FNode:
+        """Convert a numeric expression."""
         match node:
             case Number(value):
                 fraction = Fraction(value)
@@ -153,17 +295,9 @@ class Formulas:
         raise self._context.unsupported(node, "it is no number that a state holds")
 
     def variables(
-        self, names: Sequence[TypedName], scope: Scope
-    ) -> Iterator[tuple[tuple[UpVariable, ...], Scope]]:
-        """Bind what a quantifier binds.
-
-        Args:
-            names: the variables.
-            scope: the scope around.
-
-        Yields:
-            The variables and the scope within: once, or for `either` once for each choice of types.
-        """
+        self, names: Sequence[TypedName], scope: Bindings
+    ) -> Iterator[tuple[tuple[UpVariable, ...], Bindings]]:
+        """Bind the variables of a quantifier, once for each choice of types."""
         from unified_planning.model import Variable as UpVariable
 
         for types in product(*(self._context.types.branches(name.types) for name in names)):
@@ -175,18 +309,11 @@ class Formulas:
             yield tuple(bound), within
 
     def conjunction(self, nodes: Iterable[FNode]) -> FNode:
-        """Join conditions.
-
-        Args:
-            nodes: the conditions.
-
-        Returns:
-            Their conjunction.
-        """
+        """Join conditions."""
         return self._manager.And(list(nodes))
 
     def _quantified(
-        self, universal: bool, names: Sequence[TypedName], inner: Formula, scope: Scope
+        self, universal: bool, names: Sequence[TypedName], inner: Formula, scope: Bindings
     ) -> FNode:
         parts = []
         for variables, within in self.variables(names, scope):
@@ -205,7 +332,7 @@ class Formulas:
             return self._manager.FALSE()
         return self._manager.Equals(left, right)
 
-    def _comparison(self, node: Comparison, scope: Scope) -> FNode:
+    def _comparison(self, node: Comparison, scope: Bindings) -> FNode:
         compare = {
             "<": self._manager.LT,
             "<=": self._manager.LE,
@@ -215,7 +342,7 @@ class Formulas:
         }[node.operator]
         return compare(self.expression(node.left, scope), self.expression(node.right, scope))
 
-    def _arithmetic(self, node: Arithmetic, scope: Scope) -> FNode:
+    def _arithmetic(self, node: Arithmetic, scope: Bindings) -> FNode:
         operands = [self.expression(operand, scope) for operand in node.operands]
         if node.operator == "-" and len(operands) == 1:
             return self._manager.Times(-1, operands[0])
@@ -228,13 +355,13 @@ class Formulas:
             return join(operands)
         return reduce(self._manager.Minus if node.operator == "-" else self._manager.Div, operands)
 
-    def _atom(self, node: Atom, scope: Scope) -> FNode:
+    def _atom(self, node: Atom, scope: Bindings) -> FNode:
         if fold(node.predicate) in self._context.rules:
             return self._derived(node, scope)
         return self._applied(PREDICATE, node.predicate, node, node.terms, scope)
 
     def _applied(
-        self, category: str, name: str, node: object, terms: Sequence[Term], scope: Scope
+        self, category: str, name: str, node: object, terms: Sequence[Term], scope: Bindings
     ) -> FNode:
         fluent = self._context.fluents.get((category, fold(name)))
         if fluent is None:
@@ -249,7 +376,7 @@ class Formulas:
                 raise self._context.unsupported(node, reason)
         return self._manager.FluentExp(fluent, arguments)
 
-    def _derived(self, node: Atom, scope: Scope) -> FNode:
+    def _derived(self, node: Atom, scope: Bindings) -> FNode:
         key = fold(node.predicate)
         if key in self._expanding:
             reason = "a derived predicate that rests on itself has no counterpart"
@@ -270,9 +397,9 @@ class Formulas:
         head: Sequence[TypedName],
         body: Formula,
         arguments: Sequence[FNode],
-        scope: Scope,
+        scope: Bindings,
     ) -> FNode:
-        within = Scope({}, scope.names)
+        within = Bindings({}, scope.names)
         for name, argument in zip(head, arguments, strict=True):
             branches = self._context.types.branches(name.types)
             if not any(branch.is_compatible(argument.type) for branch in branches):
@@ -280,3 +407,132 @@ class Formulas:
                 raise self._context.unsupported(argument, reason)
             within = within.bind(name.name, argument)
         return self.formula(body, within)
+
+
+_CONSTANT = ""
+
+
+class UpPreferences:
+    """The preferences of a problem and their weights in the metric.
+
+    Attributes:
+        gains: the gain of each preferred goal.
+    """
+
+    def __init__(
+        self, metric: Metric | None, context: ConversionContext, formulas: UpFormulas
+    ) -> None:
+        self._context, self._formulas = context, formulas
+        self._weights: dict[str, Fraction] = {}
+        self.gains: dict[FNode, Fraction] = {}
+        if metric is not None and mentions(IsViolated, metric.expression):
+            with context.at("the metric"):
+                sign = 1 if metric.optimization == "minimize" else -1
+                weights = self._linear(metric.expression)
+                weights.pop(_CONSTANT, None)
+                self._weights = {name: sign * weight for name, weight in weights.items() if weight}
+
+    @property
+    def counted(self) -> bool:
+        """Whether the metric counts preferences."""
+        return bool(self._weights)
+
+    def without(self, nodes: Iterable[Formula]) -> Iterator[Formula]:
+        """Drop the preferences that the metric does not count."""
+        for node in nodes:
+            if not mentions(Preference, node):
+                yield node
+                continue
+            match node:
+                case And(parts):
+                    yield from self.without(parts)
+                case Forall(variables, inner):
+                    rest = tuple(self.without([inner]))
+                    if rest:
+                        yield Forall(variables, And(rest))
+                case Preference(name, _) if not self._weight(name):
+                    continue
+                case Preference():
+                    reason = "only a preference in the goal can be counted by a metric there"
+                    raise self._context.unsupported(node, reason)
+                case _:
+                    raise self._context.unsupported(node, "a preference stands at an odd place")
+
+    def goals(self, nodes: Iterable[Formula], scope: Bindings) -> Iterator[FNode]:
+        """Convert goals, and add up the gains of preferences."""
+        for node in nodes:
+            match node:
+                case Preference(name, inner):
+                    if weight := self._weight(name):
+                        goal = self._formulas.formula(inner, scope)
+                        self.gains[goal] = self.gains.get(goal, Fraction(0)) + weight
+                case And(parts):
+                    yield from self.goals(parts, scope)
+                case Forall(variables, inner) if mentions(Preference, inner):
+                    for within in self._instances(variables, scope):
+                        yield from self.goals([inner], within)
+                case _:
+                    yield self._formulas.formula(node, scope)
+
+    def _instances(self, variables: Sequence[TypedName], scope: Bindings) -> Iterator[Bindings]:
+        choices = []
+        for variable in variables:
+            branches = self._context.types.branches(variable.types)
+            choices.append(
+                [
+                    item
+                    for item in self._context.objects.values()
+                    if any(branch.is_compatible(item.type) for branch in branches)
+                ]
+            )
+        manager = self._context.environment.expression_manager
+        for chosen in product(*choices):
+            within = scope
+            for variable, item in zip(variables, chosen, strict=True):
+                within = within.bind(variable.name, manager.ObjectExp(item))
+            yield within
+
+    def _weight(self, name: str | None) -> Fraction:
+        return self._weights.get(fold(name), Fraction(0)) if name else Fraction(0)
+
+    def _linear(self, node: Expression) -> dict[str, Fraction]:
+        match node:
+            case Number(value):
+                return {_CONSTANT: Fraction(value)}
+            case IsViolated(preference):
+                return {fold(preference): Fraction(1)}
+            case Arithmetic(operator, operands):
+                parts = [self._linear(operand) for operand in operands]
+                if operator in {"+", "-"}:
+                    first = -1 if operator == "-" and len(parts) == 1 else 1
+                    sign = 1 if operator == "+" else -1
+                    return _sum([(first, parts[0]), *((sign, part) for part in parts[1:])])
+                constants = [part.get(_CONSTANT) for part in parts if part.keys() <= {_CONSTANT}]
+                if operator == "*" and len(constants) >= len(parts) - 1:
+                    return self._product(parts)
+                if operator == "/" and len(parts) == 2 and parts[1].keys() == {_CONSTANT}:
+                    divisor = parts[1][_CONSTANT]
+                    if divisor:
+                        return _sum([(1 / divisor, parts[0])])
+        reason = "a sum of violations and other quantities has no counterpart"
+        raise self._context.unsupported(node, reason)
+
+    def _product(self, parts: Sequence[dict[str, Fraction]]) -> dict[str, Fraction]:
+        result: dict[str, Fraction] = {_CONSTANT: Fraction(1)}
+        for part in parts:
+            left, right = (result, part) if part.keys() <= {_CONSTANT} else (part, result)
+            result = _sum([(right.get(_CONSTANT, Fraction(0)), left)])
+        return result
+
+
+def _sum(parts: Iterable[tuple[Fraction | int, dict[str, Fraction]]]) -> dict[str, Fraction]:
+    total: dict[str, Fraction] = {}
+    for factor, part in parts:
+        for name, weight in part.items():
+            total[name] = total.get(name, Fraction(0)) + factor * weight
+    return total
+
+
+def mentions(kind: type[Node], *nodes: Node) -> bool:
+    """Return whether nodes contain a node of a class."""
+    return any(isinstance(node, kind) for node in walk(*nodes))

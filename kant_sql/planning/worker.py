@@ -1,7 +1,7 @@
-"""The process in which a planner is asked: `python -m kant_sql.planning.worker DIRECTORY`.
+"""The process that runs a planner: `python -m kant_sql.planning.worker DIRECTORY`.
 
-All that an engine starts stays in this process's group, which ends as a whole: when the plan is
-there, when time is up, and when the process that asked is gone.
+All processes that an engine starts stay in the group of this one, which ends as a whole: with the
+plan, at the timeout, or when the calling process is gone.
 """
 
 from __future__ import annotations
@@ -11,24 +11,158 @@ import pickle
 import signal
 import subprocess
 import sys
+import tempfile
 import threading
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
 from decimal import Decimal
 from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..errors import KantSqlError, PlannerMissingError
+from ..dto.formulas import Arithmetic, Assign, ContinuousTime, Node, Number, walk
+from ..errors import KantSqlError, PlannerMissingError, UnsupportedConstructError
 from ..pddl.document import Domain, Problem
-from .aries import engine_parameters
-from .engines import Form, candidates, form_for, forms, missing_features
 from .plan import Plan, PlanStep
 
 if TYPE_CHECKING:
     from unified_planning.environment import Environment
     from unified_planning.model import Problem as UpProblem
+    from unified_planning.plans import ActionInstance
     from unified_planning.plans import Plan as UpPlan
 
-    from .names import Names
+    from .names import UpNames
+
+
+def engine_parameters(name: str) -> dict[str, str]:
+    """Return the parameters for creating an engine of unified-planning."""
+    if name != "aries":
+        return {}
+    from up_aries.solver import _find_executable
+
+    found = _find_executable()
+    if " " not in found:
+        return {}
+    link = Path(tempfile.mkdtemp(prefix="aries-"), "aries")
+    link.symlink_to(found)
+    return {"executable": str(link)}
+
+
+TEMPORAL = ("aries", "enhsp")
+NUMERIC = ("enhsp", "aries")
+CLASSICAL = ("fast-downward", "pyperplan", "enhsp", "aries")
+PREFERRED_GOALS = ("oversubscription[fast-downward]", "oversubscription[enhsp]")
+# These engines solve once for each subset of the goals.
+MOST_PREFERRED_GOALS = 5
+# The compilations that remove features, in the order in which they are tried.
+COMPILATIONS = (
+    ("TRAJECTORY_CONSTRAINTS_REMOVING", {"TRAJECTORY_CONSTRAINTS", "STATE_INVARIANTS"}),
+    ("USERTYPE_FLUENTS_REMOVING", {"OBJECT_FLUENTS"}),
+    (
+        "QUANTIFIERS_REMOVING",
+        {"UNIVERSAL_CONDITIONS", "EXISTENTIAL_CONDITIONS", "FORALL_EFFECTS"},
+    ),
+    ("CONDITIONAL_EFFECTS_REMOVING", {"CONDITIONAL_EFFECTS"}),
+    ("DISJUNCTIVE_CONDITIONS_REMOVING", {"DISJUNCTIVE_CONDITIONS"}),
+    ("NEGATIVE_CONDITIONS_REMOVING", {"NEGATIVE_CONDITIONS"}),
+)
+
+
+@dataclass(frozen=True)
+class EngineProblem:
+    """A problem as an engine receives it.
+
+    Attributes:
+        problem: the problem.
+        back: maps its actions back to the original ones, last compilation first.
+    """
+
+    problem: UpProblem
+    back: tuple[Callable[[ActionInstance], ActionInstance | None], ...] = field(default=())
+
+
+def candidates(problem: UpProblem) -> tuple[str, ...]:
+    """Return the names of the engines to try, in order."""
+    kind = problem.kind
+    if kind.has_oversubscription():
+        goals = sum(len(metric.goals) for metric in problem.quality_metrics)
+        return PREFERRED_GOALS if goals <= MOST_PREFERRED_GOALS else ()
+    if kind.has_continuous_time():
+        return TEMPORAL
+    if kind.has_real_fluents() or kind.has_int_fluents() or kind.has_processes():
+        return NUMERIC
+    return CLASSICAL
+
+
+def form_for(form: EngineProblem, engine: str, environment: Environment) -> EngineProblem | None:
+    """Compile a problem until an engine supports it; None if that is impossible."""
+    from unified_planning.engines import CompilationKind
+    from unified_planning.exceptions import UPException
+
+    for name, features in COMPILATIONS:
+        missing = missing_features(form.problem, engine, environment)
+        if not missing:
+            return form
+        if not missing & features:
+            continue
+        try:
+            with environment.factory.Compiler(
+                problem_kind=form.problem.kind, compilation_kind=CompilationKind[name]
+            ) as compiler:
+                made = compiler.compile(form.problem, CompilationKind[name])
+        except UPException:
+            return None
+        form = replace(form, problem=made.problem, back=(made.map_back_action_instance, *form.back))
+    return None if missing_features(form.problem, engine, environment) else form
+
+
+def missing_features(problem: UpProblem, engine: str, environment: Environment) -> set[str]:
+    """Return the features of a problem that an engine does not support."""
+    made = environment.factory.engine(engine)
+    kind = problem.kind
+    if made.supports(kind):
+        return set()
+    features: set[str] = kind.features - made.supported_kind().features
+    return features or {"PROBLEM_KIND"}
+
+
+def numbers_are_integers(domain: Domain, problem: Problem) -> bool:
+    """Return whether all numbers stay integers in any plan."""
+    nodes: list[Node] = [*problem.goal, *problem.constraints, *domain.constraints, *problem.timed]
+    for action in domain.actions:
+        nodes.extend((*action.duration, *action.condition, *action.effect))
+    nodes.extend(rule.formula for rule in domain.derived)
+    nodes.extend(value.value for value in problem.values)
+    for node in walk(*nodes):
+        match node:
+            case Number(value) if value != value.to_integral_value():
+                return False
+            case Arithmetic("/") | Assign("scale-down") | ContinuousTime():
+                return False
+    return True
+
+
+def forms(
+    domain: Domain, problem: Problem, convert: Callable[[Problem, bool], UpProblem]
+) -> Iterator[EngineProblem]:
+    """Yield the variants of a problem to solve, the most faithful first."""
+    measured = problem.metric is not None
+    try:
+        yield from _numbered(domain, problem, convert)
+    except UnsupportedConstructError:
+        if not measured:
+            raise
+    if measured:
+        yield from _numbered(domain, replace(problem, metric=None), convert)
+
+
+def _numbered(
+    domain: Domain, problem: Problem, convert: Callable[[Problem, bool], UpProblem]
+) -> Iterator[EngineProblem]:
+    yield EngineProblem(convert(problem, False))
+    if numbers_are_integers(domain, problem):
+        yield EngineProblem(convert(problem, True))
+
 
 _PLACES = 6
 
@@ -45,13 +179,6 @@ class Search:
     """The search for a plan, engine by engine."""
 
     def __init__(self, domain: Domain, problem: Problem, engine: str | None) -> None:
-        """Prepare the search.
-
-        Args:
-            domain: the domain.
-            problem: the problem.
-            engine: the engine to ask; None for all that suit.
-        """
         from unified_planning.environment import get_environment
 
         self._domain, self._problem, self._engine = domain, problem, engine
@@ -62,18 +189,14 @@ class Search:
             "unified_planning.engines.compilers.trajectory_constraints_remover",
             "TrajectoryConstraintsRemover",
         )
-        self._names: Names | None = None
+        self._names: UpNames | None = None
         self._failures: dict[str, str] = {}
         self._missing: dict[str, set[str]] = {}
-        # What the caller did not ask for, and is to hear of.
+        # Deviations from the request, which the caller logs.
         self.fallbacks: list[str] = []
 
     def run(self) -> Plan | tuple[str, str, str]:
-        """Ask the engines in turn.
-
-        Returns:
-            The first plan; else the kind of error, its message and the status.
-        """
+        """Try the engines in turn."""
         installed = self._environment.factory.engines
         if self._engine is not None and self._engine not in installed:
             planners = ", ".join(_planners(installed, self._environment))
@@ -93,7 +216,7 @@ class Search:
                     return self._failed()
         return self._failed()
 
-    def _note_fallbacks(self, name: str, form: Form) -> None:
+    def _note_fallbacks(self, name: str, form: EngineProblem) -> None:
         if self._failures:
             failed = ", ".join(f"{engine}: {why}" for engine, why in self._failures.items())
             self.fallbacks.append(f"{name} was asked because others found no plan ({failed})")
@@ -113,13 +236,13 @@ class Search:
         return "NoPlanError", message, "unsupported_problem"
 
     def _convert(self, problem: Problem, integers: bool) -> UpProblem:
-        from .up_problem import convert
+        from .to_up import convert
 
         context = convert(self._domain, problem, self._environment, integers)
         self._names = context.names
         return context.problem
 
-    def _ask(self, name: str, form: Form) -> Plan | None:
+    def _ask(self, name: str, form: EngineProblem) -> Plan | None:
         made = form_for(form, name, self._environment)
         if made is None:
             missing = missing_features(form.problem, name, self._environment)
@@ -165,7 +288,7 @@ def _planners(installed: list[str], environment: Environment) -> list[str]:
 
 
 def _status(engine: str, status: str) -> str:
-    # ENHSP has nothing else to say when it gives up, or cannot read the problem.
+    # ENHSP reports this also when it gives up or cannot read the problem.
     if engine == "enhsp" and status == "unsolvable_proven":
         return "unsolvable_incompletely"
     return status
@@ -190,11 +313,7 @@ def _end_group() -> None:
 
 
 def main(directory: str) -> None:
-    """Solve the task in a directory, and put the outcome there.
-
-    Args:
-        directory: where the task is.
-    """
+    """Solve the task in a directory, and write the result there."""
     threading.Thread(target=_end_with_parent, daemon=True).start()
     subprocess.Popen = GroupedProcess  # type: ignore[misc,assignment]
     domain, problem, engine = pickle.loads(Path(directory, "task").read_bytes())

@@ -1,20 +1,21 @@
-"""What the DAO of plans does."""
+"""The interface of recorded plans."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from decimal import Decimal
-from typing import Literal, NamedTuple, Protocol
+from typing import Literal, NamedTuple
 
-from ..history import Version
+from ..history.versions import Version
 from ..planning import Plan
 
 StepStatus = Literal["started", "succeeded", "failed", "aborted"]
 
 
 class Given(NamedTuple):
-    """What a planner was given.
+    """The texts that a planner was given.
 
     Attributes:
         domain: the domain's PDDL text.
@@ -25,31 +26,24 @@ class Given(NamedTuple):
     problem: str
 
 
-class GivenReader(Protocol):
-    """Gives again what the planner of a recorded plan was given."""
-
-    def read(self, plan: RecordedPlan) -> Given:
-        """Read it from the store, and compare it with the plan's hash."""
-
-
 @dataclass(frozen=True)
 class RecordedStep:
-    """A step of a plan that was recorded, and what became of it.
+    """A step of a recorded plan, and its outcome.
 
     Attributes:
         plan_id: the id of its plan.
-        position: its place in the plan, from 0.
-        start: seconds from the plan's beginning; None in a plan without times.
+        position: its index in the plan, from 0.
+        start: seconds from the start of the plan; None in a plan without times.
         action: the action's name.
         arguments: the objects' names.
-        duration: seconds; None for what happens in an instant.
-        status: `started`, `succeeded`, `failed` or `aborted`; None when it was not started.
-        outcomes: each status that it had, with the revisions that set it and ended it.
-        revisions: the numbers of the revisions that were made while it ran (`plan_step=`).
-        knowledge_base: the knowledge base that its plan was recorded in.
+        duration: seconds; None for an instantaneous action.
+        status: `started`, `succeeded`, `failed` or `aborted`; None before it is started.
+        outcomes: each status that it had, with the revisions that set and ended it.
+        revisions: the numbers of the revisions made while it ran (`plan_step=`).
+        knowledge_base: the name of the knowledge base that recorded its plan.
 
-    The step is as it was when it was read. Within a transaction, `status` is what the transaction
-    has made it; `outcomes` are of committed revisions alone.
+    A step does not change after it is read. Within a transaction, `status` includes the
+    transaction's own change; `outcomes` have committed revisions only.
     """
 
     plan_id: int
@@ -69,19 +63,19 @@ class RecordedStep:
 
 @dataclass(frozen=True)
 class RecordedPlan:
-    """A plan that was recorded.
+    """A recorded plan.
 
     Attributes:
         id: its id.
         recorded_in: the revision that recorded it.
-        revision: the revision of the state that it was planned from.
-        problem_hash: SHA-256, in hexadecimal, of what the planner was given: the UTF-8 of the
-            domain's PDDL text and then of the problem's.
-        planner: who found it.
-        planner_version: which version of that.
-        objective: what it was to make small or large, as PDDL text.
-        value: what the objective comes to.
-        status: what the planner said of it.
+        revision: the revision of the state that it was made from.
+        problem_hash: SHA-256, in hexadecimal, of the planner's input: the UTF-8 of the domain's
+            PDDL text, followed by the problem's.
+        planner: the planner's name.
+        planner_version: the planner's version.
+        objective: the metric, as PDDL text.
+        value: the value of the objective.
+        status: the planner's status, for example `solved_optimally`.
         steps: its steps, in order.
     """
 
@@ -95,35 +89,35 @@ class RecordedPlan:
     value: Decimal | None
     status: str | None
     steps: tuple[RecordedStep, ...]
-    _given: GivenReader = field(compare=False, repr=False)
+    _given: Callable[[RecordedPlan], Given] = field(compare=False, repr=False)
 
     def domain_pddl(self) -> str:
-        """Give the domain that the planner was given, byte for byte.
+        """Return the domain that the planner was given, byte for byte.
 
         Returns:
             The PDDL text.
 
         Raises:
             ArchivedError: the state was moved to an archive.
-            PlanError: what the store writes today is not what it was, by its hash.
+            PlanError: the text that the store writes today has another hash.
         """
-        return self._given.read(self).domain
+        return self._given(self).domain
 
     def problem_pddl(self) -> str:
-        """Give the problem that the planner was given, byte for byte.
+        """Return the problem that the planner was given, byte for byte.
 
         Returns:
             The PDDL text.
 
         Raises:
             ArchivedError: the state was moved to an archive.
-            PlanError: what the store writes today is not what it was, by its hash.
+            PlanError: the text that the store writes today has another hash.
         """
-        return self._given.read(self).problem
+        return self._given(self).problem
 
 
 class PlanDao(ABC):
-    """Records plans, and what became of their steps. Nothing recorded is changed or deleted."""
+    """Records plans and the status of their steps. Recorded plans are never changed or deleted."""
 
     @abstractmethod
     def record(
@@ -140,38 +134,49 @@ class PlanDao(ABC):
         """Record a plan, in one revision.
 
         Args:
-            plan: the plan; its `revision` is the state that it was planned from, the head when
-                it has none. Names are in any spelling.
-            planner: who found it; the plan's engine when not given.
-            planner_version: which version of that.
-            objective: what it was to make small or large; the state's metric when not given.
-            value: what the objective comes to.
-            domain_pddl: the domain that the planner was given, if it is not what the store
-                writes of the state.
+            plan: the plan. Its `revision` is the state that it was made from, by default the head.
+                Names are in any case.
+            planner: the planner's name; by default the plan's engine.
+            planner_version: the planner's version.
+            objective: the metric as PDDL text; by default the state's metric.
+            value: the value of the objective.
+            domain_pddl: the domain that the planner was given, if it differs from the text that the
+                store writes for the state.
             problem_pddl: the problem that the planner was given, likewise.
 
         Returns:
-            The plan as recorded.
+            The recorded plan.
 
         Raises:
-            PlanError: a step names no action of that state (a process or an event is none), gives
-                it other arguments than it has parameters, or objects that are not known or do not
-                fit; something cannot be kept as given; or the plan was found in a transaction, from
-                what no revision says, and the texts were not given.
+            PlanError: a step is not an action of that state (processes and events are not), or its
+                arguments do not fit the parameters; a value cannot be stored exactly; or the plan
+                was made from the uncommitted state of a transaction and the texts are missing.
             ArchivedError: a part of that state was moved to an archive.
             UnknownRevisionError: there is no such revision.
             ReadOnlyError: this is a view of the past.
+
+        Examples:
+            >>> from kant_sql import Plan, PlanStep
+            >>> kb.load_domain('''(define (domain doors) (:predicates (open))
+            ...   (:action unlock :parameters () :effect (open)))''').revision
+            2
+            >>> found = Plan((PlanStep(None, "unlock"),), "by hand", "solved_satisficing")
+            >>> plan = kb.plans.record(found)
+            >>> kb.plans.set_status(plan.steps[0], status="started")
+            True
+            >>> kb.plans.get(plan.id).steps[0].status
+            'started'
         """
 
     @abstractmethod
     def get(self, id_: int) -> RecordedPlan | None:
-        """Read a plan, with what became of its steps.
+        """Read a plan with the outcomes of its steps.
 
         Args:
             id_: its id.
 
         Returns:
-            The plan; None when there is none of this id.
+            The plan, or None.
         """
 
     @abstractmethod
@@ -184,19 +189,19 @@ class PlanDao(ABC):
 
     @abstractmethod
     def set_status(self, step: RecordedStep, *, status: StepStatus) -> bool:
-        """Say what becomes of a step.
+        """Set the status of a step.
 
-        A step is started once, and then succeeds, fails or is aborted; one that was not started
-        may be aborted too.
+        A step is started once, and then succeeds, fails or is aborted. A step that was not started
+        can be aborted, too.
 
         Args:
             step: the step.
             status: `started`, `succeeded`, `failed` or `aborted`.
 
         Returns:
-            False when it has this status already.
+            False when the step has this status already.
 
         Raises:
-            PlanError: the step is not known, or cannot come to this status from the one it has.
+            PlanError: the step is not known, or its present status does not allow this one.
             ReadOnlyError: this is a view of the past.
         """

@@ -7,10 +7,8 @@ from pathlib import Path
 import pytest
 
 from kant_sql import KnowledgeBase
-from tests.archiving import (
-    target_url,
-)
-from tests.conftest import Connect
+from tests.support.archives import target_url
+from tests.support.stores import Connect
 
 
 @pytest.fixture(params=["sqlite-file", "postgresql"])

@@ -9,14 +9,13 @@ import pytest
 
 import kant_sql
 from kant_sql import KnowledgeBase, PddlObjectDto, PddlTypeDto
-from kant_sql.catalog import knowledge_bases
 from kant_sql.errors import (
     ArchivedError,
     ConflictError,
 )
-from kant_sql.history import archiving
-from tests import counter
-from tests.archiving import (
+from kant_sql.history.archive import archive as archiving
+from kant_sql.sql.catalog import knowledge_bases
+from tests.support.archives import (
     IDENTITIES,
     count,
     intact,
@@ -26,16 +25,17 @@ from tests.archiving import (
     versions_after,
     versions_of,
     versions_upto,
-    write_story,
 )
-from tests.conftest import Connect
-from tests.worlds import RB1, WP1, WP2, robot_at
+from tests.support.stores import Connect
+from tests.support.worlds import counter
+from tests.support.worlds.robots import RB1, WP1, WP2, robot_at
+from tests.support.worlds.story import write_whole_story
 
 
 def test_the_archive_is_what_the_store_was_and_the_store_keeps_the_rest(
     shared_url: str, any_archive_url: str, connect: Connect
 ) -> None:
-    write_story(shared_url)
+    write_whole_story(shared_url)
     kb = connect(shared_url, knowledge_base="tiago")
     head, before = kb.revision, rows_of(shared_url)
     then = states(kb, range(head + 1))
@@ -59,7 +59,7 @@ def test_the_archive_is_what_the_store_was_and_the_store_keeps_the_rest(
 def test_all_rows_of_the_archive_are_those_of_the_store(
     file_url: str, archive_url: str, connect: Connect
 ) -> None:
-    write_story(file_url)
+    write_whole_story(file_url)
     kb = connect(file_url, knowledge_base="tiago")
     before, head = rows_of(file_url), kb.revision
     kb.objects.save(PddlObjectDto(PddlTypeDto("truck"), "later"))
@@ -214,7 +214,7 @@ def test_atoms_of_objects_that_are_gone_go_and_come_back(
 def test_plans_come_along_and_tell_what_the_planner_was_given(
     file_url: str, archive_url: str, connect: Connect
 ) -> None:
-    write_story(file_url)
+    write_whole_story(file_url)
     kb = connect(file_url, knowledge_base="tiago")
     plans = [(plan.id, plan.domain_pddl(), plan.problem_pddl()) for plan in kb.plans.get_all()]
     with kb.transaction():

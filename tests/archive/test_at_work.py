@@ -10,10 +10,10 @@ import pytest
 
 import kant_sql
 from kant_sql import KnowledgeBase
-from kant_sql.archive import replicating
-from tests import counter
-from tests.archiving import intact, rows_of, target_url
-from tests.conftest import Connect
+from kant_sql.history.archive import target as replicating
+from tests.support.archives import intact, rows_of, target_url
+from tests.support.stores import Connect
+from tests.support.worlds import counter
 
 FIRST, ROUNDS, STEP, MOST = 20, 3, 6, 200
 

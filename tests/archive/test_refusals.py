@@ -19,16 +19,13 @@ from kant_sql.errors import (
     SchemaMissingError,
     UnknownRevisionError,
 )
-from kant_sql.history import archiving
-from tests import counter
-from tests.archiving import (
-    count,
-    rows_of,
-    target_url,
-)
-from tests.conftest import Connect, Server
-from tests.rights import members
-from tests.worlds import RB1
+from kant_sql.history.archive import archive as archiving
+from tests.support.archives import count, rows_of, target_url
+from tests.support.roles import members
+from tests.support.servers import Server
+from tests.support.stores import Connect
+from tests.support.worlds import counter
+from tests.support.worlds.robots import RB1
 
 
 def never(*_: object) -> None:

@@ -6,9 +6,9 @@ import pytest
 
 import kant_sql
 from kant_sql import PddlObjectDto, PddlPredicateDto, PddlPropositionDto, PddlTypeDto
-from tests.audit.asking import Ask, ask
 from tests.audit.story import record
-from tests.conftest import Server
+from tests.support.pages import Ask, ask
+from tests.support.servers import Server
 
 
 @pytest.fixture(scope="session")

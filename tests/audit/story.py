@@ -17,8 +17,8 @@ from kant_sql import (
     PddlPropositionDto,
     PddlTypeDto,
 )
-from kant_sql.backends.session import Session
 from kant_sql.planning import Plan, PlanStep
+from kant_sql.sql.dialects.base import Session
 
 DOMAIN = """
 (define (domain restaurant)
@@ -102,7 +102,7 @@ class Clock:
         frozen = SimpleNamespace(monotonic=lambda: 0.0)
         with (
             mock.patch.object(Session, "now", now),
-            mock.patch("kant_sql.transaction.time", frozen),
+            mock.patch("kant_sql.store.transaction.time", frozen),
         ):
             yield self
 

@@ -7,8 +7,7 @@ from itertools import pairwise
 
 import pytest
 
-from tests.audit.asking import Ask
-from tests.pages import Page
+from tests.support.pages import Ask, Page
 
 PAGE = Page("audit.md")
 TITLES = re.findall(r"^\d+\. (.+)$", PAGE.text, re.MULTILINE)

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import psycopg
 import pytest
 
-from tests.audit.asking import rows_of
+from tests.support.pages import rows_of
 
 TIMES = "'2026-01-31T09:30:00.000000Z' AND '2026-01-31T09:31:00.000000Z'"
 # What is asked, and the index that both databases have for it.

@@ -14,8 +14,10 @@ from sqlalchemy import make_url
 
 import kant_sql
 from kant_sql import PddlObjectDto, PddlPredicateDto, PddlPropositionDto, PddlTypeDto
-from tests.audit.asking import rows_of
-from tests.conftest import Server
+from tests.support.pages import rows_of
+from tests.support.servers import Server
+
+pytestmark = pytest.mark.slow
 
 LENGTHS = {"short": 50, "long": 400}
 ROBOT, WAYPOINT = PddlTypeDto("robot"), PddlTypeDto("wp")

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from tests.audit.asking import ask
-from tests.conftest import Connect
+from tests.support.pages import ask
+from tests.support.stores import Connect
 
 DOMAIN = """
 (define (domain trees)

@@ -9,9 +9,9 @@ import pytest
 from sqlalchemy import make_url
 
 from kant_sql import KnowledgeBase, PddlPredicateDto, PddlPropositionDto
-from tests.audit.asking import ask, rows_of
 from tests.audit.story import Clock
-from tests.conftest import Connect
+from tests.support.pages import ask, rows_of
+from tests.support.stores import Connect
 
 LIT = PddlPropositionDto(PddlPredicateDto("lit", []), [])
 # Rounded to milliseconds, as SQLite would, it is a second later.

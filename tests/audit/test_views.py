@@ -9,8 +9,7 @@ import pytest
 from sqlalchemy import make_url
 
 import kant_sql
-from tests.audit.asking import ask, rows_of
-from tests.pages import Page
+from tests.support.pages import Page, ask, rows_of
 
 PAGE = Page("audit.md")
 

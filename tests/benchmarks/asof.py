@@ -21,7 +21,7 @@ from statistics import median
 from typing import Any
 
 import kant_sql
-from kant_sql.knowledge.past import forks_at
+from kant_sql.sql.intervals import forks_at
 from tests.benchmarks.support import Bare, alternate, bare, print_table, stores
 from tests.benchmarks.years import START, STEP, fill
 

@@ -110,7 +110,7 @@ class Bare:
         now = datetime.now(UTC).isoformat(timespec="microseconds")[:26] + "Z"
         digest = self.digest(head[3], now, reason)
         moment = self.driver.moment(now)
-        revision = (self.kb, self.number, moment, self.actor, reason, None, 2, digest, None)
+        revision = (self.kb, self.number, moment, self.actor, reason, None, 1, digest, None)
         run(insert("revision", 9), revision)
         defined = self.number if self.defined else head[1]
         run(MOVE_HEAD, (self.number, defined, self.next_id, digest, moment, self.kb))
@@ -122,7 +122,7 @@ class Bare:
             "actor": self.actor,
             "changes": sorted(self.changes),
             "committed_at": now,
-            "form": 2,
+            "form": 1,
             "knowledge_base": self.name,
             "number": self.number,
             "observed_at": None,

@@ -32,15 +32,7 @@ from kant_sql import (
     PddlPropositionDto,
     PddlTypeDto,
 )
-from tests.benchmarks.support import (
-    NewStore,
-    Row,
-    alternate,
-    bare,
-    print_table,
-    seconds,
-    stores,
-)
+from tests.benchmarks.support import NewStore, Row, alternate, bare, print_table, seconds, stores
 
 ROOT = Path(__file__).resolve().parents[2]
 SIDE = 1_000
@@ -101,7 +93,7 @@ def by_driver(url: str, number: int) -> Any:
 
     def insert() -> None:
         store.execute("BEGIN")
-        row = (kb_id, revision + 1, moment, None, None, None, 2, digest, None)
+        row = (kb_id, revision + 1, moment, None, None, None, 1, digest, None)
         store.insert("revision", len(row), [row])
         for start in range(0, number, BATCH):
             end = start + BATCH

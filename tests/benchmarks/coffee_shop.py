@@ -33,7 +33,7 @@ from tests.benchmarks.comparing import compare_histories, compare_results, compa
 from tests.benchmarks.drivers import Driver, PsycopgDriver, SqliteDriver
 from tests.benchmarks.recording import KNOWLEDGE_BASE, Call, Step, record
 from tests.benchmarks.support import print_table
-from tests.conftest import Server
+from tests.support.servers import Server
 
 # The last does not wait for the disk at each commit, which hides all else.
 BACKENDS = ("sqlite-file", "sqlite-memory", "postgresql", "postgresql-async")

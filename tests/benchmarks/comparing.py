@@ -9,7 +9,7 @@ from typing import Any
 from sqlalchemy import create_engine, select
 
 from kant_sql import Dto, KnowledgeBase, LogEntry, PddlPropositionDto
-from kant_sql.tables import Base
+from kant_sql.sql.tables import Base
 
 # What no two runs have in common.
 OWN = {"committed_at", "hash"}
@@ -53,7 +53,7 @@ def check_chain(log: list[LogEntry], name: str) -> None:
             "actor": revision.actor,
             "changes": sorted(entry.changes),
             "committed_at": moment,
-            "form": 2,
+            "form": 1,
             "knowledge_base": name,
             "number": revision.number,
             "observed_at": revision.observed_at,

@@ -23,18 +23,10 @@ from typing import Any, NamedTuple
 
 import kant_sql
 from kant_sql.pddl import read_domain, read_problem
-from kant_sql.tables import Base, HeadRow
+from kant_sql.sql.tables import Base, HeadRow
 from tests.benchmarks import generated
 from tests.benchmarks.comparing import compare_tables
-from tests.benchmarks.support import (
-    Bare,
-    NewStore,
-    Row,
-    alternate,
-    bare,
-    print_table,
-    stores,
-)
+from tests.benchmarks.support import Bare, NewStore, Row, alternate, bare, print_table, stores
 
 # One COPY of all rows takes PostgreSQL twice as long: it checks foreign keys at the end of each.
 BATCH = 10_000

@@ -31,9 +31,9 @@ from kant_sql import (
     PddlPropositionDto,
     PddlTypeDto,
 )
-from kant_sql.knowledge.past import fork
+from kant_sql.sql.intervals import fork
 from tests.benchmarks.support import Bare, Row, alternate, bare, print_table, seconds, stores
-from tests.statements import explain, is_bracket, seen
+from tests.support.statements import explain, is_bracket, seen
 
 SIDE = 1_000
 HOT = 200

@@ -17,7 +17,6 @@ from __future__ import annotations
 
 import argparse
 import gc
-import json
 import random
 import re
 import sys
@@ -32,8 +31,8 @@ from tests.benchmarks import generated
 from tests.benchmarks.asking import Asked
 from tests.benchmarks.other_parsers import PARSERS
 from tests.benchmarks.support import alternate, print_table, seconds
+from tests.support.corpus import CORPUS, PAIRS
 
-CORPUS = Path(__file__).resolve().parents[2] / ".." / "shared" / "pddl"
 COMMENT = re.compile(r";[^\n]*")
 TOKEN = re.compile(r"[()]|[^\s()]+")
 # The slowest of the others takes a minute for a megabyte.
@@ -61,13 +60,7 @@ def load(paths: Iterable[Path]) -> Pair:
 
 def corpus() -> list[Pair]:
     """Take the corpus; there is none in a checkout that stands alone."""
-    index = CORPUS / "index.json"
-    if not index.exists():
-        return []
-    return [
-        load((CORPUS / pair["domain"], CORPUS / pair["problem"]))
-        for pair in json.loads(index.read_text())
-    ]
+    return [load((pair.domain, pair.problem)) for pair in PAIRS]
 
 
 def generate(folder: Path, facts: int) -> Pair:

@@ -17,7 +17,7 @@ from typing import Any
 import psycopg
 
 import kant_sql
-from tests.conftest import Server
+from tests.support.servers import Server
 
 Row = tuple[Any, ...]
 NewStore = Callable[[], str]

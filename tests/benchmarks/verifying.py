@@ -21,8 +21,9 @@ import psycopg
 from sqlalchemy import make_url
 
 import kant_sql
-from kant_sql.backends import Session, create_backend
-from kant_sql.verification.checkpoints import stream_chain
+from kant_sql.history.verify.chain import stream_chain
+from kant_sql.sql.dialects import create_backend
+from kant_sql.sql.dialects.base import Session
 from tests.benchmarks.bulk import status
 from tests.benchmarks.support import print_table, seconds, stores
 from tests.benchmarks.years import fill

@@ -13,7 +13,7 @@ from random import Random
 from typing import NamedTuple
 
 import kant_sql
-from kant_sql.knowledge.past import fork
+from kant_sql.sql.intervals import fork
 from tests.benchmarks.support import Bare, Row, bare
 
 START = datetime(2024, 1, 1, tzinfo=UTC)
@@ -117,7 +117,7 @@ class Writer:
         for number in range(first, last + 1):
             actor = ("perception", "executive", "operator")[number % 3]
             digest = f"{number:064x}"
-            yield self.kb, number, self.moment(number), actor, None, None, 2, digest, None
+            yield self.kb, number, self.moment(number), actor, None, None, 1, digest, None
 
     def atom(self, key: Key) -> int:
         if key not in self.atoms:

@@ -8,8 +8,8 @@ import pytest
 
 import kant_sql
 from kant_sql import PddlObjectDto, PddlTypeDto
-from tests.conftest import make_store_url
-from tests.worlds import ROBOT, WP2, navigation, robot_at
+from tests.support.stores import make_store_url
+from tests.support.worlds.robots import ROBOT, WP2, navigation, robot_at
 
 BACKENDS = ("sqlite-file", "postgresql")
 

@@ -10,10 +10,10 @@ import pytest
 
 import kant_sql
 from kant_sql import StoreError
-from kant_sql.canonical import time_text
-from kant_sql.history import archiving
-from tests.archiving import target_url
-from tests.cli.running import one_line, run
+from kant_sql.history.archive import archive as archiving
+from kant_sql.knowledge.canonical import time_text
+from tests.support.archives import target_url
+from tests.support.processes.commands import one_line, run
 
 
 def test_what_ended_is_moved_and_told(own_store: str, tmp_path: Path) -> None:

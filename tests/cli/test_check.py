@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from tests.cli.running import CHILD_TIMEOUT, PROGRAM, child, command, one_line, run
+from tests.support.processes.commands import CHILD_TIMEOUT, PROGRAM, child, command, one_line, run
 
 FILES = Path(__file__).parent / "files"
 DOMAIN, PROBLEM = str(FILES / "delivery.pddl"), str(FILES / "coffee.pddl")

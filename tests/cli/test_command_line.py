@@ -19,9 +19,8 @@ from typer.main import get_command
 
 import kant_sql
 from kant_sql import PddlTypeDto
-from kant_sql.cli.errors import without_passwords
-from kant_sql.cli.main import app
-from tests.cli.running import (
+from kant_sql.cli.main import app, without_passwords
+from tests.support.processes.commands import (
     CHILD_TIMEOUT,
     PROGRAM,
     child,
@@ -31,7 +30,7 @@ from tests.cli.running import (
     run,
     start,
 )
-from tests.worlds import robot_at
+from tests.support.worlds.robots import robot_at
 
 SECRET = "hunter2"
 FILES = Path(__file__).parent / "files"
@@ -356,6 +355,36 @@ def test_completion_is_installed_for_the_shell_that_is_named(tmp_path: Path) -> 
 
 
 def test_importing_the_library_imports_neither_drivers_nor_alembic_nor_the_command_line() -> None:
-    heavy = ["typer", "click", "rich", "alembic", "psycopg", "kant_sql.cli"]
-    program = f"import sys, kant_sql; print([name for name in {heavy} if name in sys.modules])"
+    heavy = ["typer", "click", "rich", "alembic", "psycopg", "unified_planning", "kant_sql.cli"]
+    program = f"""
+import sys, kant_sql
+from kant_sql import *
+from kant_sql.knowledge_base import KnowledgeBase
+assert kant_sql.KnowledgeBase is KnowledgeBase
+print([name for name in {heavy} if name in sys.modules])
+"""
     assert child(program=[sys.executable, "-c", program]).stdout == "[]\n"
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--help"], "Usage: kant-sql"),
+        (["load", "--help"], "Usage: kant-sql load"),
+        (["db", "--help"], "Usage: kant-sql db"),
+        (["--version"], "kant-sql "),
+        (["check", "domain.pddl"], "domain.pddl: domain d"),
+    ],
+    ids=" ".join,
+)
+def test_help_and_check_import_neither_sqlalchemy_nor_a_driver(
+    tmp_path: Path, words: list[str], said: str
+) -> None:
+    (tmp_path / "domain.pddl").write_text("(define (domain d))")
+    program = [sys.executable, "-X", "importtime", "-m", "kant_sql.cli.main"]
+    done = child(*words, program=program, cwd=tmp_path)
+    assert (done.returncode, done.stdout[: len(said)]) == (0, said)
+    imported = {line.rpartition("|")[2].strip() for line in done.stderr.splitlines()}
+    assert "kant_sql.errors" in imported
+    heavy = {"sqlalchemy", "sqlite3", "psycopg", "alembic", "unified_planning", "asyncio"}
+    assert not imported & heavy

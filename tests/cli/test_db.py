@@ -13,12 +13,15 @@ import psycopg
 import pytest
 
 import kant_sql
-from kant_sql import PddlFunctionDto, SchemaError, schema
-from kant_sql.cli.stores import leaving_nothing
-from kant_sql.predicate_views import update_views
-from tests.cli.running import CHILD_TIMEOUT, child, one_line, run, start
-from tests.warm import MODULES, python
-from tests.worlds import robot_at
+from kant_sql import PddlFunctionDto, SchemaError
+from kant_sql.cli.common import leaving_nothing
+from kant_sql.sql import schema
+from kant_sql.sql.predicate_views import update_views
+from kant_sql.sql.tables.base import VERSION_TABLE
+from tests.migrations.extra import add_migration
+from tests.support.processes.commands import CHILD_TIMEOUT, child, one_line, run, start
+from tests.support.processes.warm import MODULES, python
+from tests.support.worlds.robots import robot_at
 
 pytestmark = pytest.mark.usefixtures("real_migrations")
 
@@ -64,7 +67,7 @@ def test_check_fails_while_migrations_are_pending(
 
 def test_tables_of_a_newer_version_are_refused(new_url: str) -> None:
     run("db", "upgrade", new_url)
-    run_sql(new_url, f"UPDATE {schema.VERSION_TABLE} SET version_num = '9999'")
+    run_sql(new_url, f"UPDATE {VERSION_TABLE} SET version_num = '9999'")
     for words in (
         ["show"],
         ["log"],
@@ -104,10 +107,10 @@ def test_a_version_that_does_not_exist_is_refused(
 
 def test_a_later_version_is_not_gone_back_to(new_url: str) -> None:
     run("db", "upgrade", new_url)
-    assert run("db", "downgrade", new_url, "0004").stdout == "0004\n"
-    assert run("db", "downgrade", new_url, "0004").stdout == "0004\n"
-    result = run("db", "downgrade", new_url, "0005")
-    assert "of version 0004, which is before 0005; nothing was changed" in one_line(result.stderr)
+    assert run("db", "downgrade", new_url, "0001").stdout == "0001\n"
+    assert run("db", "downgrade", new_url, "0001").stdout == "0001\n"
+    result = run("db", "downgrade", new_url, "0002")
+    assert "of version 0001, which is before 0002; nothing was changed" in one_line(result.stderr)
     assert result.exit_code == 1
 
 
@@ -127,16 +130,37 @@ def test_a_version_that_does_not_exist_drops_no_view_and_says_nothing_of_views(
     assert [view.change for view in update_views(own_store)] == ["unchanged"] * 2
 
 
+# It refuses to go back while there is a function.
+REFUSING = """
+def upgrade():
+    pass
+
+
+def downgrade():
+    query = "SELECT count(*) FROM function_version WHERE until IS NULL"
+    if op.get_bind().scalar(sa.text(query)):
+        raise CommandError("an earlier version has no place for functions")
+"""
+
+
 def test_a_downgrade_that_fails_does_not_say_that_it_has_dropped_views(
-    own_store: str, caplog: pytest.LogCaptureFixture
+    own_store: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
 ) -> None:
+    add_migration(monkeypatch, tmp_path, REFUSING)
+    schema.upgrade(own_store)
     update_views(own_store)
     with kant_sql.connect(own_store, knowledge_base="tiago") as kb:
         kb.functions.save(PddlFunctionDto("fuel", []))
-    with pytest.raises(SchemaError, match="has no place for"):
-        schema.downgrade(own_store, revision="0001")
+    for revision in (schema.VERSIONS[-2], "0001"):
+        with pytest.raises(SchemaError, match="has no place for functions"):
+            schema.downgrade(own_store, revision=revision)
     assert [record for record in caplog.records if "dropped" in record.getMessage()] == []
     assert [view.change for view in update_views(own_store)] == ["unchanged"] * 2
+    with kant_sql.connect(own_store, knowledge_base="tiago") as kb:
+        kb.functions.delete_all()
     schema.downgrade(own_store, revision=schema.VERSIONS[-2])
     assert "2 views of predicates are dropped" in caplog.text
 

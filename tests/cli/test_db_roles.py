@@ -8,9 +8,9 @@ import psycopg
 import pytest
 
 import kant_sql
-from tests.cli.running import one_line, run
-from tests.conftest import Server
-from tests.worlds import robot_at
+from tests.support.processes.commands import one_line, run
+from tests.support.servers import Server
+from tests.support.worlds.robots import robot_at
 
 ROLES = {
     "writer": "kant_sql_writer",

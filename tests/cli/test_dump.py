@@ -9,8 +9,8 @@ import pytest
 
 import kant_sql
 from kant_sql.pddl import read, read_domain, read_problem
-from tests.cli.running import CHILD_TIMEOUT, PROGRAM, child, one_line, run, start
-from tests.worlds import WP2, robot_at
+from tests.support.processes.commands import CHILD_TIMEOUT, PROGRAM, child, one_line, run, start
+from tests.support.worlds.robots import WP2, robot_at
 
 FILES = Path(__file__).parent / "files"
 DOMAIN, PROBLEM = FILES / "watering.pddl", FILES / "balcony.pddl"

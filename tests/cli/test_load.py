@@ -18,9 +18,9 @@ import pytest
 
 import kant_sql
 from kant_sql import InvalidKnowledgeError, KnowledgeBase, PddlTypeDto
-from kant_sql.catalog import knowledge_bases
 from kant_sql.pddl import read_domain, read_problem
-from tests.cli.running import (
+from kant_sql.sql.catalog import knowledge_bases
+from tests.support.processes.commands import (
     CHILD_TIMEOUT,
     PROGRAM,
     child,
@@ -171,7 +171,7 @@ def test_a_problem_alone_creates_neither_a_store_nor_a_knowledge_base(
     assert (result.exit_code, list(tmp_path.iterdir())) == (1, [])
     run("load", url, DOMAIN, "--kb", "tiago")
     assert one_line(run("load", url, PROBLEM).stderr).endswith("choose one with --kb: 'tiago'")
-    assert kant_sql.catalog.knowledge_bases(url) == ["tiago"]
+    assert kant_sql.sql.catalog.knowledge_bases(url) == ["tiago"]
 
 
 def test_what_the_files_do_not_say_is_retracted_or_kept(

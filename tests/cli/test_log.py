@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 
 import kant_sql
-from tests.cli.running import PROGRAM, child, one_line, run
-from tests.worlds import robot_at
+from tests.support.processes.commands import PROGRAM, child, one_line, run
+from tests.support.worlds.robots import robot_at
 
 NEWEST_BUT_ONE = """\
   actor: executive

@@ -7,11 +7,10 @@ import sys
 
 import pytest
 
-from kant_sql.cli.output import Printer
-from kant_sql.cli.progress import bar
+from kant_sql.cli.output import Printer, bar
 from tests.cli.conftest import write_history
-from tests.cli.running import run
-from tests.pages import opened
+from tests.support.pages import opened
+from tests.support.processes.commands import run
 
 # Clears the screen; both ways to begin a sequence; text that runs backwards.
 STEERING = "\x1b[2J\x9b31m\u202e"

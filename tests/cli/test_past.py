@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 
 import kant_sql
-from kant_sql.canonical import time_text
-from tests.cli.running import child, one_line, run
+from kant_sql.knowledge.canonical import time_text
+from tests.support.processes.commands import child, one_line, run
 
 AT_WP1, AT_WP2 = "(robot_at rb1 wp1)", "(robot_at rb1 wp2)"
 

@@ -11,7 +11,7 @@ import pytest
 import kant_sql
 from kant_sql import KnowledgeBase, NoPlanError, PlannerMissingError
 from kant_sql.planning import Plan, PlanStep
-from tests.cli.running import child, one_line, run
+from tests.support.processes.commands import child, one_line, run
 
 FILES = Path(__file__).parent / "files"
 STEPS = [

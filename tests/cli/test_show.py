@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 import kant_sql
-import kant_sql.cli.show
+import kant_sql.cli.state
 from kant_sql import (
     PddlFunctionDto,
     PddlFunctionValueDto,
@@ -21,9 +21,9 @@ from kant_sql import (
     PddlPropositionDto,
     PddlTypeDto,
 )
-from kant_sql.canonical import time_text
-from tests.cli.running import child, one_line, run
-from tests.worlds import WP1, navigation, robot_at
+from kant_sql.knowledge.canonical import time_text
+from tests.support.processes.commands import child, one_line, run
+from tests.support.worlds.robots import WP1, navigation, robot_at
 
 STATE = """\
 requirements (3)
@@ -210,7 +210,7 @@ def test_one_state_is_shown_whatever_is_written_meanwhile(
     own_store: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     expected = shown(own_store)
-    read_time = kant_sql.cli.show._committed_at
+    read_time = kant_sql.cli.state._committed_at
 
     def write_first(state: kant_sql.KnowledgeBase) -> str | None:
         with kant_sql.connect(own_store, knowledge_base="tiago") as other:
@@ -219,7 +219,7 @@ def test_one_state_is_shown_whatever_is_written_meanwhile(
             other.types.save(PddlTypeDto("afterthought"))
         return read_time(state)
 
-    monkeypatch.setattr(kant_sql.cli.show, "_committed_at", write_first)
+    monkeypatch.setattr(kant_sql.cli.state, "_committed_at", write_first)
     assert shown(own_store) == expected
 
 
@@ -258,7 +258,7 @@ def test_a_name_that_does_not_exist_is_answered_with_those_that_do(own_store: st
         result = run("show", own_store, *words)
         assert one_line(result.stderr).endswith("choose one with --kb: 'tiago', 'pepper'")
         assert result.exit_code == 1
-    assert kant_sql.catalog.knowledge_bases(own_store) == ["tiago", "pepper"]
+    assert kant_sql.sql.catalog.knowledge_bases(own_store) == ["tiago", "pepper"]
 
 
 def test_a_store_that_was_never_written_to_has_nothing_to_show(new_url: str) -> None:

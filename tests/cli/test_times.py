@@ -9,8 +9,8 @@ import typer
 from hypothesis import given
 from hypothesis import strategies as st
 
-from kant_sql.cli import times
-from kant_sql.cli.times import parse_optional, parse_state, parse_when
+from kant_sql.cli import common as times
+from kant_sql.cli.common import parse_optional, parse_state, parse_when
 
 AGO = {
     "2 hours ago": timedelta(hours=2),

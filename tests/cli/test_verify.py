@@ -16,9 +16,9 @@ from sqlalchemy import make_url
 import kant_sql
 from kant_sql import PddlTypeDto
 from tests.cli.conftest import write_history
-from tests.cli.running import child, command, environment, one_line, run
-from tests.pages import opened
-from tests.worlds import robot_at
+from tests.support.pages import opened
+from tests.support.processes.commands import child, command, environment, one_line, run
+from tests.support.worlds.robots import robot_at
 
 ALTER = "UPDATE revision SET reason = 'well done' WHERE number = 2"
 

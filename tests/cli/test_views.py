@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 
 import kant_sql
-from tests.cli.running import child, one_line, run
-from tests.pages import opened
-from tests.worlds import WP2, robot_at
+from tests.support.pages import opened
+from tests.support.processes.commands import child, one_line, run
+from tests.support.worlds.robots import WP2, robot_at
 
 VIEWS = ["fact_robot_at", "goal_robot_at"]
 
@@ -101,7 +101,7 @@ def test_a_store_that_is_only_to_be_read_is_left_alone(own_store: str) -> None:
 
 def test_a_downgrade_says_that_they_are_gone(own_store: str) -> None:
     run("views", own_store)
-    result = child("db", "downgrade", own_store, "0002")
+    result = child("db", "downgrade", own_store, "0001")
     assert result.returncode == 0
     assert "make them anew with: kant-sql views" in result.stderr
     assert relations(own_store) == []

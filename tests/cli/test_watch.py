@@ -12,8 +12,8 @@ from typing import Any
 import pytest
 
 import kant_sql
-from tests.cli.running import CHILD_TIMEOUT, one_line, run, start
-from tests.worlds import waypoint
+from tests.support.processes.commands import CHILD_TIMEOUT, one_line, run, start
+from tests.support.worlds.robots import waypoint
 
 
 def documents(*words: str) -> list[dict[str, Any]]:

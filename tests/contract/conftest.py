@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import itertools
-import os
 from collections.abc import Iterator
 
 import pytest
 
 import kant_sql
 from kant_sql import KnowledgeBase
-from tests import aio
-from tests.conftest import BACKENDS, Connect, Server, _extra_urls
-from tests.reading import beside
-from tests.rights import MINE, Members, fill_store, members
+from tests.support import async_facade
+from tests.support.profile import PROFILE
+from tests.support.reading import beside
+from tests.support.roles import MINE, Members, fill_store, members
+from tests.support.servers import Server
+from tests.support.stores import BACKENDS, Connect, extra_urls
 
 COMMON = {"sqlite-file": "one_file", "postgresql": "one_database"}
 _numbers = itertools.count(1)
@@ -53,11 +54,10 @@ def _is_wanted(item: pytest.Item) -> bool:
     if item.name.startswith(NOT_AIO):
         return False
     is_slow = item.path.name.startswith("test_dao_wrong_types")
-    is_asked_for = os.environ.get("KANT_SQL_TEST_AIO") == "all"
-    return is_asked_for or (item.path.name.startswith(AIO[backend]) and not is_slow)
+    return PROFILE.is_whole or (item.path.name.startswith(AIO[backend]) and not is_slow)
 
 
-@pytest.fixture(params=[*BACKENDS, *AIO, *(f"extra-{n}" for n, _ in enumerate(_extra_urls()))])
+@pytest.fixture(params=[*BACKENDS, *AIO, *(f"extra-{n}" for n, _ in enumerate(extra_urls()))])
 def common_url(request: pytest.FixtureRequest) -> str:
     """The URL of a store that other tests may have used, on each backend in turn."""
     backend = str(request.param).removeprefix("aio-")
@@ -66,7 +66,7 @@ def common_url(request: pytest.FixtureRequest) -> str:
     if backend in COMMON:
         url: str = request.getfixturevalue(COMMON[backend])
         return url
-    extra = _extra_urls()[int(request.param.removeprefix("extra-"))]
+    extra = extra_urls()[int(request.param.removeprefix("extra-"))]
     kant_sql.upgrade(extra)
     return extra
 
@@ -80,9 +80,9 @@ def one_memory() -> Iterator[KnowledgeBase]:
 
 
 @pytest.fixture(scope="session")
-def event_loop_thread() -> Iterator[aio.Loop]:
+def event_loop_thread() -> Iterator[async_facade.Loop]:
     """An event loop for all tests of the asynchronous front door."""
-    loop = aio.Loop()
+    loop = async_facade.Loop()
     yield loop
     loop.close()
 
@@ -95,7 +95,7 @@ def fresh_kb(
     name = f"robot {next(_numbers)}"
     if request.node.callspec.params["common_url"] in AIO:
         loop = request.getfixturevalue("event_loop_thread")
-        kb = aio.connect(loop, common_url, knowledge_base=name, actor="test")
+        kb = async_facade.connect(loop, common_url, knowledge_base=name, actor="test")
         yield kb
         kb.close()
     elif common_url == "sqlite://":

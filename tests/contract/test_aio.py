@@ -16,7 +16,7 @@ from contextlib import asynccontextmanager, suppress
 from typing import Any, assert_type
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 import kant_sql
@@ -34,9 +34,10 @@ from kant_sql import (
     aio,
 )
 from kant_sql.aio import AsyncKnowledgeBase
-from kant_sql.store import Store
+from kant_sql.store.store import Store
 from tests.contract.test_closed import arguments, fill
-from tests.worlds import RB1, ROBOT, WP2, robot_at, waypoint
+from tests.support.profile import PROFILE, hunting
+from tests.support.worlds.robots import RB1, ROBOT, WP2, robot_at, waypoint
 
 Test = Callable[[AsyncKnowledgeBase], Awaitable[None]]
 
@@ -89,9 +90,12 @@ def test_it_can_do_all_that_the_synchronous_front_door_can() -> None:
     def names(cls: type) -> set[str]:
         return {name for name in dir(cls) if not name.startswith("_")}
 
+    async def test(kb: AsyncKnowledgeBase) -> None:
+        for name, dao in typing.get_type_hints(KnowledgeBase).items():
+            assert names(dao) <= names(type(getattr(kb, name))), name
+
     assert names(KnowledgeBase) <= names(AsyncKnowledgeBase) | {"factory"}
-    for name, dao in typing.get_type_hints(KnowledgeBase).items():
-        assert names(dao) <= names(getattr(aio, f"Async{dao.__name__}")), name
+    run("sqlite://", test)
 
 
 def test_types_are_those_of_the_synchronous_methods() -> None:
@@ -247,7 +251,7 @@ def test_cancellation_rolls_back(url: str, where: str) -> None:
 
 
 def test_a_commit_under_way_is_waited_for(url: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    commit, has_begun = Store._commit, threading.Event()
+    commit, has_begun = Store.commit, threading.Event()
 
     def slow(self: Store, *arguments: Any) -> None:
         has_begun.set()
@@ -258,7 +262,7 @@ def test_a_commit_under_way_is_waited_for(url: str, monkeypatch: pytest.MonkeyPa
         async def block() -> None:
             async with kb.transaction(actor="block"):
                 await kb.propositions.save(robot_at())
-                monkeypatch.setattr(Store, "_commit", slow)
+                monkeypatch.setattr(Store, "commit", slow)
 
         writing = asyncio.create_task(block())
         await asyncio.to_thread(has_begun.wait, 30)
@@ -306,7 +310,7 @@ def test_who_waits_for_a_turn_can_be_cancelled(shared_url: str) -> None:
         run(shared_url, test)
 
 
-@settings(max_examples=10)
+@hunting(PROFILE.tasks)
 @given(seed=st.integers(0, 2**32))
 def test_cancelled_anywhere_nothing_acknowledged_is_lost(seed: int) -> None:
     """Tasks write pairs of facts in blocks, and are cancelled at any moment."""

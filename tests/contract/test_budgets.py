@@ -11,9 +11,9 @@ from functools import partial
 import pytest
 
 from kant_sql import KnowledgeBase
-from tests.conftest import Connect
-from tests.statements import READS, count, fact, fill
-from tests.worlds import RB1, waypoint
+from tests.support.statements import READS, count, fact, fill
+from tests.support.stores import Connect
+from tests.support.worlds.robots import RB1, waypoint
 
 WRITE = 5
 # What never was: its identity and its arguments have rows of their own.

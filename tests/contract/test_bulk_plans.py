@@ -8,10 +8,10 @@ import psycopg
 import pytest
 
 from kant_sql import PddlActionDto, PddlObjectDto, PddlPropositionDto, PddlTypeDto
-from kant_sql.dto.formula import Not
-from tests.conftest import Connect, make_store_url
-from tests.language import IDLE, T, at, load
-from tests.worlds import RB1, ROBOT_AT, robot_at, waypoint
+from kant_sql.dto.formulas import Not
+from tests.support.stores import Connect, make_store_url
+from tests.support.worlds.depot import IDLE, T, at, load
+from tests.support.worlds.robots import RB1, ROBOT_AT, robot_at, waypoint
 
 SIZE = 3_000
 

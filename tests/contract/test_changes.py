@@ -17,13 +17,14 @@ from kant_sql import (
     UnknownRevisionError,
 )
 from kant_sql.errors import ArchivedError
-from kant_sql.history import following, pages
+from kant_sql.history import follow as following
+from kant_sql.history import revisions as pages
 from kant_sql.history.revisions import LogEntry
-from tests.conftest import Connect
-from tests.pages import opened
-from tests.statements import count
-from tests.workers import change, in_processes
-from tests.worlds import ROBOT, WP2, robot_at, waypoint
+from tests.support.pages import opened
+from tests.support.processes.workers import change, in_processes
+from tests.support.statements import count
+from tests.support.stores import Connect
+from tests.support.worlds.robots import ROBOT, WP2, robot_at, waypoint
 
 # The head, the revisions, the changes.
 PAGE_STATEMENTS = 3

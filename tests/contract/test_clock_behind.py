@@ -7,9 +7,10 @@ from datetime import UTC, datetime, timedelta
 
 import pytest
 
-from kant_sql import KnowledgeBase, store
+from kant_sql import KnowledgeBase
+from kant_sql.store import store
 from tests.audit.story import Clock
-from tests.statements import fact, fill
+from tests.support.statements import fact, fill
 
 NOON = datetime(2026, 3, 2, 12, tzinfo=UTC)
 

@@ -13,9 +13,11 @@ import pytest
 import kant_sql
 from kant_sql import ClosedError, KnowledgeBase, PddlFunctionDto
 from kant_sql.pddl import Metric, Number
-from tests.conftest import Connect
-from tests.missions import TOUR, begin
-from tests.worlds import RB1, ROBOT, robot_at
+from tests.support.stores import Connect
+from tests.support.worlds.missions import TOUR, begin
+from tests.support.worlds.robots import RB1, ROBOT, robot_at
+
+pytestmark = pytest.mark.slow
 
 REMEDY = "was closed; connect again"
 # What needs no store: it ends, or leaves the store to whom it is of.

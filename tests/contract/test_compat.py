@@ -9,19 +9,16 @@ from typing import Any
 import pytest
 
 from kant_sql import InvalidUrlError
-from kant_sql.compat import (
-    DaoFactory,
-    DaoFactoryMethod,
-    DaoFamilies,
+from kant_sql.compat import DaoFactory, DaoFactoryMethod, DaoFamilies
+from kant_sql.dto.actions import PddlActionDto, PddlConditionEffectDto
+from kant_sql.dto.elements import (
     Dto,
-    PddlActionDto,
-    PddlConditionEffectDto,
     PddlObjectDto,
     PddlPredicateDto,
     PddlPropositionDto,
     PddlTypeDto,
 )
-from tests.worlds import (
+from tests.support.worlds.robots import (
     RB1,
     ROBOT,
     ROBOT_AT,

@@ -15,14 +15,15 @@ from contextlib import ExitStack
 from typing import Any
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 import kant_sql
 from kant_sql import KnowledgeBase, TransactionOpenError
-from kant_sql.ownership import OPEN
-from tests.conftest import Connect
-from tests.worlds import RB1, ROBOT, WP2, robot_at, waypoint
+from kant_sql.store.ownership import OPEN
+from tests.support.profile import PROFILE, hunting
+from tests.support.stores import Connect
+from tests.support.worlds.robots import RB1, ROBOT, WP2, robot_at, waypoint
 
 PROMPTLY = 2.0
 
@@ -284,7 +285,7 @@ _programs = st.lists(
 )
 
 
-@settings(max_examples=15)
+@hunting(PROFILE.tasks)
 @given(programs=st.lists(_programs, min_size=2, max_size=4))
 def test_what_tasks_acknowledge_is_there_and_nothing_else(
     programs: list[Program],

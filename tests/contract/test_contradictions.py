@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from kant_sql import InvalidKnowledgeError, KnowledgeBase, PddlError
-from kant_sql.dto.formula import Atom, Constant, Fluent, Not, Number
+from kant_sql.dto.formulas import Atom, Constant, Fluent, Not, Number
 from kant_sql.pddl import read_domain, read_problem, write
 from kant_sql.pddl.document import FunctionValue, Problem
 

@@ -17,8 +17,17 @@ from kant_sql import (
     PddlTypeDto,
     TypeMismatchError,
 )
-from tests.reading import refuses
-from tests.worlds import ROBOT, ROBOT_AT, WAYPOINT, WP1, assigned, literals, navigation, robot_at
+from tests.support.reading import refuses
+from tests.support.worlds.robots import (
+    ROBOT,
+    ROBOT_AT,
+    WAYPOINT,
+    WP1,
+    assigned,
+    literals,
+    navigation,
+    robot_at,
+)
 
 Action = PddlActionDto
 Literal = PddlConditionEffectDto

@@ -19,8 +19,8 @@ from kant_sql import (
     PddlPredicateDto,
     PddlTypeDto,
 )
-from tests.reading import last_changes, nothing_changes, refuses, state, versions
-from tests.worlds import (
+from tests.support.reading import last_changes, nothing_changes, refuses, state, versions
+from tests.support.worlds.robots import (
     RB1,
     ROBOT,
     ROBOT_AT,

@@ -15,10 +15,10 @@ from kant_sql import (
     PddlPropositionDto,
     PddlTypeDto,
     TypeMismatchError,
-    propositions,
 )
 from kant_sql.dao import base
-from tests.reading import (
+from kant_sql.store import transaction as propositions
+from tests.support.reading import (
     Undone,
     facts,
     last_changes,
@@ -29,7 +29,7 @@ from tests.reading import (
     undone,
     versions,
 )
-from tests.worlds import RB1, ROBOT, WAYPOINT, WP1, WP2, robot_at, waypoint
+from tests.support.worlds.robots import RB1, ROBOT, WAYPOINT, WP1, WP2, robot_at, waypoint
 
 NEAR = PddlPredicateDto("near", [WAYPOINT, WAYPOINT])
 COUNT = 12

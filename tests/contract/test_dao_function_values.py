@@ -21,9 +21,18 @@ from kant_sql import (
     ReadOnlyError,
     TypeMismatchError,
 )
-from tests.fluents import BATTERY, LOCATION, distance
-from tests.reading import last_changes, rows, undone, versions
-from tests.worlds import RB1, ROBOT, WAYPOINT, WP1, WP2, assigned
+from tests.support.reading import last_changes, rows, undone, versions
+from tests.support.worlds.robots import (
+    BATTERY,
+    LOCATION,
+    RB1,
+    ROBOT,
+    WAYPOINT,
+    WP1,
+    WP2,
+    assigned,
+    distance,
+)
 
 Value = PddlFunctionValueDto
 COST = PddlFunctionDto("total-cost")

@@ -23,8 +23,18 @@ from kant_sql import (
     ReadOnlyError,
     TypeMismatchError,
 )
-from tests.reading import beside, last_changes, nothing_changes, refuses, undone, versions
-from tests.worlds import RB1, ROBOT, ROBOT_AT, WAYPOINT, WP1, WP2, assigned, navigation, robot_at
+from tests.support.reading import beside, last_changes, nothing_changes, refuses, undone, versions
+from tests.support.worlds.robots import (
+    RB1,
+    ROBOT,
+    ROBOT_AT,
+    WAYPOINT,
+    WP1,
+    WP2,
+    assigned,
+    navigation,
+    robot_at,
+)
 
 Function = PddlFunctionDto
 DISTANCE = Function("distance", [WAYPOINT, WAYPOINT])

@@ -14,8 +14,8 @@ from kant_sql import (
     PddlTypeDto,
     TypeCycleError,
 )
-from tests.reading import refuses, state
-from tests.worlds import RB1, ROBOT, ROBOT_AT
+from tests.support.reading import refuses, state
+from tests.support.worlds.robots import RB1, ROBOT, ROBOT_AT
 
 Type = PddlTypeDto
 VEHICLE = Type("vehicle")

@@ -18,8 +18,8 @@ from kant_sql import (
     PddlPropositionDto,
     PddlTypeDto,
 )
-from tests.reading import beside, facts, nothing_changes, refuses, state, undone
-from tests.worlds import RB1, ROBOT, WAYPOINT, robot_at
+from tests.support.reading import beside, facts, nothing_changes, refuses, state, undone
+from tests.support.worlds.robots import RB1, ROBOT, WAYPOINT, robot_at
 
 STRANGE = [
     "%",
@@ -243,7 +243,7 @@ def test_names_that_an_older_version_stored_stay_readable(
 ) -> None:
     names = ["-b", "5", "\u3164", "\u0301a"]
     with monkeypatch.context() as older:
-        for module in ("object", "predicate", "function", "type"):
+        for module in ("base", "predicate", "type"):
             older.setattr(f"kant_sql.dao.{module}.check_name", lambda *_: None)
         for name in names:
             fresh_kb.propositions.save(fact(name))

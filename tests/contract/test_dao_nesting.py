@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from kant_sql import KnowledgeBase, PddlTypeDto
-from tests.reading import (
+from tests.support.reading import (
     Undone,
     facts,
     fail_within,
@@ -15,7 +15,7 @@ from tests.reading import (
     undone,
     versions,
 )
-from tests.worlds import RB1, WP2, robot_at, waypoint
+from tests.support.worlds.robots import RB1, WP2, robot_at, waypoint
 
 
 @pytest.fixture

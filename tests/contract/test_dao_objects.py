@@ -12,8 +12,8 @@ from kant_sql import (
     PddlPropositionDto,
     PddlTypeDto,
 )
-from tests.reading import facts, last_changes, nothing_changes, refuses, state, versions
-from tests.worlds import RB1, ROBOT, ROBOT_AT, WAYPOINT, WP1, WP2, robot_at
+from tests.support.reading import facts, last_changes, nothing_changes, refuses, state, versions
+from tests.support.worlds.robots import RB1, ROBOT, ROBOT_AT, WAYPOINT, WP1, WP2, robot_at
 
 TIAGO = PddlTypeDto("tiago", parent=ROBOT)
 

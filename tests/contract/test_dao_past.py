@@ -16,9 +16,19 @@ from kant_sql import (
     ReadOnlyError,
     UnknownRevisionError,
 )
-from tests.conftest import Connect
-from tests.reading import State, facts, nothing_changes, state, undone
-from tests.worlds import RB1, ROBOT, ROBOT_AT, WAYPOINT, WP1, WP2, navigation, robot_at, waypoint
+from tests.support.reading import State, facts, nothing_changes, state, undone
+from tests.support.stores import Connect
+from tests.support.worlds.robots import (
+    RB1,
+    ROBOT,
+    ROBOT_AT,
+    WAYPOINT,
+    WP1,
+    WP2,
+    navigation,
+    robot_at,
+    waypoint,
+)
 
 HISTORY: list[Callable[[KnowledgeBase], object]] = [
     lambda kb: kb.propositions.save(robot_at()),

@@ -14,8 +14,16 @@ from kant_sql import (
     PddlPropositionDto,
     PddlTypeDto,
 )
-from tests.reading import facts, last_changes, nothing_changes, refuses, rows, state, versions
-from tests.worlds import RB1, ROBOT, ROBOT_AT, WAYPOINT, navigation, robot_at
+from tests.support.reading import (
+    facts,
+    last_changes,
+    nothing_changes,
+    refuses,
+    rows,
+    state,
+    versions,
+)
+from tests.support.worlds.robots import RB1, ROBOT, ROBOT_AT, WAYPOINT, navigation, robot_at
 
 Predicate = PddlPredicateDto
 SWAPPED = Predicate("robot_at", [WAYPOINT, ROBOT])

@@ -14,8 +14,16 @@ from kant_sql import (
     PddlTypeDto,
     TypeMismatchError,
 )
-from tests.reading import facts, last_changes, nothing_changes, refuses, rows, state, versions
-from tests.worlds import RB1, ROBOT, ROBOT_AT, WAYPOINT, WP1, WP2, robot_at, waypoint
+from tests.support.reading import (
+    facts,
+    last_changes,
+    nothing_changes,
+    refuses,
+    rows,
+    state,
+    versions,
+)
+from tests.support.worlds.robots import RB1, ROBOT, ROBOT_AT, WAYPOINT, WP1, WP2, robot_at, waypoint
 
 Proposition = PddlPropositionDto
 RAINING = Proposition(PddlPredicateDto("raining"))

@@ -23,8 +23,8 @@ from kant_sql import (
     TypeCycleError,
     TypeMismatchError,
 )
-from tests.reading import Undone, last_changes, refuses, state, versions
-from tests.worlds import RB1, ROBOT, WP1, WP2, navigation, robot_at, waypoint
+from tests.support.reading import Undone, last_changes, refuses, state, versions
+from tests.support.worlds.robots import RB1, ROBOT, WP1, WP2, navigation, robot_at, waypoint
 
 Type, Literal = PddlTypeDto, PddlConditionEffectDto
 # Each refused call below would first save this, which is missing.

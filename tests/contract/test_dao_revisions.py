@@ -8,10 +8,10 @@ from typing import Any
 import pytest
 
 from kant_sql import InvalidMetadataError, KnowledgeBase, PddlTypeDto, UnknownRevisionError
-from kant_sql.backends.session import Session
-from tests.conftest import Connect
-from tests.reading import last_changes, nothing_changes
-from tests.worlds import RB1, ROBOT, WAYPOINT, WP1, robot_at, waypoint
+from kant_sql.sql.dialects.base import Session
+from tests.support.reading import last_changes, nothing_changes
+from tests.support.stores import Connect
+from tests.support.worlds.robots import RB1, ROBOT, WAYPOINT, WP1, robot_at, waypoint
 
 SOURCES: list[Any] = [
     "camera",

@@ -7,9 +7,18 @@ from itertools import count
 import pytest
 
 from kant_sql import KnowledgeBase, PddlTypeDto
-from tests.conftest import Connect
-from tests.reading import State, beside, facts, nothing_changes, state, undone
-from tests.worlds import RB1, ROBOT, ROBOT_AT, WAYPOINT, WP1, WP2, navigation, robot_at
+from tests.support.reading import State, beside, facts, nothing_changes, state, undone
+from tests.support.stores import Connect
+from tests.support.worlds.robots import (
+    RB1,
+    ROBOT,
+    ROBOT_AT,
+    WAYPOINT,
+    WP1,
+    WP2,
+    navigation,
+    robot_at,
+)
 
 EMPTY: State = {
     "types": [],

@@ -15,7 +15,7 @@ from kant_sql import (
     PddlTypeDto,
     StaleRevisionError,
 )
-from tests.reading import (
+from tests.support.reading import (
     facts,
     fail_within,
     last_changes,
@@ -25,7 +25,7 @@ from tests.reading import (
     undone,
     versions,
 )
-from tests.worlds import (
+from tests.support.worlds.robots import (
     RB1,
     ROBOT,
     ROBOT_AT,

@@ -14,8 +14,8 @@ from kant_sql import (
     PddlPropositionDto,
     PddlTypeDto,
 )
-from tests.reading import last_changes, nothing_changes, refuses, state, versions
-from tests.worlds import ROBOT, WAYPOINT, navigation, robot_at
+from tests.support.reading import last_changes, nothing_changes, refuses, state, versions
+from tests.support.worlds.robots import ROBOT, WAYPOINT, navigation, robot_at
 
 Type = PddlTypeDto
 VEHICLE = Type("vehicle")

@@ -26,8 +26,8 @@ from kant_sql import (
     PddlPropositionDto,
     PddlTypeDto,
 )
-from tests.reading import Undone, nothing_changes, refuses, undone
-from tests.worlds import RB1, ROBOT, assigned, robot_at
+from tests.support.reading import Undone, nothing_changes, refuses, undone
+from tests.support.worlds.robots import RB1, ROBOT, assigned, robot_at
 
 Path = tuple[str | int, ...]
 

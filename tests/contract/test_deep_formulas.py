@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from kant_sql import KnowledgeBase
-from kant_sql.dto.formula import (
+from kant_sql.dto.formulas import (
     Arithmetic,
     Atom,
     Comparison,
@@ -22,6 +22,8 @@ from kant_sql.dto.formula import (
     Variable,
 )
 from kant_sql.pddl import read_domain, read_problem, write
+
+pytestmark = pytest.mark.slow
 
 DOMAIN = """
 (define (domain deep) (:requirements :adl :fluents :derived-predicates :constraints)

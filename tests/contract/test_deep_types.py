@@ -13,6 +13,8 @@ from kant_sql import KnowledgeBase, PddlObjectDto, PddlTypeDto
 from kant_sql.errors import SourceError, TypeCycleError
 from kant_sql.pddl import read_domain
 
+pytestmark = pytest.mark.slow
+
 
 def chain(levels: int, prefix: str = "t") -> list[PddlTypeDto]:
     types = [PddlTypeDto(f"{prefix}0")]

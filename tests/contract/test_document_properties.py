@@ -16,15 +16,16 @@ from hypothesis import given
 
 import kant_sql
 from kant_sql import KnowledgeBase
-from kant_sql.dto.name import fold
+from kant_sql.dto.lexical import fold
 from kant_sql.pddl import read_domain, read_problem, write
 from kant_sql.pddl.document import Domain, Problem
-from tests.chain import check_chain
-from tests.conftest import Server
-from tests.documents import domains_and_problems
-from tests.hunting import HUNT, hunting
-from tests.reading import beside
-from tests.verifying import findings
+from tests.support.chain import check_chain
+from tests.support.generators.documents import domains_and_problems
+from tests.support.profile import PROFILE, hunting
+from tests.support.reading import beside, findings
+from tests.support.servers import Server
+
+pytestmark = pytest.mark.slow
 
 Documents = tuple[Domain, Problem]
 _numbers = itertools.count(1)
@@ -80,10 +81,9 @@ def check_holds(kb: KnowledgeBase, documents: Documents) -> None:
     assert read_problem(text, domain=domain) == problem
 
 
-@pytest.mark.timeout(0 if HUNT else 300)
 @pytest.mark.usefixtures("stores")
 def test_documents_survive_the_store() -> None:
-    @hunting(25)
+    @hunting(PROFILE.documents)
     @given(domains_and_problems(repeats=True))
     def survive(documents: Documents) -> None:
         def check(kb: KnowledgeBase) -> None:
@@ -103,9 +103,8 @@ def test_documents_survive_the_store() -> None:
     survive()
 
 
-@pytest.mark.timeout(0 if HUNT else 300)
 def test_documents_replace_others(stores: list[str]) -> None:
-    @hunting(25)
+    @hunting(PROFILE.documents)
     @given(domains_and_problems(), domains_and_problems())
     def replace(before: Documents, after: Documents) -> None:
         def check(kb: KnowledgeBase) -> None:

@@ -17,12 +17,13 @@ from kant_sql import (
     PddlTypeDto,
     ReadOnlyError,
 )
-from kant_sql.documents import Mode
-from kant_sql.dto.formula import And, Constant, Equal, Exists, Fluent, Not, TypedName
+from kant_sql.documents.interfaces import Mode
+from kant_sql.dto.formulas import And, Constant, Equal, Exists, Fluent, Not, TypedName
 from kant_sql.errors import ConflictError, PddlError, SourceMissingError
 from kant_sql.pddl import read_domain, read_problem, write
 from kant_sql.pddl.document import FunctionValue
-from tests.language import (
+from tests.support.reading import facts, last_changes, nothing_changes, rows, undone
+from tests.support.worlds.depot import (
     DOMAIN,
     HUB,
     IDLE,
@@ -38,7 +39,6 @@ from tests.language import (
     load,
     number,
 )
-from tests.reading import facts, last_changes, nothing_changes, rows, undone
 
 TRUCKS, PLACES = PddlTypeDto("truck"), PddlTypeDto("place")
 AT = PddlPredicateDto("at", [TRUCKS, PLACES])

@@ -11,10 +11,8 @@ from kant_sql import KnowledgeBase
 from kant_sql.documents import exchange
 from kant_sql.errors import PddlError
 from kant_sql.pddl import read_domain, read_problem
-from tests.chain import check_chain
-from tests.conftest import Connect
-from tests.language import DOMAIN, PROBLEM, check_text, load
-from tests.loading import (
+from tests.support.chain import check_chain
+from tests.support.processes.sharing import (
     OTHER_DOMAIN,
     change_domain,
     load_often,
@@ -22,7 +20,11 @@ from tests.loading import (
     read_often,
     read_often_with,
 )
-from tests.workers import in_processes
+from tests.support.processes.workers import in_processes
+from tests.support.stores import Connect
+from tests.support.worlds.depot import DOMAIN, PROBLEM, check_text, load
+
+pytestmark = pytest.mark.slow
 
 TIMES = 8
 

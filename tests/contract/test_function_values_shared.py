@@ -10,18 +10,31 @@ from itertools import pairwise
 from typing import Any
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from kant_sql import KnowledgeBase, PddlFunctionDto
-from kant_sql.fluents import FluentKey, FluentValue
-from tests.chain import check_chain
-from tests.conftest import Connect
-from tests.fluents import BATTERY, DISTANCE, LOCATION, STEP, charge, charge_often, distance
-from tests.reading import beside, last_changes, rows, undone
-from tests.statements import count
-from tests.workers import change, in_processes
-from tests.worlds import RB1, WP1, WP2, robot_at, waypoint
+from kant_sql.store.caches import FluentKey, FluentValue
+from tests.support.chain import check_chain
+from tests.support.processes.workers import change, in_processes
+from tests.support.profile import PROFILE, hunting
+from tests.support.reading import beside, last_changes, rows, undone
+from tests.support.statements import count
+from tests.support.stores import Connect
+from tests.support.worlds.robots import (
+    BATTERY,
+    DISTANCE,
+    LOCATION,
+    RB1,
+    STEP,
+    WP1,
+    WP2,
+    charge,
+    charge_often,
+    distance,
+    robot_at,
+    waypoint,
+)
 
 WRITE, FIRST_WRITE, READ = 5, 7, 2
 SIZES = (1, 100, 3_000)
@@ -180,7 +193,7 @@ def test_a_transaction_that_comes_to_nothing_leaves_nothing_behind(kb: Knowledge
 def test_values_are_part_of_a_revision_that_was_too_much_to_keep(
     shared_url: str, connect: Connect, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("kant_sql.propositions.SPILL_AT", 2)
+    monkeypatch.setattr("kant_sql.store.transaction.SPILL_AT", 2)
     kb = connect(shared_url)
     kb.function_values.set(BATTERY, objects=[RB1], value=1)
     with kb.transaction():
@@ -254,7 +267,7 @@ def test_any_program_has_the_results_of_a_dict(
     url = "sqlite://" if backend == "sqlite-memory" else request.getfixturevalue("one_database")
     root, numbers = connect(url), iter(range(1_000_000))
 
-    @settings(max_examples=120, deadline=None, derandomize=True, database=None)
+    @hunting(PROFILE.programs)
     @given(_programs)
     def holds_for(program: list[Any]) -> None:
         kb = beside(root, f"values {next(numbers)}")

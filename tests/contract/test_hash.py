@@ -16,7 +16,7 @@ import rfc8785
 from hypothesis import given
 from hypothesis import strategies as st
 
-import kant_sql.backends.session
+import kant_sql.sql.dialects.base
 from kant_sql import (
     KnowledgeBase,
     PddlActionDto,
@@ -25,13 +25,13 @@ from kant_sql import (
     PddlPredicateDto,
     PddlPropositionDto,
     PddlTypeDto,
-    propositions,
 )
-from kant_sql.canonical import Metadata, make_metadata, revision_hash, time_text
-from kant_sql.dto.formula import Atom, Constant, Or
-from tests.conftest import Connect
-from tests.pages import Page, opened
-from tests.worlds import RB1, ROBOT, WP2, navigation, robot_at
+from kant_sql.dto.formulas import Atom, Constant, Or
+from kant_sql.knowledge.canonical import Metadata, make_metadata, revision_hash, time_text
+from kant_sql.store import transaction as propositions
+from tests.support.pages import Page, opened
+from tests.support.stores import Connect
+from tests.support.worlds.robots import RB1, ROBOT, WP2, navigation, robot_at
 
 PAGE = Page("hash.md")
 SQL = {block.partition("\n")[0].removeprefix("-- "): block for block in PAGE.of("sql")}
@@ -121,26 +121,17 @@ def test_a_large_revision_is_hashed_as_a_small_one_is(
     assert last_hash(shared_url) == kb.revisions()[-1].hash
 
 
-def test_a_revision_of_form_1_keeps_its_hash(shared_url: str, connect: Connect) -> None:
-    """As an older store has it, before one of form 2; what form 1 cannot say is refused."""
+def test_the_program_accepts_no_other_form(shared_url: str, connect: Connect) -> None:
+    """Not even with a hash that fits: the page describes one form."""
     kb = connect(shared_url, knowledge_base="tiago")
     kb.types.save(PddlTypeDto("robot"))
     (entry,) = kb.log()
-    first = entry.revision
-    said = time_text(first.committed_at), Metadata(None, None, None)
-    old = revision_hash(None, "tiago", 1, *said, entry.changes, form=1)
+    said = time_text(entry.revision.committed_at), Metadata(None, None, None), entry.changes
+    assert entry.revision.hash == revision_hash(None, "tiago", 1, *said)
+    digest = revision_hash(None, "tiago", 1, *said, form=2)
     with opened(shared_url) as store:
-        store.execute("UPDATE revision SET form = 1, hash = :old", {"old": old})
-        store.execute("UPDATE head SET hash = :old", {"old": old})
-    # Who has committed another hash takes that for a store that was replaced.
-    kb.close()
-    kb = connect(shared_url, knowledge_base="tiago")
-    with kb.transaction(observed_at=first.committed_at):
-        kb.types.save(PddlTypeDto("wp"))
-    assert last_hash(shared_url) == kb.revisions()[-1].hash
-    with opened(shared_url) as store:
-        store.execute("UPDATE revision SET observed_at = committed_at WHERE number = 1", {})
-    with pytest.raises(AssertionError):
+        store.execute("UPDATE revision SET form = 2, hash = :digest", {"digest": digest})
+    with pytest.raises(AssertionError, match="form 2"):
         last_hash(shared_url)
 
 
@@ -201,9 +192,9 @@ def test_the_example_is_what_a_store_writes(
     """The clock says what the page says; the rest is done by the page's own calls."""
     begin = datetime(2026, 1, 31, 9, 30, tzinfo=UTC)
     moments = iter([begin, begin + timedelta(seconds=5.25)])
-    session = kant_sql.backends.session.Session
+    session = kant_sql.sql.dialects.base.Session
     monkeypatch.setattr(session, "now", lambda *_: next(moments))
-    monkeypatch.setattr("kant_sql.transaction.time", SimpleNamespace(monotonic=lambda: 0.0))
+    monkeypatch.setattr("kant_sql.store.transaction.time", SimpleNamespace(monotonic=lambda: 0.0))
     kb = connect(shared_url, knowledge_base="tiago", actor="perception")
     program = PYTHON[0].replace('"sqlite:///robot.db"', repr(shared_url))
     exec(program, {})
@@ -249,7 +240,7 @@ def test_the_library_hashes_the_document_that_the_standard_writes(
         "actor": actor,
         "changes": [list(line) for line in ordered],
         "committed_at": at,
-        "form": 2,
+        "form": 1,
         "knowledge_base": name,
         "number": 7,
         "observed_at": None,
@@ -261,7 +252,3 @@ def test_the_library_hashes_the_document_that_the_standard_writes(
     metadata = make_metadata(actor, reason, source)
     expected = sha256(rfc8785.dumps(document)).hexdigest()
     assert revision_hash("ab", name, 7, at, metadata, ordered) == expected
-    del document["observed_at"], document["plan_step"]
-    document["form"] = 1
-    expected = sha256(rfc8785.dumps(document)).hexdigest()
-    assert revision_hash("ab", name, 7, at, metadata, ordered, form=1) == expected

@@ -12,12 +12,12 @@ from kant_sql import (
     PddlPropositionDto,
     PddlTypeDto,
 )
-from kant_sql.dto.formula import Comparison
-from kant_sql.history.places import MOST_ARGUMENTS
-from tests.language import fuel, load, number
-from tests.reading import undone
-from tests.statements import count
-from tests.worlds import RB1, ROBOT, WAYPOINT, WP1, WP2, robot_at, waypoint
+from kant_sql.dto.formulas import Comparison
+from kant_sql.history.elements import MOST_ARGUMENTS
+from tests.support.reading import undone
+from tests.support.statements import count
+from tests.support.worlds.depot import fuel, load, number
+from tests.support.worlds.robots import RB1, ROBOT, WAYPOINT, WP1, WP2, robot_at, waypoint
 
 
 def test_it_names_the_revision_that_asserted_it(fresh_kb: KnowledgeBase) -> None:

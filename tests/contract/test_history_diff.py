@@ -16,11 +16,20 @@ from kant_sql import (
     PddlTypeDto,
     UnknownRevisionError,
 )
-from kant_sql.dto.formula import Comparison, Metric
-from tests.language import fuel, load, number
-from tests.reading import undone
-from tests.statements import count
-from tests.worlds import RB1, ROBOT, WAYPOINT, WP1, WP2, navigation, robot_at, waypoint
+from kant_sql.dto.formulas import Comparison, Metric
+from tests.support.reading import undone
+from tests.support.statements import count
+from tests.support.worlds.depot import fuel, load, number
+from tests.support.worlds.robots import (
+    RB1,
+    ROBOT,
+    WAYPOINT,
+    WP1,
+    WP2,
+    navigation,
+    robot_at,
+    waypoint,
+)
 
 BATTERY = PddlFunctionDto("battery", [ROBOT])
 STORY: list[Callable[[KnowledgeBase], object]] = [

@@ -20,13 +20,13 @@ from kant_sql import (
     ReadOnlyError,
     UnknownRevisionError,
 )
-from kant_sql.dto.formula import Comparison
+from kant_sql.dto.formulas import Comparison
 from kant_sql.errors import ArchivedError
-from kant_sql.history import LogEntry
-from tests.conftest import Connect
-from tests.language import fuel, load, number
-from tests.statements import count
-from tests.worlds import RB1, ROBOT, ROBOT_AT, WP1, WP2, robot_at, waypoint
+from kant_sql.history.revisions import LogEntry
+from tests.support.statements import count
+from tests.support.stores import Connect
+from tests.support.worlds.depot import fuel, load, number
+from tests.support.worlds.robots import RB1, ROBOT, ROBOT_AT, WP1, WP2, robot_at, waypoint
 
 PAGES = {"LOG_PAGE": 3, "LOG_CHANGES": 4}
 BATTERY = PddlFunctionDto("battery", [ROBOT])
@@ -57,11 +57,11 @@ def told(fresh_kb: KnowledgeBase) -> KnowledgeBase:
 @pytest.fixture(params=["one page", "many pages", "pages of many changes"])
 def paged(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
     if request.param == "pages of many changes":
-        monkeypatch.setattr("kant_sql.knowledge.changes.FEW", 3)
+        monkeypatch.setattr("kant_sql.sql.changes.FEW", 3)
     if request.param != "one page":
         for name, value in PAGES.items():
             monkeypatch.setattr(f"kant_sql.history.log.{name}", value)
-        monkeypatch.setattr("kant_sql.history.element_changes.VERSION_PAGE", 2)
+        monkeypatch.setattr("kant_sql.history.log.VERSION_PAGE", 2)
 
 
 @pytest.mark.usefixtures("paged")

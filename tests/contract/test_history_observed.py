@@ -8,11 +8,11 @@ from typing import Any
 import pytest
 
 from kant_sql import InvalidMetadataError, KnowledgeBase
-from tests.chain import check_chain
-from tests.conftest import Connect
-from tests.language import again
-from tests.reading import nothing_changes, undone
-from tests.worlds import RB1, WP2, robot_at
+from tests.support.chain import check_chain
+from tests.support.reading import nothing_changes, undone
+from tests.support.stores import Connect
+from tests.support.worlds.depot import again
+from tests.support.worlds.robots import RB1, WP2, robot_at
 
 SEEN = datetime(2026, 1, 31, 9, 30, 15, 123456, tzinfo=UTC)
 

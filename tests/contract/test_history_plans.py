@@ -10,9 +10,9 @@ import pytest
 
 import kant_sql
 from kant_sql import KnowledgeBase
-from tests.conftest import Server
-from tests.statements import Statement, explain, is_bracket, seen
-from tests.worlds import RB1, WP1, robot_at, waypoint
+from tests.support.servers import Server
+from tests.support.statements import Statement, explain, is_bracket, seen
+from tests.support.worlds.robots import RB1, WP1, robot_at, waypoint
 
 FACTS, TIMES = 3_000, 300
 FLAPPING, CALM = robot_at(RB1, WP1), robot_at(RB1, waypoint(7))

@@ -23,19 +23,29 @@ from kant_sql import (
     ReadOnlyError,
     UnknownRevisionError,
 )
-from kant_sql.dto.formula import Comparison, Derived, Exists, Metric, Modal, Not, TimedLiteral
-from kant_sql.knowledge.changes import Change
+from kant_sql.dto.formulas import Comparison, Derived, Exists, Metric, Modal, Not, TimedLiteral
 from kant_sql.pddl import write
 from kant_sql.pddl.document import Domain, Problem
-from tests.chain import check_chain
-from tests.conftest import Connect, Server
-from tests.documents import domains_and_problems
-from tests.hunting import HUNT, hunting
-from tests.language import IDLE, PLACE, TRUCK, P, T, again, at, fuel, load, number
-from tests.programs import Program, programs, run
-from tests.reading import beside, last_changes, undone
-from tests.statements import count
-from tests.worlds import RB1, ROBOT, WAYPOINT, WP1, WP2, navigation, robot_at, waypoint
+from kant_sql.sql.changes import Change
+from tests.support.chain import check_chain
+from tests.support.generators.documents import domains_and_problems
+from tests.support.generators.programs import Program, programs, run
+from tests.support.profile import PROFILE, hunting
+from tests.support.reading import beside, last_changes, undone
+from tests.support.servers import Server
+from tests.support.statements import count
+from tests.support.stores import Connect
+from tests.support.worlds.depot import IDLE, PLACE, TRUCK, P, T, again, at, fuel, load, number
+from tests.support.worlds.robots import (
+    RB1,
+    ROBOT,
+    WAYPOINT,
+    WP1,
+    WP2,
+    navigation,
+    robot_at,
+    waypoint,
+)
 
 BATTERY = PddlFunctionDto("battery", [ROBOT])
 AT_DOCK = PddlFunctionDto("dock", [ROBOT], value_types=[WAYPOINT])
@@ -235,7 +245,7 @@ def test_it_is_undone_with_the_transaction_that_it_is_part_of(fresh_kb: Knowledg
 def test_many_facts_are_written_as_they_come(
     fresh_kb: KnowledgeBase, monkeypatch: pytest.MonkeyPatch, spill_at: int
 ) -> None:
-    monkeypatch.setattr("kant_sql.propositions.SPILL_AT", spill_at)
+    monkeypatch.setattr("kant_sql.store.transaction.SPILL_AT", spill_at)
     monkeypatch.setattr("kant_sql.dao.base.BATCH", 5)
     facts = [robot_at(RB1, waypoint(each), each % 2 == 0) for each in range(20)]
     fresh_kb.propositions.save_all(facts)
@@ -307,10 +317,10 @@ def everywhere(check: Callable[[KnowledgeBase], None]) -> None:
 
 
 TIGHT = {
-    "kant_sql.propositions.SPILL_AT": 1,
+    "kant_sql.store.transaction.SPILL_AT": 1,
     "kant_sql.dao.base.BATCH": 2,
-    "kant_sql.backends.sqlite_session.FETCH_SIZE": 1,
-    "kant_sql.backends.postgresql_session.COPY_FROM_ROWS": 2,
+    "kant_sql.sql.dialects.sqlite.FETCH_SIZE": 1,
+    "kant_sql.sql.dialects.postgresql.COPY_FROM_ROWS": 2,
 }
 
 
@@ -346,9 +356,8 @@ def changed(state: frozenset[Change], changes: Sequence[Change]) -> frozenset[Ch
     return (state - went) | came
 
 
-@pytest.mark.timeout(0 if HUNT else 300)
 def test_any_state_of_any_program_is_restored(stores: list[str]) -> None:
-    @hunting(12)
+    @hunting(PROFILE.restored)
     @given(programs(), st.lists(st.floats(0, 1), min_size=1, max_size=3))
     def restored(program: Program, places: list[float]) -> None:
         with pytest.MonkeyPatch.context() as patch:
@@ -361,10 +370,9 @@ def test_any_state_of_any_program_is_restored(stores: list[str]) -> None:
         assert check_chain(url)
 
 
-@pytest.mark.timeout(0 if HUNT else 300)
 @pytest.mark.usefixtures("stores")
 def test_any_documents_are_restored() -> None:
-    @hunting(4)
+    @hunting(PROFILE.histories)
     @given(domains_and_problems(repeats=True), domains_and_problems())
     def restored(first: tuple[Domain, Problem], second: tuple[Domain, Problem]) -> None:
         def check(kb: KnowledgeBase) -> None:

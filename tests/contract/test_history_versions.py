@@ -18,7 +18,7 @@ from kant_sql import (
     PddlPropositionDto,
     PddlTypeDto,
 )
-from kant_sql.dto.formula import (
+from kant_sql.dto.formulas import (
     And,
     Atom,
     Comparison,
@@ -33,11 +33,25 @@ from kant_sql.dto.formula import (
     TimedLiteral,
     Variable,
 )
-from tests.conftest import Connect
-from tests.language import HUB, IDLE, PLACE, T1, TRUCK, P, T, again, at, fuel, home, load, number
-from tests.reading import beside, undone
-from tests.statements import count
-from tests.worlds import (
+from tests.support.reading import beside, undone
+from tests.support.statements import count
+from tests.support.stores import Connect
+from tests.support.worlds.depot import (
+    HUB,
+    IDLE,
+    PLACE,
+    T1,
+    TRUCK,
+    P,
+    T,
+    again,
+    at,
+    fuel,
+    home,
+    load,
+    number,
+)
+from tests.support.worlds.robots import (
     RB1,
     ROBOT,
     ROBOT_AT,

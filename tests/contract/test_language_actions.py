@@ -8,10 +8,11 @@ import pytest
 
 from kant_sql import KnowledgeBase, PddlActionDto, PddlEventDto, PddlObjectDto, PddlProcessDto
 from kant_sql import PddlTypeDto as Type
-from kant_sql.dto.formula import And, Assign, Comparison, ContinuousTime, Formula, Not, Timed
+from kant_sql.dto.formulas import And, Assign, Comparison, ContinuousTime, Formula, Not, Timed
 from kant_sql.errors import ConflictError, InvalidKnowledgeError
 from kant_sql.pddl.document import Action, Domain
-from tests.language import (
+from tests.support.reading import last_changes, nothing_changes, rows
+from tests.support.worlds.depot import (
     DURATION,
     DURATIONS,
     EFFECTS,
@@ -33,7 +34,6 @@ from tests.language import (
     load,
     number,
 )
-from tests.reading import last_changes, nothing_changes, rows
 
 PARAMETERS = [PddlObjectDto(Type("truck"), "t"), PddlObjectDto(Type("place"), "p")]
 END = Timed("at end", IDLE)

@@ -7,20 +7,12 @@ from functools import partial
 import pytest
 
 from kant_sql import KnowledgeBase
-from kant_sql.dto.formula import Comparison, Derived, Exists, Modal, Not, TimedLiteral
-from tests.conftest import Connect
-from tests.language import (
-    DOMAIN,
-    IDLE,
-    PLACE,
-    TRUCK,
-    P,
-    T,
-    at,
-    fuel,
-    number,
-)
-from tests.statements import Call, count
+from kant_sql.dto.formulas import Comparison, Derived, Exists, Modal, Not, TimedLiteral
+from tests.support.statements import Call, count
+from tests.support.stores import Connect
+from tests.support.worlds.depot import DOMAIN, IDLE, PLACE, TRUCK, P, T, at, fuel, number
+
+pytestmark = pytest.mark.slow
 
 SIZES = (1, 300)
 READ = 2

@@ -3,19 +3,9 @@
 from __future__ import annotations
 
 from kant_sql import KnowledgeBase, PddlActionDto
-from kant_sql.dto.formula import And, Atom, Exists, Formula, Not, Timed
-from tests.language import (
-    CONDITIONS,
-    IDLE,
-    P1,
-    TRUCK,
-    T,
-    again,
-    at,
-    check_text,
-    load,
-)
-from tests.reading import last_changes, rows
+from kant_sql.dto.formulas import And, Atom, Exists, Formula, Not, Timed
+from tests.support.reading import last_changes, rows
+from tests.support.worlds.depot import CONDITIONS, IDLE, P1, TRUCK, T, again, at, check_text, load
 
 
 def test_each_condition_is_kept_as_a_goal(fresh_kb: KnowledgeBase) -> None:

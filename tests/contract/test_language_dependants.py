@@ -16,7 +16,7 @@ from kant_sql import (
     PddlPredicateDto,
     PddlTypeDto,
 )
-from kant_sql.dto.formula import (
+from kant_sql.dto.formulas import (
     Assign,
     Atom,
     Comparison,
@@ -33,7 +33,8 @@ from kant_sql.dto.formula import (
     TypedName,
     Variable,
 )
-from tests.language import (
+from tests.support.reading import last_changes, nothing_changes, rows, undone
+from tests.support.worlds.depot import (
     HUB,
     IDLE,
     PLACE,
@@ -50,7 +51,6 @@ from tests.language import (
     load,
     number,
 )
-from tests.reading import last_changes, nothing_changes, rows, undone
 
 TRUCKS, PLACES = PddlTypeDto("truck", parent=PddlTypeDto("machine")), PddlTypeDto("place")
 # Each sort of formula, and of action, with what it mentions.

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import pytest
 
 from kant_sql import KnowledgeBase, ReadOnlyError
-from kant_sql.dto.formula import (
+from kant_sql.dto.formulas import (
     And,
     Assign,
     Atom,
@@ -27,7 +27,8 @@ from kant_sql.dto.formula import (
     Variable,
 )
 from kant_sql.errors import InvalidKnowledgeError
-from tests.language import (
+from tests.support.reading import last_changes, nothing_changes, rows
+from tests.support.worlds.depot import (
     C1,
     CONSTRAINTS,
     HUB,
@@ -48,7 +49,6 @@ from tests.language import (
     load,
     number,
 )
-from tests.reading import last_changes, nothing_changes, rows
 
 
 class Sort(NamedTuple):

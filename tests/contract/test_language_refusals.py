@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from kant_sql import KnowledgeBase, PddlActionDto, PddlObjectDto, PddlTypeDto
-from kant_sql.dto.formula import (
+from kant_sql.dto.formulas import (
     And,
     Arithmetic,
     Assign,
@@ -21,6 +21,7 @@ from kant_sql.dto.formula import (
     Exists,
     Fluent,
     Forall,
+    FormulaNode,
     IsViolated,
     Metric,
     Modal,
@@ -33,14 +34,14 @@ from kant_sql.dto.formula import (
     Variable,
     When,
 )
-from kant_sql.dto.node import FormulaNode
 from kant_sql.errors import (
     ArityError,
     InvalidKnowledgeError,
     InvalidNameError,
     TypeMismatchError,
 )
-from tests.language import (
+from tests.support.reading import nothing_changes, rows
+from tests.support.worlds.depot import (
     C1,
     DURATION,
     HUB,
@@ -59,7 +60,6 @@ from tests.language import (
     load,
     number,
 )
-from tests.reading import nothing_changes, rows
 
 ALWAYS = Modal("always", (), (IDLE,))
 ZERO = number("0")
@@ -386,6 +386,7 @@ def test_a_parameter_hides_no_object_of_its_name(fresh_kb: KnowledgeBase) -> Non
     check_text(fresh_kb)
 
 
+@pytest.mark.slow
 def test_what_is_wrong_deep_within_is_said_briefly(fresh_kb: KnowledgeBase) -> None:
     load(fresh_kb)
     sums: Any = IsViolated("p")

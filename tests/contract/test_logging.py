@@ -14,12 +14,16 @@ import pytest
 from sqlalchemy import make_url
 
 import kant_sql
-from kant_sql import KantSqlError, KnowledgeBase, PddlTypeDto, retry
-from kant_sql.backends import Session
-from tests.conftest import Connect, Server
-from tests.disturbing import lose_answer, terminate
+from kant_sql import KantSqlError, KnowledgeBase, PddlTypeDto
+from kant_sql.sql.dialects import base as retry
+from kant_sql.sql.dialects.base import Session
 from tests.docs.test_docs import ROOT, parse
-from tests.statements import fact, fill
+from tests.support.faults import lose_answer, terminate
+from tests.support.servers import Server
+from tests.support.statements import fact, fill
+from tests.support.stores import Connect
+
+pytestmark = pytest.mark.slow
 
 DOMAIN = """(define (domain shop) (:requirements :strips :typing)
   (:types robot) (:predicates (free ?r - robot)))"""
@@ -115,7 +119,7 @@ def test_the_changes_of_a_large_revision_are_counted(
     fresh_kb: KnowledgeBase, log: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     fill(fresh_kb, 3)
-    monkeypatch.setattr("kant_sql.propositions.SPILL_AT", 10)
+    monkeypatch.setattr("kant_sql.store.transaction.SPILL_AT", 10)
     log.clear()
     fresh_kb.propositions.save_all(fact(number) for number in range(100, 150))
     (counted,) = [vars(each)["changes"] for each in log.records if hasattr(each, "changes")]
@@ -242,8 +246,9 @@ def test_a_commit_whose_answer_was_lost_is_told(
 PIPELINE = """
 import sys
 import kant_sql
-from tests.disturbing import terminate
-from tests.statements import fact, fill
+from tests.support.faults import terminate
+from tests.support.statements import fact
+from tests.support.statements import fill
 url, many = sys.argv[1], int(sys.argv[2])
 kb = kant_sql.connect(url)
 fill(kb, 3)
@@ -358,7 +363,7 @@ def test_nothing_is_written_without_a_word() -> None:
         "import logging, kant_sql\n"
         "kb = kant_sql.connect('sqlite://')\n"
         "kb.types.save(kant_sql.PddlTypeDto('robot'))\n"
-        "logging.getLogger('kant_sql.retry').warning('a warning')\n"
+        "logging.getLogger('kant_sql.sql.dialects.base').warning('a warning')\n"
         "assert not logging.getLogger().handlers\n"
         "log = logging.getLogger('kant_sql')\n"
         "assert [type(each) for each in log.handlers] == [logging.NullHandler]\n"
@@ -377,14 +382,14 @@ def test_nothing_is_formatted_while_it_is_off(
         raise AssertionError
 
     logging.getLogger("kant_sql").setLevel(logging.INFO)
-    monkeypatch.setattr("kant_sql.backends.session.log_statement", refuse)
-    monkeypatch.setattr("kant_sql.store.Store._log_revision", refuse)
+    monkeypatch.setattr("kant_sql.sql.dialects.base.printable", refuse)
+    monkeypatch.setattr("kant_sql.store.store.Store._log_revision", refuse)
     try:
         fill(fresh_kb, 3)
         fresh_kb.propositions.get_all()
     finally:
         logging.getLogger("kant_sql").setLevel(logging.NOTSET)
-    assert Session._execute.__module__ == "kant_sql.backends.session"
+    assert Session._execute.__module__ == "kant_sql.sql.dialects.base"
 
 
 def test_spans_of_opentelemetry_are_made_of_the_records() -> None:

@@ -11,10 +11,8 @@ import psycopg
 import pytest
 
 from kant_sql import ConnectionLostError, OutcomeUnknownError, StoreError
-from tests import counter
-from tests.chain import check_chain
-from tests.conftest import Connect
-from tests.disturbing import (
+from tests.support.chain import check_chain
+from tests.support.faults import (
     BOUND,
     WRITES,
     a_transaction,
@@ -26,7 +24,9 @@ from tests.disturbing import (
     one_call,
     terminate,
 )
-from tests.worlds import WP2, robot_at, waypoint
+from tests.support.stores import Connect
+from tests.support.worlds import counter
+from tests.support.worlds.robots import WP2, robot_at, waypoint
 
 pytestmark = on_server
 

@@ -11,13 +11,13 @@ from typing import Any
 import pytest
 
 from kant_sql import KnowledgeBase, PddlObjectDto, PddlTypeDto
-from kant_sql.documents import domain_loading
-from kant_sql.knowledge.document import Item
+from kant_sql.documents import load as domain_loading
+from kant_sql.knowledge.definitions import Item
 from kant_sql.pddl import read_problem
-from tests.archiving import TABLES, Rows, rows_of
-from tests.conftest import Connect
-from tests.language import again, check_text
-from tests.reading import last_changes
+from tests.support.archives import TABLES, Rows, rows_of
+from tests.support.reading import last_changes
+from tests.support.stores import Connect
+from tests.support.worlds.depot import again, check_text
 
 # The ids of both have as many digits.
 FEW, MANY = 100, 400
@@ -110,6 +110,7 @@ def merge_all(kb: KnowledgeBase, url: str, name: str, size: int) -> dict[str, tu
     return found
 
 
+@pytest.mark.slow
 def test_a_merge_writes_what_is_new(shared_url: str, connect: Connect) -> None:
     few, many = (
         merge_all(connect(shared_url, knowledge_base=name), shared_url, name, size)

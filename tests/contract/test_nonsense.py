@@ -1,13 +1,12 @@
 """Every public callable is called with junk: only errors of the library come of it.
 
-`KANT_SQL_TEST_NONSENSE=all` makes all calls, some tens of thousands, instead of a sample.
+The profile `long` makes all calls, some tens of thousands, instead of a sample.
 """
 
 from __future__ import annotations
 
 import asyncio
 import inspect
-import os
 import random
 from pathlib import Path
 from unittest import mock
@@ -18,11 +17,9 @@ import kant_sql
 from kant_sql import KnowledgeBase, NoPlanError, aio
 from kant_sql.errors import InvalidTimeoutError
 from kant_sql.planning import plan
-from tests.conftest import Connect
-from tests.nonsense import JUNK, SLOW, Calling, Case, World, cases, sample
-
-ALL = os.environ.get("KANT_SQL_TEST_NONSENSE") == "all"
-SIZE = 250
+from tests.support.generators.junk import JUNK, SLOW, Calling, Case, World, cases, sample
+from tests.support.profile import PROFILE
+from tests.support.stores import Connect
 
 
 def test_only_errors_of_the_library_come_of_nonsense(
@@ -39,7 +36,7 @@ def test_only_errors_of_the_library_come_of_nonsense(
     # No planner is started: what is wrong is refused before.
     refused = NoPlanError("no planner here", "internal_error")
     with mock.patch.object(plan, "_run", side_effect=refused):
-        for case in found if ALL else sample(found, SIZE, seed=8):
+        for case in sample(found, PROFILE.junk, seed=8):
             calling.call(case)
     assert calling.faults == [], "\n".join(calling.faults)
 
@@ -92,6 +89,7 @@ def one_argument(kb: aio.AsyncKnowledgeBase, case: Case) -> dict[str, object]:
     }
 
 
+@pytest.mark.slow
 def test_the_asynchronous_front_door_refuses_nonsense(tmp_path: Path) -> None:
     url = f"sqlite:///{tmp_path / 'nonsense.db'}"
     with kant_sql.connect(url, knowledge_base="tiago", actor="test") as kb:

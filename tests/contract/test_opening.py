@@ -22,18 +22,21 @@ from kant_sql import (
     SchemaOutdatedError,
     SchemaTooNewError,
     StoreUnreachableError,
-    schema,
 )
-from kant_sql.backends import Query, Session, create_backend
-from kant_sql.backends.sqlite import SqliteBackend
-from kant_sql.tables import KnowledgeBaseRow
-from tests import opening
-from tests.chain import check_chain
-from tests.conftest import Connect, Server
-from tests.workers import in_processes
-from tests.worlds import robot_at
+from kant_sql.sql import schema
+from kant_sql.sql.dialects import create_backend
+from kant_sql.sql.dialects.base import Session
+from kant_sql.sql.dialects.sqlite import SqliteBackend
+from kant_sql.sql.query import Query
+from kant_sql.sql.tables import KnowledgeBaseRow
+from tests.support.chain import check_chain
+from tests.support.processes import sharing
+from tests.support.processes.workers import in_processes
+from tests.support.servers import Server
+from tests.support.stores import Connect
+from tests.support.worlds.robots import robot_at
 
-pytestmark = pytest.mark.usefixtures("real_migrations")
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("real_migrations")]
 
 
 def sqlite_url(path: Path, query: str = "") -> str:
@@ -249,7 +252,7 @@ def test_a_file_without_the_right_to_write_can_be_read(public_folder: Path) -> N
         kb.propositions.save(robot_at())
     path.chmod(0o444)
     public_folder.chmod(0o777)
-    in_processes((opening.read_but_not_write, sqlite_url(path)))
+    in_processes((sharing.read_but_not_write, sqlite_url(path)))
 
 
 def test_a_folder_without_the_right_to_write_says_how_to_read(public_folder: Path) -> None:
@@ -258,16 +261,16 @@ def test_a_folder_without_the_right_to_write_says_how_to_read(public_folder: Pat
         kb.propositions.save(robot_at())
     path.chmod(0o444)
     public_folder.chmod(0o555)
-    (message,) = in_processes((opening.refused, sqlite_url(path), ReadOnlyStoreError))
+    (message,) = in_processes((sharing.refused, sqlite_url(path), ReadOnlyStoreError))
     assert "?mode=immutable" in message
-    in_processes((opening.read_but_not_write, sqlite_url(path, "?mode=immutable")))
+    in_processes((sharing.read_but_not_write, sqlite_url(path, "?mode=immutable")))
 
 
 def test_a_file_without_the_right_to_read_is_refused(public_folder: Path) -> None:
     path = public_folder / "store.db"
     kant_sql.connect(sqlite_url(path)).close()
     path.chmod(0)
-    in_processes((opening.refused, sqlite_url(path), StoreUnreachableError))
+    in_processes((sharing.refused, sqlite_url(path), StoreUnreachableError))
 
 
 # Competing creations.
@@ -281,7 +284,7 @@ def test_processes_that_create_a_store_at_once_leave_one_good_store(
     # With a timeout as short as that, locks have to be waited for by trying again.
     query = "?timeout=0.01" if round_ else ""
     url = sqlite_url(tmp_path / "new.db", query) if is_file else server.new_database()
-    create = opening.connect_and_write if is_file else opening.upgrade_and_write
+    create = sharing.connect_and_write if is_file else sharing.upgrade_and_write
     revisions = in_processes(*[(create, url, number) for number in range(4)])
     assert sorted(revisions) == [1, 2, 3, 4]
     assert check_chain(url) == {"tiago": 4}
@@ -296,7 +299,7 @@ def test_processes_that_create_knowledge_bases_at_once_leave_one_of_each_name(
     connect(shared_url).close()
     names = ["same", "same", "same", f"other {round_}"]
     in_processes(
-        *[(opening.connect_and_write, shared_url, n, name) for n, name in enumerate(names)]
+        *[(sharing.connect_and_write, shared_url, n, name) for n, name in enumerate(names)]
     )
     assert check_chain(shared_url) == {"same": 3, f"other {round_}": 1}
 

@@ -20,8 +20,9 @@ from kant_sql import (
     ReadOnlyStoreError,
     StoreUnreachableError,
 )
-from tests.conftest import Connect, Server
-from tests.worlds import robot_at
+from tests.support.servers import Server
+from tests.support.stores import Connect
+from tests.support.worlds.robots import robot_at
 
 pytestmark = pytest.mark.usefixtures("real_migrations")
 

@@ -18,11 +18,11 @@ from kant_sql.errors import PlanError
 from kant_sql.pddl import write
 from kant_sql.pddl.document import Domain, Problem
 from kant_sql.planning import Plan, problem_hash
-from kant_sql.plans import RecordedPlan
-from tests.documents import domains_and_problems
-from tests.hunting import HUNT, hunting
-from tests.missions import PROBLEM, TOUR, arrive, begin, plan_of, recorded
-from tests.reading import beside, rows
+from kant_sql.plans.interfaces import RecordedPlan
+from tests.support.generators.documents import domains_and_problems
+from tests.support.profile import PROFILE, hunting
+from tests.support.reading import beside, rows
+from tests.support.worlds.missions import PROBLEM, TOUR, arrive, begin, plan_of, recorded
 
 Texts = tuple[str, str]
 Documents = tuple[Domain, Problem]
@@ -115,7 +115,7 @@ def test_a_text_that_is_not_the_one_given_is_never_passed_off_as_it(
 def planner(monkeypatch: pytest.MonkeyPatch) -> None:
     """A planner that takes no time and knows one plan."""
     monkeypatch.setattr(
-        "kant_sql.documents.methods.solve", lambda *_, **__: plan_of(*TOUR.steps[3:])
+        "kant_sql.documents.interfaces.solve", lambda *_, **__: plan_of(*TOUR.steps[3:])
     )
 
 
@@ -186,9 +186,8 @@ def episode(kb: KnowledgeBase, states: list[Documents]) -> None:
 
 
 @pytest.mark.usefixtures("stores")
-@pytest.mark.timeout(0 if HUNT else 300)
 def test_nothing_that_comes_later_changes_what_a_planner_was_given() -> None:
-    @hunting(5)
+    @hunting(PROFILE.histories)
     @given(domains_and_problems(repeats=True), domains_and_problems())
     def hold(first: Documents, second: Documents) -> None:
         name = f"planned {next(_numbers)}"

@@ -12,12 +12,12 @@ import pytest
 import kant_sql
 from kant_sql import KnowledgeBase
 from kant_sql.errors import PlanError
-from kant_sql.plans import RecordedStep, StepStatus
-from tests.chain import check_chain
-from tests.conftest import Connect
-from tests.missions import TOUR, arrive, begin, beside_of, plan_of, recorded
-from tests.reading import Undone, last_changes, nothing_changes, rows, undone
-from tests.workers import in_processes
+from kant_sql.plans.interfaces import RecordedStep, StepStatus
+from tests.support.chain import check_chain
+from tests.support.processes.workers import in_processes
+from tests.support.reading import Undone, last_changes, nothing_changes, rows, undone
+from tests.support.stores import Connect
+from tests.support.worlds.missions import TOUR, arrive, begin, beside_of, plan_of, recorded
 
 STATUSES: tuple[StepStatus, ...] = ("started", "succeeded", "failed", "aborted")
 ENDS = STATUSES[1:]

@@ -18,8 +18,10 @@ import kant_sql
 from kant_sql import KnowledgeBase, PddlPropositionDto
 from tests.benchmarks.history import HOT, Past, define, fact, load
 from tests.benchmarks.support import bare
-from tests.conftest import Server
-from tests.statements import Statement, explain, is_bracket, seen
+from tests.support.servers import Server
+from tests.support.statements import Statement, explain, is_bracket, seen
+
+pytestmark = pytest.mark.slow
 
 FACTS = 20_000
 LIT = 100
@@ -113,13 +115,24 @@ def subject(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFac
         url = f"sqlite:///{tmp_path_factory.mktemp('plans') / 'store.db'}"
     else:
         server: Server = request.getfixturevalue("server")
-        url = server.new_store()
-        keep_without_statistics(url)
-    fill(url)
-    if name == AFTER:
+        filled: str = request.getfixturevalue("filled_server")
+        if name == BEFORE:
+            return Subject(name, filled)
+        url = server.copy(filled)
         with psycopg.connect(url, autocommit=True) as connection:
             connection.execute("VACUUM ANALYZE")
+        return Subject(name, url)
+    fill(url)
     return Subject(name, url)
+
+
+@pytest.fixture(scope="module")
+def filled_server(server: Server) -> str:
+    """The URL of a filled PostgreSQL store, to be copied and asked without statistics."""
+    url = server.new_store()
+    keep_without_statistics(url)
+    fill(url)
+    return url
 
 
 def keep_without_statistics(url: str) -> None:

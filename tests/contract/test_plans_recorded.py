@@ -22,11 +22,20 @@ from kant_sql import (
 )
 from kant_sql.errors import ArchivedError, PlanError
 from kant_sql.planning import Plan, PlanStep, problem_hash
-from tests.chain import check_chain
-from tests.conftest import Connect
-from tests.missions import STEPS, TOUR, arrive, begin, beside_of, plan_of, recorded, step
-from tests.reading import beside, last_changes, nothing_changes, rows, undone
-from tests.statements import count
+from tests.support.chain import check_chain
+from tests.support.reading import beside, last_changes, nothing_changes, rows, undone
+from tests.support.statements import count
+from tests.support.stores import Connect
+from tests.support.worlds.missions import (
+    STEPS,
+    TOUR,
+    arrive,
+    begin,
+    beside_of,
+    plan_of,
+    recorded,
+    step,
+)
 
 
 def refuses(
@@ -250,7 +259,7 @@ def test_plans_of_two_knowledge_bases_do_not_mix(fresh_kb: KnowledgeBase) -> Non
 def test_the_hash_covers_a_plan_in_a_transaction_that_is_too_large_to_keep(
     shared_url: str, connect: Connect, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("kant_sql.propositions.SPILL_AT", 10)
+    monkeypatch.setattr("kant_sql.store.transaction.SPILL_AT", 10)
     kb = connect(shared_url)
     begin(kb)
     dirty, place = kb.predicates.get("dirty"), kb.types.get("place")

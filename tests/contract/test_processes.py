@@ -7,10 +7,13 @@ from collections.abc import Callable
 import pytest
 
 from kant_sql import KnowledgeBase
-from tests import counter, elsewhere, forking
-from tests.chain import check_chain
-from tests.conftest import Connect
-from tests.workers import change, count, in_processes, watch
+from tests.support.chain import check_chain
+from tests.support.processes import caches, forks
+from tests.support.processes.workers import change, count, in_processes, watch
+from tests.support.stores import Connect
+from tests.support.worlds import counter
+
+pytestmark = pytest.mark.slow
 
 PROCESSES = 4
 TIMES = 12
@@ -39,7 +42,7 @@ def test_processes_that_read_while_others_write_see_whole_revisions(
     assert max(reads) > 1
 
 
-@pytest.mark.parametrize(("changes", "then"), elsewhere.CHANGES)
+@pytest.mark.parametrize(("changes", "then"), caches.CHANGES)
 def test_a_process_acts_on_what_another_has_changed(
     shared_url: str,
     connect: Connect,
@@ -47,7 +50,7 @@ def test_a_process_acts_on_what_another_has_changed(
     then: Callable[[KnowledgeBase], None],
 ) -> None:
     kb = connect(shared_url, knowledge_base="tiago")
-    elsewhere.world(kb)
+    caches.world(kb)
     in_processes((change, shared_url, changes))
     then(kb)
     newcomer = connect(shared_url, knowledge_base="tiago")
@@ -59,11 +62,11 @@ def test_a_process_acts_on_what_another_has_changed(
 @pytest.mark.parametrize(
     "scenario",
     [
-        forking.both_sides_go_on,
-        forking.children_close_first,
-        forking.within_a_transaction,
-        forking.out_of_a_transaction,
-        forking.beside_a_thread_in_a_transaction,
+        forks.both_sides_go_on,
+        forks.children_close_first,
+        forks.within_a_transaction,
+        forks.out_of_a_transaction,
+        forks.beside_a_thread_in_a_transaction,
     ],
 )
 def test_an_open_knowledge_base_survives_a_fork(
@@ -74,4 +77,4 @@ def test_an_open_knowledge_base_survives_a_fork(
 
 
 def test_a_child_has_a_copy_of_a_store_in_memory() -> None:
-    in_processes((forking.in_memory,))
+    in_processes((forks.in_memory,))

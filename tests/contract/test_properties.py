@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given
 
 from kant_sql import (
     KnowledgeBase,
@@ -22,16 +22,37 @@ from kant_sql import (
     PddlPropositionDto,
     PddlTypeDto,
 )
-from kant_sql.backends import Backend, create_backend
-from kant_sql.sql_factory import SqlDaoFactory
-from kant_sql.store import Store
-from tests.chain import check_chain
-from tests.conftest import Server
-from tests.hunting import HUNT
-from tests.model import Model
-from tests.programs import Block, Call, Items, Program, Step, programs, run, state_of
-from tests.verifying import findings
-from tests.worlds import RB1, ROBOT, ROBOT_AT, WAYPOINT, WP1, WP2, navigation, robot_at
+from kant_sql.factory import SqlDaoFactory
+from kant_sql.sql.dialects import create_backend
+from kant_sql.sql.dialects.base import Backend
+from kant_sql.store.store import Store
+from tests.support.chain import check_chain
+from tests.support.generators.programs import (
+    Block,
+    Call,
+    Items,
+    Program,
+    Step,
+    programs,
+    run,
+    state_of,
+)
+from tests.support.model import Model
+from tests.support.profile import PROFILE, hunting
+from tests.support.reading import findings
+from tests.support.servers import Server
+from tests.support.worlds.robots import (
+    RB1,
+    ROBOT,
+    ROBOT_AT,
+    WAYPOINT,
+    WP1,
+    WP2,
+    navigation,
+    robot_at,
+)
+
+pytestmark = pytest.mark.slow
 
 _numbers = itertools.count(1)
 
@@ -67,13 +88,13 @@ def stores(server: Server, tmp_path_factory: pytest.TempPathFactory) -> Iterator
 
 # What is meant for large amounts, and how little of it the programs have.
 TIGHT = {
-    "kant_sql.propositions.SPILL_AT": 1,
-    "kant_sql.atoms.CACHED_ATOMS": 1,
+    "kant_sql.store.transaction.SPILL_AT": 1,
+    "kant_sql.store.caches.CACHED_ATOMS": 1,
     "kant_sql.dao.base.BATCH": 2,
-    "kant_sql.knowledge.cache.CACHED_PASTS": 1,
+    "kant_sql.store.snapshot.CACHED_PASTS": 1,
     "kant_sql.history.log.LOG_PAGE": 2,
-    "kant_sql.backends.sqlite_session.FETCH_SIZE": 1,
-    "kant_sql.backends.postgresql_session.COPY_FROM_ROWS": 2,
+    "kant_sql.sql.dialects.sqlite.FETCH_SIZE": 1,
+    "kant_sql.sql.dialects.postgresql.COPY_FROM_ROWS": 2,
 }
 
 
@@ -170,16 +191,8 @@ def test_a_program_that_once_failed(stores: Stores, steps: list[Step], is_tight:
     check_everywhere(stores, Program([(0, step) for step in steps], is_tight))
 
 
-# To make a failing program small takes up to five minutes more.
-@pytest.mark.timeout(0 if HUNT else 900)
 def test_any_program_has_the_results_of_the_model(stores: Stores) -> None:
-    @settings(
-        max_examples=HUNT or 120,
-        derandomize=not HUNT,
-        database=None,
-        deadline=None,
-        suppress_health_check=[HealthCheck.too_slow],
-    )
+    @hunting(PROFILE.programs)
     @given(programs())
     def holds_for(program: Program) -> None:
         check_everywhere(stores, program)

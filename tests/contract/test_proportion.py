@@ -17,6 +17,8 @@ from kant_sql import (
 from kant_sql.errors import TypeMismatchError
 from kant_sql.pddl import read_domain
 
+pytestmark = pytest.mark.slow
+
 
 def ratio(small: Callable[[], object], large: Callable[[], object]) -> float:
     """How many times the processor time of one call another takes."""

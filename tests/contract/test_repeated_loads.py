@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from kant_sql import KnowledgeBase, propositions
-from tests.conftest import Connect
+from kant_sql import KnowledgeBase
+from kant_sql.store import transaction as propositions
+from tests.support.stores import Connect
 
 DOMAIN = """(define (domain d) (:predicates (p ?x ?y) (q ?x)) (:functions (f ?x))
   (:action a :parameters (?x) :precondition (q ?x) :effect (not (q ?x))))"""

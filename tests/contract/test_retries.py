@@ -13,10 +13,10 @@ import psycopg
 import pytest
 
 from kant_sql import ConnectionLostError, KnowledgeBase, StoreBusyError, StoreError
-from kant_sql.backends import Session, postgresql
-from tests.chain import check_chain
-from tests.conftest import Connect
-from tests.disturbing import (
+from kant_sql.sql.dialects import postgresql
+from kant_sql.sql.dialects.base import Session
+from tests.support.chain import check_chain
+from tests.support.faults import (
     BOUND,
     be_impatient,
     each_write,
@@ -26,7 +26,8 @@ from tests.disturbing import (
     on_server,
     one_call,
 )
-from tests.worlds import WP2, robot_at, waypoint
+from tests.support.stores import Connect
+from tests.support.worlds.robots import WP2, robot_at, waypoint
 
 
 @pytest.fixture
@@ -83,8 +84,8 @@ def test_a_writer_gives_up_on_another_that_is_never_done(
 def test_a_thread_gives_up_on_another_that_is_never_done(
     kb: KnowledgeBase, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("kant_sql.store.WRITE_LOCK_TIMEOUT", 0.2)
-    monkeypatch.setattr("kant_sql.backends.sqlite.TURN_TIMEOUT", 0.2)
+    monkeypatch.setattr("kant_sql.store.store.WRITE_LOCK_TIMEOUT", 0.2)
+    monkeypatch.setattr("kant_sql.sql.dialects.sqlite.TURN_TIMEOUT", 0.2)
     with kb.transaction():
         kb.propositions.save(robot_at())
         with ThreadPoolExecutor(1) as pool:

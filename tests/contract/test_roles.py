@@ -7,13 +7,13 @@ from concurrent.futures import ThreadPoolExecutor
 import psycopg
 import pytest
 
-from kant_sql.backends.postgresql_policies import NO_DEFINITIONS
 from kant_sql.knowledge.definitions import KINDS
-from kant_sql.knowledge.rows import KIND_TABLES
-from tests.conftest import Connect
-from tests.rights import OTHER, TABLES, Members, contents, mutations, query, refused, rows_of
-from tests.workers import PATIENCE
-from tests.worlds import robot_at, waypoint
+from kant_sql.sql.dialects.postgresql_roles import NO_DEFINITIONS
+from kant_sql.sql.rows import KIND_TABLES
+from tests.support.processes.workers import PATIENCE
+from tests.support.roles import OTHER, TABLES, Members, contents, mutations, query, refused, rows_of
+from tests.support.stores import Connect
+from tests.support.worlds.robots import robot_at, waypoint
 
 EVERY_ROLE = pytest.mark.parametrize("role", range(6))
 

@@ -18,14 +18,12 @@ from kant_sql import (
     PddlPropositionDto,
     PddlTypeDto,
     ReadOnlyStoreError,
-    propositions,
 )
-from kant_sql.predicate_views import update_views
-from tests.chain import check_chain
-from tests.conftest import Connect, Server
-from tests.missions import arrive, recorded
-from tests.reading import state, undone
-from tests.rights import (
+from kant_sql.sql.predicate_views import update_views
+from kant_sql.store import transaction as propositions
+from tests.support.chain import check_chain
+from tests.support.reading import state, undone
+from tests.support.roles import (
     MINE,
     MINE_ID,
     OTHER,
@@ -40,7 +38,21 @@ from tests.rights import (
     rows_of,
     views,
 )
-from tests.worlds import RB1, ROBOT, WAYPOINT, WP1, WP2, navigation, robot_at, waypoint
+from tests.support.servers import Server
+from tests.support.stores import Connect
+from tests.support.worlds.missions import arrive, recorded
+from tests.support.worlds.robots import (
+    RB1,
+    ROBOT,
+    WAYPOINT,
+    WP1,
+    WP2,
+    navigation,
+    robot_at,
+    waypoint,
+)
+
+pytestmark = pytest.mark.slow
 
 BATTERY = PddlFunctionDto("battery", [ROBOT])
 

@@ -11,12 +11,13 @@ import pytest
 
 import kant_sql
 from kant_sql import KantSqlError, SchemaMissingError, StoreError
-from kant_sql.predicate_views import update_views
-from tests.cli.running import run
-from tests.conftest import Connect, Server
-from tests.pages import Page
-from tests.rights import MINE, Members, as_user, members, named, query, refused
-from tests.worlds import robot_at
+from kant_sql.sql.predicate_views import update_views
+from tests.support.pages import Page
+from tests.support.processes.commands import run
+from tests.support.roles import MINE, Members, as_user, members, named, query, refused
+from tests.support.servers import Server
+from tests.support.stores import Connect
+from tests.support.worlds.robots import robot_at
 
 
 def rights(url: str) -> list[tuple[Any, ...]]:
@@ -63,7 +64,7 @@ def test_rights_survive_migrations(server: Server, connect: Connect) -> None:
     before = rights(url)
     kant_sql.upgrade(url)
     assert rights(url) == before
-    kant_sql.downgrade(url, revision="0003")
+    kant_sql.downgrade(url, revision="0001")
     kant_sql.upgrade(url)
     assert rights(url) == before
     with members(url, roles) as own:
@@ -91,7 +92,7 @@ def test_what_was_made_for_a_knowledge_base_that_is_gone_is_for_no_other(
                 with psycopg.connect(user, autocommit=True) as connection:
                     assert refused(connection, f"SELECT FROM {name}"), (name, user)
     # Nor is it in the way of a migration.
-    kant_sql.downgrade(url, revision="0003")
+    kant_sql.downgrade(url, revision="0001")
 
 
 def test_what_cannot_be_done_is_refused_with_the_remedy(

@@ -8,9 +8,9 @@ from typing import Any
 
 import pytest
 
-from kant_sql.schema import VERSION_TABLE
-from kant_sql.tables import Base
-from tests.pages import Page, opened
+from kant_sql.sql.tables import Base
+from kant_sql.sql.tables.base import VERSION_TABLE
+from tests.support.pages import Page, opened
 
 PAGE = Page("schema.md")
 TABLES = Base.metadata.tables

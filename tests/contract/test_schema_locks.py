@@ -10,12 +10,15 @@ import psycopg
 import pytest
 
 import kant_sql
-from kant_sql import StoreBusyError, retry, schema
-from kant_sql.predicate_views import update_views
-from tests.conftest import Connect, Server
-from tests.rights import members
-from tests.workers import PATIENCE
-from tests.worlds import robot_at, waypoint
+from kant_sql import StoreBusyError
+from kant_sql.sql import schema
+from kant_sql.sql.dialects import base as retry
+from kant_sql.sql.predicate_views import update_views
+from tests.support.processes.workers import PATIENCE
+from tests.support.roles import members
+from tests.support.servers import Server
+from tests.support.stores import Connect
+from tests.support.worlds.robots import robot_at, waypoint
 
 # What anyone could lock who can connect, as earlier versions did for migrations.
 ADVISORY = "SELECT pg_advisory_lock(hashtext('kant_sql')), pg_advisory_lock(7737587080895885676)"
@@ -37,7 +40,7 @@ def renew_roles(url: str) -> None:
 
 def migrate(url: str) -> None:
     """Change tables."""
-    kant_sql.downgrade(url, revision="0004")
+    kant_sql.downgrade(url, revision="0001")
     kant_sql.upgrade(url)
 
 

@@ -13,9 +13,10 @@ import psycopg
 import pytest
 
 from kant_sql import KnowledgeBase
-from tests.conftest import Connect, Server
-from tests.statements import READS, fact, fill, is_bracket, recorded
-from tests.worlds import waypoint
+from tests.support.servers import Server
+from tests.support.statements import READS, fact, fill, is_bracket, recorded
+from tests.support.stores import Connect
+from tests.support.worlds.robots import waypoint
 
 
 @contextmanager

@@ -12,12 +12,14 @@ from typing import Any
 import pytest
 
 from kant_sql import KnowledgeBase
-from kant_sql.propositions import PendingPropositions
-from tests import counter
-from tests.chain import check_chain, check_sqlite
-from tests.conftest import Connect
-from tests.workers import watch_with
-from tests.worlds import RB1, WP2, robot_at, waypoint
+from kant_sql.store.ledger import PropositionLedger
+from tests.support.chain import check_chain, check_sqlite
+from tests.support.processes.workers import watch_with
+from tests.support.stores import Connect
+from tests.support.worlds import counter
+from tests.support.worlds.robots import RB1, WP2, robot_at, waypoint
+
+pytestmark = pytest.mark.slow
 
 THREADS = 8
 TIMES = 6
@@ -175,16 +177,16 @@ def test_what_a_slow_thread_has_seen_does_not_hide_what_a_quicker_one_has_done(
     kb.propositions.save(robot_at())
     kb.propositions.save(robot_at(place=WP2))
     kb.propositions.delete(robot_at(place=WP2))
-    publish = PendingPropositions.publish
+    publish = PropositionLedger.publish
     ended, go_on = threading.Event(), threading.Event()
 
-    def slowly(propositions: PendingPropositions, revision: int) -> None:
+    def slowly(propositions: PropositionLedger, revision: int) -> None:
         if threading.current_thread() is slow:
             ended.set()
             go_on.wait(60 if shared_url.startswith("postgresql") else 0.2)
         publish(propositions, revision)
 
-    monkeypatch.setattr(PendingPropositions, "publish", slowly)
+    monkeypatch.setattr(PropositionLedger, "publish", slowly)
     slow = threading.Thread(target=lambda: kb.propositions.delete(robot_at(place=WP2)))
     slow.start()
     assert ended.wait(60)

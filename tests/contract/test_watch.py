@@ -18,21 +18,21 @@ from kant_sql import (
     StoreIntegrityError,
     UnknownRevisionError,
 )
-from kant_sql.backends import Session, postgresql, postgresql_session, postgresql_waiting
 from kant_sql.errors import InvalidTimeoutError
-from kant_sql.history import watching
-from tests.conftest import Connect
-from tests.disturbing import on_file, on_server, terminate
-from tests.statements import count
-from tests.watching import (
-    Waiting,
-    fork_beside_a_watching_thread,
-    open_files,
-    waiting,
-    write_many,
-)
-from tests.workers import PATIENCE, in_processes
-from tests.worlds import waypoint
+from kant_sql.history import follow as watching
+from kant_sql.sql.dialects import postgresql
+from kant_sql.sql.dialects import postgresql as postgresql_session
+from kant_sql.sql.dialects import postgresql as postgresql_waiting
+from kant_sql.sql.dialects.base import Session
+from tests.support.faults import on_file, on_server, terminate
+from tests.support.processes.forks import fork_beside_a_watching_thread
+from tests.support.processes.watchers import Waiting, open_files, waiting, write_many
+from tests.support.processes.workers import PATIENCE, in_processes
+from tests.support.statements import count
+from tests.support.stores import Connect
+from tests.support.worlds.robots import waypoint
+
+pytestmark = pytest.mark.slow
 
 
 def save(kb: KnowledgeBase, number: int) -> None:

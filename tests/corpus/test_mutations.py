@@ -7,19 +7,15 @@ changes that many files, each time from another seed.
 
 from __future__ import annotations
 
-import json
 import random
-from pathlib import Path
-
-import pytest
 
 import kant_sql
 from kant_sql.errors import KantSqlError, PddlError
 from kant_sql.pddl import Domain, read_domain, read_problem, write
-from tests.hunting import HUNT
 from tests.pddl.test_names_everywhere import DOMAIN, PROBLEM, WORDS
+from tests.support.corpus import PAIRS
+from tests.support.profile import HUNT, PROFILE
 
-CORPUS = Path(__file__).parents[2] / ".." / "shared" / "pddl"
 SMALL = 12_000
 LANGUAGE = (
     *WORDS,
@@ -59,13 +55,10 @@ Pair = tuple[str, str]
 def sources() -> list[Pair]:
     """A pair in which everything stands, and the small ones of the corpus."""
     found = [(DOMAIN, PROBLEM)]
-    if (CORPUS / "index.json").exists():
-        for pair in json.loads((CORPUS / "index.json").read_text()):
-            texts = [
-                (CORPUS / pair[key]).read_text(errors="ignore") for key in ("domain", "problem")
-            ]
-            if sum(map(len, texts)) < SMALL:
-                found.append((texts[0], texts[1]))
+    for pair in PAIRS:
+        domain, problem = (path.read_text(errors="ignore") for path in (pair.domain, pair.problem))
+        if len(domain) + len(problem) < SMALL:
+            found.append((domain, problem))
     return found
 
 
@@ -134,12 +127,11 @@ def check_text(kb: kant_sql.KnowledgeBase, domain: Domain) -> None:
     assert read_problem(kb.problem_pddl(), domain=domain) == kb.problem()
 
 
-@pytest.mark.timeout(0 if HUNT else 300)
 def test_whatever_is_read_verifies_and_is_regenerated() -> None:
     chance = random.Random(None if HUNT else 8)
     pairs = sources()
     taken = 0
-    for number in range(HUNT or 60):
+    for number in range(HUNT or PROFILE.mutants):
         domain_text, problem_text = pairs[0] if number % 2 else chance.choice(pairs)
         if chance.random() < 0.5:
             domain_text = change(domain_text, chance)
@@ -150,4 +142,4 @@ def test_whatever_is_read_verifies_and_is_regenerated() -> None:
         except (AssertionError, KantSqlError) as error:
             error.add_note(f"{domain_text}\n\n{problem_text}")
             raise
-    assert taken > (HUNT or 60) // 20
+    assert taken > (HUNT or PROFILE.mutants) // 20

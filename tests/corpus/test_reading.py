@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
-from pathlib import Path
-
-import pytest
 
 from kant_sql.errors import PddlError
 from kant_sql.pddl import read_domain, read_problem
+from tests.support.corpus import PAIRS, Pair, each_pair, needs_corpus
 
-CORPUS = Path(__file__).parents[2] / ".." / "shared" / "pddl"
-PAIRS = json.loads((CORPUS / "index.json").read_text()) if (CORPUS / "index.json").exists() else []
 VIOLATIONS = {
     "odd:-type-no-space",
     "odd:action-name-clash",
@@ -24,18 +19,16 @@ VIOLATIONS = {
     "odd:type=predicate-name",
 }
 
-pytestmark = pytest.mark.skipif(
-    not PAIRS, reason=f"there is no corpus beside the checkout: {CORPUS}"
-)
+pytestmark = needs_corpus
 
 
 def test_all_pairs_are_read(record_property: Callable[[str, object], None]) -> None:
     failures = []
     for pair in PAIRS:
         try:
-            domain = read_domain(CORPUS / pair["domain"])
-            read_problem(CORPUS / pair["problem"], domain=domain)
-            read_problem(CORPUS / pair["problem"])
+            domain = read_domain(pair.domain)
+            read_problem(pair.problem, domain=domain)
+            read_problem(pair.problem)
         except PddlError as error:
             failures.append(str(error))
     record_property("pairs", len(PAIRS))
@@ -43,18 +36,16 @@ def test_all_pairs_are_read(record_property: Callable[[str, object], None]) -> N
     assert failures == []
 
 
-@pytest.mark.parametrize("pair", PAIRS, ids=lambda pair: pair["problem"])
-def test_strict_reading_refuses_what_violates_the_standard(pair: dict[str, object]) -> None:
-    domain = read_domain(CORPUS / str(pair["domain"]))
-    problem = read_problem(CORPUS / str(pair["problem"]), domain=domain)
+@each_pair
+def test_strict_reading_refuses_what_violates_the_standard(pair: Pair) -> None:
+    domain = read_domain(pair.domain)
+    problem = read_problem(pair.problem, domain=domain)
     warnings = domain.warnings + problem.warnings
-    features = pair["features"]
-    assert isinstance(features, list)
-    if VIOLATIONS.intersection(features):
+    if VIOLATIONS & pair.features:
         assert warnings
     try:
-        domain = read_domain(CORPUS / str(pair["domain"]), strict=True)
-        read_problem(CORPUS / str(pair["problem"]), domain=domain, strict=True)
+        domain = read_domain(pair.domain, strict=True)
+        read_problem(pair.problem, domain=domain, strict=True)
     except PddlError:
         assert warnings
     else:

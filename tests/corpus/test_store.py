@@ -1,8 +1,7 @@
-"""Every pair of the corpus is stored, and comes back as the same documents and the same text."""
+"""The pairs of the corpus are stored, and come back as the same documents and the same text."""
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import pytest
@@ -10,30 +9,30 @@ import pytest
 from kant_sql import KnowledgeBase
 from kant_sql.pddl import read_domain, read_problem
 from kant_sql.pddl.writer import write
-from tests.conftest import Connect, make_store_url
-from tests.reading import beside
+from tests.support.corpus import PAIRS, needs_corpus, small_pairs
+from tests.support.profile import PROFILE
+from tests.support.reading import beside
+from tests.support.stores import Connect, make_store_url
 
-CORPUS = Path(__file__).parents[2] / ".." / "shared" / "pddl"
-PAIRS = (
-    [(pair["domain"], pair["problem"]) for pair in json.loads((CORPUS / "index.json").read_text())]
-    if (CORPUS / "index.json").exists()
-    else []
-)
+# Bytes of a pair: all but one in a file, half of them on PostgreSQL. The last one is larger than
+# all others together; the profile `long` stores all pairs.
+USUAL = {"sqlite-file": 100_000, "postgresql": 5_000}
 
 
-@pytest.mark.skipif(not PAIRS, reason=f"there is no corpus beside the checkout: {CORPUS}")
+@needs_corpus
 @pytest.mark.parametrize("backend", ["sqlite-file", "postgresql"])
 def test_all_pairs_are_stored_and_regenerated(
     request: pytest.FixtureRequest, tmp_path: Path, connect: Connect, backend: str
 ) -> None:
     first = connect(make_store_url(request, backend, tmp_path), knowledge_base="first")
     faults = {}
-    for domain, problem in PAIRS:
+    chosen = PAIRS if PROFILE.is_whole else small_pairs(USUAL[backend])
+    for pair in chosen:
         try:
-            _check(beside(first, problem), CORPUS / domain, CORPUS / problem)
+            _check(beside(first, pair.name), pair.domain, pair.problem)
         except Exception as error:
-            faults[problem] = f"{type(error).__name__}: {error}"
-    print(f"{len(PAIRS) - len(faults)} of {len(PAIRS)} pairs are stored on {backend}")
+            faults[pair.name] = f"{type(error).__name__}: {error}"
+    print(f"{len(chosen) - len(faults)} of {len(chosen)} pairs are stored on {backend}")
     assert faults == {}
 
 

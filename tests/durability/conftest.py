@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 import kant_sql
-from tests.mortal import MortalServer
+from tests.support.servers import MortalServer
 
 
 @pytest.fixture(scope="session")

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from tests.chain import check_chain
-from tests.crashing import fill_disk
-from tests.workers import in_processes
+from tests.support.chain import check_chain
+from tests.support.processes.crashes import fill_disk
+from tests.support.processes.workers import in_processes
 
 
 def test_a_writer_without_room_raises_and_goes_on_when_there_is_room(tmp_path: Path) -> None:

@@ -13,10 +13,9 @@ import pytest
 
 import kant_sql
 from kant_sql import KnowledgeBase
-from kant_sql.archive import replicating
-from kant_sql.backends import Session
-from tests import counter
-from tests.archiving import (
+from kant_sql.history.archive import target as replicating
+from kant_sql.sql.dialects.base import Session
+from tests.support.archives import (
     Rows,
     intact,
     rows_of,
@@ -26,9 +25,10 @@ from tests.archiving import (
     versions_of,
     versions_upto,
 )
-from tests.conftest import Connect
-from tests.workers import PATIENCE, PROCESSES
-from tests.worlds import robot_at, waypoint
+from tests.support.processes.workers import PATIENCE, PROCESSES
+from tests.support.stores import Connect
+from tests.support.worlds import counter
+from tests.support.worlds.robots import robot_at, waypoint
 
 COUNTED, BULK = 30, 20
 # So many statements are enough for several steps, and for all that comes behind the last.

@@ -9,13 +9,15 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
-from kant_sql import ConnectionLostError, KnowledgeBase, retry
-from tests import counter
-from tests.chain import check_chain
-from tests.conftest import Connect
-from tests.crashing import Acknowledged, all_told, check_all, killed_later, write_for_ever
-from tests.mortal import MortalServer
-from tests.worlds import waypoint
+from kant_sql import ConnectionLostError, KnowledgeBase
+from kant_sql.sql.dialects import base as retry
+from tests.support.chain import check_chain
+from tests.support.processes.crashes import Acknowledged, all_told, check_all, write_for_ever
+from tests.support.processes.workers import killed_later
+from tests.support.servers import MortalServer
+from tests.support.stores import Connect
+from tests.support.worlds import counter
+from tests.support.worlds.robots import waypoint
 
 KILLS = 2
 

@@ -10,10 +10,13 @@ from pathlib import Path
 import pytest
 
 import kant_sql
-from tests import counter, opening
-from tests.chain import check_chain
-from tests.conftest import Connect, Server
-from tests.crashing import Acknowledged, all_told, check_all, killed_later, write_for_ever
+from tests.support.chain import check_chain
+from tests.support.processes import sharing
+from tests.support.processes.crashes import Acknowledged, all_told, check_all, write_for_ever
+from tests.support.processes.workers import killed_later
+from tests.support.servers import Server
+from tests.support.stores import Connect
+from tests.support.worlds import counter
 
 KILLS = 8
 CREATIONS = 4
@@ -40,7 +43,7 @@ def test_a_killed_writer_loses_nothing_that_was_acknowledged(
 def create(url: str, tell: Connection) -> None:
     """Say that it begins, create a store, and write once."""
     tell.send(0)
-    tell.send(opening.upgrade_and_write(url, 1))
+    tell.send(sharing.upgrade_and_write(url, 1))
     time.sleep(30)
 
 

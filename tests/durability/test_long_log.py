@@ -11,9 +11,9 @@ from pathlib import Path
 import pytest
 
 from kant_sql import KnowledgeBase
-from kant_sql.backends import sqlite, sqlite_file
-from tests.conftest import Connect
-from tests.statements import fact, fill
+from kant_sql.sql.dialects import sqlite, sqlite_file
+from tests.support.statements import fact, fill
+from tests.support.stores import Connect
 
 LIMIT = 1 << 20
 

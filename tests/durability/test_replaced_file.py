@@ -14,9 +14,10 @@ import pytest
 
 import kant_sql
 from kant_sql import KnowledgeBase, StoreReplacedError
-from kant_sql.backends import Session
-from tests.conftest import Connect
-from tests.statements import fact, fill
+from kant_sql.sql.dialects.base import Session
+from kant_sql.sql.dialects.sqlite_file import Contents
+from tests.support.statements import fact, fill
+from tests.support.stores import Connect
 
 Attack = Callable[[Path], object]
 
@@ -321,7 +322,7 @@ def test_who_waits_for_news_is_told(
     def rename(_: float) -> None:
         path.rename(f"{path}.old")
 
-    monkeypatch.setattr("kant_sql.backends.sqlite_waiting.time.sleep", rename)
+    monkeypatch.setattr("kant_sql.sql.dialects.sqlite.time.sleep", rename)
     with pytest.raises(StoreReplacedError):
         kb.watch(timeout=60)
 
@@ -343,3 +344,75 @@ def test_a_store_put_back_to_another_state_is_not_written_to(
         session._execute(f"UPDATE head SET {change}")
     with pytest.raises(StoreReplacedError, match="the store was put back to another state"):
         kb.propositions.save(fact(1))
+
+
+@pytest.fixture
+def overwrite(kb: KnowledgeBase, path: Path) -> Callable[[], object]:
+    """Give what copies an older state over the open file, as no replacement of the file does."""
+    backup = path.with_suffix(".backup")
+    shutil.copy(path, backup)
+    with closing(sqlite3.connect(path)) as other:
+        other.execute("PRAGMA wal_checkpoint(PASSIVE)")
+    kb.propositions.get_all()
+    return lambda: path.write_bytes(backup.read_bytes().ljust(path.stat().st_size, b"\0"))
+
+
+def test_all_who_have_an_overwritten_file_open_notice(
+    kb: KnowledgeBase, path: Path, connect: Connect, overwrite: Callable[[], object]
+) -> None:
+    other = connect(f"sqlite:///{path}")
+    overwrite()
+    for each in (kb, other):
+        with pytest.raises(StoreReplacedError, match="overwritten with another state"):
+            each.propositions.get_all()
+
+
+def test_who_connects_to_an_overwritten_file_goes_on_with_it_alone(
+    kb: KnowledgeBase, path: Path, connect: Connect, overwrite: Callable[[], object]
+) -> None:
+    overwrite()
+    for companion in ("-wal", "-shm"):
+        Path(f"{path}{companion}").unlink()
+    again = connect(f"sqlite:///{path}")
+    assert fact(1) in again.propositions.get_all()
+    with pytest.raises(StoreReplacedError, match="overwritten with another state"):
+        kb.propositions.get_all()
+    assert fact(1) in again.propositions.get_all()
+
+
+def test_a_name_of_the_file_may_lead_elsewhere_when_another_stays(
+    kb: KnowledgeBase, path: Path, connect: Connect, tmp_path: Path
+) -> None:
+    kb.close()
+    link, foreign = path.with_name("link.db"), tmp_path / "foreign.db"
+    link.symlink_to(path)
+    first, second = connect(f"sqlite:///{link}"), connect(f"sqlite:///{path}")
+    fill(connect(f"sqlite:///{foreign}"), 2)
+    link.unlink()
+    link.symlink_to(foreign)
+    second.propositions.save(fact(1))
+    with closing(sqlite3.connect(path)) as other:
+        other.execute("PRAGMA wal_checkpoint(PASSIVE)")
+    assert fact(1) in second.propositions.get_all()
+    with pytest.raises(StoreReplacedError, match="another file"):
+        first.propositions.get_all()
+
+
+def test_a_checkpoint_is_looked_into_once_in_a_process(
+    kb: KnowledgeBase, path: Path, connect: Connect, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    others = [connect(f"sqlite:///{path}") for _ in range(3)]
+    kb.propositions.save(fact(1))
+    with closing(sqlite3.connect(path)) as other:
+        other.execute("PRAGMA wal_checkpoint(PASSIVE)")
+    compared: list[Path] = []
+    compare = Contents.compare
+
+    def spy(self: Contents, path: str) -> bool | None:
+        compared.append(Path(path))
+        return compare(self, path)
+
+    monkeypatch.setattr(Contents, "compare", spy)
+    for each in (kb, *others):
+        assert fact(1) in each.propositions.get_all()
+    assert compared == [path]

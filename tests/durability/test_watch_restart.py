@@ -11,12 +11,13 @@ from pathlib import Path
 
 import pytest
 
-from kant_sql import ConnectionLostError, KantSqlError, KnowledgeBase, retry
-from tests.conftest import Connect
-from tests.mortal import MortalServer
-from tests.watching import LAST, follow, open_files, waiting, write_many
-from tests.workers import PATIENCE, PROCESSES, in_processes
-from tests.worlds import waypoint
+from kant_sql import ConnectionLostError, KantSqlError, KnowledgeBase
+from kant_sql.sql.dialects import base as retry
+from tests.support.processes.watchers import LAST, follow, open_files, waiting, write_many
+from tests.support.processes.workers import PATIENCE, PROCESSES, in_processes
+from tests.support.servers import MortalServer
+from tests.support.stores import Connect
+from tests.support.worlds.robots import waypoint
 
 WRITERS, WRITES, KILLS = 3, 40, 4
 

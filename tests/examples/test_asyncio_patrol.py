@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from tests.examples.running import run
+from tests.support.processes.commands import run_example
 
 
 def test_robots_patrol_at_once(url: str) -> None:
-    done = run("asyncio_patrol.py", url)
+    done = run_example("asyncio_patrol.py", url)
     assert (done.returncode, done.stderr) == (0, "")
     lines = done.stdout.splitlines()
     for robot in ("rb1", "rb2", "rb3"):

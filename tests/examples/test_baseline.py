@@ -11,8 +11,8 @@ from kant_sql import PddlPropositionDto
 from tests.benchmarks.coffee_shop import Stores, measure, postgresql_stores, sqlite_stores
 from tests.benchmarks.comparing import check_chain, compare_results, compare_tables
 from tests.benchmarks.recording import record
-from tests.conftest import Server
-from tests.worlds import WP2, robot_at
+from tests.support.servers import Server
+from tests.support.worlds.robots import WP2, robot_at
 
 
 def check(stores: Stores, folder: Path) -> None:

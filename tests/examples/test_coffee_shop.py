@@ -15,9 +15,9 @@ import pytest
 
 import kant_sql
 from kant_sql import KnowledgeBase
-from tests.conftest import make_store_url
-from tests.examples.running import EXAMPLES, run
-from tests.warm import MODULES, python
+from tests.support.processes.commands import EXAMPLES, run_example
+from tests.support.processes.warm import MODULES, python
+from tests.support.stores import make_store_url
 
 ITERATIONS = 2
 TASKS = ("TtR", "TtL", "TtC", "TtS", "TtG")
@@ -47,7 +47,7 @@ class Stay(NamedTuple):
 @pytest.fixture(scope="module", params=["sqlite-file", "postgresql"])
 def ran(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Ran]:
     url = make_store_url(request, request.param, tmp_path_factory.mktemp("shop"))
-    done = run("coffee_shop.py", url, "--iterations", str(ITERATIONS))
+    done = run_example("coffee_shop.py", url, "--iterations", str(ITERATIONS))
     assert (done.returncode, done.stderr) == (0, "")
     said = re.search(r"The last iteration made revisions (\d+) to (\d+)\.", done.stdout)
     assert said is not None
@@ -67,7 +67,8 @@ def test_the_table_has_a_row_for_each_task_and_the_total(ran: Ran) -> None:
     assert tuple(rows) == (*TASKS, "total")
     for mean, deviation, least, most, total in rows.values():
         assert 0 < least <= mean <= most
-        assert deviation <= most - least
+        # Each number is rounded to a hundredth: three of them are off by 0.015 at most.
+        assert deviation <= most - least + 0.02
         assert total == pytest.approx(mean * ITERATIONS, abs=0.02)
     assert rows["total"][4] == pytest.approx(sum(rows[task][4] for task in TASKS), abs=0.05)
 
@@ -122,7 +123,7 @@ def test_all_tasks_are_done_in_the_end(ran: Ran) -> None:
 
 
 def test_without_a_url_it_makes_a_new_file_and_says_where(tmp_path: Path) -> None:
-    done = run("coffee_shop.py", "--iterations", "1", TMPDIR=str(tmp_path))
+    done = run_example("coffee_shop.py", "--iterations", "1", TMPDIR=str(tmp_path))
     assert done.returncode == 0
     said = re.search(r"sqlite:///(\S+\.db)", done.stdout)
     assert said is not None
@@ -142,7 +143,7 @@ def test_without_a_url_it_makes_a_new_file_and_says_where(tmp_path: Path) -> Non
 def test_what_cannot_be_done_is_said_without_a_traceback(
     arguments: list[str], message: str
 ) -> None:
-    done = run("coffee_shop.py", *arguments)
+    done = run_example("coffee_shop.py", *arguments)
     assert done.returncode != 0
     assert message in done.stderr
     assert "Traceback" not in done.stderr

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import kant_sql
-from tests.examples.running import run
+from tests.support.processes.commands import run_example
 
 ACTION = """\
 (:durative-action navigation
@@ -29,7 +29,7 @@ def lines_below(heading: str, output: str) -> list[str]:
 
 
 def test_it_shows_the_present_and_the_past(url: str) -> None:
-    done = run("navigation.py", url)
+    done = run_example("navigation.py", url)
     assert (done.returncode, done.stderr) == (0, "")
     assert lines_below("Objects:", done.stdout) == ["rb1 - robot", "wp1 - wp", "wp2 - wp"]
     assert lines_below("Facts:", done.stdout) == ["(robot_at rb1 wp1)"]
@@ -45,13 +45,13 @@ def test_it_shows_the_present_and_the_past(url: str) -> None:
 
 
 def test_without_a_url_it_runs_in_memory() -> None:
-    done = run("navigation.py")
+    done = run_example("navigation.py")
     assert (done.returncode, done.stderr) == (0, "")
     assert lines_below("Facts now:", done.stdout) == ["(robot_at rb1 wp2)"]
 
 
 def test_a_second_run_on_the_same_store_ends_in_the_same_state(shared_url: str) -> None:
-    outputs = [run("navigation.py", shared_url).stdout for _ in range(2)]
+    outputs = [run_example("navigation.py", shared_url).stdout for _ in range(2)]
     assert lines_below("Facts now:", outputs[0]) == lines_below("Facts now:", outputs[1])
     with kant_sql.connect(shared_url, knowledge_base="waypoints") as kb:
         assert [str(fact) for fact in kb.propositions.get_no_goals()] == ["(robot_at rb1 wp2)"]

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import kant_sql
-from tests.examples.running import run
+from tests.support.processes.commands import run_example
 
 pytestmark = pytest.mark.skipif(
     importlib.util.find_spec("unified_planning") is None,
@@ -32,7 +32,7 @@ What happened:
 
 def test_it_delivers_the_letter_in_spite_of_the_surprise(tmp_path: Path) -> None:
     url = f"sqlite:///{tmp_path / 'delivery.db'}"
-    done = run("plan_and_act.py", url)
+    done = run_example("plan_and_act.py", url)
     assert (done.returncode, done.stderr) == (0, "")
     assert "Plan of revision 1, by " in done.stdout
     assert "Plan of revision 3, by " in done.stdout

@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 import kant_sql
-from tests.chain import check_chain
-from tests.examples.running import run
+from tests.support.chain import check_chain
+from tests.support.processes.commands import run_example
 
 REPLAYED = """\
   (:goal (and
@@ -28,7 +28,7 @@ REPLAYED = """\
 
 def test_it_tells_what_the_planner_was_given_and_what_each_step_caused(tmp_path: Path) -> None:
     url = f"sqlite:///{tmp_path / 'rounds.db'}"
-    done = run("replay.py", url)
+    done = run_example("replay.py", url)
     assert (done.returncode, done.stderr) == (0, "")
     first, given = done.stdout.split("\n", 1)
     assert first.endswith("was made from revision 1 by the night planner. It was given")

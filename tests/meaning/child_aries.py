@@ -13,7 +13,7 @@ from unified_planning.io import PDDLReader
 from unified_planning.plans import TimeTriggeredPlan
 from unified_planning.shortcuts import OneshotPlanner
 
-from kant_sql.planning.aries import engine_parameters
+from kant_sql.planning.worker import engine_parameters
 
 
 def main(domain: str, problem: str, seconds: str) -> None:

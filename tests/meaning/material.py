@@ -7,8 +7,6 @@ those of the planning competitions lie in `shared/pddl`, beside the checkout, if
 from __future__ import annotations
 
 import itertools
-import json
-import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,13 +14,13 @@ from pathlib import Path
 import kant_sql
 from kant_sql.pddl import read_domain, read_problem
 from kant_sql.pddl.writer import write
+from tests.support.corpus import CORPUS, PAIRS
+from tests.support.profile import PROFILE
 
 HERE = Path(__file__).parent
-CORPUS = HERE.parents[2] / "shared" / "pddl"
 PLANS = HERE / "plans"
-WITHOUT_CORPUS = "no competition files: ../shared/pddl, beside the checkout, is absent"
 # Everything, instead of what takes little time.
-ALL = os.environ.get("KANT_SQL_TEST_MEANING") == "all"
+ALL = PROFILE.is_whole
 
 Regenerate = Callable[[Path, Path], tuple[str, str]]
 
@@ -58,13 +56,9 @@ def own_pairs() -> list[Pair]:
 
 def corpus_pairs() -> list[Pair]:
     """The pairs of the competitions; none where the files are absent."""
-    index = CORPUS / "index.json"
-    if not index.exists():
-        return []
-    listed = json.loads(index.read_text())
-    files = [(CORPUS / entry["domain"], CORPUS / entry["problem"]) for entry in listed]
     return [
-        Pair(f"{problem.parent.name}.{problem.stem}", domain, problem) for domain, problem in files
+        Pair(f"{pair.problem.parent.name}.{pair.problem.stem}", pair.domain, pair.problem)
+        for pair in PAIRS
     ]
 
 

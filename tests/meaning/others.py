@@ -14,7 +14,7 @@ from typing import NamedTuple
 import pytest
 
 from tests.meaning.material import HERE, Pair
-from tests.warm import PLANNING, python
+from tests.support.processes.warm import PLANNING, python
 
 SECONDS = 1800
 WITHOUT_PLANNING = "install kant-sql[planning] for this"

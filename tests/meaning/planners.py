@@ -16,7 +16,7 @@ import pytest
 
 from tests.meaning.material import HERE, Pair
 from tests.meaning.others import need, run
-from tests.warm import PLANNING, python
+from tests.support.processes.warm import PLANNING, python
 
 SECONDS = 60
 Planner = Callable[[Pair, Path], str]

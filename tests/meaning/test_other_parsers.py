@@ -5,7 +5,7 @@
 - pyperplan: so are its two ground tasks.
 
 Where a parser refuses an original, nothing is compared. unified-planning's takes a minute for a
-megabyte, so only small pairs are read, unless `KANT_SQL_TEST_MEANING=all` asks for all of them.
+megabyte, so only small pairs are read, unless the profile `long` asks for all of them.
 """
 
 from __future__ import annotations
@@ -16,16 +16,9 @@ from pathlib import Path
 import pytest
 
 from tests.meaning import others
-from tests.meaning.material import (
-    ALL,
-    WITHOUT_CORPUS,
-    Pair,
-    Workshop,
-    corpus_pairs,
-    own_pairs,
-    small,
-)
+from tests.meaning.material import ALL, Pair, Workshop, corpus_pairs, own_pairs, small
 from tests.meaning.others import Answer
+from tests.support.corpus import WITHOUT_CORPUS
 
 OWN = own_pairs()
 # Bytes of a pair that are read in a moment.

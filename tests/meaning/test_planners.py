@@ -1,7 +1,7 @@
 """Plans found from our text are valid for the originals, and the reverse, as VAL judges.
 
 Fast Downward, pyperplan, ENHSP and Aries plan for pairs of different features, each of which they
-solve in a moment. `KANT_SQL_TEST_MEANING=all` has them plan for `MORE`, too, which they solve in
+solve in a moment. The profile `long` has them plan for `MORE`, too, which they solve in
 seconds.
 """
 
@@ -12,15 +12,9 @@ from pathlib import Path
 import pytest
 
 from tests.meaning import val
-from tests.meaning.material import (
-    ALL,
-    WITHOUT_CORPUS,
-    Pair,
-    Workshop,
-    corpus_pairs,
-    own_pairs,
-)
+from tests.meaning.material import ALL, Pair, Workshop, corpus_pairs, own_pairs
 from tests.meaning.planners import PLANNERS
+from tests.support.corpus import WITHOUT_CORPUS
 
 PAIRS = {pair.name: pair for pair in [*own_pairs(), *corpus_pairs()]}
 

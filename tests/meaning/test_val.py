@@ -1,6 +1,6 @@
 """VAL reads our text as it reads the originals, and says the same of plans.
 
-Each pair is written by kant_sql and judged beside its original. `KANT_SQL_TEST_MEANING=all` judges
+Each pair is written by kant_sql and judged beside its original. The profile `long` judges
 the pairs too that take other parsers long (`test_other_parsers.py`), and has planners plan for
 all pairs that they can (`test_planners.py`); VAL is quick, and always judges everything.
 """
@@ -12,7 +12,8 @@ from pathlib import Path
 import pytest
 
 from tests.meaning import val
-from tests.meaning.material import WITHOUT_CORPUS, Pair, Workshop, corpus_pairs, own_pairs
+from tests.meaning.material import Pair, Workshop, corpus_pairs, own_pairs
+from tests.support.corpus import WITHOUT_CORPUS
 
 OWN = {pair.name: pair for pair in own_pairs()}
 # What a change in the text of a pair must be seen by.

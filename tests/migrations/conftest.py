@@ -10,8 +10,8 @@ import pytest_alembic.tests.experimental.downgrade_leaves_no_trace as no_trace
 from alembic.config import Config
 from sqlalchemy import Connection
 
-from kant_sql.backends import create_backend
-from kant_sql.schema import alembic_config as library_config
+from kant_sql.sql.dialects import create_backend
+from kant_sql.sql.schema import alembic_config as library_config
 
 
 @pytest.fixture(params=["sqlite", "postgresql"])

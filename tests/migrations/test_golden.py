@@ -20,13 +20,16 @@ from alembic.migration import MigrationContext
 from sqlalchemy import Connection, create_engine, make_url, text
 
 import kant_sql
-from kant_sql.backends.structure import statements
-from kant_sql.schema import VERSION_TABLE, VERSIONS, migrations_folder, upgrade_sql
-from kant_sql.tables import Base
+from kant_sql.sql.dialects import postgresql_structure
+from kant_sql.sql.dialects import sqlite as sqlite_structure
+from kant_sql.sql.schema import VERSIONS, migrations_folder, upgrade_sql
+from kant_sql.sql.tables import Base
+from kant_sql.sql.tables.base import VERSION_TABLE
 
 pytestmark = pytest.mark.usefixtures("real_migrations")
 
 FOLDER = migrations_folder() / "golden"
+DESCRIBE = {"sqlite": sqlite_structure.describe, "postgresql": postgresql_structure.describe}
 WRITE = os.environ.get("KANT_SQL_TEST_GOLDEN") == "write"
 
 
@@ -43,10 +46,11 @@ def connected(url: str) -> Iterator[Connection]:
 def dump_of(url: str, without: Collection[str] = ()) -> str:
     """The schema as text; `without` has tables to leave out, or `views` for all views."""
     with connected(url) as connection:
-        found = statements(
-            connection.dialect.name,
-            lambda sql: [tuple(row) for row in connection.execute(text(sql))],
-        )
+        found = [
+            *DESCRIBE[connection.dialect.name](
+                lambda sql: [tuple(row) for row in connection.execute(text(sql))]
+            )
+        ]
     return "".join(
         f"{each.text}\n"
         for each in found

@@ -10,7 +10,7 @@ import pytest
 from sqlalchemy import Inspector, inspect
 
 import kant_sql
-from kant_sql.schema import VERSION_TABLE
+from kant_sql.sql.tables.base import VERSION_TABLE
 from tests.migrations.test_golden import connected
 
 LONGEST = 63  # PostgreSQL cuts longer names off.

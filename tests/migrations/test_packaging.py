@@ -12,9 +12,9 @@ from pathlib import Path
 ROOT = Path(__file__).parents[2]
 
 PROGRAM = """
-import kant_sql, kant_sql.schema
+import kant_sql, kant_sql.sql.schema
 print(kant_sql.__file__)
-print(kant_sql.schema.migrations_folder())
+print(kant_sql.sql.schema.migrations_folder())
 with kant_sql.connect("sqlite:///new.db") as kb:
     kb.types.save(kant_sql.PddlTypeDto("robot"))
     print(kb.revision)

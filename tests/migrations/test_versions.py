@@ -10,10 +10,11 @@ from alembic.script import ScriptDirectory
 from sqlalchemy import inspect, text
 
 import kant_sql
-from kant_sql.schema import VERSION_TABLE, VERSIONS, alembic_config, current, migrations_folder
-from tests.conftest import Connect
+from kant_sql.sql.schema import VERSIONS, alembic_config, current, migrations_folder
+from kant_sql.sql.tables.base import VERSION_TABLE
 from tests.migrations.test_golden import connected, dump_of
-from tests.worlds import WP2, navigation, robot_at
+from tests.support.stores import Connect
+from tests.support.worlds.robots import WP2, navigation, robot_at
 
 SCRIPTS = sorted((migrations_folder() / "versions").glob("*.py"))
 

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import pytest
 from hypothesis import HealthCheck, given, seed, settings
 
-from kant_sql.dto.formula import (
+from kant_sql.dto.formulas import (
     ARITHMETIC,
     ASSIGNMENTS,
     COMPARISONS,
@@ -12,16 +13,18 @@ from kant_sql.dto.formula import (
     TIMES,
     Arithmetic,
     Assign,
+    Branch,
     Comparison,
+    FormulaNode,
     Modal,
     Node,
     Preference,
     Timed,
+    walk,
 )
-from kant_sql.dto.node import Branch, FormulaNode, walk
 from kant_sql.pddl.document import ACTION, DURATIVE_ACTION, EVENT, PROCESS, Domain, Problem
 from kant_sql.pddl.requirements import REQUIREMENTS, used_requirements
-from tests.documents import domains_and_problems
+from tests.support.generators.documents import domains_and_problems
 
 NODES = {
     kind.__name__
@@ -72,6 +75,7 @@ def draw(drawn: set[str], seed_: int) -> None:
     note()
 
 
+@pytest.mark.slow
 def test_every_construct_is_drawn() -> None:
     drawn: set[str] = set()
     wanted = NODES | set(TIMES) | {"named", "unnamed", ACTION, DURATIVE_ACTION, PROCESS, EVENT}

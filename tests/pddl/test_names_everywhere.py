@@ -27,11 +27,13 @@ from kant_sql import (
     PddlProcessDto,
     PddlTypeDto,
 )
-from kant_sql.dto.formula import Atom, Constant, TypedName
-from kant_sql.dto.name import fold, is_name, is_requirement
+from kant_sql.dto.formulas import Atom, Constant, TypedName
+from kant_sql.dto.lexical import fold, is_name, is_requirement
 from kant_sql.pddl import read_domain, read_problem, write
 from kant_sql.pddl.document import Action, Domain, Problem
-from tests.hunting import HUNT, hunting
+from tests.support.profile import PROFILE, hunting
+
+pytestmark = pytest.mark.slow
 
 # What stands for a name, and the kind of name.
 KINDS = {
@@ -369,9 +371,8 @@ def test_a_word_names_elements_of_any_kind_or_is_refused(word: str) -> None:
                 assert (domain, problem) == (made.domain, made.problem)
 
 
-@pytest.mark.timeout(0 if HUNT else 300)
 def test_what_is_taken_is_read_back_and_all_else_is_refused_everywhere() -> None:
-    @hunting(60)
+    @hunting(PROFILE.texts)
     @given(st.dictionaries(st.sampled_from([*KINDS]), NAMES, min_size=1, max_size=4))
     @example({"Zfuel": "not"})
     @example({"Zhome": "forall"})

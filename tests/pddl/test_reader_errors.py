@@ -342,6 +342,7 @@ def test_nested_terms() -> None:
     assert str(read_domain(text).actions[0].condition[0]) == f"(p {term})"
 
 
+@pytest.mark.slow
 def test_quantifiers_within_each_other_take_time_in_proportion() -> None:
     """Each binds a name of its own: copies of the scope would take hours and all memory."""
     levels = 50_000

@@ -7,7 +7,7 @@ from decimal import Decimal
 
 import pytest
 
-from kant_sql.dto.formula import (
+from kant_sql.dto.formulas import (
     And,
     Arithmetic,
     Assign,

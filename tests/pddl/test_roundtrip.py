@@ -6,8 +6,8 @@ from hypothesis import example, given
 
 from kant_sql.pddl import read_domain, read_problem, write
 from kant_sql.pddl.document import Domain, PddlWarning, Problem
-from tests.documents import domains_and_problems
-from tests.hunting import hunting
+from tests.support.generators.documents import domains_and_problems
+from tests.support.profile import PROFILE, hunting
 
 # As in the property test of the store: a number here hunts for longer.
 
@@ -26,7 +26,7 @@ def check(domain: Domain, problem: Problem, strict: bool) -> tuple[Warnings, War
     return read.warnings, again.warnings
 
 
-@hunting(60)
+@hunting(PROFILE.texts)
 @given(domains_and_problems())
 @example((Domain("d", (":strips",)), Problem("p", "d")))
 def test_what_is_well_formed_round_trips_without_a_warning(
@@ -37,7 +37,7 @@ def test_what_is_well_formed_round_trips_without_a_warning(
     assert check(domain, problem, strict=False) == ((), ())
 
 
-@hunting(60)
+@hunting(PROFILE.texts)
 @given(domains_and_problems(repeats=True))
 def test_parameters_that_share_a_name_round_trip(documents: tuple[Domain, Problem]) -> None:
     check(*documents, strict=False)

@@ -19,14 +19,14 @@ from kant_sql.errors import (
     SourceError,
     SourceMissingError,
 )
-from kant_sql.pddl.tokens import MAX_UNMATCHED, Blocks, Text, load, tokenize, unmatched
+from kant_sql.pddl.lexer import MAX_UNMATCHED, Blocks, Text, load, tokenize, unmatched
 
 
 def places(text: str) -> list[tuple[str, int, int]]:
     """Each token with its line and column, as the lexer finds them."""
-    lexed = Text("t", text)
+    lexed = Text("t", whole=text)
     tokens = tokenize(lexed.code)
-    found = lexed.locate(lexed.offsets(0, range(len(tokens))))
+    found = lexed.locate(lexed.offsets(0, indexes=range(len(tokens))))
     return [(token, *place) for token, place in zip(tokens, found, strict=True)]
 
 
@@ -59,8 +59,8 @@ def test_places_are_those_of_a_naive_lexer() -> None:
 
 
 def test_the_end_has_a_place() -> None:
-    text = Text("t", "(a\n b")
-    assert text.locate(text.offsets(0, [9])) == [(2, 3)]
+    text = Text("t", whole="(a\n b")
+    assert text.locate(text.offsets(0, indexes=[9])) == [(2, 3)]
 
 
 @pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
@@ -134,7 +134,7 @@ def test_a_path_object_is_never_text(tmp_path: Path, monkeypatch: pytest.MonkeyP
     "source", ["nowhere.pddl", "no (1)/where.pddl", Path("(define"), Path("a\0b"), "\ud800"]
 )
 def test_a_file_that_is_not_there(source: str | Path) -> None:
-    with pytest.raises(SourceMissingError, match="give the path of a file") as missing:
+    with pytest.raises(SourceMissingError, match="give the path of a readable file") as missing:
         load(source)
     error = missing.value
     assert isinstance(error, FileNotFoundError)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from decimal import Decimal
 
-from kant_sql.dto.formula import (
+from kant_sql.dto.formulas import (
     And,
     Assign,
     Atom,
@@ -20,8 +20,10 @@ from kant_sql.dto.formula import (
     TimedLiteral,
     TypedName,
     Variable,
+    children,
+    depth,
+    walk,
 )
-from kant_sql.dto.node import children, depth, walk
 
 X, A = Variable("x"), Constant("a")
 P = Atom("p", (X, Fluent("f", (A,))))

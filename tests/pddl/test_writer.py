@@ -6,9 +6,9 @@ from dataclasses import replace
 from decimal import Decimal
 
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given
 
-from kant_sql.dto.formula import (
+from kant_sql.dto.formulas import (
     And,
     Arithmetic,
     Assign,
@@ -33,9 +33,9 @@ from kant_sql.dto.formula import (
     When,
 )
 from kant_sql.pddl.document import Action, Domain, Function, FunctionValue, Predicate, Problem
-from kant_sql.pddl.node_text import node_text
-from kant_sql.pddl.writer import write, write_problem
-from tests.documents import domains_and_problems
+from kant_sql.pddl.writer import node_text, write, write_problem
+from tests.support.generators.documents import domains_and_problems
+from tests.support.profile import PROFILE, hunting
 
 ROBOT, WP = ("robot",), ("wp",)
 R, FROM, TO = TypedName("r", ROBOT), TypedName("from", WP), TypedName("to", WP)
@@ -234,7 +234,7 @@ def test_facts_may_be_given_as_text() -> None:
     assert given_ == write(replace(problem(), facts=(FREE, problem().facts[0])))
 
 
-@settings(max_examples=50, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@hunting(PROFILE.texts)
 @given(domains_and_problems())
 def test_a_node_is_written_as_its_str(documents: tuple[Domain, Problem]) -> None:
     for document in documents:

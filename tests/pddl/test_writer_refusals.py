@@ -7,7 +7,7 @@ from decimal import Decimal
 
 import pytest
 
-from kant_sql.dto.formula import (
+from kant_sql.dto.formulas import (
     Arithmetic,
     Assign,
     Atom,
@@ -26,8 +26,9 @@ from kant_sql.dto.formula import (
     TypedName,
     Variable,
     When,
+    depth,
+    walk,
 )
-from kant_sql.dto.node import depth, walk
 from kant_sql.errors import InvalidKnowledgeError
 from kant_sql.pddl import read_domain, read_problem, write
 from kant_sql.pddl.document import Action, Domain, Function, Predicate, Problem
@@ -58,6 +59,7 @@ def deep_sum(levels: int) -> Formula:
     return Comparison("<", value, number("1"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("levels", [1000, 20_000])
 def test_what_is_nested_deeply_is_written_and_read(levels: int) -> None:
     deepest = nested(levels)

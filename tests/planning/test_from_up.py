@@ -9,12 +9,13 @@ from fractions import Fraction
 import pytest
 
 from kant_sql import InvalidNameError, PlannerMissingError, UnsupportedConstructError
-from kant_sql.dto.formula import And, Arithmetic, Assign, Atom, Fluent, Number
+from kant_sql.dto.formulas import And, Arithmetic, Assign, Atom, Fluent, Number
 from kant_sql.pddl import read_domain, read_problem
 from kant_sql.pddl.writer import write
 from kant_sql.planning import from_unified_planning, to_unified_planning
-from tests.planning.corpus import EVERYTHING, pairs, small_pairs
 from tests.planning.normal_form import normal_form, spelled
+from tests.support.corpus import PAIRS, needs_corpus, small_pairs
+from tests.support.profile import PROFILE
 
 unified_planning = pytest.importorskip("unified_planning")
 from unified_planning import model  # noqa: E402
@@ -272,13 +273,14 @@ DIFFERENT_KIND = {
 
 
 @pytest.mark.filterwarnings("ignore")  # its reader warns of what it reads
+@needs_corpus
 def test_what_unified_planning_reads_goes_there_and_back() -> None:
-    """All of the competitions' files with KANT_SQL_TEST_CORPUS=all, else a handful."""
+    """All of the competitions' files in the profile `long`, else a handful."""
     from unified_planning.io import PDDLReader
 
     compared = 0
     environment = get_environment()
-    for pair in pairs() if EVERYTHING else small_pairs(6_000)[:8]:
+    for pair in PAIRS if PROFILE.is_whole else small_pairs(6_000)[:8]:
         try:
             theirs = PDDLReader(environment).parse_problem(str(pair.domain), str(pair.problem))
         except Exception:
@@ -287,7 +289,7 @@ def test_what_unified_planning_reads_goes_there_and_back() -> None:
         ours = to_unified_planning(domain, problem=problem, environment=environment)
         compared += 1
         assert spelled(normal_form(ours)) == spelled(normal_form(theirs)), pair.name
-    assert compared >= (50 if EVERYTHING else 3)
+    assert compared >= (50 if PROFILE.is_whole else 3)
 
 
 def test_without_the_extra(problem: model.Problem, monkeypatch: pytest.MonkeyPatch) -> None:

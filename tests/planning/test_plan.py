@@ -20,7 +20,7 @@ from kant_sql.pddl.document import Domain, Problem
 from kant_sql.pddl.writer import write
 from kant_sql.planning import Plan, PlanStep, solve
 from kant_sql.planning.worker import GroupedProcess
-from tests.warm import PLANNING, python
+from tests.support.processes.warm import PLANNING, python
 
 pytest.importorskip("unified_planning")
 

@@ -12,9 +12,10 @@ import pytest
 from kant_sql import PlannerMissingError, UnsupportedConstructError
 from kant_sql.pddl import read_domain, read_problem
 from kant_sql.planning import from_unified_planning, to_unified_planning
-from tests.planning.corpus import EVERYTHING, pairs, small_pairs
 from tests.planning.normal_form import normal_form, spelled
 from tests.planning.yard import FREE, convert, durative
+from tests.support.corpus import PAIRS, needs_corpus, small_pairs
+from tests.support.profile import PROFILE
 
 unified_planning = pytest.importorskip("unified_planning")
 from unified_planning.environment import Environment  # noqa: E402
@@ -152,10 +153,11 @@ def test_the_package_is_imported_without_unified_planning() -> None:
     assert find_spec("unified_planning") is not None
 
 
+@needs_corpus
 def test_the_competitions_files_are_converted_or_refused_by_name() -> None:
-    """All of them with KANT_SQL_TEST_CORPUS=all, else the small ones."""
+    """All of them in the profile `long`, else the small ones."""
     converted = 0
-    given = pairs() if EVERYTHING else small_pairs(20_000)
+    given = PAIRS if PROFILE.is_whole else small_pairs(20_000)
     for pair in given:
         read = read_domain(pair.domain)
         try:
@@ -167,15 +169,16 @@ def test_the_competitions_files_are_converted_or_refused_by_name() -> None:
 
 
 @pytest.mark.filterwarnings("ignore")  # its reader warns of what it reads
+@needs_corpus
 def test_what_unified_planning_reads_itself_is_the_same() -> None:
-    """All of the competitions' files with KANT_SQL_TEST_CORPUS=all, else a handful."""
+    """All of the competitions' files in the profile `long`, else a handful."""
     from unified_planning.io import PDDLReader
 
     environment = unified_planning.environment.get_environment()
     environment.error_used_name = False
     compared = 0
     try:
-        for pair in pairs() if EVERYTHING else small_pairs(6_000)[:12]:
+        for pair in PAIRS if PROFILE.is_whole else small_pairs(6_000)[:12]:
             try:
                 theirs = PDDLReader(environment).parse_problem(str(pair.domain), str(pair.problem))
             except Exception:
@@ -193,4 +196,4 @@ def test_what_unified_planning_reads_itself_is_the_same() -> None:
                 assert spelled(normal_form(ours)) == spelled(normal_form(theirs)), pair.name
     finally:
         environment.error_used_name = True
-    assert compared >= (60 if EVERYTHING else 4)
+    assert compared >= (60 if PROFILE.is_whole else 4)

@@ -10,10 +10,11 @@ from typing import Any
 
 import pytest
 
-from kant_sql.dto.formula import (
+from kant_sql.dto.formulas import (
     And,
     Arithmetic,
     Atom,
+    Branch,
     Comparison,
     Constant,
     Exists,
@@ -31,7 +32,8 @@ from kant_sql.dto.formula import (
     TypedName,
     When,
 )
-from kant_sql.dto.node import Branch
+
+pytestmark = pytest.mark.slow
 
 P, Q, ONE = Atom("p"), Atom("q", (Constant("a"),)), Number(1)
 VARIABLES = (TypedName("x", ("a", "b")),)

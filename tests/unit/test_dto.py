@@ -22,7 +22,16 @@ from kant_sql import (
     PddlPropositionDto,
     PddlTypeDto,
 )
-from tests.worlds import RB1, ROBOT, ROBOT_AT, WAYPOINT, WP1, WP2, navigation, robot_at
+from tests.support.worlds.robots import (
+    RB1,
+    ROBOT,
+    ROBOT_AT,
+    WAYPOINT,
+    WP1,
+    WP2,
+    navigation,
+    robot_at,
+)
 
 Literal = PddlConditionEffectDto
 

@@ -7,7 +7,7 @@ import itertools
 from contextlib import suppress
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from kant_sql import (
@@ -22,10 +22,18 @@ from kant_sql import (
     PddlPropositionDto,
     PddlTypeDto,
 )
-from tests.nonsense import JUNK, SLOW, World
-from tests.worlds import RB1, ROBOT, ROBOT_AT, WAYPOINT, WP1, WP2, assigned, navigation, robot_at
-
-QUICK = settings(max_examples=100, deadline=None, derandomize=True, database=None)
+from tests.support.generators.junk import JUNK, SLOW, World
+from tests.support.worlds.robots import (
+    RB1,
+    ROBOT,
+    ROBOT_AT,
+    WAYPOINT,
+    WP1,
+    WP2,
+    assigned,
+    navigation,
+    robot_at,
+)
 
 Literal = PddlConditionEffectDto
 SHOUTED = PddlPredicateDto("ROBOT_AT", [ROBOT, WAYPOINT])
@@ -88,7 +96,6 @@ def test_different_elements_are_not_equal(one: object, other: object) -> None:
     assert len({one, other}) == 2
 
 
-@QUICK
 @given(st.text(min_size=1), st.text(min_size=1))
 def test_equality_of_names_implies_one_hash(one: str, other: str) -> None:
     left, right = PddlTypeDto(one), PddlTypeDto(other)

@@ -7,7 +7,7 @@ import pickle
 from decimal import Decimal
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from kant_sql import (
@@ -20,10 +20,8 @@ from kant_sql import (
     PddlPredicateDto,
     PddlTypeDto,
 )
-from kant_sql.dto.formula import Number
-from tests.worlds import RB1, ROBOT, WAYPOINT, WP1, WP2, assigned
-
-QUICK = settings(max_examples=100, deadline=None, derandomize=True, database=None)
+from kant_sql.dto.formulas import Number
+from tests.support.worlds.robots import RB1, ROBOT, WAYPOINT, WP1, WP2, assigned
 
 DISTANCE = PddlFunctionDto("distance", [WAYPOINT, WAYPOINT])
 LOCATION = PddlFunctionDto("loc", [ROBOT], value_types=[WAYPOINT])
@@ -94,7 +92,6 @@ def test_a_number_is_printed_exactly_and_without_an_exponent(
     )
 
 
-@QUICK
 @given(st.floats(allow_nan=False, allow_infinity=False))
 def test_a_float_is_read_back_from_its_text(value: float) -> None:
     text = str(PddlFunctionValueDto(PddlFunctionDto("f"), [], value))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from kant_sql import (
@@ -17,9 +17,7 @@ from kant_sql import (
     PddlPropositionDto,
     PddlTypeDto,
 )
-from tests.worlds import RB1, ROBOT, ROBOT_AT, WAYPOINT, navigation, robot_at
-
-QUICK = settings(max_examples=100, deadline=None, derandomize=True, database=None)
+from tests.support.worlds.robots import RB1, ROBOT, ROBOT_AT, WAYPOINT, navigation, robot_at
 
 Literal = PddlConditionEffectDto
 
@@ -132,7 +130,6 @@ def test_a_duration_is_printed_in_digits(duration: int | float, text: str) -> No
     assert f"\t:duration (= ?duration {text})\n" in str(action)
 
 
-@QUICK
 @given(st.floats(min_value=0, allow_nan=False, allow_infinity=False))
 def test_a_float_duration_is_printed_exactly_and_without_an_exponent(duration: float) -> None:
     found = re.search(r"\?duration (\d+\.\d+)\)", str(PddlActionDto("a", duration=duration)))

@@ -5,13 +5,11 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from kant_sql import StoreIntegrityError
-from kant_sql.knowledge.elements import Elements, PendingElements
-
-QUICK = settings(max_examples=40, deadline=None, derandomize=True, database=None)
+from kant_sql.knowledge.definitions import Elements, PendingElements
 
 Plain = dict[int, "Thing"]
 
@@ -55,7 +53,6 @@ def check(elements: Elements[Thing], plain: Plain) -> None:
     assert elements.named("never known") is None
 
 
-@QUICK
 @given(st.lists(CHANGES, max_size=8))
 def test_any_sequence_of_changes_gives_what_a_dict_has(
     sequence: list[dict[int, Thing | None]],
@@ -71,7 +68,6 @@ def test_any_sequence_of_changes_gives_what_a_dict_has(
         check(snapshot, then)
 
 
-@QUICK
 @given(CHANGES, st.lists(CHANGES, max_size=4))
 def test_a_transaction_sees_its_own_changes_and_publishes_them(
     before: dict[int, Thing | None], sequence: list[dict[int, Thing | None]]

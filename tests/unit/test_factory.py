@@ -20,9 +20,7 @@ from kant_sql import (
     StoreError,
     StoreUnreachableError,
     create_dao_factory,
-    schema,
 )
-from kant_sql.catalog import knowledge_bases
 from kant_sql.dao.interfaces import (
     PddlActionDao,
     PddlObjectDao,
@@ -31,8 +29,10 @@ from kant_sql.dao.interfaces import (
     PddlTypeDao,
 )
 from kant_sql.factory import PostgresqlDaoFactory, SqliteDaoFactory
-from kant_sql.roles import create_roles
-from tests.conftest import Connect
+from kant_sql.sql import schema
+from kant_sql.sql.catalog import knowledge_bases
+from kant_sql.sql.schema import create_roles
+from tests.support.stores import Connect
 
 SECRET = "correct-horse"
 # A port that nothing listens on.

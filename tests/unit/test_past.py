@@ -11,8 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from sqlalchemy import BigInteger, bindparam, create_engine, select
 
-from kant_sql.knowledge.past import HOLDS_NOW, Fork, fork, forks_at
-from tests.conftest import Server
+from kant_sql.sql.intervals import HOLDS_NOW, Fork, fork, forks_at
+from tests.support.servers import Server
 
 LARGEST = 2**63 - 1
 _revisions = st.one_of(st.integers(1, 300), st.integers(1, LARGEST))

@@ -14,9 +14,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from kant_sql.errors import InvalidKnowledgeError
-from kant_sql.knowledge.plan import PlanDefinition, StepDefinition, status_text
 from kant_sql.planning import Plan, PlanStep
-from tests.document_world import NAMES
+from kant_sql.sql.plans import PlanDefinition, StepDefinition, status_text
+from tests.support.generators.documents import NAMES
 
 TEXTS = st.none() | st.text(st.characters(exclude_categories=["Cs"], exclude_characters="\0"))
 NUMBERS = st.none() | st.decimals(allow_nan=False, allow_infinity=False, places=3).map(

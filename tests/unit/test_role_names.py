@@ -7,7 +7,7 @@ import re
 from hypothesis import given
 from hypothesis import strategies as st
 
-from kant_sql.backends.postgresql_names import Names, Scope, safe_part
+from kant_sql.sql.dialects.postgresql_roles import Qualifier, RoleScope, safe_part
 
 NAMES = st.one_of(
     st.text(min_size=1, max_size=255),
@@ -18,7 +18,7 @@ NAMES = st.one_of(
 
 @given(NAMES)
 def test_all_names_are_plain_and_short_enough_for_the_server(name: str) -> None:
-    roles = Scope(name, 1).roles()
+    roles = RoleScope(name, 1).roles()
     for identifier in (roles.writer, roles.reader, roles.auditor, roles.schema):
         assert identifier is not None
         assert re.fullmatch(r"kant_sql_[a-z0-9_]+", identifier)
@@ -55,5 +55,5 @@ def test_case_and_what_is_cut_off_make_a_difference() -> None:
 
 
 def test_identifiers_are_quoted() -> None:
-    assert Names('a"b').relation("user") == '"a""b"."user"'
-    assert Names("50%").relation("head") == '"50%".head'
+    assert Qualifier('a"b').relation("user") == '"a""b"."user"'
+    assert Qualifier("50%").relation("head") == '"50%".head'

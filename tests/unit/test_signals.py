@@ -7,7 +7,11 @@ import subprocess
 import sys
 from pathlib import Path
 
-from tests.conftest import STOPPING
+import pytest
+
+from tests.support.processes.workers import STOPPING
+
+pytestmark = pytest.mark.slow
 
 SHOW = "import signal; print([number for number in range(1, 32) if signal.getsignal(number) == 1])"
 

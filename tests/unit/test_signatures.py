@@ -17,7 +17,7 @@ import kant_sql.pddl
 import kant_sql.planning
 from kant_sql import KnowledgeBase
 from kant_sql.factory import FAMILIES
-from tests.worlds import robot_at
+from tests.support.worlds.robots import robot_at
 
 MODULES = (kant_sql, kant_sql.aio, kant_sql.pddl, kant_sql.planning)
 # Two states of one kind, in the order of `git diff A B`.

@@ -11,11 +11,13 @@ from typing import Any, NamedTuple
 
 from sqlalchemy import make_url
 
-from kant_sql.backends import Backend, Session, create_backend
 from kant_sql.history.anchors import AnchoredHead
-from kant_sql.history.verifying import Finding, verify_session
-from kant_sql.tables import Base
-from tests.verify.story import NAME
+from kant_sql.history.verify.findings import Finding
+from kant_sql.history.verify.verify import verify_session
+from kant_sql.sql.dialects import create_backend
+from kant_sql.sql.dialects.base import Backend, Session
+from kant_sql.sql.tables import Base
+from tests.support.worlds.story import NAME
 
 TABLES = {table.name: table for table in Base.metadata.sorted_tables}
 Row = dict[str, Any]

@@ -6,9 +6,9 @@ from collections.abc import Iterator
 
 import pytest
 
-from tests.conftest import Server
+from tests.support.servers import Server
+from tests.support.worlds.story import write_story
 from tests.verify.bare import Bare, bare_store
-from tests.verify.story import write_story
 
 
 @pytest.fixture(scope="session", params=["sqlite", "postgresql"])

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 from sqlalchemy import Column
 
-from kant_sql.canonical import time_text
+from kant_sql.knowledge.canonical import time_text
 from tests.verify.bare import TABLES, Bare, Row
 
 # By these, rows of one table mean different things.

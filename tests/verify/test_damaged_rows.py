@@ -19,8 +19,7 @@ from sqlalchemy import make_url
 
 import kant_sql
 from kant_sql import ArchivedError, KantSqlError, KnowledgeBase, StoreIntegrityError
-from tests.conftest import Connect, Server, new_file_store
-from tests.damaging import (
+from tests.support.faults import (
     NO_UTF8,
     Damage,
     damages,
@@ -28,10 +27,16 @@ from tests.damaging import (
     unguard,
     write_rich_story,
 )
-from tests.verify.story import DOMAIN, NAME, PROBLEM, write_story
-from tests.worlds import robot_at, waypoint
+from tests.support.profile import PROFILE
+from tests.support.servers import Server
+from tests.support.stores import Connect, new_file_store
+from tests.support.worlds.robots import robot_at, waypoint
+from tests.support.worlds.story import DOMAIN, NAME, PROBLEM, write_story
 
-SEEDS, DAMAGES_OF_A_SEED = range(10), 20
+pytestmark = pytest.mark.slow
+
+SEEDS = range(10)
+DAMAGES_OF_A_SEED = PROFILE.damages // len(SEEDS)
 FLIPS = 40
 
 

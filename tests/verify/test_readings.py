@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from kant_sql.knowledge.formula import formula_name
+from kant_sql.knowledge.definitions import formula_name
 from tests.verify.bare import Bare
 
 FREE = 5_000

@@ -14,19 +14,20 @@ from sqlalchemy import make_url
 
 import kant_sql
 from kant_sql import KnowledgeBase
-from kant_sql.backends import create_backend, indexes
 from kant_sql.errors import StoreIntegrityError
-from kant_sql.schema import VERSIONS
-from kant_sql.tables import Base
-from kant_sql.verification.structure import TABLES, recorded
-from tests.cli.running import run
-from tests.conftest import Connect
-from tests.pages import opened
-from tests.rights import DOMAIN, MINE, PROBLEM, members
-from tests.rights import OTHER as OTHER_KB
-from tests.verify.story import NAME, write_story
-from tests.verifying import findings
-from tests.worlds import WP2, robot_at, waypoint
+from kant_sql.history.verify.structure import TABLES, recorded
+from kant_sql.sql.dialects import create_backend
+from kant_sql.sql.dialects import postgresql_structure as indexes
+from kant_sql.sql.schema import VERSIONS
+from kant_sql.sql.tables import Base
+from tests.support.pages import opened
+from tests.support.processes.commands import run
+from tests.support.reading import findings
+from tests.support.roles import DOMAIN, MINE, PROBLEM, members
+from tests.support.roles import OTHER as OTHER_KB
+from tests.support.stores import Connect
+from tests.support.worlds.robots import WP2, robot_at, waypoint
+from tests.support.worlds.story import NAME, write_story
 
 FACT, OTHER = robot_at(), robot_at(place=WP2)
 
@@ -143,6 +144,7 @@ def flips(path: Path, index: str, count: int) -> Iterator[bytes]:
         yield bytes(changed)
 
 
+@pytest.mark.slow
 def test_a_flipped_bit_in_a_page_of_an_index_does_not_hide_a_fact(
     tmp_path: Path, connect: Connect
 ) -> None:

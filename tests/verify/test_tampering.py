@@ -7,11 +7,13 @@ from collections.abc import Iterator
 import pytest
 
 from kant_sql.history.anchors import AnchoredHead
-from kant_sql.knowledge.archive import archive_text
-from kant_sql.verification.checkpoints import rest_digest, stream_chain
-from kant_sql.verification.findings import LISTED, Finding
+from kant_sql.history.verify.chain import rest_digest, stream_chain
+from kant_sql.history.verify.findings import LISTED, Finding
+from kant_sql.knowledge.canonical import archive_text
+from tests.support.worlds.story import NAME
 from tests.verify.bare import TABLES, Bare
-from tests.verify.story import NAME
+
+pytestmark = pytest.mark.slow
 
 LAST = 24
 ARCHIVED = 8
@@ -125,14 +127,14 @@ def seal_from(bare: Bare, low: int) -> None:
             "what the tables say of revision 15 is not what was hashed: its actor, reason",
         ),
         (
-            "UPDATE revision SET form = 1 WHERE number = 21",
+            "UPDATE revision SET form = 2 WHERE number = 21",
             21,
-            "a revision of form 1 has no time of observation and no plan step",
+            "form 2 is unknown: revisions have form 1",
         ),
         (
             "UPDATE revision SET form = 9 WHERE number = 20",
             20,
-            "form 9 is none that is known",
+            "form 9 is unknown",
         ),
         (
             "UPDATE type_version SET until = NULL WHERE until IS NOT NULL",
@@ -280,7 +282,7 @@ def test_many_findings_are_counted(bare: Bare) -> None:
 
 
 def test_many_wrong_revisions_are_counted(bare: Bare, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("kant_sql.verification.chain.EXPLAINED", 2)
+    monkeypatch.setattr("kant_sql.history.verify.chain.EXPLAINED", 2)
     bare.run("UPDATE knowledge_base SET name = 'elsewhere'")
     messages = [each.message for each in bare.findings()]
     assert (

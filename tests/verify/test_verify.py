@@ -5,30 +5,32 @@ from __future__ import annotations
 import pytest
 
 from kant_sql import KnowledgeBase, PddlTypeDto
-from kant_sql.canonical import Metadata, revision_hash
 from kant_sql.errors import ReadOnlyError
-from tests.conftest import Connect
-from tests.pages import opened
-from tests.statements import recorded
-from tests.worlds import WP2, robot_at, waypoint
+from kant_sql.knowledge.canonical import Metadata, revision_hash, time_text
+from tests.support.pages import opened
+from tests.support.statements import recorded
+from tests.support.stores import Connect
+from tests.support.worlds.robots import WP2, robot_at, waypoint
 
 
-def test_a_history_of_form_1_and_2_is_intact(shared_url: str, connect: Connect) -> None:
+def test_a_form_that_is_unknown_is_a_finding_whatever_the_hash(
+    shared_url: str, connect: Connect
+) -> None:
     kb = connect(shared_url, knowledge_base="tiago")
     kb.types.save(PddlTypeDto("robot"))
     (entry,) = kb.log()
-    said = entry.revision.committed_at.isoformat(timespec="microseconds")[:26] + "Z"
-    metadata = Metadata(None, None, None)
-    old = revision_hash(None, "tiago", 1, said, metadata, entry.changes, form=1)
+    said = time_text(entry.revision.committed_at), Metadata(None, None, None), entry.changes
+    digest = revision_hash(None, "tiago", 1, *said, form=2)
     with opened(shared_url) as store:
-        store.execute("UPDATE revision SET form = 1, hash = :old", {"old": old})
-        store.execute("UPDATE head SET hash = :old", {"old": old})
+        store.execute("UPDATE revision SET form = 2, hash = :digest", {"digest": digest})
+        store.execute("UPDATE head SET hash = :digest", {"digest": digest})
     # Who has committed another hash takes that for a store that was replaced.
     kb.close()
     kb = connect(shared_url, knowledge_base="tiago")
     kb.types.save(PddlTypeDto("wp"))
     verification = kb.verify()
-    assert (verification.findings, verification.revisions, verification.changes) == ((), 2, 2)
+    assert verification.findings == ((1, "revision", "form 2 is unknown: revisions have form 1"),)
+    assert (verification.revisions, verification.changes) == (2, 2)
 
 
 def test_verifying_tells_how_far_it_is(kb: KnowledgeBase) -> None:

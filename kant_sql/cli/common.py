@@ -1,0 +1,248 @@
+"""What the commands share: options, moments as people type them, and opening stores."""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import threading
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from datetime import UTC, datetime, timedelta
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn
+
+import typer
+
+from ..errors import KantSqlError, printable
+from ..pddl.cursor import hint
+from ..pddl.lexer import tokenize
+
+if TYPE_CHECKING:
+    from ..knowledge_base import KnowledgeBase
+
+
+URL_VARIABLE = "KANT_SQL_URL"
+DEFAULT_NAME = "default"
+JSON_OPTION = "--json"
+
+_UNITS = {"s": "seconds", "m": "minutes", "h": "hours", "d": "days", "w": "weeks"}
+_AGO = re.compile(
+    r"(?P<count>\d+(?:\.\d+)?|an?)\s*"
+    r"(?P<unit>s|secs?|seconds?|m|mins?|minutes?|h|hours?|d|days?|w|weeks?)\s+ago",
+    re.IGNORECASE,
+)
+_DAYS = ("monday", "tuesday", "wednesday", "thursday", "friday", "saturday", "sunday")
+_DAY = re.compile(
+    rf"(?P<day>today|yesterday|last\s+(?P<weekday>{'|'.join(_DAYS)}))"
+    r"(?:\s+(?:at\s+)?(?P<time>\d{1,2}:\d{2}(?::\d{2}(?:\.\d+)?)?(?:Z|[+-]\d{2}:?\d{2})?))?",
+    re.IGNORECASE,
+)
+_MOMENT = (
+    "a revision's number, a time in ISO 8601, 'now', '2 hours ago', 'yesterday' or 'last tuesday "
+    "14:30'; UTC unless a zone is given."
+)
+
+
+def option(
+    help_: str, *names: str, metavar: str | None = None, **settings: Any
+) -> typer.models.OptionInfo:
+    """Describe an option whose default needs no mention."""
+    made: typer.models.OptionInfo = typer.Option(
+        *names, metavar=metavar, show_default=False, help=help_, **settings
+    )
+    return made
+
+
+def json_lines(noun: str) -> typer.models.OptionInfo:
+    """Describe the option for one JSON document per line."""
+    return option(f"JSON Lines: one document per {noun}.", JSON_OPTION)
+
+
+def words_argument(usage: str, help_: str) -> typer.models.ArgumentInfo:
+    """Describe an argument that begins with the URL, unless the environment has it."""
+    made: typer.models.ArgumentInfo = typer.Argument(
+        metavar=usage,
+        show_default=False,
+        help=f"The database URL [env var: {URL_VARIABLE}], and {help_}",
+    )
+    return made
+
+
+Url = Annotated[
+    str,
+    typer.Argument(
+        metavar="URL",
+        envvar=URL_VARIABLE,
+        show_default=False,
+        help="The database URL, for example sqlite:///robot.db",
+    ),
+]
+Name = Annotated[
+    str | None,
+    option(
+        f"The knowledge base; default: the only one, or '{DEFAULT_NAME}'.",
+        "--kb",
+        metavar="NAME",
+    ),
+]
+At = Annotated[str | None, option(f"The state at {_MOMENT}", metavar="REV|TIME")]
+Since = Annotated[str | None, option(f"Only from {_MOMENT}", metavar="REV|TIME")]
+Until = Annotated[str | None, option(f"Only up to {_MOMENT}", metavar="REV|TIME")]
+Actor = Annotated[str | None, option("The actor of the revision.", metavar="NAME")]
+Reason = Annotated[str | None, option("The reason for the revision.", metavar="TEXT")]
+AsJson = Annotated[bool, option("One JSON document.", JSON_OPTION)]
+
+
+def split_url(words: Sequence[str], usage: str, example: str) -> tuple[str, list[str]]:
+    """Split words into the URL, given or of the environment, and the rest."""
+    wanted = usage.split()
+    default = os.environ.get(URL_VARIABLE)
+    if default and words and "://" not in words[0]:
+        words = [default, *words]
+    is_right = len(words) == len(wanted) or (wanted[-1].endswith("...") and len(words) >= 2)
+    if not is_right or "://" not in words[0]:
+        raise typer.BadParameter(
+            f"give a URL (or set {URL_VARIABLE}) and {' '.join(wanted[1:])}, such as: {example}",
+            param_hint=usage,
+        )
+    return words[0], list(words[1:])
+
+
+def parse_when(text: str, hint: str = "--at") -> int | datetime:
+    """Parse a revision's number or a time."""
+    try:
+        if text.removeprefix("-").isdecimal():
+            return int(text)
+        return _time(text.strip(), datetime.now(UTC))
+    except (ValueError, OverflowError):
+        raise typer.BadParameter(
+            f"{text!r} is neither a revision's number nor a time as 2026-01-31T09:30:00Z, 'now', "
+            "'2 hours ago', 'yesterday' or 'last tuesday 14:30'",
+            param_hint=hint,
+        ) from None
+
+
+def parse_optional(text: str | None, hint: str) -> int | datetime | None:
+    """Parse a revision's number or a time; None if not given."""
+    return None if text is None else parse_when(text, hint)
+
+
+def parse_state(text: str | None, hint: str = "--at") -> int | datetime | None:
+    """Parse a revision's number or a time; None for the present."""
+    return None if text is None or _is_now(text) else parse_when(text, hint)
+
+
+def _is_now(text: str) -> bool:
+    return text.strip().lower() == "now"
+
+
+def _time(text: str, now: datetime) -> datetime:
+    if _is_now(text):
+        return now
+    if ago := _AGO.fullmatch(text):
+        return now - _duration(ago["count"], ago["unit"])
+    if day := _DAY.fullmatch(text):
+        return _on_day(day, now)
+    return _in_utc(datetime.fromisoformat(text))
+
+
+def _on_day(match: re.Match[str], now: datetime) -> datetime:
+    """Return the beginning of a day, or the given time of that day."""
+    days = int(match["day"].lower() == "yesterday")
+    if match["weekday"]:
+        # Seven days back if today is that weekday.
+        days = (now.weekday() - _DAYS.index(match["weekday"].lower()) - 1) % 7 + 1
+    date = (now - timedelta(days=days)).date()
+    clock = match["time"] or "00:00"
+    return _in_utc(datetime.fromisoformat(f"{date}T{clock if clock[2] == ':' else f'0{clock}'}"))
+
+
+def _in_utc(moment: datetime) -> datetime:
+    return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).astimezone(UTC)
+
+
+def _duration(count: str, unit: str) -> timedelta:
+    number = 1.0 if count.lower().startswith("a") else float(count)
+    return timedelta(**{_UNITS[unit[0].lower()]: number})
+
+
+_NAMES_SHOWN = 20
+_TERMINATING = "SIGTERM", "SIGHUP"
+
+
+@contextmanager
+def leaving_nothing(url: str) -> Iterator[None]:
+    """Remove the SQLite file that the block creates if the block fails or is terminated."""
+    from ..sql.catalog import removed_on_failure
+
+    with removed_on_failure(url), _signals_raise():
+        yield
+
+
+@contextmanager
+def _signals_raise() -> Iterator[None]:
+    """Turn signals that terminate the process into `SystemExit`, for cleanup."""
+
+    def stop(number: int, frame: object) -> NoReturn:
+        raise SystemExit(128 + number)
+
+    is_main = threading.current_thread() is threading.main_thread()
+    numbers = [getattr(signal, name) for name in _TERMINATING if is_main and hasattr(signal, name)]
+    changed = [one for one in numbers if signal.getsignal(one) is signal.SIG_DFL]
+    for one in changed:
+        signal.signal(one, stop)
+    try:
+        yield
+    finally:
+        for one in changed:
+            signal.signal(one, signal.SIG_DFL)
+
+
+@contextmanager
+def open_to_read(url: str, name: str | None) -> Iterator[tuple[str, KnowledgeBase]]:
+    """Open an existing knowledge base; nothing is created."""
+    from ..knowledge_base import connect
+    from ..sql.catalog import knowledge_bases
+
+    chosen = choose(name, knowledge_bases(url))
+    with connect(url, knowledge_base=chosen) as kb:
+        yield chosen, kb
+
+
+@contextmanager
+def open_state(url: str, name: str | None, at: str | None) -> Iterator[tuple[str, KnowledgeBase]]:
+    """Open one state of an existing knowledge base; nothing is created."""
+    when = parse_state(at)
+    with open_to_read(url, name) as (chosen, knowledge_base):
+        yield chosen, knowledge_base.at(knowledge_base.revision if when is None else when)
+
+
+def choose(name: str | None, names: Sequence[str]) -> str:
+    """Choose a knowledge base of a store."""
+    if name is None and len(names) == 1:
+        return names[0]
+    wanted = DEFAULT_NAME if name is None else name
+    if wanted in names:
+        return wanted
+    if not names:
+        raise KantSqlError(
+            "this store holds no knowledge base yet: nothing was ever written to it; name another "
+            "store, or fill this one with: kant-sql load"
+        )
+    listed = ", ".join(repr(other) for other in names[:_NAMES_SHOWN])
+    more = f" and {len(names) - _NAMES_SHOWN} more" if len(names) > _NAMES_SHOWN else ""
+    raise KantSqlError(
+        f"there is no knowledge base {wanted!r} in this store; choose one with --kb: {listed}{more}"
+    )
+
+
+def unknown_element(kb: KnowledgeBase, name: str, element: str, what: str) -> KantSqlError:
+    """Make the error for an element that was not found, with a similar name if there is one."""
+    daos = (kb.types, kb.objects, kb.predicates, kb.functions, kb.actions, kb.processes, kb.events)
+    names = [dto.name for dao in daos for dto in dao.get_all()]
+    known = {one.lower() for one in names}
+    words = (word for word in tokenize(element) if word not in "()-" and word.lower() not in known)
+    hints = (found for word in words if (found := hint(word, names)))
+    return KantSqlError(
+        f"{printable(element)!r} in knowledge base {name!r}: it {what}{next(hints, '')}"
+    )

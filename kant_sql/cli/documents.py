@@ -1,0 +1,276 @@
+"""`kant-sql load` and `dump`: PDDL files into the store and out of it."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import sys
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING, Annotated, NamedTuple
+
+import typer
+
+from ..errors import KantSqlError, SchemaMissingError, printable
+from ..pddl import PddlWarning
+from ..pddl.cursor import Diagnostics
+from ..pddl.forms import DOMAIN, PROBLEM, Form, Scanner
+from ..pddl.lexer import Text, decode
+from .check import read_bytes
+from .common import (
+    DEFAULT_NAME,
+    Actor,
+    AsJson,
+    At,
+    Name,
+    Reason,
+    Url,
+    choose,
+    leaving_nothing,
+    open_state,
+    option,
+    split_url,
+    words_argument,
+)
+from .output import (
+    Document,
+    Printer,
+    bar,
+    is_terminal,
+    plural,
+    printable_lines,
+    write_json,
+)
+
+if TYPE_CHECKING:
+    from ..dao.interfaces import Progress
+    from ..documents.interfaces import Mode
+    from ..history.revisions import LogEntry, Revision
+    from ..knowledge_base import KnowledgeBase
+
+_USAGE = "[URL] FILE..."
+_EXAMPLE = "sqlite:///robot.db domain.pddl problem.pddl"
+# The share of the commit in the time of a long load.
+_COMMIT = 0.2
+# Full names of kinds that the log abbreviates.
+_LABELS = {
+    "derived": "derived predicate",
+    "initial": "initial literal",
+    "timed": "timed initial literal",
+    "value": "function value",
+}
+
+
+def load(
+    words: Annotated[
+        list[str],
+        words_argument(
+            _USAGE,
+            "the PDDL files: a domain, in one file or several, a problem, or both; - is standard "
+            "input.",
+        ),
+    ],
+    kb: Annotated[
+        str, typer.Option("--kb", metavar="NAME", help="The knowledge base to write to.")
+    ] = DEFAULT_NAME,
+    merge: Annotated[
+        bool, option("Keep what the files do not mention, instead of retracting it.", "--merge")
+    ] = False,
+    strict: Annotated[
+        bool, option("Refuse deviations from the standard, instead of warning.", "--strict")
+    ] = False,
+    actor: Actor = None,
+    reason: Reason = None,
+    as_json: AsJson = False,
+) -> None:
+    """Load a domain, a problem or both, in one revision or not at all."""
+    from ..knowledge_base import connect
+
+    url, paths = split_url(words, _USAGE, _EXAMPLE)
+    inputs = read_inputs(paths)
+    if not inputs.domains:
+        # A problem needs a domain: without one, no store is created for it.
+        _require_domain(kb, url, paths)
+    mode: Mode = "merge" if merge else "replace"
+    with leaving_nothing(url), connect(url, knowledge_base=kb) as knowledge_base:
+        warnings, made = _store(knowledge_base, inputs, mode, strict, actor, reason)
+        if as_json:
+            write_json(_load_document(kb, knowledge_base, made, warnings))
+            return
+        sys.stderr.writelines(f"{printable(str(warning))}\n" for warning in warnings)
+        _write_load(kb, knowledge_base, made)
+
+
+class Inputs(NamedTuple):
+    """The PDDL texts to load.
+
+    Attributes:
+        domains: the texts that make up the domain.
+        problem: the problem's text, if there is one.
+        files: path and hash of each file, as JSON data.
+    """
+
+    domains: tuple[Text, ...]
+    problem: Text | None
+    files: tuple[dict[str, str], ...]
+
+
+def read_inputs(paths: Sequence[str]) -> Inputs:
+    """Read files, and find the domains and the problem in them."""
+    domains: list[Text] = []
+    problems: list[Text] = []
+    files = []
+    for path in paths:
+        name, data = read_bytes(path)
+        text = decode(name, data)
+        forms = Scanner(Diagnostics(strict=False), text).scan()
+        kinds = {form.kind for form in forms}
+        if DOMAIN in kinds:
+            domains.append(_without(text, forms, PROBLEM))
+        if PROBLEM in kinds:
+            problems.append(_without(text, forms, DOMAIN))
+        files.append({"path": _as_text(name), "sha256": hashlib.sha256(data).hexdigest()})
+    if len(problems) > 1:
+        first, second = problems[:2]
+        raise KantSqlError(f"{first.name} and {second.name} each have a problem: load one of them")
+    return Inputs(tuple(domains), problems[0] if problems else None, tuple(files))
+
+
+def _without(text: Text, forms: Sequence[Form], kind: str) -> Text:
+    """Return a text without the forms of a kind, which would cause warnings."""
+    ends = [*(form.head.start for form in forms[1:]), len(text.code)]
+    parts = [(form.head.start, end) for form, end in zip(forms, ends, strict=True)]
+    unwanted = [part for form, part in zip(forms, parts, strict=True) if form.kind == kind]
+    return text.without(unwanted) if unwanted else text
+
+
+def _as_text(name: str) -> str:
+    """Return a path as Unicode text, with undecodable bytes escaped."""
+    return os.fsencode(name).decode("utf-8", "backslashreplace")
+
+
+def _require_domain(kb: str, url: str, paths: Sequence[str]) -> None:
+    """Check that the knowledge base exists, so that it may have the problem's domain."""
+    from ..sql.catalog import knowledge_bases
+
+    remedy = f"give the file of the domain, too, before {', '.join(paths)}"
+    try:
+        names = knowledge_bases(url)
+    except SchemaMissingError as error:
+        raise KantSqlError(f"a problem needs its domain: {remedy}; {error}") from error
+    if not names:
+        raise KantSqlError(f"a problem needs its domain, and the store has none: {remedy}")
+    choose(kb, names)
+
+
+def _store(
+    knowledge_base: KnowledgeBase,
+    inputs: Inputs,
+    mode: Mode,
+    strict: bool,
+    actor: str | None,
+    reason: str | None,
+) -> tuple[Iterable[PddlWarning], Revision | None]:
+    """Store the texts in one revision; return it with the warnings."""
+    source = {"files": list(inputs.files)}
+    warnings: list[PddlWarning] = []
+    size = sum(len(text.code) for text in inputs.domains)
+    whole = size + (0 if inputs.problem is None else len(inputs.problem.code))
+    with (
+        bar("loading") as progress,
+        knowledge_base.transaction(actor=actor, reason=reason, source=source),
+    ):
+        before = knowledge_base.revision
+        if inputs.domains:
+            warnings += knowledge_base.load_domain(
+                *inputs.domains, mode=mode, strict=strict, progress=_part(progress, 0, size, whole)
+            )[1]
+        if inputs.problem is not None:
+            warnings += knowledge_base.load_problem(
+                inputs.problem,
+                mode=mode,
+                strict=strict,
+                progress=_part(progress, size, whole, whole),
+            )[1]
+    made = knowledge_base.revisions(after=before, limit=1)
+    # If nothing has changed, the next revision may be another writer's.
+    own = [one for one in made if (one.actor, one.reason, one.source) == (actor, reason, source)]
+    return dict.fromkeys(warnings), own[0] if own else None
+
+
+def _write_load(name: str, knowledge_base: KnowledgeBase, made: Revision | None) -> None:
+    printer = Printer()
+    if made is None:
+        number = knowledge_base.revision
+        printer.line(f"knowledge base {name}, revision {number}: nothing has changed", "bold")
+        return
+    printer.line(f"knowledge base {name}, revision {made.number}", "bold")
+    (entry,) = knowledge_base.at(made.number).log(limit=1)
+    for sign, style in (("+", "green"), ("-", "red")):
+        counts = _counts(entry, sign)
+        if counts:
+            summary = ", ".join(plural(count, label) for label, count in counts.items())
+            printer.line(f"{sign} {summary}", style)
+
+
+def _load_document(
+    name: str,
+    knowledge_base: KnowledgeBase,
+    made: Revision | None,
+    warnings: Iterable[PddlWarning],
+) -> Document:
+    """Return the result of a load as JSON data."""
+    asserted, retracted = {}, {}
+    if made is not None:
+        (entry,) = knowledge_base.at(made.number).log(limit=1)
+        asserted, retracted = _counts(entry, "+"), _counts(entry, "-")
+    return {
+        "knowledge_base": name,
+        "revision": None if made is None else made.number,
+        "head": knowledge_base.revision if made is None else made.number,
+        "asserted": asserted,
+        "retracted": retracted,
+        "warnings": [warning._asdict() for warning in warnings],
+    }
+
+
+def _counts(entry: LogEntry, sign: str) -> dict[str, int]:
+    kinds = (change.kind for change in entry.changes if change.sign == sign)
+    return dict(sorted(Counter(_LABELS.get(kind, kind) for kind in kinds).items()))
+
+
+def _part(progress: Progress | None, begin: int, end: int, whole: int) -> Progress | None:
+    """Map the progress of one document to that of the load, which ends with the commit."""
+    if progress is None:
+        return None
+    return lambda done, of: progress(
+        int((begin + (end - begin) * done / max(1, of)) * (1 - _COMMIT)), max(1, whole)
+    )
+
+
+def dump(
+    url: Url,
+    kb: Name = None,
+    at: At = None,
+    domain: Annotated[bool, option("Only the domain.", "--domain")] = False,
+    problem: Annotated[bool, option("Only the problem.", "--problem")] = False,
+    as_json: AsJson = False,
+) -> None:
+    """Write the domain and the problem as PDDL.
+
+    'kant-sql load' accepts both in one file.
+    """
+    with open_state(url, kb, at) as (name, state):
+        texts = {"domain": state.domain_pddl()} if domain or not problem else {}
+        if problem or not domain:
+            texts["problem"] = state.problem_pddl()
+        revision = state.revision
+    if as_json:
+        nothing = {"domain": None, "problem": None}
+        write_json({"knowledge_base": name, "revision": revision, **nothing, **texts})
+        return
+    text = "\n".join(texts.values())
+    if is_terminal():
+        text = printable_lines(text)
+    # In UTF-8 whatever the terminal's encoding, because planners read UTF-8.
+    sys.stdout.buffer.write(text.encode())

@@ -1,0 +1,202 @@
+"""`kant-sql plan` and `plans`: find plans from a state, and list recorded ones."""
+
+from __future__ import annotations
+
+from collections import Counter
+from decimal import Decimal
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from ..errors import KantSqlError, printable
+from ..planning import Plan, PlanStep
+from .common import AsJson, At, Name, Url, json_lines, open_state, option
+from .output import Document, Printer, write_json
+
+if TYPE_CHECKING:
+    from ..knowledge_base import KnowledgeBase
+    from ..plans.interfaces import RecordedPlan
+
+_NOT_STARTED = "not started"
+
+
+_Engine = Annotated[
+    str | None,
+    option(
+        "The engine, as unified-planning names it, for example pyperplan; default: each installed "
+        "one in turn.",
+        metavar="NAME",
+    ),
+]
+_Timeout = Annotated[float | None, option("How long to plan.", metavar="SECONDS", min=0)]
+_Record = Annotated[bool, option("Record the plan, as a new revision.", "--record")]
+_RecordActor = Annotated[
+    str | None, option("With --record: the actor of the revision.", "--actor", metavar="NAME")
+]
+_RecordReason = Annotated[
+    str | None, option("With --record: the reason for the revision.", "--reason", metavar="TEXT")
+]
+
+
+def plan(
+    url: Url,
+    kb: Name = None,
+    at: At = None,
+    engine: _Engine = None,
+    timeout: _Timeout = None,
+    record: _Record = False,
+    actor: _RecordActor = None,
+    reason: _RecordReason = None,
+    as_json: AsJson = False,
+) -> None:
+    """Find a plan from the state to the goal.
+
+    The output has the format of the validator VAL.
+    """
+    if not record and (actor is not None or reason is not None):
+        raise typer.BadParameter("these go with --record", param_hint="--actor and --reason")
+    with open_state(url, kb, at) as (name, state):
+        found = state.plan(engine=engine, timeout=timeout)
+    recorded = _record(url, name, found, actor, reason) if record else None
+    if as_json:
+        write_json({"knowledge_base": name, **_plan_document(found, recorded)})
+    else:
+        _write_plan(Printer(), found, recorded)
+
+
+def _record(
+    url: str, name: str, found: Plan, actor: str | None, reason: str | None
+) -> RecordedPlan:
+    """Record a plan and read it back."""
+    from ..knowledge_base import connect
+
+    with connect(url, knowledge_base=name) as knowledge_base:
+        with knowledge_base.transaction(actor=actor, reason=reason):
+            id_ = knowledge_base.plans.record(found).id
+        recorded = knowledge_base.plans.get(id_)
+    if recorded is None:
+        raise KantSqlError(f"plan {id_} in knowledge base {name!r} is gone")
+    return recorded
+
+
+def _write_plan(printer: Printer, found: Plan, recorded: RecordedPlan | None) -> None:
+    printer.line(f"; revision {found.revision}")
+    printer.line(f"; {found.status} by {found.engine}")
+    if recorded is not None:
+        printer.line(f"; plan {recorded.id}, recorded in revision {recorded.recorded_in}")
+    for step in found.steps:
+        printer.line(printable(str(step)))
+
+
+def _plan_document(found: Plan, recorded: RecordedPlan | None) -> Document:
+    document: Document = {
+        "revision": found.revision,
+        "engine": found.engine,
+        "status": found.status,
+        "steps": [_step_document(step) for step in found.steps],
+    }
+    if recorded is not None:
+        document.update(plan=recorded.id, recorded_in=recorded.recorded_in)
+    return document
+
+
+def _step_document(step: PlanStep) -> Document:
+    return {
+        "start": _number(step.start),
+        "action": step.action,
+        "arguments": list(step.arguments),
+        "duration": _number(step.duration),
+    }
+
+
+def plans(
+    url: Url,
+    kb: Name = None,
+    at: At = None,
+    id_: Annotated[
+        int | None, option("Only this plan, with its steps.", "--plan", metavar="ID")
+    ] = None,
+    as_json: Annotated[bool, json_lines("plan")] = False,
+) -> None:
+    """List the recorded plans and the status of their steps."""
+    with open_state(url, kb, at) as (name, state):
+        found = state.plans.get_all() if id_ is None else [_get(state, name, id_)]
+        if as_json:
+            for one in found:
+                write_json({"knowledge_base": name, **_recorded_document(one)})
+        elif id_ is None:
+            columns = "plan", "recorded in", "planned from", "planner", "status", "steps"
+            Printer().table("plans", columns, [_recorded_row(one) for one in found])
+        else:
+            _write_recorded(Printer(), found[0])
+
+
+def _get(state: KnowledgeBase, name: str, id_: int) -> RecordedPlan:
+    one = state.plans.get(id_)
+    if one is None:
+        raise KantSqlError(
+            f"there is no plan {id_} in knowledge base {name!r}; see: kant-sql plans"
+        )
+    return one
+
+
+def _recorded_row(one: RecordedPlan) -> tuple[str, ...]:
+    counts = Counter(step.status or _NOT_STARTED for step in one.steps)
+    steps = ", ".join(f"{count} {status}" for status, count in counts.items())
+    return (
+        str(one.id),
+        str(one.recorded_in),
+        str(one.revision),
+        printable(one.planner or ""),
+        printable(one.status or ""),
+        steps or "none",
+    )
+
+
+def _write_recorded(printer: Printer, one: RecordedPlan) -> None:
+    printer.line(
+        f"plan {one.id}, recorded in revision {one.recorded_in}, planned from revision "
+        f"{one.revision}",
+        "bold",
+    )
+    stated = {"planner": one.planner, "version": one.planner_version, "status": one.status}
+    for what, text in stated.items():
+        if text is not None:
+            printer.line(f"  {what}: {printable(text)}")
+    if one.value is not None:
+        printer.line(f"  {printable(one.objective or 'value')}: {one.value:f}")
+    rows = [
+        (str(step.position), printable(str(step)), step.status or _NOT_STARTED)
+        for step in one.steps
+    ]
+    printer.table("steps", ("step", "action", "status"), rows)
+
+
+def _recorded_document(one: RecordedPlan) -> Document:
+    return {
+        "plan": one.id,
+        "recorded_in": one.recorded_in,
+        "revision": one.revision,
+        "problem_hash": one.problem_hash,
+        "planner": one.planner,
+        "planner_version": one.planner_version,
+        "objective": one.objective,
+        "value": _number(one.value),
+        "status": one.status,
+        "steps": [
+            {
+                "position": step.position,
+                "start": _number(step.start),
+                "action": step.action,
+                "arguments": list(step.arguments),
+                "duration": _number(step.duration),
+                "status": step.status,
+                "revisions": list(step.revisions),
+            }
+            for step in one.steps
+        ],
+    }
+
+
+def _number(number: Decimal | None) -> str | None:
+    return None if number is None else f"{number:f}"

@@ -1,0 +1,488 @@
+"""Building documents from a store, in the order in which they were loaded."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
+from decimal import Decimal
+from operator import itemgetter
+from typing import Any, NamedTuple, TypeVar
+
+from sqlalchemy import and_, case, select
+
+from ..dao.base import identify
+from ..dao.formula import read_formula, read_formulas
+from ..dao.function_value import ALL
+from ..dto.formulas import (
+    Atom,
+    Constant,
+    Equal,
+    Fluent,
+    Formula,
+    Not,
+    Number,
+    TypedName,
+    trusted_atom,
+)
+from ..dto.lexical import ROOT_TYPE, fold
+from ..errors import ConflictError, each_readable, reading_rows
+from ..knowledge.canonical import with_text
+from ..knowledge.definitions import (
+    CONSTRAINT,
+    DERIVED_PREDICATE,
+    DOMAIN,
+    DOMAIN_CONSTRAINT,
+    DOMAIN_SECTIONS,
+    GOAL,
+    INITIAL,
+    METRIC,
+    PROBLEM,
+    TIMED,
+    ActionDefinition,
+    Definition,
+    Definitions,
+    DocumentDefinition,
+    Item,
+    TypeDefinition,
+)
+from ..knowledge.formulas import TreeReader, typed_name
+from ..knowledge.trees import ParameterDefinition
+from ..pddl import used_requirements
+from ..pddl.document import Action, Domain, Function, FunctionValue, Predicate, Problem
+from ..pddl.writer import write_problem
+from ..sql.dialects.base import Row
+from ..sql.intervals import ANY_FUNCTION, ANY_PREDICATE, held_then, then
+from ..sql.query import Query, in_rows
+from ..sql.rows import KB, table_of
+from ..sql.tables import FunctionValueVersionRow, PropositionRow, PropositionVersionRow
+from ..store.snapshot import View
+from ..store.transaction import Transaction
+
+
+def constant_ids(definitions: Definitions) -> set[int]:
+    """Find the objects that the domain has to declare."""
+    found = {object_.id for object_ in definitions.objects if object_.is_constant}
+    trees = [tree for action in definitions.actions for tree in action.trees]
+    trees += [each.tree for each in definitions.formulas if each.section in DOMAIN_SECTIONS]
+    for tree in trees:
+        for node in tree:
+            for term in node.terms:
+                if term.object_id is not None:
+                    found.add(term.object_id)
+    return found
+
+
+REQUIREMENT = "requirement"
+# It is there without being said: only an item, as of older versions, shows that the domain says it.
+_SAID_ROOT = Item("type", ROOT_TYPE)
+_OPEN = select(PropositionVersionRow.proposition_id).where(
+    PropositionVersionRow.kb_id == KB, PropositionVersionRow.until.is_(None)
+)
+_GOALS = Query(
+    select(PropositionRow.id, PropositionRow.text).where(
+        PropositionRow.kb_id == KB, PropositionRow.is_goal, in_rows(PropositionRow.id, _OPEN)
+    )
+)
+
+T = TypeVar("T")
+
+
+def find_document(definitions: Definitions, name: str) -> DocumentDefinition | None:
+    """Find what is known of a document."""
+    return definitions.documents.named(name)
+
+
+def check_title(stored: DocumentDefinition, title: str) -> None:
+    """Refuse to merge a document into one that is called something else."""
+    if fold(stored.title) != fold(title):
+        raise ConflictError(
+            f"{stored.name} {stored.title!r} is stored, but the document is {stored.name} "
+            f"{title!r}; load it with mode='replace'"
+        )
+
+
+def domain_title(definitions: Definitions, default_name: str) -> str:
+    """Find what the domain is called."""
+    domain, problem = (find_document(definitions, name) for name in (DOMAIN, PROBLEM))
+    if domain is not None:
+        return domain.title
+    return default_name if problem is None or problem.domain is None else problem.domain
+
+
+def ordered(
+    things: Iterable[T],
+    key: Callable[[T], str],
+    document: DocumentDefinition | None,
+    section: str,
+) -> list[T]:
+    """Put things in the order of a document."""
+    by_key = {key(thing): thing for thing in things}
+    names = () if document is None else document.names(section)
+    return [by_key[name] for name in _placed(by_key, names)]
+
+
+def _placed(known: Iterable[str], names: Iterable[str]) -> list[str]:
+    """Put the known names that are listed first, as often as they are, and then the others."""
+    rest = dict.fromkeys(known)
+    listed = [name for name in names if name in rest]
+    for name in listed:
+        rest.pop(name, None)
+    return [*listed, *rest]
+
+
+def put_document(
+    transaction: Transaction,
+    name: str,
+    title: str,
+    domain: str | None,
+    items: Iterable[Item],
+    replace: bool,
+) -> None:
+    """Store what a loaded document is called, and in which order it says what it says.
+
+    A merge writes nothing for what it adds: new elements follow the others in the order in which
+    they were first known. It writes a version only for what no element shows, and that version
+    lists only the sections whose order differs from that of the elements.
+    """
+    stored = find_document(transaction.definitions, name)
+    if stored is not None and not replace:
+        added = _unshown(stored, list(items))
+        if not added and _is_same_domain(stored.domain, domain):
+            return
+        # Titles agree but for their spelling, and the first spelling stays.
+        title = stored.title
+        items = [*_needed(transaction, stored, added), *added]
+    # The tables keep the order within a section; the sections' own order is that of their names.
+    places = tuple(sorted(items, key=lambda item: item.section))
+    identity = identify(transaction, "document", name)
+    definition = DocumentDefinition(*identity, title, domain, places)
+    transaction.define("document", with_text(transaction.definitions, definition))
+
+
+def _is_same_domain(stored: str | None, domain: str | None) -> bool:
+    """Compare the names of a problem's domain; a domain has none."""
+    return fold(stored or "") == fold(domain or "")
+
+
+def _unshown(stored: DocumentDefinition, items: list[Item]) -> list[Item]:
+    """Find the new items that the elements alone would not show."""
+    known, times = set(stored.items), Counter(items)
+    return [
+        item
+        for item in items
+        if item not in known and (item.section == REQUIREMENT or times[item] > 1)
+    ]
+
+
+def _needed(transaction: Transaction, stored: DocumentDefinition, added: list[Item]) -> list[Item]:
+    """Give the items of a document, without the sections that are in the order of the elements."""
+    sections: dict[str, list[Item]] = {}
+    for item in stored.items:
+        sections.setdefault(item.section, []).append(item)
+    changed = {item.section for item in added} | {REQUIREMENT}
+    needed: list[Item] = []
+    for section, items in sections.items():
+        is_needed = section in changed or _SAID_ROOT in items
+        if not is_needed:
+            keys = _keys(transaction, section)
+            is_needed = _placed(keys, [item.name for item in items]) != keys
+        needed += items if is_needed else []
+    return needed
+
+
+def _keys(transaction: Transaction, section: str) -> list[str]:
+    """Return the names under which a document has the elements of a section, oldest first."""
+    definitions = transaction.definitions
+    if section in ("constant", "object"):
+        constants, is_constant = constant_ids(definitions), section == "constant"
+        objects = definitions.objects
+        return [fold(each.name) for each in objects if (each.id in constants) == is_constant]
+    if section in ("type", "predicate", "function", "action"):
+        names = (fold(each.name) for each in definitions.elements(section))
+        return [name for name in names if Item(section, name) != _SAID_ROOT]
+    formulas = [each.name for each in definitions.formulas if each.section == section]
+    if section != GOAL:
+        return formulas
+    # Those that are atoms come first.
+    transaction.flush()
+    goals = transaction.session.rows(_GOALS, kb=transaction.kb_id)
+    return [*(text for _, text in sorted(goals)), *formulas]
+
+
+N = TypeVar("N", bound=Definition)
+
+
+class DomainBuilder:
+    """Builds a domain from definitions."""
+
+    def __init__(self, definitions: Definitions) -> None:
+        """Make it."""
+        self._definitions = definitions
+        self._document = find_document(definitions, DOMAIN)
+
+    def build(self, default_name: str) -> Domain:
+        """Build the domain."""
+        definitions, document = self._definitions, self._document
+        ids = constant_ids(definitions)
+        constants = [object_ for object_ in definitions.objects if object_.id in ids]
+        return Domain(
+            domain_title(definitions, default_name),
+            () if document is None else tuple(document.names("requirement")),
+            tuple(self._type(each) for each in self._types()),
+            tuple(
+                self._typed(each.name, each.type_ids) for each in self._named("constant", constants)
+            ),
+            tuple(
+                Predicate(each.name, self._parameters(each.parameters))
+                for each in self._named("predicate", definitions.predicates)
+            ),
+            tuple(
+                Function(
+                    each.name,
+                    self._parameters(each.parameters),
+                    self._typed("", each.type_ids).types,
+                )
+                for each in self._named("function", definitions.functions)
+            ),
+            self._formulas(DOMAIN_CONSTRAINT),
+            self._formulas(DERIVED_PREDICATE),
+            tuple(self._action(each) for each in self._named("action", definitions.actions)),
+        )
+
+    def _types(self) -> list[TypeDefinition]:
+        named = {*self._document.names("type")} if self._document else set()
+        # `object` is there without being said, unless the domain says it.
+        types = [
+            each
+            for each in self._definitions.types
+            if fold(each.name) != ROOT_TYPE or ROOT_TYPE in named
+        ]
+        return self._named("type", types)
+
+    def _named(self, section: str, definitions: Iterable[N]) -> list[N]:
+        return ordered(definitions, lambda each: fold(each.name), self._document, section)
+
+    def _type(self, type_: TypeDefinition) -> TypedName:
+        return (
+            self._typed(type_.name, type_.parent_ids) if type_.parent_ids else TypedName(type_.name)
+        )
+
+    def _typed(self, name: str, type_ids: Iterable[int]) -> TypedName:
+        return typed_name(self._definitions, ParameterDefinition(name, tuple(type_ids)))
+
+    def _parameters(self, parameters: Iterable[ParameterDefinition]) -> tuple[TypedName, ...]:
+        return tuple(typed_name(self._definitions, parameter) for parameter in parameters)
+
+    def _formulas(self, section: str) -> tuple[Any, ...]:
+        return read_section(self._definitions, self._document, section)
+
+    def _action(self, action: ActionDefinition) -> Action:
+        with reading_rows("action_version", f"action {action.id!r}"):
+            parts = (
+                TreeReader(self._definitions, tree, action.parameters).conjuncts()
+                for tree in action.trees
+            )
+            return Action(action.kind, action.name, self._parameters(action.parameters), *parts)
+
+
+def read_section(
+    definitions: Definitions, document: DocumentDefinition | None, section: str
+) -> tuple[Any, ...]:
+    """Read the formulas of one section, in the order of a document."""
+    stored = read_formulas(definitions, section)
+    found = ordered(stored, lambda each: each.name, document, section)
+    return tuple(read_formula(definitions, each) for each in found)
+
+
+def build_domain(definitions: Definitions, default_name: str) -> Domain:
+    """Build the domain that is defined."""
+    domain = DomainBuilder(definitions).build(default_name)
+    if find_document(definitions, DOMAIN) is not None:
+        return domain
+    # Nobody has written any, and a reader has to know.
+    return replace(domain, requirements=used_requirements(domain))
+
+
+class Initial(NamedTuple):
+    """What held at one moment, as rows; each row begins with its id.
+
+    Attributes:
+        facts: id, predicate, arguments and text of each fact; for text alone, id and text matter.
+        goals: the same of each goal that is a ground atom.
+        values: id, function, arguments, number and object of the value of each fluent; for text
+            alone, id and text.
+    """
+
+    facts: list[Any]
+    goals: list[Any]
+    values: list[Any]
+
+
+def _held(version: Any, any_owner: Any) -> tuple[tuple[bool, Any], ...]:
+    """Return the condition of the present, and that of the past."""
+    return (False, version.until.is_(None)), (True, and_(any_owner, held_then(version)))
+
+
+def _propositions(held: Any, for_text: bool) -> Query:
+    versions = select(PropositionVersionRow.proposition_id).where(
+        PropositionVersionRow.kb_id == KB, held
+    )
+    arguments: Any = PropositionRow.arguments
+    if for_text:
+        # Goals are built all the same, for the document knows their order.
+        arguments = case((table_of(PropositionRow).c.is_goal, arguments))
+    return Query(
+        select(
+            PropositionRow.id,
+            PropositionRow.predicate_id,
+            arguments,
+            PropositionRow.text,
+            PropositionRow.is_goal,
+        ).where(PropositionRow.kb_id == KB, in_rows(PropositionRow.id, versions))
+    )
+
+
+def _value_texts(held: Any) -> Query:
+    version = FunctionValueVersionRow
+    columns = version.function_value_id, version.text
+    return Query(select(*columns).where(version.kb_id == KB, held))
+
+
+_ID = itemgetter(0)
+# By whether it is about the past, and whether for text alone.
+_PROPOSITIONS = {
+    (is_past, for_text): _propositions(held, for_text)
+    for is_past, held in _held(PropositionVersionRow, ANY_PREDICATE)
+    for for_text in (False, True)
+}
+_VALUE_TEXTS = {
+    is_past: _value_texts(held) for is_past, held in _held(FunctionValueVersionRow, ANY_FUNCTION)
+}
+
+
+def read_initial(view: View, for_text: bool) -> Initial:
+    """Read what held at one moment, in two statements."""
+    if view.kb_id is None:
+        return Initial([], [], [])
+    is_past = view.at is not None
+    past = {} if view.at is None else then(view.session, view.at)
+
+    def rows(query: Query) -> list[Any]:
+        return sorted(view.session.rows(query, kb=view.kb_id, **past), key=_ID)
+
+    propositions = rows(_PROPOSITIONS[is_past, for_text])
+    facts = [row for row in propositions if not row[4]]
+    goals = [row for row in propositions if row[4]]
+    return Initial(facts, goals, rows(_VALUE_TEXTS[is_past]) if for_text else ALL.rows(view))
+
+
+class ProblemBuilder:
+    """Builds a problem from definitions, and from what held."""
+
+    def __init__(self, definitions: Definitions, initial: Initial) -> None:
+        """Make it."""
+        self._definitions = definitions
+        self._initial = initial
+        self._document = find_document(definitions, PROBLEM)
+        self._constants: dict[int, Constant] = {}
+
+    def build(self, default_name: str, domain: str, with_initial: bool = True) -> Problem:
+        """Build the problem."""
+        document, definitions = self._document, self._definitions
+        metrics = read_formulas(definitions, METRIC)
+        return Problem(
+            default_name if document is None else document.title,
+            self._domain_name(domain),
+            () if document is None else tuple(document.names("requirement")),
+            tuple(self._objects()),
+            self._facts() if with_initial else (),
+            self._literals(),
+            self._values() if with_initial else (),
+            self._section(TIMED),
+            tuple(self._goals()),
+            self._section(CONSTRAINT),
+            read_formula(definitions, metrics[0]) if metrics else None,  # type: ignore[arg-type]
+        )
+
+    def _domain_name(self, domain: str) -> str:
+        """Spell the domain's name as the problem did, if the domain has it still."""
+        said = None if self._document is None else self._document.domain
+        return domain if said is None or fold(said) != fold(domain) else said
+
+    def _literals(self) -> tuple[Not | Equal, ...]:
+        """Give the initial literals, apart from those that facts of later revisions contradict."""
+        literals = self._section(INITIAL)
+        if not literals:
+            return ()
+        facts = {row[3] for row in self._initial.facts}
+        return tuple(
+            literal
+            for literal in literals
+            if isinstance(literal, Equal) or str(literal.formula) not in facts
+        )
+
+    def _section(self, section: str) -> tuple[Any, ...]:
+        return read_section(self._definitions, self._document, section)
+
+    def _objects(self) -> list[TypedName]:
+        constants = constant_ids(self._definitions)
+        objects = [each for each in self._definitions.objects if each.id not in constants]
+        found = ordered(objects, lambda each: fold(each.name), self._document, "object")
+        return [
+            typed_name(self._definitions, ParameterDefinition(each.name, each.type_ids))
+            for each in found
+        ]
+
+    def _facts(self) -> tuple[Atom, ...]:
+        return tuple(each_readable("proposition", self._initial.facts, self._atom))
+
+    def _values(self) -> tuple[FunctionValue, ...]:
+        return tuple(each_readable("function_value", self._initial.values, self._value))
+
+    def _value(self, row: Row) -> FunctionValue:
+        _, function_id, arguments, number, object_id = row
+        value: Number | Constant = (
+            Number(Decimal(number)) if object_id is None else self._constant(object_id)
+        )
+        name = self._definitions.functions.live(function_id).name
+        return FunctionValue(Fluent(name, self._terms(arguments)), value)
+
+    def _goals(self) -> list[Formula]:
+        atoms: list[tuple[str, Formula]] = each_readable(
+            "proposition", self._initial.goals, lambda row: (row[3], self._atom(row))
+        )
+        formulas: list[tuple[str, Any]] = [
+            (formula.name, read_formula(self._definitions, formula))
+            for formula in read_formulas(self._definitions, GOAL)
+        ]
+        goals = ordered([*atoms, *formulas], lambda goal: goal[0], self._document, GOAL)
+        return [goal for _, goal in goals]
+
+    def _atom(self, row: Any) -> Atom:
+        predicate = self._definitions.predicates.live(row[1])
+        return trusted_atom(predicate.name, self._terms(row[2]))
+
+    def _terms(self, arguments: str) -> tuple[Constant, ...]:
+        return tuple([self._constant(int(id_)) for id_ in arguments.split()])
+
+    def _constant(self, id_: int) -> Constant:
+        constant = self._constants.get(id_)
+        if constant is None:
+            constant = Constant(self._definitions.objects.live(id_).name)
+            self._constants[id_] = constant
+        return constant
+
+
+def build_problem(view: View, default_name: str, domain: str) -> Problem:
+    """Build the problem of one moment."""
+    initial = read_initial(view, for_text=False)
+    return ProblemBuilder(view.definitions, initial).build(default_name, domain)
+
+
+def problem_text(view: View, default_name: str, domain: str) -> str:
+    """Write the problem of one moment as PDDL, from the texts that the store has."""
+    initial = read_initial(view, for_text=True)
+    problem = ProblemBuilder(view.definitions, initial).build(default_name, domain, False)
+    facts: Sequence[str] = [row[3] for row in initial.facts]
+    return write_problem(problem, facts, [text for _, text in initial.values])

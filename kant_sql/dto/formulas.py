@@ -1,0 +1,768 @@
+"""The nodes of conditions, effects, goals, constraints and metrics: immutable data.
+
+Generated formulas are nested thousands of levels deep, such as a sum of all preferences. So no
+method of a node recurses; memory is the limit.
+
+Each node is a construct of the language, under its name in the papers: PDDL 2.1 (Fox and Long,
+2003), PDDL 2.2 (Edelkamp and Hoffmann, 2004), PDDL 3.0 (Gerevini and Long, 2005), PDDL 3.1
+(Kovacs, 2011) and PDDL+ (Fox and Long, 2006). Nodes name predicates, functions and objects; nodes
+of the same content and spelling are equal. `str()` of a node is its PDDL text.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, fields
+from decimal import Decimal
+from typing import Any, Self, get_args, get_origin, get_type_hints
+
+from .. import arguments
+from ..arguments import expect, expect_tuple, items
+from .lexical import ROOT_TYPE, check_number, either_text
+
+
+class Checked:
+    """Immutable data whose constructor checks each field by its annotation.
+
+    A list is accepted for a tuple, and kept as one. Anything else raises `InvalidKnowledgeError`.
+    """
+
+    __slots__ = ()
+
+    def __post_init__(self) -> None:
+        kind = type(self)
+        for name, wanted, is_tuple, role in _CHECKS.get(kind) or _checks(kind):
+            value = getattr(self, name)
+            if not is_tuple:
+                if not isinstance(value, wanted):
+                    expect(value, wanted, role)
+                continue
+            checked: tuple[object, ...] = expect_tuple(value, wanted, role)
+            if checked is not value:
+                object.__setattr__(self, name, checked)
+
+
+class Node(Checked):
+    """A node of a formula, an effect or an expression; a copy of one is the node itself."""
+
+    __slots__ = ()
+
+    def _head(self) -> str:
+        """Return the text between the parenthesis and the first child."""
+        raise NotImplementedError
+
+    def __copy__(self) -> Self:
+        return self
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Self:
+        return self
+
+    def __str__(self) -> str:
+        texts: list[str] = []
+        stack: list[Node | None] = [self]
+        while stack:
+            part = stack.pop()
+            if part is None:
+                texts.append(")")
+            elif type(part).__str__ is not Node.__str__:
+                texts.append(f" {part}")
+            else:
+                texts.append(f" ({part._head()}")
+                stack.append(None)
+                stack.extend(reversed(children(part)))
+        return "".join(texts)[1:]
+
+
+class FormulaNode(Node):
+    """A node that is a formula or an effect."""
+
+    __slots__ = ()
+
+
+class Branch(Node):
+    """A node that may contain nodes of its own class, at any depth.
+
+    Subclasses are dataclasses that compare and print without recursion. The other nodes never
+    contain their own class, so the methods of a dataclass serve them.
+    """
+
+    __slots__ = ()
+
+    def __eq__(self, other: object) -> bool:
+        if type(self) is not type(other) or not isinstance(other, Branch):
+            return NotImplemented
+        return self is other or _records(self) == _records(other)
+
+    def __hash__(self) -> int:
+        return hash(_records(self))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _rebuilt, (_records(self),)
+
+    def __repr__(self) -> str:
+        texts: list[str] = []
+        stack: list[Branch | str] = [self]
+        while stack:
+            part = stack.pop()
+            if isinstance(part, Branch):
+                stack.extend(reversed([*_repr_parts(part)]))
+            else:
+                texts.append(part)
+        return "".join(texts)
+
+
+def children(node: Node) -> tuple[Node, ...]:
+    """Return the child nodes of a node."""
+    found: list[Node] = []
+    names: tuple[str, ...] = type(node).__slots__
+    for name in names:
+        value = getattr(node, name)
+        if isinstance(value, Node):
+            found.append(value)
+        elif isinstance(value, tuple):
+            found.extend(part for part in value if isinstance(part, Node))
+    return tuple(found)
+
+
+def walk(*nodes: Node) -> Iterator[Node]:
+    """Iterate over nodes and all their descendants, in preorder."""
+    stack = list(reversed(nodes))
+    while stack:
+        node = stack.pop()
+        yield node
+        stack.extend(reversed(children(node)))
+
+
+def depth(node: Node) -> int:
+    """Return the number of levels of a tree."""
+    deepest, level = 0, [node]
+    while level:
+        deepest += 1
+        level = [child for parent in level for child in children(parent)]
+    return deepest
+
+
+def shown(node: object) -> str:
+    """Return the text of a node for a message, shortened."""
+    return f"{node!s:.80}" if isinstance(node, Node) else arguments.shown(node)
+
+
+def _records(node: Branch) -> tuple[object, ...]:
+    """Return the content of a node as one flat tuple, in preorder.
+
+    A branch is a tuple of its class and its fields, with an ellipsis for a child and a number for
+    a tuple of children. Other nodes are items themselves.
+    """
+    found: list[object] = []
+    stack: list[Any] = [node]
+    while stack:
+        part = stack.pop()
+        if not isinstance(part, Branch):
+            found.append(part)
+            continue
+        record: list[object] = [type(part)]
+        within: list[Any] = []
+        names: tuple[str, ...] = type(part).__slots__
+        for name in names:
+            value = getattr(part, name)
+            if isinstance(value, Node):
+                record.append(...)
+                within.append(value)
+            elif _is_of_nodes(value):
+                record.append(len(value))
+                within += value
+            else:
+                record.append(value)
+        found.append(tuple(record))
+        within.reverse()
+        stack += within
+    return tuple(found)
+
+
+def _is_of_nodes(value: object) -> bool:
+    return type(value) is tuple and bool(value) and isinstance(value[0], Node)
+
+
+def _rebuilt(records: tuple[Any, ...]) -> Node:
+    """Make a node from its records, where children follow their parent."""
+    stack: list[Any] = []
+    for record in reversed(records):
+        if not isinstance(record, tuple):
+            stack.append(record)
+            continue
+        kind, *fields = record
+        values: list[object] = []
+        for field in fields:
+            if field is ...:
+                values.append(stack.pop())
+            elif isinstance(field, int):
+                values.append(tuple([stack.pop() for _ in range(field)]))
+            else:
+                values.append(field)
+        stack.append(kind(*values))
+    node: Node = stack.pop()
+    return node
+
+
+def _repr_parts(node: Branch) -> Iterator[Branch | str]:
+    """Return the parts of the `repr()` that a dataclass has."""
+    names: tuple[str, ...] = type(node).__slots__
+    opening = f"{type(node).__qualname__}("
+    for name in names:
+        value = getattr(node, name)
+        yield f"{opening}{name}="
+        opening = ", "
+        if _is_of_nodes(value):
+            for number, one in enumerate(value):
+                yield ", " if number else "("
+                yield one if isinstance(one, Branch) else repr(one)
+            yield ",)" if len(value) == 1 else ")"
+        else:
+            yield value if isinstance(value, Branch) else repr(value)
+    yield ")"
+
+
+@dataclass(frozen=True, slots=True)
+class TypedName(Checked):
+    """A name with its type, as lists of parameters, objects and types have it.
+
+    Attributes:
+        name: the name; a variable's without its question mark.
+        types: the names of its types: one, or several for `either`.
+    """
+
+    name: str
+    types: tuple[str, ...] = (ROOT_TYPE,)
+
+    @property
+    def type_text(self) -> str:
+        """The type as PDDL text: `robot`, or `(either robot human)`."""
+        return either_text(self.types)
+
+
+@dataclass(frozen=True, slots=True)
+class Variable(Node):
+    """A variable: a parameter, or what a quantifier binds. `?duration` is one as well.
+
+    Attributes:
+        name: its name, without the question mark.
+    """
+
+    name: str
+
+    def __str__(self) -> str:
+        return f"?{self.name}"
+
+
+@dataclass(frozen=True, slots=True)
+class Constant(Node):
+    """An object, by its name.
+
+    Attributes:
+        name: its name.
+    """
+
+    name: str
+
+    def __str__(self) -> str:
+        return self.name
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Fluent(Branch):
+    """A function applied to terms: a number, or an object (PDDL 3.1), that changes over time.
+
+    Attributes:
+        function: the function's name.
+        terms: the terms, in order.
+    """
+
+    function: str
+    terms: tuple[Term, ...] = ()
+
+    def _head(self) -> str:
+        return self.function
+
+
+@dataclass(frozen=True, slots=True, init=False)
+class Number(Node):
+    """A number, exactly.
+
+    Attributes:
+        value: the number, finite and of at most `MAX_DIGITS` digits; an `int`, or a `float` by
+            the shortest digits that denote it, is taken too.
+    """
+
+    value: Decimal
+
+    def __init__(self, value: Decimal | int | float) -> None:
+        object.__setattr__(self, "value", check_number(value, "the value of a Number"))
+
+    def __str__(self) -> str:
+        return format(self.value, "f")
+
+
+@dataclass(frozen=True, slots=True)
+class ContinuousTime(Node):
+    """The time that has passed, `#t`, in a continuous effect (PDDL 2.1, section 5.3)."""
+
+    def __str__(self) -> str:
+        return "#t"
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Arithmetic(Branch):
+    """An operation on numbers.
+
+    Attributes:
+        operator: `+`, `-`, `*` or `/`; `-` of one operand negates it.
+        operands: the operands, in order.
+    """
+
+    operator: str
+    operands: tuple[Expression, ...]
+
+    def _head(self) -> str:
+        return self.operator
+
+
+@dataclass(frozen=True, slots=True)
+class IsViolated(Node):
+    """How often a preference is violated (PDDL 3.0, section 3), in a metric.
+
+    Attributes:
+        preference: the preference's name.
+    """
+
+    preference: str
+
+    def __str__(self) -> str:
+        return f"(is-violated {self.preference})"
+
+
+Term = Variable | Constant | Fluent
+Expression = Number | Fluent | Variable | Arithmetic | ContinuousTime | IsViolated
+
+
+def variables_text(variables: Iterable[TypedName], explicit: bool = False) -> str:
+    """Write typed variables."""
+    given = items(variables, TypedName, "the variables")
+    return typed_text([TypedName(f"?{part.name}", part.types) for part in given], explicit)
+
+
+def skeleton_text(name: str, variables: Iterable[TypedName], explicit: bool = False) -> str:
+    """Write a predicate or a function with its typed variables."""
+    text = variables_text(variables, explicit)
+    return f"({name} {text})" if text else f"({name})"
+
+
+def typed_text(names: Iterable[TypedName], explicit: bool = False) -> str:
+    """Write a typed list; a tail of type `object` is left untyped."""
+    given = items(names, TypedName, "the names")
+    tail = len(given)
+    while not explicit and tail and given[tail - 1].types == (ROOT_TYPE,):
+        tail -= 1
+    parts = []
+    for position, item in enumerate(given):
+        parts.append(item.name)
+        last = position + 1 == tail or (
+            position + 1 < tail and given[position + 1].types != item.types
+        )
+        if position < tail and last:
+            parts.append(f"- {item.type_text}")
+    return " ".join(parts)
+
+
+_new, _set = object.__new__, object.__setattr__
+
+
+@dataclass(frozen=True, slots=True)
+class Atom(FormulaNode):
+    """A predicate applied to terms.
+
+    Attributes:
+        predicate: the predicate's name.
+        terms: the terms, in order.
+    """
+
+    predicate: str
+    terms: tuple[Term, ...] = ()
+
+    def _head(self) -> str:
+        return self.predicate
+
+
+def trusted_atom(predicate: str, terms: tuple[Term, ...]) -> Atom:
+    """Make an atom without checks: a document has hundreds of thousands."""
+    atom = _new(Atom)
+    _set(atom, "predicate", predicate)
+    _set(atom, "terms", terms)
+    return atom
+
+
+@dataclass(frozen=True, slots=True)
+class Equal(FormulaNode):
+    """Two terms that denote one object.
+
+    Attributes:
+        left: the one term.
+        right: the other.
+    """
+
+    left: Term
+    right: Term
+
+    def _head(self) -> str:
+        return "="
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison(FormulaNode):
+    """Two numbers that are compared; a duration's constraint is one, too.
+
+    Attributes:
+        operator: `<`, `<=`, `=`, `>=` or `>`.
+        left: the one number.
+        right: the other.
+    """
+
+    operator: str
+    left: Expression
+    right: Expression
+
+    def _head(self) -> str:
+        return self.operator
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Not(Branch, FormulaNode):
+    """A negation; as an effect, a delete.
+
+    Attributes:
+        formula: what does not hold.
+    """
+
+    formula: Formula
+
+    def _head(self) -> str:
+        return "not"
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class And(Branch, FormulaNode):
+    """A conjunction.
+
+    Attributes:
+        formulas: the conjuncts, in order.
+    """
+
+    formulas: tuple[Formula, ...] = ()
+
+    def _head(self) -> str:
+        return "and"
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Or(Branch, FormulaNode):
+    """A disjunction.
+
+    Attributes:
+        formulas: the disjuncts, in order.
+    """
+
+    formulas: tuple[Formula, ...] = ()
+
+    def _head(self) -> str:
+        return "or"
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Imply(Branch, FormulaNode):
+    """An implication.
+
+    Attributes:
+        condition: the antecedent.
+        formula: the consequent.
+    """
+
+    condition: Formula
+    formula: Formula
+
+    def _head(self) -> str:
+        return "imply"
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Forall(Branch, FormulaNode):
+    """A formula, or an effect, for all objects.
+
+    Attributes:
+        variables: what is bound, in order.
+        formula: what holds, or happens, for all of them.
+    """
+
+    variables: tuple[TypedName, ...]
+    formula: Formula
+
+    def _head(self) -> str:
+        return f"forall ({variables_text(self.variables)})"
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Exists(Branch, FormulaNode):
+    """A formula that holds for some objects.
+
+    Attributes:
+        variables: what is bound, in order.
+        formula: what holds for some of them.
+    """
+
+    variables: tuple[TypedName, ...]
+    formula: Formula
+
+    def _head(self) -> str:
+        return f"exists ({variables_text(self.variables)})"
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Timed(Branch, FormulaNode):
+    """A condition or an effect at a time of a durative action; `at end`, a constraint's too.
+
+    Attributes:
+        time: `at start`, `over all` or `at end`.
+        formula: what holds, or happens, then.
+    """
+
+    time: str
+    formula: Formula
+
+    def _head(self) -> str:
+        return self.time
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Preference(Branch, FormulaNode):
+    """A soft goal, precondition or constraint (PDDL 3.0, section 3).
+
+    Attributes:
+        name: its name, which others may share; None when it has none.
+        formula: what is preferred.
+    """
+
+    name: str | None
+    formula: Formula
+
+    def _head(self) -> str:
+        return "preference" if self.name is None else f"preference {self.name}"
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Modal(Branch, FormulaNode):
+    """A constraint on the trajectory (PDDL 3.0, section 2).
+
+    Attributes:
+        operator: `always`, `sometime`, `at-most-once`, `sometime-after`, `sometime-before`,
+            `within`, `always-within`, `hold-during` or `hold-after`.
+        numbers: the times that it takes, in the planner's units.
+        formulas: the formulas that it takes.
+    """
+
+    operator: str
+    numbers: tuple[Number, ...]
+    formulas: tuple[Formula, ...]
+
+    def _head(self) -> str:
+        return self.operator
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class When(Branch, FormulaNode):
+    """A conditional effect.
+
+    Attributes:
+        condition: when it happens.
+        effect: what happens.
+    """
+
+    condition: Formula
+    effect: Formula
+
+    def _head(self) -> str:
+        return "when"
+
+
+@dataclass(frozen=True, slots=True)
+class Assign(FormulaNode):
+    """An effect on a fluent.
+
+    Attributes:
+        operator: `assign`, `increase`, `decrease`, `scale-up` or `scale-down`.
+        fluent: the fluent.
+        value: a number's expression, or for an object fluent a term.
+    """
+
+    operator: str
+    fluent: Fluent
+    value: Expression | Term
+
+    def _head(self) -> str:
+        return self.operator
+
+
+@dataclass(frozen=True, slots=True)
+class Derived(Node):
+    """A rule for a derived predicate (PDDL 2.2, section 3.1).
+
+    Attributes:
+        predicate: the predicate's name.
+        variables: the predicate's parameters, as the rule names and types them.
+        formula: what it follows from.
+    """
+
+    predicate: str
+    variables: tuple[TypedName, ...]
+    formula: Formula
+
+    def __str__(self) -> str:
+        return f"(:derived {skeleton_text(self.predicate, self.variables)} {self.formula})"
+
+
+@dataclass(frozen=True, slots=True)
+class TimedLiteral(Node):
+    """A timed initial literal (PDDL 2.2, section 3.2), or a timed initial value.
+
+    Attributes:
+        time: when, in the planner's units of time.
+        effect: an `Atom`, `Not` of one, or an `Assign`, written `(= (fluent) value)`.
+    """
+
+    time: Number
+    effect: Atom | Not | Assign
+
+    def __str__(self) -> str:
+        effect: object = self.effect
+        if isinstance(effect, Assign):
+            effect = f"(= {effect.fluent} {effect.value})"
+        return f"(at {self.time} {effect})"
+
+
+@dataclass(frozen=True, slots=True)
+class Metric(Node):
+    """What a plan is measured by (PDDL 2.1, section 4.1).
+
+    Attributes:
+        optimization: `minimize` or `maximize`.
+        expression: the quantity.
+    """
+
+    optimization: str
+    expression: Expression
+
+    def __str__(self) -> str:
+        return f"(:metric {self.optimization} {self.expression})"
+
+
+DURATION, TOTAL_TIME, TOTAL_COST = "duration", "total-time", "total-cost"
+AT_START, OVER_ALL, AT_END = "at start", "over all", "at end"
+TIMES = (AT_START, OVER_ALL, AT_END)
+COMPARISONS = ("<", "<=", "=", ">=", ">")
+ARITHMETIC = ("+", "-", "*", "/")
+ASSIGNMENTS = ("assign", "increase", "decrease", "scale-up", "scale-down")
+# How many numbers, and how many formulas, each modal operator takes.
+MODALS = {
+    "always": (0, 1),
+    "sometime": (0, 1),
+    "at-most-once": (0, 1),
+    "sometime-after": (0, 2),
+    "sometime-before": (0, 2),
+    "within": (1, 1),
+    "always-within": (1, 2),
+    "hold-during": (2, 1),
+    "hold-after": (1, 1),
+}
+
+Formula = (
+    Atom
+    | Equal
+    | Comparison
+    | Not
+    | And
+    | Or
+    | Imply
+    | Forall
+    | Exists
+    | Timed
+    | Preference
+    | Modal
+    | When
+    | Assign
+)
+
+# A field of a class: its name, its classes, whether it is a tuple of these, and its role.
+_Check = tuple[str, tuple[type, ...], bool, str]
+_CHECKS: dict[type, list[_Check]] = {}
+
+
+def _checks(kind: type) -> list[_Check]:
+    """Find and cache the checks of a class."""
+    hints = get_type_hints(kind)
+    article = "an" if kind.__name__[0] in "AEIOU" else "a"
+    # One class is faster to check than a union. The writer refuses what a document cannot contain,
+    # and says where.
+    formula = FormulaNode if issubclass(kind, Node) else Node
+    found = []
+    for field in fields(kind):
+        hint = hints[field.name]
+        is_tuple = get_origin(hint) is tuple
+        item = get_args(hint)[0] if is_tuple else hint
+        classes = (formula,) if item == Formula else get_args(item) or (item,)
+        role = f"the {field.name} of {article} {kind.__name__}"
+        found.append((field.name, classes, is_tuple, role))
+    _CHECKS[kind] = found
+    return found
+
+
+__all__ = [
+    "ARITHMETIC",
+    "ASSIGNMENTS",
+    "AT_END",
+    "AT_START",
+    "COMPARISONS",
+    "DURATION",
+    "MODALS",
+    "OVER_ALL",
+    "TIMES",
+    "TOTAL_COST",
+    "TOTAL_TIME",
+    "And",
+    "Arithmetic",
+    "Assign",
+    "Atom",
+    "Comparison",
+    "Constant",
+    "ContinuousTime",
+    "Derived",
+    "Equal",
+    "Exists",
+    "Expression",
+    "Fluent",
+    "Forall",
+    "Formula",
+    "Imply",
+    "IsViolated",
+    "Metric",
+    "Modal",
+    "Node",
+    "Not",
+    "Number",
+    "Or",
+    "Preference",
+    "Term",
+    "Timed",
+    "TimedLiteral",
+    "TypedName",
+    "Variable",
+    "When",
+    "typed_text",
+    "variables_text",
+]

@@ -1,0 +1,1 @@
+"""Archives: versions that ended long ago, moved into another store."""

@@ -1,0 +1,171 @@
+"""Archives: move versions that ended long ago into another store."""
+
+from __future__ import annotations
+
+from collections import Counter
+from contextlib import closing
+from datetime import datetime, timedelta
+from typing import NamedTuple
+
+from ...arguments import flag, optional_call
+from ...dao.interfaces import Progress
+from ...errors import InvalidArgumentError, ReadOnlyError
+from ...knowledge.canonical import archive_text
+from ...sql.changes import ARCHIVE, ASSERTED, Change
+from ...sql.dialects import create_backend
+from ...sql.dialects.base import Session
+from ...sql.query import Insert
+from ...sql.rows import table_of
+from ...sql.tables import ArchiveRow
+from ...store.store import Store
+from ...store.transaction import Transaction
+from ..moments import revision_at
+from ..revisions import read_archived_revision
+from ..verify.chain import rest_digest
+from .remove import Leaving, compare, count, first_of, refuse_without_right, remove
+from .target import Target, check_same, open_target, replicate
+
+# Versions per transaction, as far as whole revisions allow: other writers wait for it.
+AT_ONCE = 200_000
+
+_TICK = timedelta(microseconds=1)
+
+
+class Archived(NamedTuple):
+    """What was moved, or would be.
+
+    Attributes:
+        upto: the versions that ended up to this revision.
+        versions: how many, by the name of their table.
+        target: where to: the URL without a password.
+        revision: the last revision that records it; None when nothing was moved.
+    """
+
+    upto: int
+    versions: dict[str, int]
+    target: str
+    revision: int | None
+
+
+def archive(
+    store: Store,
+    before: int | datetime,
+    to: str,
+    dry_run: bool = False,
+    actor: str | None = None,
+    reason: str | None = None,
+    progress: Progress | None = None,
+) -> Archived:
+    """Move versions that ended before a time into another store; see `History.archive`."""
+    if store.current() is not None:
+        raise ReadOnlyError(
+            f"knowledge base {store.name!r} has a transaction open in this task or thread: "
+            "archive when it has ended"
+        )
+    optional_call(progress, "progress")
+    flag(dry_run, "dry_run", InvalidArgumentError)
+    upto = _last_before(store, before)
+    leaving = store.query_in_snapshot(lambda session, kb_id: _count(session, kb_id, upto))
+    if dry_run or not leaving.versions:
+        return Archived(upto, leaving.versions, _label(to), None)
+    _refuse_without_right(store)
+    with open_target(to, store.name, store.backend) as target:
+        _replicate(store, target, upto, progress)
+        return Archived(upto, *_move_all(store, target, upto, actor, reason))
+
+
+def _last_before(store: Store, before: int | datetime) -> int:
+    """Find the last revision before one, or before a time."""
+    if not isinstance(before, datetime):
+        return max(revision_at(store, before) - 1, 0)
+    # A time in the future is refused as it stands.
+    revision_at(store, before)
+    return revision_at(store, before - _TICK)
+
+
+def _label(url: str) -> str:
+    with closing(create_backend(url)) as backend:
+        return backend.label
+
+
+def _count(session: Session, kb_id: int | None, upto: int) -> Leaving:
+    archived = 0 if kb_id is None else read_archived_revision(session, kb_id)
+    if kb_id is None or upto <= archived:
+        return Leaving(archived + 1, upto, {})
+    return count(session, kb_id, archived + 1, upto)
+
+
+def _refuse_without_right(store: Store) -> None:
+    with store.backend.open_session() as session:
+        session.begin(write=True)
+        try:
+            refuse_without_right(session)
+        finally:
+            session.rollback()
+
+
+def _replicate(store: Store, target: Target, upto: int, progress: Progress | None) -> None:
+    kb_id = store.query_in_snapshot(lambda _, kb_id: kb_id)
+    assert kb_id is not None
+    replicate(store.backend, kb_id, target, upto, progress)
+
+
+def _move_all(
+    store: Store, target: Target, upto: int, actor: str | None, reason: str | None
+) -> tuple[dict[str, int], str, int | None]:
+    """Remove what the target has; return the versions, the target and the last revision."""
+    moved: Counter[str] = Counter()
+    revision, is_over = None, False
+    while not is_over:
+        made, leaving = _move(store, target, upto, actor, reason)
+        if made is not None:
+            revision = made
+            moved.update(leaving.versions)
+        is_over = not leaving.versions or (made is not None and leaving.high == upto)
+    return dict(moved), target.backend.label, revision
+
+
+def _move(
+    store: Store, target: Target, upto: int, actor: str | None, reason: str | None
+) -> tuple[int | None, Leaving]:
+    """Remove some of what the target has.
+
+    Returns the revision, None when there was nothing to remove or another process removed it; and
+    the versions to remove.
+    """
+    # The target's lock comes first, and is held until its copy is the only one.
+    with target.locked() as (session, target_kb, head):
+
+        def check(source: Session, kb_id: int | None) -> tuple[Leaving, str]:
+            leaving = _count(source, kb_id, upto)
+            if kb_id is None or not leaving.versions:
+                return leaving, ""
+            check_same(source, kb_id, session, target_kb, min(head.revision, upto))
+            leaving = first_of(source, kb_id, leaving, AT_ONCE)
+            compare(leaving, (source, kb_id), (session, target_kb))
+            # Of versions that hold after these revisions, only `until` can still change.
+            return leaving, rest_digest(source, kb_id, leaving.high)
+
+        leaving, rest = store.query_in_snapshot(check)
+        if not leaving.versions:
+            return None, leaving
+        with store.transaction(actor, reason) as transaction:
+            if transaction.head.archived_revision == leaving.low - 1:
+                remove(transaction.session, transaction.kb_id, leaving)
+                _record(transaction, leaving, rest, target.backend.label)
+    made = transaction.committed
+    return (None if made is None else made.number), leaving
+
+
+_NEW_ARCHIVE = Insert(
+    table_of(ArchiveRow),
+    *("kb_id", "id", "since", "revision", "target", "versions", "rest", "text"),
+)
+
+
+def _record(transaction: Transaction, leaving: Leaving, rest: str, target: str) -> None:
+    versions = leaving.total
+    id_ = transaction.allocate()
+    text = archive_text(id_, leaving.high, target, versions, rest)
+    row = (transaction.kb_id, id_, transaction.number, leaving.high, target, versions, rest, text)
+    transaction.records.add(Change(ASSERTED, ARCHIVE, text), [(_NEW_ARCHIVE, row)])

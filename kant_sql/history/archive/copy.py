@@ -1,0 +1,507 @@
+"""Copies a range of revisions, with all that they refer to, into another store."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import cache, partial
+from itertools import islice
+from typing import Any, NamedTuple
+
+from sqlalchemy import (
+    Boolean,
+    ColumnElement,
+    Select,
+    Table,
+    Text,
+    and_,
+    bindparam,
+    cast,
+    select,
+    update,
+)
+
+from ...errors import ConflictError, StoreIntegrityError
+from ...sql.changes import LOW, in_range
+from ...sql.dialects.base import Row, Session
+from ...sql.intervals import fork
+from ...sql.query import Query, in_list, in_rows, integer, whole_rows
+from ...sql.rows import KB, KIND_TABLES, is_of_version, table_of
+from ...sql.tables import (
+    ArchiveRow,
+    FunctionValueArgumentRow,
+    FunctionValueRow,
+    FunctionValueVersionRow,
+    PlanRow,
+    PlanStepArgumentRow,
+    PlanStepRow,
+    PlanStepVersionRow,
+    PropositionArgumentRow,
+    PropositionRow,
+    PropositionVersionRow,
+    RevisionPlanStepRow,
+    RevisionRow,
+)
+from ...sql.tables.base import UtcTime
+
+BATCH = 5_000
+
+_REVISION = table_of(RevisionRow)
+
+
+def columns_of(table: Table) -> tuple[ColumnElement[Any], ...]:
+    """Return the columns of a table as they are read, in order."""
+    # As text: a driver would parse the JSON document, whose text was hashed.
+    is_json = {_REVISION.c.source}
+    return tuple(cast(column, Text) if column in is_json else column for column in table.columns)
+
+
+def converters(
+    columns: Iterable[ColumnElement[Any]], source: Session, target: Session
+) -> dict[int, Callable[[Any], Any]]:
+    """Return what converts the values of some columns, by index."""
+    found: dict[int, Callable[[Any], Any]] = {}
+    for index, column in enumerate(columns):
+        if isinstance(column.type, Boolean):
+            found[index] = bool
+        elif isinstance(column.type, UtcTime):
+            found[index] = lambda raw: (
+                None if raw is None else target.from_time(source.to_time(raw))
+            )
+    return found
+
+
+def converted(row: Row, convert: Mapping[int, Callable[[Any], Any]]) -> Row:
+    """Convert a row."""
+    if not convert:
+        return row
+    values = list(row)
+    for index, change in convert.items():
+        values[index] = change(values[index])
+    return tuple(values)
+
+
+def batches(rows: Iterable[Row], size: int = BATCH) -> Iterator[list[Row]]:
+    """Split a stream into lists."""
+    iterator = iter(rows)
+    while batch := list(islice(iterator, size)):
+        yield batch
+
+
+class AtomTables(NamedTuple):
+    """The tables of ground atoms or fluents, which are removed with their last version.
+
+    Attributes:
+        identity: the identity table.
+        arguments: the table of their arguments.
+        key: the columns that identify one; the last holds its arguments.
+    """
+
+    identity: Table
+    arguments: Table
+    key: tuple[str, ...]
+
+
+class IntervalTable(NamedTuple):
+    """A table of versions, each of which holds from one revision until another.
+
+    Attributes:
+        version: the table.
+        owner: the columns of the identity, without `kb_id`.
+        children: the tables below it, parents first.
+        atoms: the tables of its ground atoms; None for named elements and plans.
+        is_definition: whether its changes move `head.definition_revision`.
+    """
+
+    version: Table
+    owner: tuple[str, ...]
+    children: tuple[Table, ...] = ()
+    atoms: AtomTables | None = None
+    is_definition: bool = False
+
+
+FACTS = AtomTables(
+    table_of(PropositionRow),
+    table_of(PropositionArgumentRow),
+    ("is_goal", "predicate_id", "arguments"),
+)
+FLUENTS = AtomTables(
+    table_of(FunctionValueRow), table_of(FunctionValueArgumentRow), ("function_id", "arguments")
+)
+ATOMS = {atoms.identity: atoms for atoms in (FACTS, FLUENTS)}
+INTERVAL_TABLES = (
+    *(
+        IntervalTable(
+            kind.version.table, (f"{name}_id",), kind.version.children, is_definition=True
+        )
+        for name, kind in KIND_TABLES.items()
+    ),
+    IntervalTable(table_of(PropositionVersionRow), ("proposition_id",), atoms=FACTS),
+    IntervalTable(table_of(FunctionValueVersionRow), ("function_value_id",), atoms=FLUENTS),
+    IntervalTable(table_of(PlanStepVersionRow), ("plan_id", "position")),
+)
+IDENTITIES = {*(kind.identity for kind in KIND_TABLES.values()), *ATOMS}
+PLAN, ARCHIVE = table_of(PlanRow), table_of(ArchiveRow)
+BELOW_PLANS = table_of(PlanStepRow), table_of(PlanStepArgumentRow)
+
+
+def children_of(
+    part: IntervalTable, child: Table, held: ColumnElement[bool]
+) -> tuple[ColumnElement[bool], ...]:
+    """Write the condition that a row belongs to a version for which `held` is true."""
+    version, (owner,) = part.version, part.owner
+    which = and_(version.c.kb_id == KB, held)
+    return child.c.kb_id == KB, *is_of_version(child, version, owner, which)
+
+
+def references(table: Table) -> tuple[tuple[int, Table], ...]:
+    """Return the columns of a table that refer to identities, by index."""
+    places = {column.name: index for index, column in enumerate(table.columns)}
+    found = {
+        (places[constraint.column_keys[-1]], constraint.referred_table)
+        for constraint in table.foreign_key_constraints
+        if constraint.referred_table in IDENTITIES and len(constraint.column_keys) == 2
+    }
+    return tuple(sorted(found, key=lambda reference: reference[0]))
+
+
+def text_of(atoms: AtomTables, owner: Any) -> Select[Any]:
+    """Select the text of the atom of a row."""
+    identity = atoms.identity.c
+    return (
+        select(identity.text)
+        .where(identity.kb_id == KB, identity.id == owner)
+        .correlate(owner.table)
+    )
+
+
+# Identities that are cached of each table.
+_REMEMBERED = 100_000
+
+
+class Stores(NamedTuple):
+    """Two stores between which rows are copied, each in a transaction.
+
+    Attributes:
+        source: where rows are read.
+        source_kb: the knowledge base there.
+        target: where they are written.
+        target_kb: the same knowledge base there.
+    """
+
+    source: Session
+    source_kb: int
+    target: Session
+    target_kb: int
+
+
+@cache
+def _by_ids(table: Table) -> Query:
+    return Query(select(*columns_of(table)).where(table.c.kb_id == KB, in_list(table.c.id, "ids")))
+
+
+@cache
+def _which_are_there(table: Table) -> Query:
+    return Query(select(table.c.id).where(table.c.kb_id == KB, in_list(table.c.id, "ids")))
+
+
+@cache
+def _arguments(atoms: AtomTables) -> Query:
+    table = atoms.arguments
+    owner = table.primary_key.columns.values()[1]
+    return Query(select(*table.columns).where(table.c.kb_id == KB, in_list(owner, "ids")))
+
+
+@cache
+def _by_key(atoms: AtomTables) -> Query:
+    columns = atoms.identity.c
+    *exact, last = atoms.key
+    return Query(
+        select(columns.id, columns[last]).where(
+            columns.kb_id == KB,
+            *(columns[name] == bindparam(name) for name in exact),
+            in_list(columns[last], "keys"),
+        )
+    )
+
+
+class Identities:
+    """The identities that one transaction needs in the target; it writes those that are missing.
+
+    A name keeps its id in both stores. A ground atom that was archived and came back has a new id
+    in the source, and its old one in the target.
+
+    Attributes:
+        largest: the largest id that was written.
+    """
+
+    def __init__(self, stores: Stores, may_return: bool) -> None:
+        self._stores = stores
+        self._may_return = may_return
+        self._ids: dict[Table, dict[int, int]] = {table: {} for table in IDENTITIES}
+        self.largest = 0
+
+    def trim(self) -> None:
+        """Bound the cache, between batches of rows."""
+        for known in self._ids.values():
+            if len(known) > _REMEMBERED:
+                known.clear()
+
+    def bring(self, table: Table, rows: Sequence[Row]) -> None:
+        """Copy what rows refer to where the target lacks it."""
+        wanted: defaultdict[Table, set[int]] = defaultdict(set)
+        for index, identity in references(table):
+            wanted[identity].update(row[index] for row in rows if row[index] is not None)
+        for identity, ids in wanted.items():
+            self.bring_ids(identity, ids)
+
+    def bring_ids(self, table: Table, ids: set[int]) -> None:
+        """Copy some identities where the target lacks them."""
+        missing = ids - self._ids[table].keys()
+        if missing:
+            self._bring(table, sorted(missing))
+
+    def id_of(self, table: Table, id_: int) -> int:
+        """Return the id of an identity in the target."""
+        return self._ids[table][id_]
+
+    def _bring(self, table: Table, ids: list[int]) -> None:
+        source, source_kb, target, target_kb = self._stores
+        known = self._ids[table]
+        there = target.rows(_which_are_there(table), kb=target_kb, ids=target.list_value(ids))
+        known.update((id_, id_) for (id_,) in there)
+        missing = [id_ for id_ in ids if id_ not in known]
+        if not missing:
+            return
+        rows = source.rows(_by_ids(table), kb=source_kb, ids=source.list_value(missing))
+        if len(rows) < len(missing):
+            lost = min(set(missing) - {row[1] for row in rows})
+            raise StoreIntegrityError(
+                f"{source.backend.label}: {table.name} {lost} is referred to and not there; "
+                "verify the store; nothing of these revisions was archived"
+            )
+        if table in ATOMS and self._may_return:
+            rows = self._recognise(ATOMS[table], rows)
+        self._write(table, rows)
+
+    def _recognise(self, atoms: AtomTables, rows: list[Row]) -> list[Row]:
+        """Map atoms that the target knows by another id; return the others."""
+        _, _, target, target_kb = self._stores
+        *exact, last = (list(atoms.identity.c.keys()).index(name) for name in atoms.key)
+        flags = [isinstance(atoms.identity.c[name].type, Boolean) for name in atoms.key[:-1]]
+        groups: defaultdict[tuple[int, ...], dict[str, int]] = defaultdict(dict)
+        for row in rows:
+            # A boolean is a number on SQLite.
+            key = (bool(row[i]) if flag else row[i] for i, flag in zip(exact, flags, strict=True))
+            groups[tuple(key)][row[last]] = row[1]
+        for values, ids in groups.items():
+            found = target.rows(
+                _by_key(atoms),
+                kb=target_kb,
+                keys=target.list_value([*ids]),
+                **dict(zip(atoms.key, values, strict=False)),
+            )
+            self._ids[atoms.identity].update((ids[key], id_) for id_, key in found)
+        known = self._ids[atoms.identity]
+        return [row for row in rows if row[1] not in known]
+
+    def _write(self, table: Table, rows: list[Row]) -> None:
+        if not rows:
+            return
+        source, source_kb, target, target_kb = self._stores
+        self.bring(table, rows)
+        convert = converters(table.columns, source, target)
+        target.insert(
+            whole_rows(table), [(target_kb, *converted(row, convert)[1:]) for row in rows]
+        )
+        ids = [row[1] for row in rows]
+        self._ids[table].update(zip(ids, ids, strict=True))
+        self.largest = max(self.largest, *ids)
+        if table in ATOMS:
+            atoms = ATOMS[table]
+            arguments = source.rows(_arguments(atoms), kb=source_kb, ids=source.list_value(ids))
+            self.bring(atoms.arguments, arguments)
+            target.insert(whole_rows(atoms.arguments), [(target_kb, *row[1:]) for row in arguments])
+
+
+_REVISION_TABLE, _PLAN_STEP = table_of(RevisionRow), table_of(RevisionPlanStepRow)
+
+
+class Copied(NamedTuple):
+    """What was copied.
+
+    Attributes:
+        rows: how many versions were written or closed.
+        definition_revision: the last revision that changed a definition; 0 for none of these.
+        largest_id: the largest id that was written; 0 for none.
+    """
+
+    rows: int
+    definition_revision: int
+    largest_id: int
+
+
+def _all_of(table: Table, *condition: ColumnElement[bool]) -> Query:
+    statement = select(*columns_of(table)).where(table.c.kb_id == KB, *condition)
+    return Query(statement.order_by(*table.primary_key.columns.values()[1:]))
+
+
+@cache
+def _asserted(table: Table) -> Query:
+    """Select the rows that the range asserted, of a table with `since`."""
+    statement = select(*columns_of(table)).where(table.c.kb_id == KB, in_range(table.c.since))
+    return Query(statement)
+
+
+@cache
+def _closed(part: IntervalTable) -> Query:
+    """Select the versions that the range retracted and earlier revisions asserted."""
+    version = part.version.c
+    owner = (version[name] for name in part.owner)
+    return Query(
+        select(*owner, version.since, version.until).where(
+            version.kb_id == KB, in_range(version.until), version.since < LOW
+        )
+    )
+
+
+@cache
+def _close(part: IntervalTable) -> Query:
+    version = part.version.c
+    owner = (version[name] == bindparam(f"own_{name}") for name in part.owner)
+    since, until = map(integer, ("own_since", "own_until"))
+    values: dict[str, Any] = {"until": until}
+    if "fork" in version:
+        values["fork"] = integer("own_fork")
+    return Query(
+        update(part.version)
+        .where(version.kb_id == bindparam("kb"), *owner, version.since == since)
+        .values(**values)
+    )
+
+
+@cache
+def _children(part: IntervalTable, child: Table) -> Query:
+    held = children_of(part, child, in_range(part.version.c.since))
+    return _all_of(child, *held[1:], in_range(child.c.since))
+
+
+@cache
+def _below_plans(table: Table) -> Query:
+    plans = select(PLAN.c.id).where(PLAN.c.kb_id == KB, in_range(PLAN.c.since))
+    return _all_of(table, in_rows(table.c.plan_id, plans))
+
+
+_REVISIONS = _all_of(_REVISION_TABLE, in_range(_REVISION_TABLE.c.number))
+_STEPS = _all_of(_PLAN_STEP, in_range(_PLAN_STEP.c.number))
+
+
+class Copy:
+    """Copies one range of revisions."""
+
+    def __init__(self, stores: Stores, low: int, high: int, may_return: bool) -> None:
+        self._reader = stores.source
+        self._stores = stores
+        self._range = {"kb": stores.source_kb, "low": low, "high": high}
+        self._high = high
+        self._identities = Identities(stores, may_return)
+        self._rows = 0
+        self._definition_revision = 0
+        self._largest = 0
+
+    def run(self) -> Copied:
+        """Copy the range."""
+        self._insert(_REVISION_TABLE, _REVISIONS)
+        for part in INTERVAL_TABLES[:-1]:
+            self._copy_part(part)
+        if self._insert(PLAN, _asserted(PLAN)):
+            for table in BELOW_PLANS:
+                self._insert(table, _below_plans(table))
+        self._copy_part(INTERVAL_TABLES[-1])
+        self._insert(_PLAN_STEP, _STEPS)
+        self._insert(ARCHIVE, _asserted(ARCHIVE))
+        largest = max(self._largest, self._identities.largest)
+        return Copied(self._rows, self._definition_revision, largest)
+
+    def _copy_part(self, part: IntervalTable) -> None:
+        # First: at most one version of an element is open.
+        closed = self._close(part)
+        inserted = self._insert(part.version, _asserted(part.version), part)
+        if inserted:
+            for child in part.children:
+                self._insert(child, _children(part, child))
+        self._rows += inserted + closed
+
+    def _insert(self, table: Table, query: Query, part: IntervalTable | None = None) -> int:
+        target, target_kb = self._stores.target, self._stores.target_kb
+        adapt = self._adapter(table)
+        count = 0
+        for rows in batches(self._reader.stream(query, **self._range)):
+            self._identities.trim()
+            self._identities.bring(table, rows)
+            target.insert(whole_rows(table), [(target_kb, *adapt(row)[1:]) for row in rows])
+            count += len(rows)
+            if part is not None and part.is_definition:
+                ends = (end for row in rows for end in row[2:4] if end is not None)
+                self._see(end for end in ends if end <= self._high)
+            elif table in (PLAN, ARCHIVE):
+                self._largest = max(self._largest, *(row[1] for row in rows))
+        return count
+
+    def _adapter(self, table: Table) -> Callable[[Row], Row]:
+        """Return what converts a row of the source for the target."""
+        convert: dict[int, Callable[[Any], Any]] = converters(
+            table.columns, self._reader, self._stores.target
+        )
+        names = [column.name for column in table.columns]
+        for index, identity in references(table):
+            if identity in ATOMS:
+                convert[index] = partial(self._identities.id_of, identity)
+        if "until" not in names:
+            return lambda row: converted(row, convert)
+        since, until = names.index("since"), names.index("until")
+
+        def adapt(row: Row) -> Row:
+            values = list(converted(row, convert))
+            if values[until] is not None and values[until] > self._high:
+                # A version that a later revision retracts is open at the last of these.
+                values[until] = None
+            if "fork" in names:
+                values[names.index("fork")] = fork(values[since], values[until])
+            return tuple(values)
+
+        return adapt
+
+    def _close(self, part: IntervalTable) -> int:
+        """Close versions that earlier revisions asserted."""
+        names = [f"own_{name}" for name in (*part.owner, "since", "until")]
+        target, target_kb = self._stores.target, self._stores.target_kb
+        count = 0
+        for ended in batches(self._reader.stream(_closed(part), **self._range)):
+            rows = self._with_own_ids(part, ended)
+            closing = [{"kb": target_kb, **dict(zip(names, row, strict=True))} for row in rows]
+            if "fork" in part.version.c:
+                for row in closing:
+                    row["own_fork"] = fork(row["own_since"], row["own_until"])
+            if target.run_many(_close(part), closing) != len(closing):
+                raise ConflictError(
+                    f"{target.backend.label}: rows of {part.version.name} are missing there that "
+                    "it was given before; archive into a copy of it that is whole"
+                )
+            count += len(rows)
+            if part.is_definition:
+                self._see(row[-1] for row in rows)
+        return count
+
+    def _with_own_ids(self, part: IntervalTable, rows: list[Row]) -> list[Row]:
+        """Replace the ids that rows begin with by those in the target."""
+        if part.atoms is None:
+            return rows
+        identity = part.atoms.identity
+        self._identities.trim()
+        self._identities.bring_ids(identity, {row[0] for row in rows})
+        return [(self._identities.id_of(identity, row[0]), *row[1:]) for row in rows]
+
+    def _see(self, revisions: Iterable[int]) -> None:
+        """Note revisions that changed a definition."""
+        self._definition_revision = max(self._definition_revision, *revisions, 0)

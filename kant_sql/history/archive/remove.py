@@ -1,0 +1,266 @@
+"""Counts the versions to archive, compares them with the target, removes them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import cache
+from hashlib import sha256
+from typing import Any, NamedTuple
+
+from sqlalchemy import (
+    Boolean,
+    ColumnElement,
+    Select,
+    Table,
+    bindparam,
+    delete,
+    func,
+    literal_column,
+    select,
+    union_all,
+    update,
+)
+
+from ...errors import ConflictError, StoreError
+from ...sql.changes import in_range
+from ...sql.dialects.base import Session
+from ...sql.query import Query, in_list, in_rows, integer
+from ...sql.rows import KB
+from ...sql.tables import HeadRow, ObjectRow, ObjectVersionRow
+from .copy import (
+    ATOMS,
+    INTERVAL_TABLES,
+    AtomTables,
+    IntervalTable,
+    batches,
+    children_of,
+    converted,
+    references,
+    text_of,
+)
+
+_MODULUS = 2**256
+
+
+class Leaving(NamedTuple):
+    """The versions to remove: those that ended in a range of revisions.
+
+    Attributes:
+        low: the first revision.
+        high: the last revision.
+        versions: how many, by table; without empty tables.
+    """
+
+    low: int
+    high: int
+    versions: dict[str, int]
+
+    @property
+    def total(self) -> int:
+        """The number of versions in all tables."""
+        return sum(self.versions.values())
+
+
+def _ended(part: IntervalTable) -> tuple[ColumnElement[bool], ...]:
+    return part.version.c.kb_id == KB, in_range(part.version.c.until)
+
+
+_COUNT = Query(
+    union_all(
+        *(
+            select(literal_column(f"'{part.version.name}'"), func.count()).where(*_ended(part))
+            for part in INTERVAL_TABLES
+        )
+    )
+)
+
+
+def count(session: Session, kb_id: int, low: int, high: int) -> Leaving:
+    """Count the versions that ended in a range of revisions, in one statement."""
+    rows = session.rows(_COUNT, kb=kb_id, low=low, high=high)
+    counts: dict[str, int] = dict(rows)
+    found = {part.version.name: counts[part.version.name] for part in INTERVAL_TABLES}
+    return Leaving(low, high, {name: number for name, number in found.items() if number})
+
+
+def first_of(session: Session, kb_id: int, leaving: Leaving, most: int) -> Leaving:
+    """Limit the versions to remove at once: whole revisions, at least one."""
+    if leaving.total <= most:
+        return leaving
+    low, high = leaving.low, leaving.high
+    while low < high:
+        middle = (low + high) // 2
+        if count(session, kb_id, leaving.low, middle).total < most:
+            low = middle + 1
+        else:
+            high = middle
+    return count(session, kb_id, leaving.low, high)
+
+
+def compare(leaving: Leaving, source: tuple[Session, int], target: tuple[Session, int]) -> None:
+    """Check that the target has all rows to remove, column by column."""
+    for part in INTERVAL_TABLES:
+        if part.version.name not in leaving.versions:
+            continue
+        for table, statement in _statements(part):
+            here, there = (
+                _digest(session, kb_id, statement, leaving) for session, kb_id in (source, target)
+            )
+            if here != there:
+                raise ConflictError(
+                    f"{target[0].backend.label}: {there[0]} rows of {table.name} that ended in "
+                    f"revisions {leaving.low} to {leaving.high} are there, and not the {here[0]} "
+                    f"of {source[0].backend.label}; nothing was removed: verify both stores, and "
+                    "archive into another one"
+                )
+
+
+class _Statement(NamedTuple):
+    query: Query
+    booleans: tuple[int, ...]
+
+
+@cache
+def _statements(part: IntervalTable) -> tuple[tuple[Table, _Statement], ...]:
+    """Return the queries of the rows to remove, by table."""
+    found = [(part.version, _read(part.version, *_ended(part)))]
+    ended = in_range(part.version.c.until)
+    found += [(child, _read(child, *children_of(part, child, ended))) for child in part.children]
+    if part.atoms is not None:
+        found += list(_atom_statements(part, part.atoms))
+    return tuple(found)
+
+
+def _atom_statements(part: IntervalTable, atoms: AtomTables) -> Iterator[tuple[Table, _Statement]]:
+    version = part.version.c
+    owners = select(version[part.owner[0]]).where(*_ended(part))
+    yield atoms.identity, _read(atoms.identity, in_rows(atoms.identity.c.id, owners))
+    owner = atoms.arguments.c[part.owner[0]]
+    yield atoms.arguments, _read(atoms.arguments, in_rows(owner, owners))
+
+
+def _read(table: Table, *condition: ColumnElement[bool]) -> _Statement:
+    """Read rows without the ids of atoms, which may differ in the target."""
+    of_atoms = {table.columns[index]: ATOMS[to] for index, to in references(table) if to in ATOMS}
+    own = {table.c.id} if table in ATOMS else set[Any]()
+    columns: list[Any] = []
+    for column in table.columns:
+        if column in of_atoms:
+            columns.append(text_of(of_atoms[column], column).scalar_subquery())
+        elif column not in own and column.name != "kb_id":
+            columns.append(column)
+    booleans = tuple(
+        index for index, column in enumerate(columns) if isinstance(column.type, Boolean)
+    )
+    statement: Select[Any] = select(*columns).where(table.c.kb_id == KB, *condition)
+    return _Statement(Query(statement), booleans)
+
+
+def _digest(
+    session: Session, kb_id: int, statement: _Statement, leaving: Leaving
+) -> tuple[int, int]:
+    """Count rows and add up their hashes, independent of their order."""
+    rows = session.stream(statement.query, kb=kb_id, low=leaving.low, high=leaving.high)
+    # SQLite stores booleans as numbers.
+    convert = dict.fromkeys(statement.booleans, bool)
+    number = total = 0
+    for row in rows:
+        number += 1
+        total += int.from_bytes(sha256(repr(converted(row, convert)).encode()).digest())
+    return number, total % _MODULUS
+
+
+# No knowledge base has this id.
+_NONE = -1
+# Objects per statement, with the atoms that mention them.
+_OBJECTS = 200
+
+_SET = Query(
+    update(HeadRow)
+    .where(HeadRow.kb_id == bindparam("kb"))
+    .values(archived_revision=integer("upto"))
+)
+_OBJECT_VERSIONS = select(ObjectVersionRow.since).where(
+    ObjectVersionRow.kb_id == ObjectRow.kb_id, ObjectVersionRow.object_id == ObjectRow.id
+)
+_GONE_OBJECTS = Query(select(ObjectRow.id).where(ObjectRow.kb_id == KB, ~_OBJECT_VERSIONS.exists()))
+
+
+@cache
+def _ended_ids(part: IntervalTable) -> tuple[Query, ...]:
+    """Build the statements that delete ended versions, children first."""
+    ended = in_range(part.version.c.until)
+    below = (
+        delete(child).where(*children_of(part, child, ended)) for child in reversed(part.children)
+    )
+    versions = delete(part.version).where(part.version.c.kb_id == KB, ended)
+    return tuple(map(Query, (*below, versions)))
+
+
+@cache
+def _without_version(part: IntervalTable, atoms: AtomTables) -> Query:
+    """Select the atoms that mention some objects and have no version."""
+    version, argument = part.version.c, atoms.arguments.c
+    (name,) = part.owner
+    versions = (
+        select(version.since)
+        .where(version.kb_id == argument.kb_id, version[name] == argument[name])
+        .correlate(atoms.arguments)
+    )
+    return Query(
+        select(argument[name])
+        .where(argument.kb_id == KB, in_list(argument.object_id, "objects"), ~versions.exists())
+        .distinct()
+    )
+
+
+@cache
+def _remove_atoms(part: IntervalTable, atoms: AtomTables) -> tuple[Query, ...]:
+    owners = (atoms.arguments.c[part.owner[0]], atoms.identity.c.id)
+    return tuple(
+        Query(delete(owner.table).where(owner.table.c.kb_id == KB, in_list(owner, "ids")))
+        for owner in owners
+    )
+
+
+def refuse_without_right(session: Session) -> None:
+    """Check early that this user may archive."""
+    session.run(_SET, kb=_NONE, upto=0)
+
+
+def remove(session: Session, kb_id: int, leaving: Leaving) -> None:
+    """Remove archived versions and what only they need, and record it in the head.
+
+    Names stay, with their spelling and id, and so do ground atoms of objects that have a version:
+    they may come back, and a state lists elements by id. Atoms of an object without a version go.
+    """
+    session.replan()
+    parameters = {"kb": kb_id, "low": leaving.low, "high": leaving.high}
+    for part in INTERVAL_TABLES:
+        wanted = leaving.versions.get(part.version.name, 0)
+        if wanted:
+            *below, versions = _ended_ids(part)
+            for query in below:
+                session.run(query, **parameters)
+            removed = session.run(versions, **parameters)
+            if removed != wanted:
+                raise StoreError(
+                    f"{session.backend.label}: {removed} of {wanted} rows of {part.version.name} "
+                    "could be removed; nothing was: connect as the owner of the tables"
+                )
+    for rows in batches(session.stream(_GONE_OBJECTS, kb=kb_id), _OBJECTS):
+        objects = session.list_value([id_ for (id_,) in rows])
+        for part in INTERVAL_TABLES:
+            if part.atoms is not None:
+                _remove_atoms_of(session, kb_id, part, part.atoms, objects)
+    session.run(_SET, kb=kb_id, upto=leaving.high)
+
+
+def _remove_atoms_of(
+    session: Session, kb_id: int, part: IntervalTable, atoms: AtomTables, objects: Any
+) -> None:
+    rows = session.rows(_without_version(part, atoms), kb=kb_id, objects=objects)
+    if rows:
+        ids = session.list_value([id_ for (id_,) in rows])
+        for query in _remove_atoms(part, atoms):
+            session.run(query, kb=kb_id, ids=ids)

@@ -1,0 +1,76 @@
+"""The difference between two states."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from sqlalchemy import ColumnElement, Select, literal_column, or_, select, union_all
+
+from ..sql.changes import ASSERTED, RETRACTED, Change, unsortable
+from ..sql.dialects.base import Session
+from ..sql.query import Query, integer
+from ..sql.rows import KB, KIND_TABLES, SOURCES, Source
+from ..sql.tables import HeadRow
+from ..store.snapshot import refuse_archived
+from ..store.store import Store
+from .moments import When, states_at
+
+_BEFORE = integer("before")
+_AFTER = integer("after")
+_FIRST = integer("first")
+
+
+def _came_and_went(source: Source) -> list[Select[Any]]:
+    """Select the versions of one kind that hold at just one of two revisions."""
+    version = source.version
+    came = (
+        version.since.between(_FIRST, _AFTER),
+        or_(version.until.is_(None), version.until > _AFTER),
+    )
+    went = version.until.between(_FIRST, _AFTER), version.since <= _BEFORE
+    columns: tuple[Any, ...] = source.kind, source.text
+    return [
+        select(literal_column(change), *columns).where(version.kb_id == KB, *conditions)
+        for change, conditions in (("1", came), ("-1", went))
+    ]
+
+
+def _differences(*names: str) -> Query:
+    # In the same statement: archived versions are missing in the rest.
+    none: ColumnElement[str] = literal_column("''")
+    columns: tuple[Any, ...] = HeadRow.archived_revision, none, none
+    archived = select(*columns).where(HeadRow.kb_id == KB)
+    parts = [part for name in names for part in _came_and_went(SOURCES[name])]
+    return Query(union_all(archived, *parts))
+
+
+# By whether definitions may differ, too.
+_DIFFERENCES = {
+    True: _differences(*SOURCES),
+    False: _differences(*(name for name in SOURCES if name not in KIND_TABLES)),
+}
+
+
+def diff(store: Store, a: When, b: When, upto: int | None = None) -> list[Change]:
+    """Return the changes from one state to another; see `History.diff`."""
+    states, stand = states_at(store, (a, b), upto)
+    before, after = sorted(states)
+    came, went = (ASSERTED, RETRACTED) if before == states[0] else (RETRACTED, ASSERTED)
+
+    def work(session: Session, kb_id: int | None) -> list[Change]:
+        if kb_id is None or before == after:
+            return []
+        query = _DIFFERENCES[before < stand.redefined]
+        bounds = {"before": before, "first": before + 1, "after": after}
+        rows = session.rows(query, kb=kb_id, **bounds)
+        net: dict[tuple[str, str], int] = {}
+        for change, kind, text in rows:
+            # The same text in another version is no difference.
+            net[kind, text] = net.get((kind, text), 0) + change
+        refuse_archived(session, kb_id, before, net.pop(("", ""), 0))
+        try:
+            return sorted(Change(came if net[key] > 0 else went, *key) for key in net if net[key])
+        except TypeError as error:
+            raise unsortable(net, f"revisions {before} to {after}", error) from error
+
+    return store.query(work)

@@ -1,0 +1,198 @@
+"""Change feed: pages that can be resumed, and waiting for new revisions."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from contextlib import closing
+from functools import partial
+from typing import NamedTuple
+
+from sqlalchemy import select
+
+from ..arguments import seconds
+from ..errors import (
+    ArchivedError,
+    ClosedError,
+    ConnectionLostError,
+    ReadOnlyError,
+    StoreBusyError,
+    StoreError,
+    StoreUnreachableError,
+)
+from ..sql.dialects.base import FIRST_PAUSE, LONGEST_PAUSE, Listener, Session
+from ..sql.query import Query
+from ..sql.rows import KB
+from ..sql.tables import HeadRow
+from ..store.head import check_numbers
+from ..store.snapshot import archive_of, vanished
+from ..store.store import Store
+from .revisions import PAGE, LogEntry, at_most, check_after, read_page, refuse_unknown
+
+_HEAD = Query(select(HeadRow.revision, HeadRow.archived_revision).where(HeadRow.kb_id == KB))
+
+
+class Position(NamedTuple):
+    """The head of a knowledge base, as a watcher sees it.
+
+    Attributes:
+        kb_id: its id; None when it was never written to.
+        head: the last revision.
+        archived: what ended up to this revision was moved to an archive.
+    """
+
+    kb_id: int | None
+    head: int
+    archived: int
+
+
+def read_changes(
+    store: Store, after: int = 0, limit: int | None = None, upto: int | None = None
+) -> Iterator[LogEntry]:
+    """Read changes, oldest first, in pages; see `History.changes`."""
+    check_after(after)
+    left = at_most(limit)
+    return _following(store, after, left, upto, _read_page(store, after, min(left, PAGE), upto))
+
+
+def _following(
+    store: Store, after: int, left: int, upto: int | None, page: list[LogEntry]
+) -> Iterator[LogEntry]:
+    size = PAGE
+    while page:
+        yield from page
+        wanted, left = min(left, size), left - len(page)
+        after = page[-1].revision.number
+        # A page that ended early, for its many changes, sizes the next one.
+        size = min(2 * size, PAGE) if len(page) == wanted else len(page)
+        page = _read_page(store, after, min(left, size), upto)
+
+
+def _read_page(store: Store, after: int, size: int, upto: int | None) -> list[LogEntry]:
+    return store.query_in_snapshot(
+        partial(_page, name=store.name, after=after, size=size, upto=upto)
+    )
+
+
+def _page(
+    session: Session, kb_id: int | None, name: str, after: int, size: int, upto: int | None
+) -> list[LogEntry]:
+    _, head, archived = read_position(session, kb_id)
+    head = head if upto is None else upto
+    refuse_unknown(name, after, head)
+    if kb_id is not None and after < archived:
+        raise ArchivedError(
+            f"changes of knowledge base {name!r} up to revision {archived} were moved to an "
+            f"archive; begin after that one, or ask the archive in "
+            f"{archive_of(session, kb_id, after)}"
+        )
+    high = int(min(head, after + size))
+    return [] if kb_id is None or high <= after else read_page(session, kb_id, after + 1, high)
+
+
+def read_position(session: Session, kb_id: int | None) -> Position:
+    """Read the head in one statement."""
+    if kb_id is None:
+        return Position(None, 0, 0)
+    row = session.first(_HEAD, kb=kb_id)
+    if row is None:
+        raise vanished(session)
+    check_numbers(session, kb_id, zip(("revision", "archived_revision"), row[:2], strict=True))
+    return Position(kb_id, row[0], row[1])
+
+
+# Seconds between polls: a writer killed right after its commit has notified nobody.
+LOOK_EVERY = 1.0
+_PASSING = (StoreBusyError, ConnectionLostError, StoreUnreachableError)
+
+
+def watch(
+    store: Store, after: int | None, timeout: float | None, upto: int | None = None
+) -> int | None:
+    """Wait for a new revision; see `History.watch`."""
+    _refuse_where_nothing_comes(store, upto)
+    if after is not None:
+        check_after(after)
+    deadline = time.monotonic() + seconds(timeout)
+    with closing(store.backend.listener()) as listener:
+        return _Watch(store, listener, after, deadline).wait()
+
+
+def _refuse_where_nothing_comes(store: Store, upto: int | None) -> None:
+    if upto is not None:
+        raise ReadOnlyError(
+            f"this is knowledge base {store.name!r} as it was at revision {upto}, where nothing "
+            "new comes; watch the knowledge base itself"
+        )
+    if store.current() is not None:
+        raise ReadOnlyError(
+            f"this task or thread has a transaction of knowledge base {store.name!r} open, which "
+            "keeps from it what it would wait for; end the transaction first, or watch in another "
+            "task or thread"
+        )
+
+
+class _Watch:
+    """A waiting call, which survives a temporary loss of the store."""
+
+    def __init__(
+        self, store: Store, listener: Listener, after: int | None, deadline: float
+    ) -> None:
+        self._store = store
+        self._listener = listener
+        self._after = after
+        self._deadline = deadline
+        self._pause = FIRST_PAUSE
+
+    def wait(self) -> int | None:
+        """Wait for a new revision, or until the deadline."""
+        while True:
+            self._refuse_closed()
+            position = None
+            try:
+                position = self._listener.guarded(self._read)
+                if self._is_news(position):
+                    return position.head
+                if self._left() <= 0:
+                    return None
+                self._listener.wait(position.kb_id, min(self._left(), LOOK_EVERY))
+                self._pause = FIRST_PAUSE
+            except StoreError as error:
+                self._refuse_closed()
+                if not isinstance(error, _PASSING):
+                    raise
+                if position is None and self._left() <= 0:
+                    # The state is unknown: retry for a while, as any other call does.
+                    position = self._store.query_in_snapshot(read_position)
+                    return position.head if self._is_news(position) else None
+                self._recover(error)
+
+    def _refuse_closed(self) -> None:
+        backend = self._store.backend
+        if backend.is_closed:
+            raise ClosedError(
+                f"{backend.label}: knowledge base {self._store.name!r} was closed while this call "
+                "waited for news of it; connect again to go on"
+            )
+
+    def _read(self) -> Position:
+        return self._store.query_once(read_position)
+
+    def _is_news(self, position: Position) -> bool:
+        if self._after is None:
+            self._after = position.head
+        refuse_unknown(self._store.name, self._after, position.head)
+        return position.head > self._after
+
+    def _left(self) -> float:
+        return self._deadline - time.monotonic()
+
+    def _recover(self, error: Exception) -> None:
+        backend = self._store.backend
+        if isinstance(error, StoreUnreachableError) and not backend.has_answered:
+            raise error
+        if isinstance(error, ConnectionLostError):
+            # The other connections of the pool are most likely lost, too.
+            backend.renew()
+        time.sleep(max(0.0, min(self._pause, self._left())))
+        self._pause = min(2 * self._pause, LONGEST_PAUSE)

@@ -1,0 +1,1 @@
+"""Verification: the tables against the chain of hashes."""

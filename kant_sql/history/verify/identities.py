@@ -1,0 +1,284 @@
+"""The identities of a knowledge base, and tables read side by side.
+
+A name with a space in it would make one of two: the text of a fact about an object `rb1 wp1` is
+that of one about `rb1` and `wp1`. The library writes no such name: where one is, it was put there.
+"""
+
+from __future__ import annotations
+
+import re
+from bisect import bisect_right
+from collections import defaultdict
+from collections.abc import Callable, Iterator
+from decimal import Decimal, InvalidOperation
+from itertools import groupby
+from operator import itemgetter
+from typing import Any, NamedTuple
+
+from sqlalchemy import Select, Table, func, literal_column, select
+
+from ...dto.lexical import decimal_text, fold
+from ...errors import InvalidKnowledgeError
+from ...knowledge.definitions import (
+    DOMAIN,
+    DOMAIN_SECTIONS,
+    GOAL,
+    KINDS,
+    PROBLEM,
+    PROBLEM_SECTIONS,
+    Definitions,
+    DocumentDefinition,
+    Elements,
+    FormulaDefinition,
+)
+from ...knowledge.trees import PREDICATE, ParameterDefinition
+from ...sql.dialects.base import Row, Session
+from ...sql.query import Query
+from ...sql.rows import KB, KIND_TABLES, table_of
+from ...sql.tables import FunctionTypeRow, FunctionVersionRow
+from .findings import Report
+
+_END: Any = object()
+
+
+class Side:
+    """The rows of one table, to be taken key by key.
+
+    Keys are the first columns of a row, and must come in ascending order.
+    """
+
+    def __init__(self, rows: Iterator[Row], width: int, stray: Callable[[Row], None]) -> None:
+        """Make it."""
+        self._groups = groupby(rows, key=itemgetter(*range(width)))
+        self._stray = stray
+        self._key: Any = _END
+        self._rows: Iterator[Row] = iter(())
+        self._next()
+
+    def take(self, key: Any) -> Iterator[Row]:
+        """Return the rows of a key, which is larger than those that were asked for before."""
+        # A key that is NULL can be compared with none: that is an error, and not the end.
+        while self._key is not _END and self._key < key:
+            self._pass()
+        if self._key != key:
+            return iter(())
+        return self._taken()
+
+    def end(self) -> None:
+        """Report what is left as strays."""
+        while self._key is not _END:
+            self._pass()
+
+    def _taken(self) -> Iterator[Row]:
+        yield from self._rows
+        self._next()
+
+    def _pass(self) -> None:
+        for row in self._rows:
+            self._stray(row)
+        self._next()
+
+    def _next(self) -> None:
+        self._key, self._rows = next(self._groups, (_END, iter(())))
+
+
+def in_order(table: Table, *names: str, key: int) -> Query:
+    """Make the query that reads the rows of one knowledge base, ordered by the first columns."""
+    columns = [table.c[name] for name in names or [*table.c.keys()][1:]]
+    return Query(select(*columns).where(table.c.kb_id == KB).order_by(*columns[:key]))
+
+
+def side(
+    session: Session, kb_id: int, query: Query, width: int, stray: Callable[[Row], None]
+) -> Side:
+    """Begin to read a table."""
+    return Side(session.stream(query, kb=kb_id), width, stray)
+
+
+# What separates the words of a text is in none of them.
+_WORD = r"[^\s()?]+"
+_IS_WORD = re.compile(_WORD).fullmatch
+_IS_ITEM = re.compile(rf"{_WORD}|\({_WORD}( {_WORD})*\)").fullmatch
+_IS_REQUIREMENT = re.compile(r":[^\s()]+").fullmatch
+_FORMULA_SECTIONS = frozenset((*DOMAIN_SECTIONS, *PROBLEM_SECTIONS))
+_ELEMENTS = ("requirement", "type", "constant", "predicate", "function", "action", "object")
+_DOCUMENT_SECTIONS = _FORMULA_SECTIONS.union(_ELEMENTS)
+
+
+def is_word(text: str) -> bool:
+    """Return whether a text is one word: what is a name is one."""
+    return _IS_WORD(text) is not None
+
+
+def is_decimal(text: str | None) -> bool:
+    """Return whether a text is a number as the library writes numbers."""
+    try:
+        return text is not None and decimal_text(Decimal(text)) == text
+    except (InvalidOperation, InvalidKnowledgeError):
+        return False
+
+
+def is_end(until: object, since: int) -> bool:
+    """Return whether something can end there."""
+    return isinstance(until, int) and until > since
+
+
+def parameter_fault(parameters: tuple[ParameterDefinition, ...]) -> str | None:
+    """Find a parameter that its text would not show as one."""
+    wrong = next((each.name for each in parameters if not is_word(each.name)), None)
+    return None if wrong is None else f"no parameter can be called {wrong!r}"
+
+
+def formula_fault(formula: FormulaDefinition) -> str | None:
+    """Find what would make a formula look like something else in what a revision changed."""
+    if formula.section not in _FORMULA_SECTIONS:
+        return f"there is no section {formula.section!r}"
+    root = formula.tree[0]
+    is_atom = root.operator == PREDICATE and all(term.object_id is not None for term in root.terms)
+    if formula.section == GOAL and is_atom:
+        return "a goal that is a ground atom is a proposition"
+    return None
+
+
+def document_fault(document: DocumentDefinition) -> str | None:
+    """Find what a document's text would not show as what it is."""
+    return next(_document_faults(document), None)
+
+
+def _document_faults(document: DocumentDefinition) -> Iterator[str]:
+    for name in (document.title, document.domain):
+        if name is not None and not is_word(name):
+            yield f"no {document.name} can be called {name!r}"
+    for section, name in document.items:
+        if section not in _DOCUMENT_SECTIONS:
+            yield f"there is no section {section!r}"
+        # Older versions took a requirement with a question mark: it is one word all the same.
+        if (_IS_REQUIREMENT if section == "requirement" else _IS_ITEM)(name) is None:
+            yield f"{name!r} is no item of it"
+
+
+def _identities(kind: str) -> Query:
+    tables = KIND_TABLES[kind]
+    identity, version = tables.identity.c, tables.version.table.c
+    versions = select(version.since).where(
+        version.kb_id == identity.kb_id, tables.version.owner == identity.id
+    )
+    return Query(
+        select(identity.id, identity.name, identity.key, versions.exists())
+        .where(identity.kb_id == KB)
+        .order_by(identity.id)
+    )
+
+
+def doubles(table: Table, *key: str) -> Select[Any]:
+    """Find identities that there are several of, where there should be one."""
+    return (
+        select(func.min(table.c.id), func.max(table.c.id))
+        .where(table.c.kb_id == KB)
+        .group_by(*(table.c[name] for name in key))
+        .having(func.count() > literal_column("1"))
+    )
+
+
+def _doubles(kind: str) -> Query:
+    identity = KIND_TABLES[kind].identity
+    key = identity.c.key
+    return Query(doubles(identity, "key").add_columns(key).order_by(key))
+
+
+_IDENTITIES = {kind: _identities(kind) for kind in KINDS}
+_DOUBLES = {kind: _doubles(kind) for kind in KINDS}
+_FUNCTION, _VALUE_TYPE = table_of(FunctionVersionRow).c, table_of(FunctionTypeRow).c
+_FUNCTIONS = Query(
+    select(
+        _FUNCTION.function_id,
+        _FUNCTION.since,
+        select(func.count())
+        .where(
+            _VALUE_TYPE.kb_id == _FUNCTION.kb_id,
+            _VALUE_TYPE.function_id == _FUNCTION.function_id,
+            _VALUE_TYPE.since == _FUNCTION.since,
+        )
+        .scalar_subquery(),
+    )
+    .where(_FUNCTION.kb_id == KB)
+    .order_by(_FUNCTION.function_id, _FUNCTION.since)
+)
+
+
+class _Named(NamedTuple):
+    """A definition of which only the name is known."""
+
+    id: int
+    name: str
+    text: str = ""
+
+
+class NamesById(dict[int, str]):
+    """What the elements of one kind are called; what has no name is shown as such."""
+
+    def __missing__(self, id_: int) -> str:
+        """Return what no name is."""
+        return f"?{id_}"
+
+
+class IdentityNames(NamedTuple):
+    """What ids are called.
+
+    Attributes:
+        known: those of each kind.
+        held: definitions of which only names are known: of what has a version, for a definition
+            can refer to nothing else.
+    """
+
+    known: dict[str, NamesById]
+    held: Definitions
+
+
+def check_names(session: Session, kb_id: int, report: Report) -> IdentityNames:
+    """Check the identities of all kinds, and give their names."""
+    known: dict[str, NamesById] = {}
+    made: list[Elements[Any]] = []
+    for kind in KINDS:
+        for first, second, key in session.rows(_DOUBLES[kind], kb=kb_id):
+            report.add(None, kind, f"{kind} {key!r} has two rows, {first} and {second}")
+        names = NamesById()
+        base: dict[int, Any] = {}
+        for id_, name, key, is_held in session.stream(_IDENTITIES[kind], kb=kb_id):
+            if fold(name) != key:
+                report.add(None, kind, f"{kind} {id_}, {name!r}, has the key {key!r}")
+            if kind == "document" and name not in (DOMAIN, PROBLEM):
+                report.add(None, kind, f"there is no document {name!r}")
+            if not is_word(name):
+                report.add(None, kind, f"no {kind} can be called {name!r}")
+            names[id_] = name
+            if is_held:
+                base[id_] = _Named(id_, name)
+        known[kind] = names
+        made.append(Elements(base=base))
+    return IdentityNames(known, Definitions(*made))
+
+
+class ObjectFunctions:
+    """Tells which functions had objects for values."""
+
+    def __init__(self, session: Session, kb_id: int) -> None:
+        """Read it."""
+        self._versions: defaultdict[int, list[tuple[int, bool]]] = defaultdict(list)
+        for id_, since, types in session.rows(_FUNCTIONS, kb=kb_id):
+            self._versions[id_].append((since, bool(types)))
+        self._sinces = sorted({since for id_ in self._versions for since, _ in self._versions[id_]})
+        self._known: dict[int, frozenset[int]] = {}
+
+    def at(self, revision: int) -> frozenset[int]:
+        """Return these functions at a revision."""
+        epoch = bisect_right(self._sinces, revision)
+        if epoch not in self._known:
+            self._known[epoch] = frozenset(self._at(revision))
+        return self._known[epoch]
+
+    def _at(self, revision: int) -> Iterator[int]:
+        for id_, versions in self._versions.items():
+            held = [has for since, has in versions if since <= revision]
+            if held[-1] if held else versions[0][1]:
+                yield id_

@@ -1,0 +1,148 @@
+"""Checks that indexes, constraints and views are those of the migrations, and finds stray rows.
+
+A change of these makes the library, or an auditor, read something else than the tables hold.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from functools import cache
+from itertools import product
+from typing import Any
+
+from sqlalchemy import ColumnElement, exists, func, literal_column, select, union_all
+
+from ...sql.dialects.base import Session
+from ...sql.dialects.structure import Statement, parse_record
+from ...sql.query import Query, integer
+from ...sql.rows import KB, table_of
+from ...sql.schema import VERSIONS, migrations_folder
+from ...sql.tables import Base, KnowledgeBaseRow
+from .findings import Report
+
+TABLES = tuple(sorted(Base.metadata.tables))
+# Characters of a statement in a message.
+_SHOWN = 200
+
+
+@cache
+def recorded(dialect_name: str) -> tuple[Statement, ...]:
+    """Return the schema that the migrations make."""
+    path = migrations_folder() / "golden" / f"{dialect_name}-{VERSIONS[-1]}.sql"
+    found = parse_record(path.read_text(encoding="utf-8"))
+    return tuple(each for each in found if not each.head.startswith("COMMENT"))
+
+
+def check_structure(session: Session, report: Report) -> None:
+    """Compare tables, constraints, indexes and views with those of the migrations.
+
+    Other objects in the database count only where they belong to a table or view of the library.
+    """
+    dialect = session.backend.dialect.name
+    expected = {each.head: each for each in recorded(dialect)}
+    names = {each.relation for each in expected.values() if each.relation is not None}
+    live: defaultdict[str, list[Statement]] = defaultdict(list)
+    for each in session.describe(names):
+        if not each.head.startswith("COMMENT"):
+            live[each.head].append(each)
+    for head, made in expected.items():
+        if head not in live:
+            report.add(None, made.relation, f"{_shown(head)} is missing: the migrations make it")
+    for head, found in live.items():
+        for each in found if head not in expected else found[1:]:
+            what = each.text if head.startswith("CREATE") else head.removeprefix("-- ")
+            message = f"there is something that the migrations do not make: {_shortened(what)}"
+            report.add(None, each.relation, message)
+        if head in expected and found[0].text != expected[head].text:
+            message = _difference(expected[head].text, found[0].text)
+            report.add(None, found[0].relation, f"{_shown(head)} was changed: {message}")
+
+
+def check_generated(session: Session, report: Report) -> None:
+    """Compare generated views with their marks."""
+    for view in session.backend.views.list_altered(session.rows_of):
+        report.add(
+            None,
+            view,
+            f"view {view} is not what 'kant-sql views' made; drop it with 'kant-sql views --drop', "
+            "and make it again with 'kant-sql views'",
+        )
+
+
+def check_indexes(session: Session, report: Report) -> None:
+    """Compare each index with its table."""
+    for fault in session.index_faults(TABLES):
+        report.add(None, fault.table, fault.message)
+
+
+def _shown(head: str) -> str:
+    return head.removeprefix("CREATE ").lower()
+
+
+def _shortened(text: str) -> str:
+    line = " ".join(text.split())
+    return line if len(line) <= _SHOWN else f"{line[:_SHOWN]} ..."
+
+
+def _difference(expected: str, found: str) -> str:
+    """Show the first line of each that the other lacks."""
+    made, there = expected.splitlines(), found.splitlines()
+    instead = [
+        next((line.strip(" ,;") for line in lines if line not in others), "the same in other order")
+        for lines, others in ((made, {*there}), (there, {*made}))
+    ]
+    return f"{_shortened(instead[0])!r} was made, and {_shortened(instead[1])!r} is there"
+
+
+_KB = table_of(KnowledgeBaseRow).c
+_TABLES = tuple(Base.metadata.sorted_tables)
+
+
+def _strays(has_low: bool, has_high: bool) -> Query:
+    """Find the tables with rows of knowledge bases between two.
+
+    SQLite sorts values that are no numbers after all numbers.
+    """
+    tables = [table for table in _TABLES if "kb_id" in table.c]
+    low, high = map(integer, ("low", "high"))
+
+    def within(kb_id: Any) -> list[ColumnElement[bool]]:
+        bounds = [kb_id > low] * has_low + [kb_id < high] * has_high
+        return bounds or [kb_id.is_not(None)]
+
+    return Query(
+        union_all(
+            *(
+                select(literal_column(f"'{table.name}'")).where(
+                    exists(select(table.c.kb_id).where(*within(table.c.kb_id)))
+                )
+                for table in tables
+            )
+        )
+    )
+
+
+_STRAYS = {bounds: _strays(*bounds) for bounds in product((False, True), repeat=2)}
+_NEXT = select(func.min(_KB.id)).where(_KB.id > KB).scalar_subquery()
+_AROUND = Query(select(select(func.min(_KB.id)).scalar_subquery(), _NEXT))
+
+
+def check_strays(session: Session, kb_id: int | None, report: Report) -> None:
+    """Find rows without a knowledge base, next to those of one."""
+    first, following = session.rows(_AROUND, kb=0 if kb_id is None else kb_id)[0]
+    ranges: list[tuple[int | None, int | None]] = []
+    if kb_id is not None:
+        ranges.append((kb_id, following))
+    if first is None or kb_id == first:
+        ranges.append((None, kb_id))
+    for bounds in ranges:
+        query = _STRAYS[bounds[0] is not None, bounds[1] is not None]
+        for (table,) in session.rows(query, low=bounds[0], high=bounds[1]):
+            report.add(None, table, f"{table} has rows of a knowledge base that there is not")
+
+
+def check_types(session: Session, kb_id: int, report: Report) -> None:
+    """Find values that are not of their column's type."""
+    for table, column, count in session.wrong_values(_TABLES, kb_id):
+        values = "1 value" if count == 1 else f"{count} values"
+        report.add(None, table, f"column {column} has {values} that are not of its type")

@@ -1,0 +1,220 @@
+"""Verification: recomputes every hash and compares redundant data."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from typing import NamedTuple
+
+from ...arguments import flag, optional_call
+from ...dao.interfaces import Progress
+from ...errors import InvalidArgumentError, NotADatabaseError, ReadOnlyError, StoreError
+from ...sql.dialects.base import Session
+from ...store.store import Store
+from ..anchors import Anchor, AnchoredHead, check_anchor
+from .chain import Chain, check_chain
+from .definitions import DefinitionCheck
+from .facts import FactCheck, PlanCheck
+from .findings import Finding, Report
+from .head import Archive, check_head, check_rows_of, read_archived, read_archives, read_next_id
+from .identities import ObjectFunctions, check_names
+from .structure import check_generated, check_indexes, check_strays, check_structure, check_types
+
+__all__ = ["Finding", "Progress", "Verification", "verify", "verify_session"]
+
+_WRONG_VALUES = (ArithmeticError, AttributeError, LookupError, TypeError, ValueError)
+# How often progress is reported.
+_REPORTS = 200
+
+
+class Verification(NamedTuple):
+    """What was checked, and what is wrong.
+
+    Attributes:
+        knowledge_base: the name.
+        revisions: how many revisions were checked.
+        changes: how many changes were hashed.
+        findings: what is wrong, the first revision first.
+        archives: what was moved elsewhere, and where to, in words.
+        anchored: the revision that was compared with an anchor; None when none was.
+    """
+
+    knowledge_base: str
+    revisions: int
+    changes: int
+    findings: tuple[Finding, ...]
+    archives: tuple[str, ...] = ()
+    anchored: int | None = None
+
+    @property
+    def is_intact(self) -> bool:
+        """Whether nothing is wrong."""
+        return not self.findings
+
+
+def verify(
+    store: Store, anchor: Anchor | None, progress: Progress | None, structure: bool = True
+) -> Verification:
+    """Verify a knowledge base; see `History.verify`."""
+    if store.current() is not None:
+        raise ReadOnlyError(
+            f"a transaction of knowledge base {store.name!r} is open, and only what is committed "
+            "can be verified; end it first"
+        )
+    optional_call(progress, "progress")
+    flag(structure, "structure", InvalidArgumentError)
+    anchored = None if anchor is None else check_anchor(anchor).head(store.name)
+
+    def check(session: Session, kb_id: int | None) -> Verification:
+        report = Report()
+        if structure:
+            for common in (check_structure, check_generated, check_indexes):
+                _guarded(session, report, partial(common, session, report))
+        return verify_session(session, kb_id, store.name, anchored, progress, report)
+
+    return store.query_in_snapshot(check)
+
+
+def verify_session(
+    session: Session,
+    kb_id: int | None,
+    name: str,
+    anchored: AnchoredHead | None = None,
+    progress: Progress | None = None,
+    report: Report | None = None,
+) -> Verification:
+    """Verify one knowledge base in the transaction of a session."""
+    report = Report() if report is None else report
+    _guarded(session, report, lambda: check_strays(session, kb_id, report))
+    if kb_id is None:
+        if anchored is not None:
+            report.add(1, "knowledge_base", f"there is no knowledge base {name!r} any more")
+        return Verification(name, 0, 0, report.findings(), anchored=_number(anchored))
+    return _Verifier(session, kb_id, name, report, progress).run(anchored)
+
+
+class _Verifier:
+    def __init__(
+        self,
+        session: Session,
+        kb_id: int,
+        name: str,
+        report: Report,
+        progress: Progress | None,
+    ) -> None:
+        self._session = session
+        self._kb_id = kb_id
+        self._name = name
+        self._report = report
+        self._progress = progress
+        self._last, self._ids = read_next_id(session, kb_id)
+        self._told = 0
+        self._archives: list[Archive] = []
+        self._chain = Chain(None, 0, 0, "", {})
+
+    def run(self, anchored: AnchoredHead | None) -> Verification:
+        session, report = self._session, self._report
+        wanted = frozenset() if anchored is None else frozenset([anchored.revision])
+        _guarded(session, report, lambda: check_rows_of(session, self._kb_id, report))
+        _guarded(session, report, lambda: check_types(session, self._kb_id, report))
+        _guarded(session, report, lambda: self._check_chain(wanted))
+        _guarded(session, report, self._check_rows)
+        chain = self._chain
+        if anchored is not None:
+            _check_anchor(anchored, chain, report)
+        self._tell(self._last + self._ids)
+        return Verification(
+            self._name,
+            chain.revisions,
+            chain.changes,
+            report.findings(),
+            tuple(_archive_words(archive) for archive in self._archives),
+            _number(anchored),
+        )
+
+    def _check_chain(self, wanted: frozenset[int]) -> None:
+        own = self._session, self._kb_id
+        archives = read_archives(*own)
+        archived = read_archived(*own, archives)
+        # An archive has the records of its own versions, which are complete there.
+        self._archives = archives if archived else []
+        self._chain = check_chain(*own, archived, wanted, self._report, self._tick_chain)
+        check_head(*own, self._chain, archives, self._report)
+
+    def _check_rows(self) -> None:
+        own = self._session, self._kb_id
+        names = check_names(*own, self._report)
+        functions = ObjectFunctions(*own)
+        for check in (
+            DefinitionCheck(*own, names.held, functions, self._report),
+            FactCheck(*own, names, functions, self._report, self._tick_rows),
+            PlanCheck(*own, names, self._report),
+        ):
+            _guarded(self._session, self._report, check.run)
+
+    def _tick_chain(self, number: int) -> None:
+        self._tell(number)
+
+    def _tick_rows(self, id_: int) -> None:
+        self._tell(self._last + id_)
+
+    def _tell(self, done: int) -> None:
+        whole = self._last + self._ids
+        if self._progress is not None and (done >= self._told or done >= whole):
+            self._told = done + max(1, whole // _REPORTS)
+            self._progress(min(done, whole), whole)
+
+
+def _guarded(session: Session, report: Report, check: Callable[[], None]) -> None:
+    """Run a check; a value that it cannot read is a finding, not an error."""
+    savepoint, fault = session.savepoint(), None
+    try:
+        check()
+    except _WRONG_VALUES as error:
+        fault = f"a value is none that can stand there: {error}"
+    except NotADatabaseError as error:
+        fault = f"the file is damaged: {error}"
+    except StoreError as error:
+        # Subclasses are errors of the connection, not of what is stored.
+        if type(error) is not StoreError:
+            raise
+        fault = f"the tables cannot be read as they are: {error}"
+    # After the error is gone, and with it the cursors of its frames.
+    if fault is None:
+        session.release(savepoint)
+    else:
+        session.rollback_to(savepoint)
+        report.add(None, None, fault)
+
+
+def _number(anchored: AnchoredHead | None) -> int | None:
+    return None if anchored is None else anchored.revision
+
+
+def _check_anchor(anchored: AnchoredHead, chain: Chain, report: Report) -> None:
+    number, at = anchored.revision, anchored.committed_at
+    if number in chain.hashes:
+        if chain.hashes[number] != anchored.hash:
+            report.add(
+                number,
+                None,
+                f"revision {number} has another hash than the anchor of {at}: the history up to it "
+                "was rewritten",
+            )
+        return
+    last = 0 if chain.last is None else chain.last.number
+    if last < number:
+        report.add(
+            last + 1,
+            None,
+            f"the history was cut off: it ends at revision {last}, and the anchor of {at} is of "
+            f"revision {number}",
+        )
+
+
+def _archive_words(archive: Archive) -> str:
+    return (
+        f"{archive.versions} versions that ended up to revision {archive.revision} were moved to "
+        f"{archive.target} in revision {archive.since}: verify that store as well, for of what was "
+        "changed up to there this one has a part only"
+    )

@@ -1,0 +1,114 @@
+"""Expression trees: nodes in preorder that refer to what they mention by id."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Iterator
+from typing import NamedTuple
+
+PREDICATE, FUNCTION, VARIABLE, NUMBER = "predicate", "function", "variable", "number"
+TIME = "#t"
+DERIVED, AT, IS_VIOLATED, PREFERENCE, WHEN = "derived", "at", "is-violated", "preference", "when"
+AND, OR, NOT, IMPLY, FORALL, EXISTS = "and", "or", "not", "imply", "forall", "exists"
+EQUAL = "="
+OPTIMIZATIONS = ("minimize", "maximize")
+
+
+class ParameterDefinition(NamedTuple):
+    """A parameter of a predicate or of an action.
+
+    Attributes:
+        name: its name, without the question mark.
+        type_ids: the types that it allows: one, or several for `either`.
+    """
+
+    name: str
+    type_ids: tuple[int, ...]
+
+
+class TreeTerm(NamedTuple):
+    """A term of a node: just one of the four.
+
+    Attributes:
+        parameter: the position of the owner's parameter.
+        object_id: the constant.
+        quantifier: the position of the node that binds the variable.
+        variable: which of its variables it is.
+        child: the position of the function node whose value it is.
+    """
+
+    parameter: int | None = None
+    object_id: int | None = None
+    quantifier: int | None = None
+    variable: int | None = None
+    child: int | None = None
+
+
+class TreeNode(NamedTuple):
+    """A row of an expression tree, without its owner.
+
+    Attributes:
+        position: its place in preorder, from 0.
+        parent: the position of the node above; None for the root.
+        operator: what it does to its children, or what kind of leaf it is.
+        predicate_id: the predicate of a predicate node.
+        function_id: the function of a function node.
+        value: the text of a number, a variable's or a preference's name.
+        terms: the terms, in order.
+        variables: the variables that it binds, in order.
+    """
+
+    position: int
+    parent: int | None
+    operator: str
+    predicate_id: int | None = None
+    function_id: int | None = None
+    value: str | None = None
+    terms: tuple[TreeTerm, ...] = ()
+    variables: tuple[ParameterDefinition, ...] = ()
+
+
+Tree = tuple[TreeNode, ...]
+
+
+def children(tree: Tree) -> dict[int | None, list[TreeNode]]:
+    """Find the nodes below each node."""
+    below: dict[int | None, list[TreeNode]] = {}
+    for node in tree:
+        below.setdefault(node.parent, []).append(node)
+    return below
+
+
+class Mentioned(NamedTuple):
+    """A set of definitions that an element may mention.
+
+    Attributes:
+        types: ids of types.
+        objects: ids of objects.
+        predicates: ids of predicates.
+        functions: ids of functions.
+    """
+
+    types: Collection[int] = ()
+    objects: Collection[int] = ()
+    predicates: Collection[int] = ()
+    functions: Collection[int] = ()
+
+
+def types_of(trees: Iterable[Tree]) -> Iterator[int]:
+    """Yield the types of the variables that trees bind."""
+    for tree in trees:
+        for node in tree:
+            for variable in node.variables:
+                yield from variable.type_ids
+
+
+def mentions(trees: Iterable[Tree], scope: Mentioned) -> bool:
+    """Return whether trees mention something."""
+    trees = list(trees)
+    return any(
+        node.predicate_id in scope.predicates
+        or node.function_id in scope.functions
+        or any(term.object_id in scope.objects for term in node.terms)
+        for tree in trees
+        for node in tree
+    ) or any(type_id in scope.types for type_id in types_of(trees))

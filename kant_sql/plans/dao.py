@@ -1,0 +1,528 @@
+"""The DAO of plans in an SQL store: check and record a plan, read it, set a step's status."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterable
+from dataclasses import replace
+from decimal import Decimal
+from functools import partial
+from typing import Any, NamedTuple
+
+from sqlalchemy import BigInteger, bindparam, select
+from typing_extensions import override
+
+from ..arguments import one_of, shown, whole_number
+from ..dao.base import SqlDao
+from ..dao.formula import read_formulas
+from ..documents.exchange import SqlExchange
+from ..dto.elements import atom_text
+from ..dto.lexical import number_text
+from ..errors import InvalidKnowledgeError, PlanError, reading_rows
+from ..history.moments import head_revision, state_at
+from ..history.revisions import LARGEST, read_numbered, refuse_archived
+from ..history.versions import Version
+from ..knowledge.definitions import METRIC, ActionDefinition, Definitions, ObjectDefinition
+from ..pddl.document import ACTION, DURATIVE_ACTION
+from ..planning import Plan, PlanStep, problem_hash
+from ..sql.changes import ASSERTED, PLAN, PLAN_STEP, Change
+from ..sql.dialects.base import Row
+from ..sql.plans import PlanDefinition, Step, StepDefinition, plan_rows
+from ..sql.query import Query
+from ..sql.rows import KB
+from ..sql.tables import PlanRow, PlanStepRow, PlanStepVersionRow, RevisionPlanStepRow
+from ..store.snapshot import View
+from ..store.store import Store
+from ..store.transaction import Transaction
+from .interfaces import Given, PlanDao, RecordedPlan, RecordedStep, StepStatus
+
+
+def check_steps(definitions: Definitions, revision: int, plan: Plan) -> tuple[StepDefinition, ...]:
+    """Find what the steps of a plan refer to, at the revision that it was made from."""
+    if not isinstance(plan.steps, tuple | list):
+        raise PlanError(f"the plan has the steps {shown(plan.steps)}, expected a tuple")
+    return tuple(
+        _StepCheck(definitions, revision, position, step).read()
+        for position, step in enumerate(plan.steps)
+    )
+
+
+def check_text(text: str | None, role: str) -> str | None:
+    """Check that a database can store a text as it is."""
+    if text is None:
+        return None
+    if not isinstance(text, str):
+        raise PlanError(f"{role} is a string or None, not {shown(text)}")
+    if "\0" in text or any("\ud800" <= character <= "\udfff" for character in text):
+        raise PlanError(f"{role} {shown(text)} has a NUL or half a character; leave it out")
+    return text
+
+
+def exact_text(number: Decimal | int | None, role: str) -> str | None:
+    """Write a number as exact decimal text."""
+    if number is None:
+        return None
+    if isinstance(number, bool) or not isinstance(number, int | float | Decimal):
+        raise PlanError(f"{role} is {shown(number)}, expected a number or None")
+    try:
+        return number_text(number)
+    except InvalidKnowledgeError as error:
+        raise PlanError(f"{role}: {error}") from error
+
+
+class _StepCheck:
+    """Checks one step against the state that its plan was made from."""
+
+    def __init__(
+        self, definitions: Definitions, revision: int, position: int, step: PlanStep
+    ) -> None:
+        self._definitions = definitions
+        self._revision = revision
+        self._step = step
+        role = f"step {position} of the plan"
+        if not isinstance(step, PlanStep):
+            raise PlanError(f"{role} is a PlanStep, not {shown(step)}")
+        if not isinstance(step.arguments, tuple | list):
+            raise PlanError(f"{role} has the arguments {shown(step.arguments)}, expected a tuple")
+        names = (step.action, *step.arguments)
+        for name in names:
+            if not isinstance(name, str):
+                raise PlanError(f"{role}: a name is a string, not {shown(name)}")
+        self._role = f"{role}, {shown(atom_text(names[0], names[1:]))}"
+
+    def read(self) -> StepDefinition:
+        action = self._action()
+        objects = self._objects(action)
+        return StepDefinition(
+            self._seconds(self._step.start, "start"),
+            self._seconds(self._step.duration, "duration"),
+            action.id,
+            tuple(object_.id for object_ in objects),
+            atom_text(action.name, [object_.name for object_ in objects]),
+        )
+
+    def _action(self) -> ActionDefinition:
+        action = self._definitions.actions.named(self._step.action)
+        if action is None:
+            raise PlanError(
+                f"{self._role}: action {shown(self._step.action)} is not known at revision "
+                f"{self._revision}, the state that it was planned from; give the plan the revision "
+                "of the state that has it"
+            )
+        if action.kind not in (ACTION, DURATIVE_ACTION):
+            raise PlanError(
+                f"{self._role}: {action.name!r} is of kind {action.kind}, which happens by itself; "
+                "leave the step out"
+            )
+        return action
+
+    def _objects(self, action: ActionDefinition) -> list[ObjectDefinition]:
+        names = self._step.arguments
+        if len(names) != len(action.parameters):
+            raise PlanError(
+                f"{self._role} has {len(names)} arguments, expected {len(action.parameters)} as in "
+                f"{' '.join(action.text.split()):.200}"
+            )
+        return [self._object(action, number, name) for number, name in enumerate(names)]
+
+    def _object(self, action: ActionDefinition, number: int, name: str) -> ObjectDefinition:
+        object_ = self._definitions.objects.named(name)
+        if object_ is None:
+            raise PlanError(
+                f"{self._role}: object {shown(name)} is not known at revision {self._revision}, "
+                "the state that it was planned from; give the plan the revision of the state that "
+                "has it"
+            )
+        allowed = action.parameters[number].type_ids
+        if not self._definitions.any_fits(object_.type_ids, allowed):
+            types = self._definitions.types
+            wanted = " or ".join(types.live(id_).name for id_ in allowed)
+            raise PlanError(
+                f"{self._role}: argument {number + 1}, {object_.name!r}, is "
+                f"{object_.text!r} at revision {self._revision}, expected a {wanted} as action "
+                f"{action.name!r} has it; replan from the present state"
+            )
+        return object_
+
+    def _seconds(self, number: Decimal | None, role: str) -> str | None:
+        text = exact_text(number, f"{self._role}: its {role}")
+        if text is not None and text.startswith("-"):
+            raise PlanError(f"{self._role}: its {role} is {text}, expected 0 seconds or more")
+        return text
+
+
+# What a step can come to from each status; None: it was not started.
+_NEXT: dict[str | None, tuple[str, ...]] = {
+    None: ("started", "aborted"),
+    "started": ("succeeded", "failed", "aborted"),
+}
+_SHOWN = {
+    None: "was not started",
+    "started": "is started",
+    "succeeded": "has succeeded",
+    "failed": "has failed",
+    "aborted": "was aborted",
+}
+_STATUSES = tuple(filter(None, _SHOWN))
+
+
+def set_status(transaction: Transaction, step: RecordedStep, status: StepStatus) -> bool:
+    """Set the status of a step."""
+    one_of(status, _STATUSES, "the status", PlanError)
+    place = place_of(step)
+    check_step(transaction, step)
+    statuses = transaction.step_statuses
+    before = statuses.now(place)
+    if before == status:
+        return False
+    if status not in _NEXT.get(before, ()):
+        raise PlanError(
+            f"step {step.position} of plan {step.plan_id}, {step}, {_SHOWN[before]}, so it cannot "
+            f"be {status!r} next"
+        )
+    statuses.put(place, status)
+    return True
+
+
+def place_of(step: RecordedStep) -> Step:
+    """Return the id of a step's plan, and its position."""
+    if not isinstance(step, RecordedStep):
+        raise PlanError(
+            f"a step is one of a recorded plan, as kb.plans.record(plan).steps has them, not "
+            f"{shown(step)}"
+        )
+    return step.plan_id, step.position
+
+
+def check_step(transaction: Transaction, step: RecordedStep) -> None:
+    """Refuse a step that is not of a plan of this knowledge base."""
+    role = f"step {step.position} of plan {step.plan_id}, {step},"
+    if step.knowledge_base != transaction.name:
+        raise PlanError(
+            f"{role} is of knowledge base {step.knowledge_base!r}, not of {transaction.name!r}; "
+            "use that one, or record the plan here"
+        )
+    found = transaction.find_step(place_of(step))
+    if found is None:
+        raise PlanError(
+            f"{role} is not in knowledge base {transaction.name!r}: what recorded it was not "
+            "committed, or it is of another store; record the plan first"
+        )
+    if found != atom_text(step.action, step.arguments):
+        raise PlanError(
+            f"{role} is {found} in knowledge base {transaction.name!r}: it is of another store; "
+            "record the plan here"
+        )
+
+
+_KEPT = Query(
+    select(PlanRow.domain_pddl, PlanRow.problem_pddl).where(
+        PlanRow.kb_id == KB, PlanRow.id == bindparam("plan")
+    )
+)
+# The texts that a plan keeps of its domain and problem; None for what the store writes again.
+Kept = tuple[str | None, str | None]
+
+
+def _write_given(store: Store, revision: int) -> Given:
+    exchange = SqlExchange(store, revision)
+    return Given(exchange.domain_pddl(), exchange.problem_pddl())
+
+
+def _complete(kept: Kept, written: Given) -> Given:
+    return Given(*(text if own is None else own for own, text in zip(kept, written, strict=True)))
+
+
+def _read_kept(view: View, name: str, plan_id: int) -> Kept:
+    row = view.session.first(_KEPT, kb=view.kb_id, plan=plan_id)
+    if row is None:
+        raise PlanError(
+            f"knowledge base {name!r} has no plan {plan_id}: the transaction that recorded it was "
+            "not committed"
+        )
+    domain, problem = row
+    return domain, problem
+
+
+def read_given(store: Store, plan: RecordedPlan) -> Given:
+    """Read what the planner of a recorded plan was given, and compare it with the plan's hash."""
+    kept = store.read_in_snapshot(lambda view: _read_kept(view, store.name, plan.id))
+    if None in kept:
+        given = _complete(kept, _write_given(store, state_at(store, plan.revision)))
+    else:
+        given = Given(*kept)  # type: ignore[arg-type]
+    if problem_hash(given.domain, problem=given.problem) != plan.problem_hash:
+        raise PlanError(
+            f"plan {plan.id}: what the store holds of its problem, at revision {plan.revision}, is "
+            f"not what the planner was given: the SHA-256 is not {plan.problem_hash}; this version "
+            "of the library writes PDDL in another way, or the tables were changed by hand, which "
+            "verify() tells"
+        )
+    return given
+
+
+def _number(name: str) -> Any:
+    return bindparam(name, type_=BigInteger)
+
+
+def _between(plan_id: Any) -> Any:
+    return plan_id.between(_number("low"), _number("high"))
+
+
+_PLANS = Query(
+    select(
+        PlanRow.id,
+        PlanRow.since,
+        PlanRow.revision,
+        PlanRow.problem_hash,
+        PlanRow.planner,
+        PlanRow.planner_version,
+        PlanRow.objective,
+        PlanRow.value,
+        PlanRow.status,
+    )
+    .where(PlanRow.kb_id == KB, _between(PlanRow.id), PlanRow.since <= _number("at"))
+    .order_by(PlanRow.id)
+)
+_STEPS = Query(
+    select(
+        PlanStepRow.plan_id,
+        PlanStepRow.position,
+        PlanStepRow.start,
+        PlanStepRow.duration,
+        # The names are in it, exactly: to look each of them up takes longer than all the rest.
+        PlanStepRow.text,
+    )
+    .where(PlanStepRow.kb_id == KB, _between(PlanStepRow.plan_id))
+    .order_by(PlanStepRow.plan_id, PlanStepRow.position)
+)
+_READ_STATUSES = Query(
+    select(
+        PlanStepVersionRow.plan_id,
+        PlanStepVersionRow.position,
+        PlanStepVersionRow.status,
+        PlanStepVersionRow.text,
+        PlanStepVersionRow.since,
+        PlanStepVersionRow.until,
+    )
+    .where(PlanStepVersionRow.kb_id == KB, _between(PlanStepVersionRow.plan_id))
+    .where(PlanStepVersionRow.since <= _number("at"))
+    .order_by(PlanStepVersionRow.plan_id, PlanStepVersionRow.position, PlanStepVersionRow.since)
+)
+_REVISIONS = Query(
+    select(RevisionPlanStepRow.plan_id, RevisionPlanStepRow.position, RevisionPlanStepRow.number)
+    .where(RevisionPlanStepRow.kb_id == KB, _between(RevisionPlanStepRow.plan_id))
+    .where(RevisionPlanStepRow.number <= _number("at"))
+    .order_by(RevisionPlanStepRow.plan_id, RevisionPlanStepRow.position, RevisionPlanStepRow.number)
+)
+
+
+class _Status(NamedTuple):
+    status: StepStatus
+    text: str
+    since: int
+    until: int | None
+
+
+class _PlanReader:
+    """Reads plans and the outcomes of their steps, as of one revision."""
+
+    def __init__(self, store: Store, view: View, kb_id: int) -> None:
+        self._store = store
+        self._session = view.session
+        self._kb_id = kb_id
+        self._at = LARGEST if view.at is None else view.at
+
+    def read(self, plan_id: int | None) -> list[RecordedPlan]:
+        low, high = (0, LARGEST) if plan_id is None else (plan_id, plan_id)
+        plans = self._session.rows(_PLANS, kb=self._kb_id, low=low, high=high, at=self._at)
+        if not plans:
+            return []
+        own = {"kb": self._kb_id, "low": plans[0][0], "high": plans[-1][0]}
+        steps = self._steps(own)
+        return [recorded_plan(self._store, row, steps[row[0]]) for row in plans]
+
+    def _steps(self, own: dict[str, int]) -> dict[int, list[RecordedStep]]:
+        statuses = self._statuses(own)
+        outcomes = self._outcomes(statuses)
+        revisions: dict[Step, list[int]] = defaultdict(list)
+        for plan_id, position, number in self._session.rows(_REVISIONS, **own, at=self._at):
+            revisions[plan_id, position].append(number)
+        steps: dict[int, list[RecordedStep]] = defaultdict(list)
+        for plan_id, position, *said in self._session.rows(_STEPS, **own):
+            place = (plan_id, position)
+            with reading_rows("plan_step", f"step {position!r} of plan {plan_id!r}"):
+                step = recorded_step(self._store, place, *said)
+            steps[plan_id].append(
+                replace(
+                    step,
+                    status=next((one.status for one in statuses[place] if one.until is None), None),
+                    outcomes=outcomes[place],
+                    revisions=tuple(revisions[place]),
+                )
+            )
+        return steps
+
+    def _statuses(self, own: dict[str, int]) -> dict[Step, list[_Status]]:
+        found: dict[Step, list[_Status]] = defaultdict(list)
+        for plan_id, position, status, text, since, until in self._session.rows(
+            _READ_STATUSES, **own, at=self._at
+        ):
+            ended = None if until is None or until > self._at else until
+            found[plan_id, position].append(_Status(status, text, since, ended))
+        return found
+
+    def _outcomes(self, statuses: dict[Step, list[_Status]]) -> dict[Step, tuple[Version, ...]]:
+        ends = [end for each in statuses.values() for one in each for end in (one.since, one.until)]
+        known = read_numbered(self._session, self._kb_id, {end for end in ends if end is not None})
+        found: dict[Step, tuple[Version, ...]] = defaultdict(tuple)
+        for place, of_step in statuses.items():
+            found[place] = tuple(
+                Version(PLAN_STEP, one.text, known[one.since], known.get(one.until or 0))
+                for one in of_step
+                # An uncommitted revision is not in the table yet.
+                if one.since in known
+            )
+        return found
+
+
+def recorded_step(
+    store: Store, place: Step, start: str | None, duration: str | None, text: str
+) -> RecordedStep:
+    """Make a step without outcomes of its texts; no name has a space or a parenthesis."""
+    action, *arguments = text[1:-1].split(" ")
+    return RecordedStep(
+        *place,
+        _decimal(start),
+        action,
+        tuple(arguments),
+        _decimal(duration),
+        None,
+        (),
+        (),
+        store.name,
+    )
+
+
+def recorded_plan(store: Store, row: Row, steps: Iterable[RecordedStep]) -> RecordedPlan:
+    """Make a plan of the columns of `_PLANS`."""
+    id_, since, revision, digest, planner, version, objective, value, status = row
+    with reading_rows("plan", f"plan {id_!r}"):
+        said = (planner, version, objective, _decimal(value), status)
+    given = partial(read_given, store)
+    return RecordedPlan(id_, since, revision, digest, *said, tuple(steps), given)
+
+
+def _decimal(text: str | None) -> Decimal | None:
+    return None if text is None else Decimal(text)
+
+
+class SqlPlanDao(SqlDao, PlanDao):
+    """Plans in an SQL store."""
+
+    @override
+    def record(
+        self,
+        plan: Plan,
+        *,
+        planner: str | None = None,
+        planner_version: str | None = None,
+        objective: str | None = None,
+        value: Decimal | int | None = None,
+        domain_pddl: str | None = None,
+        problem_pddl: str | None = None,
+    ) -> RecordedPlan:
+        self._check_writable()
+        if not isinstance(plan, Plan):
+            raise PlanError(f"what is recorded is a Plan of kant_sql, not {shown(plan)}")
+        revision = self._state_of(plan)
+        # What held at a revision never changes, so nobody has to wait while it is written.
+        digest, kept = self._compare(plan, revision, (domain_pddl, problem_pddl))
+        metric, steps = self._store.read_definitions(
+            lambda known: (_metric(known), check_steps(known, revision, plan)), revision
+        )
+        definition = PlanDefinition(
+            0,
+            revision,
+            digest,
+            check_text(planner or plan.engine or None, "the planner's name"),
+            check_text(planner_version, "the planner's version"),
+            check_text(metric if objective is None else objective, "the objective"),
+            exact_text(value, "the objective's value"),
+            check_text(plan.status or None, "the plan's status"),
+            *kept,
+            steps,
+        )
+        return self._store.write(lambda transaction: self._record(transaction, definition))
+
+    def _state_of(self, plan: Plan) -> int:
+        """Find the revision of the state that a plan was made from."""
+        at = head_revision(self._store) if plan.revision is None else plan.revision
+        revision = state_at(self._store, at)
+        if revision == 0:
+            raise PlanError(
+                f"the plan was made from knowledge base {self._store.name!r} before its first "
+                "revision; commit what the planner is to know, and plan again"
+            )
+        return revision
+
+    def _compare(self, plan: Plan, revision: int, said: Kept) -> tuple[str, Kept]:
+        """Hash what the planner was given, and find which of its texts have to be kept."""
+        for text, role in zip(said, ("domain_pddl", "problem_pddl"), strict=True):
+            check_text(text, role)
+        written = _write_given(self._store, revision)
+        given = _complete(said, written)
+        digest = problem_hash(given.domain, problem=given.problem)
+        if plan.problem_hash not in (None, digest):
+            raise PlanError(
+                f"the planner was not given the state of revision {revision}, but what an open "
+                "transaction had made of it; give domain_pddl and problem_pddl as they were then"
+                if said == (None, None)
+                else "domain_pddl and problem_pddl are not what the planner was given, by its "
+                "SHA-256"
+            )
+        domain, problem = (a if a != b else None for a, b in zip(given, written, strict=True))
+        return digest, (domain, problem)
+
+    def _record(self, transaction: Transaction, definition: PlanDefinition) -> RecordedPlan:
+        if definition.revision < transaction.head.archived_revision:
+            # It was moved since the problem was written.
+            refuse_archived(self._store, definition.revision)
+        plan = definition._replace(id=transaction.allocate())
+        rows = plan_rows(transaction.kb_id, transaction.number, plan)
+        transaction.records.add(Change(ASSERTED, PLAN, plan.text), rows)
+        steps = [
+            recorded_step(self._store, (plan.id, position), step.start, step.duration, step.text)
+            for position, step in enumerate(plan.steps)
+        ]
+        return recorded_plan(self._store, (plan.id, transaction.number, *plan[1:8]), steps)
+
+    @override
+    def get(self, id_: int) -> RecordedPlan | None:
+        whole_number(id_, "the id of a plan", least=None, expected="a whole number")
+        if not 0 < id_ <= LARGEST:
+            return None
+        plans = self._read(id_)
+        return plans[0] if plans else None
+
+    @override
+    def get_all(self) -> list[RecordedPlan]:
+        return self._read(None)
+
+    def _read(self, id_: int | None) -> list[RecordedPlan]:
+        def work(view: View) -> list[RecordedPlan]:
+            if view.kb_id is None:
+                return []
+            return _PlanReader(self._store, view, view.kb_id).read(id_)
+
+        return self._store.read_in_snapshot(work, self._at)
+
+    @override
+    def set_status(self, step: RecordedStep, *, status: StepStatus) -> bool:
+        self._check_writable()
+        return self._store.write(lambda transaction: set_status(transaction, step, status))
+
+
+def _metric(definitions: Definitions) -> str | None:
+    stored = read_formulas(definitions, METRIC)
+    return stored[0].text.removeprefix("(:metric ").removesuffix(")") if stored else None

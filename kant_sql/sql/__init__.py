@@ -1,0 +1,1 @@
+"""SQL: the only home of tables, statements and dialects."""

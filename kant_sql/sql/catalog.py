@@ -1,0 +1,103 @@
+"""The knowledge bases of a store and their last revisions."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
+from datetime import datetime
+from typing import NamedTuple
+
+from sqlalchemy import and_, literal_column, select
+
+from .dialects import create_backend
+from .query import Query, first_rows
+from .schema import check
+from .tables import HeadRow, KnowledgeBaseRow, RevisionRow
+
+_EVERY_NAME = Query(select(KnowledgeBaseRow.name).order_by(KnowledgeBaseRow.id))
+# Columns that exist in every schema version: a downgrade reads them first.
+_REVISIONS = Query(
+    select(KnowledgeBaseRow.name, HeadRow.revision)
+    .join(HeadRow, HeadRow.kb_id == KnowledgeBaseRow.id)
+    .where(HeadRow.revision > literal_column("0"))
+    .order_by(KnowledgeBaseRow.id)
+)
+_HEADS = Query(
+    select(
+        KnowledgeBaseRow.name,
+        HeadRow.revision,
+        RevisionRow.committed_at,
+        RevisionRow.actor,
+        RevisionRow.reason,
+    )
+    .join(HeadRow, HeadRow.kb_id == KnowledgeBaseRow.id)
+    .join(
+        RevisionRow,
+        and_(RevisionRow.kb_id == HeadRow.kb_id, RevisionRow.number == HeadRow.revision),
+    )
+    .order_by(KnowledgeBaseRow.id)
+)
+_ANY_REVISION = Query(first_rows(select(RevisionRow.number), literal_column("1")))
+
+
+class Standing(NamedTuple):
+    """A knowledge base and its last revision.
+
+    Attributes:
+        name: its name.
+        revision: the number of its last revision.
+        committed_at: when that was made, in UTC.
+        actor: who made it.
+        reason: why.
+    """
+
+    name: str
+    revision: int
+    committed_at: datetime
+    actor: str | None
+    reason: str | None
+
+
+def standings(url: str) -> list[Standing]:
+    """List the knowledge bases of a store with their last revisions. Nothing is created."""
+    check(url)
+    with closing(create_backend(url)) as backend, backend.open_session() as session:
+        return [
+            Standing(name, revision, session.to_time(committed_at), actor, reason)
+            for name, revision, committed_at, actor, reason in session.rows(_HEADS)
+        ]
+
+
+def revision_counts(url: str) -> dict[str, int]:
+    """Count the revisions of each knowledge base, whatever the version of the tables."""
+    with closing(create_backend(url)) as backend, backend.open_session() as session:
+        return dict(session.rows(_REVISIONS))
+
+
+@contextmanager
+def removed_on_failure(url: str) -> Iterator[None]:
+    """Remove the SQLite file that the block creates, when the block fails.
+
+    A file that is in use, or holds a revision, stays.
+    """
+    with closing(create_backend(url)) as backend:
+        is_new = not backend.exists()
+        try:
+            yield
+        except BaseException:
+            if is_new:
+                backend.remove(_ANY_REVISION)
+            raise
+
+
+def knowledge_bases(url: str) -> list[str]:
+    """List the knowledge bases of a store that have a revision. Nothing is created."""
+    check(url)
+    return [*revision_counts(url)]
+
+
+def every_name(url: str) -> list[str]:
+    """List the knowledge bases of a store, those without a revision or a head, too."""
+    check(url)
+    with closing(create_backend(url)) as backend, backend.open_session() as session:
+        return [name for (name,) in session.rows(_EVERY_NAME)]

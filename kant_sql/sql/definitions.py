@@ -1,0 +1,263 @@
+"""Reading and writing definitions: each in a number of statements that does not grow with them."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from itertools import count
+from operator import itemgetter
+from typing import Any
+
+from sqlalchemy import (
+    BigInteger,
+    Boolean,
+    ColumnElement,
+    Integer,
+    Select,
+    Table,
+    Text,
+    and_,
+    bindparam,
+    cast,
+    func,
+    literal_column,
+    null,
+    select,
+    true,
+    union_all,
+)
+
+from ..errors import UNREADABLE, check_integer, reading_rows, unreadable
+from ..knowledge.definitions import KINDS, Definitions
+from .dialects.base import Row, Session
+from .query import Query, in_list
+from .rows import (
+    KB,
+    KIND_TABLES,
+    THEN,
+    Kind,
+    ListTable,
+    VersionTable,
+    held_at,
+    is_of_version,
+    table_of,
+)
+from .tables import HeadRow
+
+# How the part is named that says which elements of a kind are live no more.
+GONE = "gone "
+
+
+# The rows of each table; those of a version table have the element's name after its id.
+_Rows = Mapping[Table, Sequence[Row]]
+
+
+def evolve(definitions: Definitions, rows: Iterable[Row]) -> Definitions:
+    """Make the definitions that follow from those of before and the rows that were read since."""
+    parts: defaultdict[str, list[Row]] = defaultdict(list)
+    for row in rows:
+        parts[row[0]].append(row)
+    tables = {
+        table: [*map(columns, parts[table.name])]
+        for table, columns in _COLUMNS.items()
+        if table.name in parts
+    }
+    made: list[Any] = []
+    for kind in KINDS:
+        changes: dict[int, Any] = {row[1]: None for row in parts[f"{GONE}{kind}"]}
+        try:
+            changes.update((definition.id, definition) for definition in _made(kind, tables))
+            made.append(definitions.elements(kind).evolve(changes))
+        except UNREADABLE as error:
+            _find_unreadable(kind, tables)
+            raise unreadable(f"{kind}_version", f"some {kind}", error) from error
+    evolved = Definitions(*made)
+    evolved.templates = definitions.templates
+    return evolved
+
+
+def _find_unreadable(kind: str, tables: _Rows) -> None:
+    """Raise the error of the first definition whose rows cannot be read, by its id."""
+    for id_ in dict.fromkeys(row[0] for rows in tables.values() for row in rows):
+        own = {table: [row for row in rows if row[0] == id_] for table, rows in tables.items()}
+        with reading_rows(f"{kind}_version", f"{kind} {id_!r}"):
+            Definitions().elements(kind).evolve(
+                {definition.id: definition for definition in _made(kind, own)}
+            )
+
+
+def _made(kind: str, tables: _Rows) -> Iterator[Any]:
+    """Make the definitions of one kind, each with a name and a text: SQLite keeps anything."""
+    for definition in KIND_TABLES[kind].definitions(tables):
+        if not (
+            isinstance(definition.id, int)
+            and isinstance(definition.name, str)
+            and isinstance(definition.text, str)
+            and (kind != "formula" or isinstance(definition.section, str))
+        ):
+            raise TypeError(f"{definition.id!r}, {definition.name!r} is {definition.text!r}")
+        yield definition
+
+
+_AFTER: ColumnElement[int] = bindparam("after", type_=BigInteger)
+_LISTS = [(kind, list_) for kind in KIND_TABLES.values() for list_ in kind.lists]
+
+
+def _is_number(column: ColumnElement[Any]) -> bool:
+    return isinstance(column.type, Integer | Boolean)
+
+
+def _slots(columns: Iterable[ColumnElement[Any]]) -> tuple[list[Any], list[Any]]:
+    """Part columns into those that hold numbers and those that hold texts."""
+    numbers: list[Any] = []
+    texts: list[Any] = []
+    for column in columns:
+        (numbers if _is_number(column) else texts).append(column)
+    return numbers, texts
+
+
+def _version_columns(kind: Kind) -> list[ColumnElement[Any]]:
+    return [kind.version.owner, kind.name, *(kind.version.table.c[name] for name in kind.columns)]
+
+
+def _list_columns(list_: ListTable) -> list[ColumnElement[Any]]:
+    return [list_.table.c[name] for name in list_.columns]
+
+
+_SHAPES = [
+    *((kind.version.table, _slots(_version_columns(kind))) for kind in KIND_TABLES.values()),
+    *((list_.table, _slots(_list_columns(list_))) for _, list_ in _LISTS),
+]
+# How many columns of a sort the widest table has.
+_NUMBERS, _TEXTS = (max(len(slots[sort]) for _, slots in _SHAPES) for sort in (0, 1))
+
+
+def _part(part: str, columns: Iterable[ColumnElement[Any]]) -> Select[Any]:
+    """Return a SELECT of the one shape that all parts of the statement share."""
+    numbers, texts = _slots(columns)
+    numbers = [cast(each, Integer) if isinstance(each.type, Boolean) else each for each in numbers]
+    numbers += [cast(null(), BigInteger)] * (_NUMBERS - len(numbers))
+    texts += [cast(null(), Text)] * (_TEXTS - len(texts))
+    return select(
+        literal_column(f"'{part}'").label("part"),
+        *(number.label(f"number_{place}") for place, number in enumerate(numbers)),
+        *(text.label(f"text_{place}") for place, text in enumerate(texts)),
+    )
+
+
+def _places(columns: Sequence[ColumnElement[Any]]) -> Callable[[Row], Row]:
+    """Return what takes columns, in their order, out of a row of the statement."""
+    number, text = count(1), count(1 + _NUMBERS)
+    return itemgetter(*(next(number if _is_number(column) else text) for column in columns))
+
+
+_COLUMNS: dict[Table, Callable[[Row], Row]] = {
+    **{kind.version.table: _places(_version_columns(kind)) for kind in KIND_TABLES.values()},
+    **{list_.table: _places(_list_columns(list_)) for _, list_ in _LISTS},
+}
+
+
+def _version_part(kind: Kind, held: Any) -> Select[Any]:
+    """Return the part that reads the versions of one kind for which `held(version)` is true."""
+    version = kind.version.table
+    return _part(version.name, _version_columns(kind)).where(version.c.kb_id == KB, held(version.c))
+
+
+def _list_part(kind: Kind, list_: ListTable, held: Any) -> Select[Any]:
+    """Return the part that reads what belongs to those versions in a table below theirs."""
+    version, table = kind.version, list_.table
+    which = and_(version.table.c.kb_id == KB, held(version.table.c))
+    return _part(table.name, _list_columns(list_)).where(
+        table.c.kb_id == KB,
+        *is_of_version(table, version.table, version.owner.name, which),
+        # Redundant, but it keeps the index scan away from older versions.
+        table.c.since > _AFTER if held is _newer else true(),
+    )
+
+
+def _newer(version: Any) -> ColumnElement[bool]:
+    """Return whether a version holds now, and did not yet at the revision `after`."""
+    return and_(version.since > _AFTER, version.until.is_(None))
+
+
+def _parts(held: Any) -> list[Select[Any]]:
+    return [
+        *(_version_part(kind, held) for kind in KIND_TABLES.values()),
+        *(_list_part(kind, list_, held) for kind, list_ in _LISTS),
+    ]
+
+
+def _gone_part(kind: str, version: VersionTable) -> Select[Any]:
+    columns = version.table.c
+    return _part(f"{GONE}{kind}", [version.owner]).where(
+        columns.kb_id == KB, columns.until > _AFTER
+    )
+
+
+def _head_part() -> Select[Any]:
+    head = table_of(HeadRow).c
+    return _part("head", [head.definition_revision]).where(head.kb_id == KB)
+
+
+_NOW = Query(union_all(_head_part(), *_parts(lambda version: version.until.is_(None))))
+_AT = Query(union_all(*_parts(held_at)))
+_LAST_CHANGE = Query(
+    union_all(
+        *(
+            select(func.max(column)).where(tables.version.table.c.kb_id == KB, column <= THEN)
+            for tables in KIND_TABLES.values()
+            for column in (tables.version.table.c.since, tables.version.table.c.until)
+        )
+    )
+)
+_SINCE = Query(
+    union_all(
+        *(_gone_part(kind, tables.version) for kind, tables in KIND_TABLES.items()),
+        *_parts(_newer),
+    )
+)
+
+
+def load(session: Session, kb_id: int) -> tuple[int, Definitions]:
+    """Read the head and all that is defined now."""
+    rows = session.rows(_NOW, kb=kb_id)
+    with reading_rows("head", f"knowledge base {kb_id!r}"):
+        definition_revision = next(row[1] for row in rows if row[0] == "head")
+        key = f"knowledge base {kb_id!r}"
+        check_integer("head", key, "definition_revision", definition_revision)
+    return definition_revision, evolve(Definitions(), rows)
+
+
+def load_at(session: Session, kb_id: int, at: int) -> Definitions:
+    """Read all that was defined at a revision."""
+    return evolve(Definitions(), session.rows(_AT, kb=kb_id, at=at))
+
+
+def last_change(session: Session, kb_id: int, at: int) -> int:
+    """Return which revision, up to a past one, was the last to change a definition."""
+    return max(row[0] or 0 for row in session.rows(_LAST_CHANGE, kb=kb_id, at=at))
+
+
+def refresh(session: Session, kb_id: int, definitions: Definitions, after: int) -> Definitions:
+    """Bring definitions up to date by reading only what has changed."""
+    return evolve(definitions, session.rows(_SINCE, kb=kb_id, after=after))
+
+
+_IDENTITIES = {
+    kind: Query(
+        select(tables.identity.c.key, tables.identity.c.id, tables.identity.c.name).where(
+            tables.identity.c.kb_id == KB, in_list(tables.identity.c.key, "keys")
+        )
+    )
+    for kind, tables in KIND_TABLES.items()
+}
+
+
+def find_identities(
+    session: Session, kb_id: int, kind: str, keys: set[str]
+) -> dict[str, tuple[int, str] | None]:
+    """Find the identities of names, in one statement."""
+    found: dict[str, tuple[int, str] | None] = dict.fromkeys(keys)
+    rows = session.rows(_IDENTITIES[kind], kb=kb_id, keys=session.list_value(sorted(keys)))
+    found.update((key, (id_, name)) for key, id_, name in rows)
+    return found

@@ -1,0 +1,69 @@
+"""The backends, and which of them a database URL names."""
+
+from __future__ import annotations
+
+from importlib import import_module
+
+from sqlalchemy import URL, make_url
+from sqlalchemy.exc import ArgumentError
+
+from ...errors import InvalidUrlError
+from .base import Backend
+
+# By the name in the URL; imported on first use.
+BACKENDS = {
+    "sqlite": "kant_sql.sql.dialects.sqlite:SqliteBackend",
+    "postgresql": "kant_sql.sql.dialects.postgresql:PostgresqlBackend",
+}
+
+
+def dialect_name(url: str) -> str:
+    """Read which dialect a database URL names."""
+    return parse_url(url).get_backend_name()
+
+
+def parse_url(url: str) -> URL:
+    """Read a database URL."""
+    parsed = _parse(url)
+    if parsed is None:
+        raise InvalidUrlError(
+            "this is not a database URL; write sqlite:///robot.db for a file, sqlite:// for a "
+            "store in memory, or postgresql://user@host/database"
+        )
+    if parsed.password is not None and "@" in f"{parsed.host}{parsed.database}":
+        # Its second half would pass for the host, and be shown.
+        raise InvalidUrlError("an @ in the password of a database URL is written as %40")
+    name, plus, driver = parsed.drivername.partition("+")
+    return parsed.set(drivername=f"postgresql{plus}{driver}") if name == "postgres" else parsed
+
+
+def _parse(url: object) -> URL | None:
+    """Parse a URL; None if it is none. The parser's own error may hold a password."""
+    try:
+        # What no driver could be given is no URL either.
+        if not isinstance(url, str) or "\0" in url or not url.encode():
+            return None
+        return make_url(url)
+    except (ArgumentError, ValueError):
+        return None
+
+
+def backend_name(url: str) -> str:
+    """Read which backend a database URL names."""
+    name = dialect_name(url)
+    if name not in BACKENDS:
+        known = " and ".join(BACKENDS)
+        raise InvalidUrlError(f"{name}: no backend of this name; there are {known}")
+    return name
+
+
+def backend_class(name: str) -> type[Backend]:
+    """Import a backend."""
+    module, _, attribute = BACKENDS[name].partition(":")
+    found: type[Backend] = getattr(import_module(module), attribute)
+    return found
+
+
+def create_backend(url: str) -> Backend:
+    """Create the backend that a database URL names."""
+    return backend_class(backend_name(url))(parse_url(url))

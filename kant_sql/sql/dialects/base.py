@@ -1,0 +1,561 @@
+"""What a dialect provides: connections, sessions, locks, bulk inserts, errors, notifications."""
+
+from __future__ import annotations
+
+import logging
+import os
+import random
+import threading
+import time
+import weakref
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Collection, Hashable, Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from datetime import UTC, datetime
+from typing import Any, NamedTuple, Protocol, TypeVar
+
+from sqlalchemy import URL, Connection, Dialect, Engine, PoolProxiedConnection, Table
+from sqlalchemy.exc import InvalidRequestError
+from sqlalchemy.exc import TimeoutError as PoolTimeoutError
+
+from ...errors import (
+    ClosedError,
+    ConnectionLostError,
+    ForkedError,
+    InvalidUrlError,
+    StoreBusyError,
+    StoreError,
+    StoreUnreachableError,
+    printable,
+)
+from ..query import IdsQuery, Insert, Query, insert_text, raw
+from .structure import IndexFault, Statement, ViewDialect
+
+Row = tuple[Any, ...]
+
+
+class Cursor(Protocol):
+    """What a session uses of a driver's cursor (PEP 249)."""
+
+    rowcount: int
+
+    def execute(self, sql: str, parameters: Any = ..., /) -> Any:
+        """Run a statement."""
+
+    def executemany(self, sql: str, parameters: Any, /) -> Any:
+        """Run a statement for each set of parameters."""
+
+    def fetchall(self) -> list[Row]:
+        """Fetch the remaining rows."""
+
+    def fetchmany(self, size: int = ..., /) -> list[Row]:
+        """Fetch the next rows."""
+
+
+class AbandonedCursor:
+    """The cursor of a session whose connection belongs to the parent process."""
+
+    def __getattr__(self, name: str) -> Any:
+        raise ForkedError(
+            "this process was forked within a transaction, which is its parent's: nothing of it is "
+            "written from here; begin another one"
+        )
+
+
+class Roles(NamedTuple):
+    """Three roles, of which users are made members.
+
+    Attributes:
+        writer: the role that adds revisions and cannot change past ones.
+        reader: the role that reads tables and views.
+        auditor: the role that reads views.
+        schema: the schema of the auditor's views, where it is not that of the tables.
+        knowledge_base: the one that they are limited to; None for all.
+        statements: the SQL that creates or updates them.
+        remaining: the SQL that revokes from PUBLIC what these roles must not have, and that needs
+            more rights than the caller has.
+    """
+
+    writer: str
+    reader: str
+    auditor: str
+    schema: str | None
+    knowledge_base: str | None
+    statements: tuple[str, ...]
+    remaining: tuple[str, ...] = ()
+
+
+T = TypeVar("T")
+
+
+class Listener(ABC):
+    """Waits for commits to a store, by any process. One thread uses it."""
+
+    @abstractmethod
+    def wait(self, kb_id: int | None, seconds: float) -> None:
+        """Wait until something may have been committed since the last call.
+
+        The first call only begins to listen, so read after each call. A wait may end without a
+        commit.
+        """
+
+    def guarded(self, work: Callable[[], T]) -> T:
+        """Run a read during which this process is not forked."""
+        return work()
+
+    @abstractmethod
+    def close(self) -> None:
+        """Stop listening."""
+
+
+class Commits:
+    """Counts the commits to a store that only this process has."""
+
+    def __init__(self) -> None:
+        self._number = 0
+        self._changed = threading.Condition()
+
+    def notify(self) -> None:
+        """Wake all waiting threads."""
+        with self._changed:
+            self._number += 1
+            self._changed.notify_all()
+
+    def wait(self, seen: int | None, seconds: float) -> int:
+        """Wait for a commit after the number that an earlier call returned."""
+        with self._changed:
+            self._changed.wait_for(lambda: self._number != seen, seconds)
+            return self._number
+
+
+# Logs every statement at DEBUG; the tests count them here.
+logger = logging.getLogger("kant_sql.sql")
+
+FETCH_SIZE = 5_000
+LONGEST_LOGGED = 200
+
+
+class Session(ABC):
+    """A database connection that one thread uses for one transaction at a time.
+
+    It translates driver errors to those of `kant_sql.errors`, raised from the driver's.
+
+    Attributes:
+        backend: the database.
+        is_abandoned: whether the connection belongs to the parent process, after a fork.
+    """
+
+    placeholder = "?"
+
+    def __init__(self, backend: Backend, connection: PoolProxiedConnection) -> None:
+        self.backend = backend
+        self._pooled = connection
+        self._pool = backend.engine.pool
+        self._cursor: Cursor = connection.cursor()  # type: ignore[assignment]
+        self._dialect = backend.dialect
+        self._savepoints = 0
+        self.is_abandoned = False
+        backend.sessions[self] = threading.get_ident()
+
+    def rows(self, query: Query, **parameters: Any) -> list[Row]:
+        """Run a query and fetch all rows."""
+        self._execute(query.text(self._dialect), parameters)
+        return self._fetch()
+
+    def first(self, query: Query, **parameters: Any) -> Row | None:
+        """Run a query and fetch its first row."""
+        rows = self.rows(query, **parameters)
+        return rows[0] if rows else None
+
+    def run(self, query: Query, **parameters: Any) -> int:
+        """Run a statement without rows; return how many it changed."""
+        self._execute(query.text(self._dialect), parameters)
+        return self._cursor.rowcount
+
+    def run_many(self, query: Query, parameters: Sequence[dict[str, Any]]) -> int:
+        """Run a statement for each set of parameters."""
+        if len(parameters) == 1:
+            return self.run(query, **parameters[0])
+        if parameters:
+            self._execute_many(query.text(self._dialect), parameters)
+            return self._cursor.rowcount
+        return 0
+
+    def run_for(self, query: IdsQuery, ids: Sequence[int], **parameters: Any) -> None:
+        """Run a statement for each of some ids."""
+        self.run_many(query.each, [{"id": id_, **parameters} for id_ in ids])
+
+    def define(self, statement: str) -> None:
+        """Run a DDL statement given as text."""
+        self._execute(statement)
+
+    def insert(self, into: Insert, rows: Sequence[Row]) -> None:
+        """Insert rows."""
+        if len(rows) == 1:
+            self._execute(insert_text(into, self.placeholder), rows[0])
+        elif rows:
+            self._execute_many(insert_text(into, self.placeholder), rows)
+
+    def begin(self, write: bool) -> None:
+        """Begin a transaction."""
+        self._execute(self.backend.begin_write if write else self.backend.begin_read)
+
+    def commit(self, changed: int | None = None) -> None:
+        """Commit the transaction."""
+        self._commit(changed)
+
+    def _commit(self, changed: int | None) -> None:
+        self._execute("COMMIT")
+
+    def rollback(self) -> None:
+        """Roll the transaction back; a lost connection has done so itself."""
+        self._savepoints = 0
+        if not self.is_abandoned and self.in_transaction():
+            self._execute("ROLLBACK")
+
+    def savepoint(self) -> str:
+        """Set a savepoint."""
+        self._savepoints += 1
+        name = f"kant_sql_{self._savepoints}"
+        self._execute(f"SAVEPOINT {name}")
+        return name
+
+    def rollback_to(self, name: str) -> None:
+        """Roll back to a savepoint and release it."""
+        self._execute(f"ROLLBACK TO SAVEPOINT {name}")
+        self.release(name)
+
+    def release(self, name: str) -> None:
+        """Release a savepoint."""
+        self._execute(f"RELEASE SAVEPOINT {name}")
+
+    @property
+    def is_current(self) -> bool:
+        """Whether the connection belongs to the current pool and process."""
+        backend = self.backend
+        return not (self.is_abandoned or backend.is_closed) and self._pool is backend.engine.pool
+
+    def close(self) -> None:
+        """Return the connection to the pool."""
+        self.backend.sessions.pop(self, None)
+        if self.is_current or self.is_abandoned:
+            self._pooled.close()
+        else:
+            # The pool was closed while this was in use.
+            self._pooled.invalidate()
+
+    def abandon(self) -> None:
+        """Stop using the connection, in a forked process: it belongs to the parent."""
+        self.is_abandoned = True
+        self._cursor = AbandonedCursor()
+
+    def now(self, raw: Any) -> datetime:
+        """Read the value of `StoreClock`."""
+        return datetime.now(UTC) if raw is None else self.to_time(raw)
+
+    @abstractmethod
+    def replan(self) -> None:
+        """Discard cached plans before a large write."""
+
+    @abstractmethod
+    def lock_definitions(self) -> None:
+        """Lock the schema against other changes, in a write transaction."""
+
+    @abstractmethod
+    def in_transaction(self) -> bool:
+        """Return whether a transaction is open."""
+
+    @abstractmethod
+    def stream(self, query: Query, **parameters: Any) -> Iterator[Row]:
+        """Run a query and yield its rows in constant memory."""
+
+    @abstractmethod
+    def list_value(self, values: Sequence[int] | Sequence[str]) -> Any:
+        """Return the driver's form of a list parameter, for `in_list`."""
+
+    @abstractmethod
+    def from_time(self, moment: datetime) -> Any:
+        """Return the driver's form of a time."""
+
+    @abstractmethod
+    def to_time(self, raw: Any) -> datetime:
+        """Read the driver's form of a time, in UTC."""
+
+    def rows_of(self, sql: str) -> list[Row]:
+        """Run a query given as text, without parameters."""
+        return self.rows(raw(sql))
+
+    @abstractmethod
+    def describe(self, names: Collection[str]) -> Iterator[Statement]:
+        """Describe some tables and views as they are, and what belongs to them."""
+
+    @abstractmethod
+    def index_faults(self, tables: Sequence[str]) -> Iterator[IndexFault]:
+        """Compare the indexes of some tables, of all knowledge bases, with the tables."""
+
+    def wrong_values(self, tables: tuple[Table, ...], kb_id: int) -> Iterator[tuple[str, str, int]]:
+        """Count values that are not of their column's type: table, column and how many."""
+        # A database with strict types has none.
+        return iter(())
+
+    def _fetch(self) -> list[Row]:
+        try:
+            return self._cursor.fetchall()
+        except self.backend.driver_errors as error:
+            raise self.backend.translate(error) from error
+
+    def _execute(self, sql: str, parameters: Any = ()) -> None:
+        if logger.isEnabledFor(logging.DEBUG):
+            self._logged(self._cursor.execute, sql, parameters)
+            return
+        try:
+            self._cursor.execute(sql, parameters)
+        except self.backend.driver_errors as error:
+            raise self.backend.translate(error) from error
+
+    def _execute_many(self, sql: str, parameters: Sequence[Any]) -> None:
+        self._logged(self._cursor.executemany, sql, parameters)
+
+    def _logged(self, execute: Callable[[str, Any], Any], sql: str, parameters: Any) -> None:
+        """Run a statement, and log it with its time."""
+        started = time.perf_counter()
+        try:
+            execute(sql, parameters)
+        except self.backend.driver_errors as error:
+            raise self.backend.translate(error) from error
+        finally:
+            log_statement(sql, started)
+
+
+def log_statement(sql: str, started: float) -> None:
+    """Log a statement, shortened, without parameters: these are the robot's knowledge."""
+    if not logger.isEnabledFor(logging.DEBUG):
+        return
+    took = (time.perf_counter() - started) * 1e3
+    text = " ".join(sql.split())
+    if len(text) > LONGEST_LOGGED:
+        text = f"{text[:LONGEST_LOGGED]}..."
+    said = {"sql": sql, "milliseconds": took}
+    logger.debug("%s (%.3f ms)", printable(text), took, extra=said)
+
+
+class Backend(ABC):
+    """A database that a URL names. Safe to share between threads; it survives a fork.
+
+    Attributes:
+        sessions: the open sessions, each with the thread that uses it.
+        has_answered: whether a server has answered before, so that it may come back.
+        is_closed: whether it was closed for good.
+        has_one_connection: whether all threads take turns on one connection.
+        when_forked: called first in a forked child process.
+        no_roles: why there are no roles, and what to do instead; None where there are.
+        revision_comes_last: whether the row of a revision is written last, so that row policies
+            take its versions for past.
+        durable: the statement that makes later commits of a connection survive a power cut.
+        views: how generated views are written and found.
+    """
+
+    has_answered = False
+    is_closed = False
+    has_one_connection = False
+    no_roles: str | None = None
+    revision_comes_last = False
+    begin_read: str
+    begin_write: str
+    durable: str
+    views: ViewDialect
+
+    def __init__(self, url: URL) -> None:
+        self.url = url
+        self.engine = self.create_engine()
+        self.driver_errors: tuple[type[Exception], ...] = (
+            self.engine.dialect.loaded_dbapi.Error,
+            # A driver refuses text or numbers that its protocol cannot carry.
+            UnicodeError,
+            OverflowError,
+        )
+        self.sessions: dict[Session, int] = {}
+        self.when_forked: list[Callable[[], None]] = []
+        _BACKENDS.add(self)
+
+    @property
+    def dialect(self) -> Dialect:
+        """The SQLAlchemy dialect, with the driver's parameter style."""
+        return self.engine.dialect
+
+    @property
+    def label(self) -> str:
+        """The URL for messages, without passwords."""
+        return url_label(self.url)
+
+    def session(self) -> Session:
+        """Take a connection from the pool."""
+        if self.is_closed:
+            self.refuse_closed()
+        return self.wrap(self.take(self.engine))
+
+    def refuse_closed(self) -> None:
+        """Raise when it is closed."""
+        if self.is_closed:
+            raise ClosedError(
+                f"{self.label}: this knowledge base was closed; connect again to go on"
+            )
+
+    def take(self, engine: Engine) -> PoolProxiedConnection:
+        """Take a connection from a pool."""
+        try:
+            return engine.raw_connection()
+        except PoolTimeoutError as error:
+            raise StoreBusyError(
+                f"{self.label}: all connections of this process are in use; close transactions "
+                "that wait, or use fewer threads at once"
+            ) from error
+        except InvalidRequestError as error:
+            raise ConnectionLostError(
+                f"{self.label}: connections are lost as fast as they are made; nothing was "
+                "written, try again"
+            ) from error
+        except self.driver_errors as error:
+            raise self.translate_connect(error) from error
+
+    @contextmanager
+    def open_session(self) -> Iterator[Session]:
+        """Take a connection for the length of a `with` block."""
+        session = self.session()
+        try:
+            yield session
+        finally:
+            session.close()
+
+    def close(self) -> None:
+        """Close all connections, for good."""
+        self.is_closed = True
+        self.engine.dispose()
+
+    def forked(self) -> None:
+        """Start over in a child process: the connections belong to the parent."""
+        self.leave_connections()
+        for session in self.sessions:
+            session.abandon()
+        self.sessions = {}
+        for call in self.when_forked:
+            call()
+
+    def leave_connections(self) -> None:
+        """Leave the connections to the parent process, in its child."""
+        self.engine.dispose(close=False)
+
+    def exists(self) -> bool:
+        """Return whether there is a database, where connecting would create it."""
+        return True
+
+    def remove(self, mark: Query) -> bool:
+        """Remove the database unless it is in use, or `mark` finds a row in it."""
+        return False
+
+    def create_roles(self, knowledge_base: str | None, dry_run: bool) -> Roles:
+        """Create the roles of the database, or update them."""
+        raise StoreError(f"{self.label}: {self.no_roles}")
+
+    @staticmethod
+    def roles_set_aside(connection: Connection) -> AbstractContextManager[None]:
+        """Drop what belongs to roles for the length of a migration, and create it again."""
+        return nullcontext()
+
+    @abstractmethod
+    def renew(self) -> None:
+        """Distrust existing connections, after one was lost."""
+
+    @abstractmethod
+    def create_engine(self) -> Engine:
+        """Create the engine whose pool the sessions use."""
+
+    @abstractmethod
+    def wrap(self, connection: Any) -> Session:
+        """Wrap a connection of the pool."""
+
+    @abstractmethod
+    def translate(self, error: Exception) -> StoreError:
+        """Translate a driver's error."""
+
+    @abstractmethod
+    def translate_connect(self, error: Exception) -> StoreError:
+        """Translate a driver's failure to connect."""
+
+    @abstractmethod
+    def queue(self, knowledge_base: str) -> Hashable:
+        """Identify the queue of a knowledge base's writers: equal values are one queue."""
+
+    @abstractmethod
+    def write_lock(self) -> threading.Lock | None:
+        """Return the lock that this process's writers queue on, where the database has no queue."""
+
+    @abstractmethod
+    def is_empty(self, session: Session) -> bool:
+        """Return whether the store is new, so that opening it creates the tables."""
+
+    @abstractmethod
+    def listener(self) -> Listener:
+        """Create a listener for one thread, which closes it."""
+
+    @abstractmethod
+    def migration_connection(self) -> AbstractContextManager[Connection]:
+        """Open a connection on which migrations run alone, in one transaction."""
+
+
+_BACKENDS: weakref.WeakSet[Backend] = weakref.WeakSet()
+
+
+def _in_child() -> None:
+    for backend in list(_BACKENDS):
+        backend.forked()
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_in_child)
+
+
+def url_label(url: URL) -> str:
+    """Return a URL for messages, without passwords."""
+    hidden = {key: "..." for key in url.query if "pass" in key.lower()}
+    return printable(url.update_query_dict(hidden).render_as_string(hide_password=True))
+
+
+def refuse_unknown_options(url: URL, known: set[str]) -> None:
+    """Refuse a URL with unknown options."""
+    unknown = sorted(set(url.query) - known)
+    if unknown:
+        raise InvalidUrlError(
+            f"{url_label(url)}: unknown option {unknown[0]!r}; "
+            f"known ones are {', '.join(sorted(known))}"
+        )
+
+
+_retry_logger = logging.getLogger("kant_sql.retry")
+
+RETRY_FOR = 10.0
+FIRST_PAUSE, LONGEST_PAUSE = 0.02, 0.5
+
+
+def retrying(backend: Backend, work: Callable[[], T]) -> T:
+    """Retry `work` for some seconds while the store is busy or the connection is lost."""
+    deadline = time.monotonic() + RETRY_FOR
+    pause = FIRST_PAUSE
+    attempt = 0
+    while True:
+        attempt += 1
+        try:
+            return work()
+        except (StoreBusyError, ConnectionLostError, StoreUnreachableError) as error:
+            if isinstance(error, ConnectionLostError):
+                # The other connections of the pool are most likely lost, too.
+                backend.renew()
+            elif isinstance(error, StoreUnreachableError) and not backend.has_answered:
+                raise
+            if time.monotonic() + pause > deadline:
+                raise
+            _retry_logger.warning(
+                "attempt %d failed, trying again: %s", attempt, printable(str(error))
+            )
+        time.sleep(pause * random.uniform(0.5, 1.5))
+        pause = min(2 * pause, LONGEST_PAUSE)

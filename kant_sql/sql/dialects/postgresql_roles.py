@@ -1,0 +1,648 @@
+"""Roles on PostgreSQL: grants and row policies, and the locks of schema changes.
+
+A schema change first locks the version table, in a mode that needs more than the right to read: a
+reader's login can neither take that lock nor block it. It locks the other tables last, when all
+statements are known, and each attempt waits only briefly: an open transaction that has read a table
+blocks its change, and all later statements on it queue behind the waiting lock.
+
+A grant selects tables and columns, a policy rows. Policies for writing are bounded by the last row
+of `revision`, to which a writer can only add, and by the head's revision, read with its lock: a
+statement sees `revision` as of its start. Versions of a later revision belong to the open
+transaction; a writer may delete or reopen these and no others.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any, NamedTuple
+
+from sqlalchemy import Column, Connection, MetaData, Table, text
+
+from ...errors import KantSqlError
+from ..tables import Base
+from ..tables.base import VERSION_TABLE
+from .base import Roles
+from .postgresql_structure import PostgresqlViews
+
+# The prefix of roles, and of all that is created for them.
+PREFIX = "kant_sql_"
+# With the longest prefix and suffix, 63 bytes: PostgreSQL truncates longer names.
+_LONGEST_PART = 40
+_PLAIN = re.compile(rf"[a-z][a-z0-9_]{{0,{_LONGEST_PART - 1}}}")
+_LOOKS_MADE = re.compile(r".*_[0-9a-f]{12}")
+_STRANGE = re.compile(r"[^a-z0-9]+")
+_VIEWS = PostgresqlViews()
+
+
+def safe_part(knowledge_base: str) -> str:
+    """Convert a knowledge base's name into a part of identifiers, unique to it."""
+    if _PLAIN.fullmatch(knowledge_base) and not _LOOKS_MADE.fullmatch(knowledge_base):
+        return knowledge_base
+    digest = hashlib.sha256(knowledge_base.encode()).hexdigest()[:12]
+    plain = _STRANGE.sub("_", knowledge_base.lower()).strip("_")
+    return f"{plain[: _LONGEST_PART - 13].strip('_') or 'kb'}_{digest}"
+
+
+class Qualifier:
+    """Quotes identifiers, and qualifies them by the schema of the tables."""
+
+    def __init__(self, schema: str) -> None:
+        self.schema = schema
+
+    @staticmethod
+    def quote(identifier: str) -> str:
+        """Quote an identifier."""
+        return str(_VIEWS.preparer.quote(identifier))
+
+    def relation(self, name: str, schema: str | None = None) -> str:
+        """Qualify the name of a table or view."""
+        return f"{self.quote(self.schema if schema is None else schema)}.{self.quote(name)}"
+
+
+class RoleScope(NamedTuple):
+    """The knowledge bases of three roles: all, or one by name and id."""
+
+    knowledge_base: str | None = None
+    kb_id: int | None = None
+
+    @property
+    def suffix(self) -> str:
+        """The suffix of its roles and policies."""
+        return "" if self.knowledge_base is None else f"_{safe_part(self.knowledge_base)}"
+
+    @property
+    def schema(self) -> str | None:
+        """The schema of its auditor's views; None for that of the tables."""
+        return None if self.knowledge_base is None else f"{PREFIX}{self.suffix[1:]}"
+
+    def roles(self, statements: Iterable[str] = (), remaining: Iterable[str] = ()) -> Roles:
+        """Return its roles."""
+        return Roles(
+            f"{PREFIX}writer{self.suffix}",
+            f"{PREFIX}reader{self.suffix}",
+            f"{PREFIX}auditor{self.suffix}",
+            self.schema,
+            self.knowledge_base,
+            tuple(statements),
+            tuple(remaining),
+        )
+
+
+# Waiting for another migration blocks nobody else.
+WAIT_FOR_SCHEMA = "10min"
+# All other statements on a table queue behind a waiting lock.
+WAIT_FOR_TABLE = "500ms"
+
+SCHEMA_OF_TABLES = text(
+    "SELECT n.nspname FROM pg_class AS c JOIN pg_namespace AS n ON n.oid = c.relnamespace "
+    f"WHERE c.oid = to_regclass('{VERSION_TABLE}')"
+)
+_TABLES = text("SELECT tablename FROM pg_tables WHERE schemaname = :schema")
+# Without the right to see when another's transaction began, that column is NULL.
+_HOLDERS = text(
+    "SELECT a.pid, a.usename, nullif(a.application_name, ''), "
+    "extract(epoch FROM clock_timestamp() - a.xact_start)::bigint "
+    "FROM pg_stat_activity AS a WHERE a.pid <> pg_backend_pid() AND EXISTS ("
+    "SELECT FROM pg_locks AS l JOIN pg_class AS c ON c.oid = l.relation "
+    "WHERE l.pid = a.pid AND l.granted AND l.database = a.datid "
+    "AND a.datname = current_database() AND c.relname = ANY(:names)) "
+    "ORDER BY a.xact_start NULLS LAST, a.pid LIMIT 3"
+)
+
+
+def lock_schema(run: Callable[[str], bool]) -> None:
+    """Wait for other schema changes; afterwards, wait for tables only briefly."""
+    run(f"SET LOCAL lock_timeout = '{WAIT_FOR_SCHEMA}'")
+    # Of two migrations that create it, one waits and is retried.
+    if run(f"SELECT to_regclass('{VERSION_TABLE}') IS NOT NULL"):
+        run(f"LOCK TABLE {VERSION_TABLE} IN SHARE UPDATE EXCLUSIVE MODE")
+    run(f"SET LOCAL lock_timeout = '{WAIT_FOR_TABLE}'")
+
+
+def lock_tables(connection: Connection) -> None:
+    """Lock all tables exclusively, before the first is changed."""
+    names = Qualifier(connection.scalar(SCHEMA_OF_TABLES) or "public")
+    there = {row[0] for row in connection.execute(_TABLES, {"schema": names.schema})}
+    # Writers begin with the head: once it is locked, none holds other tables.
+    wanted = [name for name in ("head", *sorted(Base.metadata.tables)) if name in there]
+    if wanted:
+        listed = ", ".join(map(names.relation, dict.fromkeys(wanted)))
+        connection.exec_driver_sql(f"LOCK TABLE {listed}")
+
+
+def holders(connection: Connection) -> str:
+    """Describe who holds locks on tables."""
+    names = [*Base.metadata.tables, VERSION_TABLE]
+    return "; ".join(_shown(*row) for row in connection.execute(_HOLDERS, {"names": names}))
+
+
+def _shown(pid: int, user: str | None, program: str | None, seconds: int | None) -> str:
+    called = f" ({program})" if program else ""
+    since = "" if seconds is None else f", in a transaction for {seconds} s"
+    return f"process {pid} of user {user}{called}{since}"
+
+
+READ = "read"
+ALWAYS = "true"
+# The columns that each revision moves: not `kb_id`, nor that of archives.
+HEAD_COLUMNS = ("revision", "definition_revision", "next_id", "hash", "committed_at")
+# Only the tables' owner archives: nobody else may delete.
+NOT_WRITTEN = frozenset({"archive"})
+# Times never go back, so a time far ahead would hold for all later revisions. A writer adds the
+# time since its transaction began, during which the server's clock may be adjusted.
+_LATEST = "clock_timestamp() + interval '1 minute'"
+# A time long ago would change what `at` returns for times since the previous revision.
+_EARLIEST = "least(transaction_timestamp(), clock_timestamp()) - interval '1 minute'"
+# The range of Python's datetime: no driver reads other times.
+_WITHIN = "BETWEEN '0001-01-01 00:00:00+00' AND '9999-12-31 23:59:59.999999+00'"
+# Versions that do not move `head.definition_revision`.
+NO_DEFINITIONS = frozenset({"proposition_version", "function_value_version", "plan_step_version"})
+# One row per knowledge base: roles of one knowledge base insert none.
+FOR_ALL_ONLY = frozenset({"knowledge_base", "head"})
+
+
+class Right(NamedTuple):
+    """A right of writers on a table.
+
+    Attributes:
+        verb: `insert`, `update` or `delete`.
+        columns: the columns that it is limited to; empty for whole rows.
+        using: the condition on the old row.
+        check: the condition on the new row.
+    """
+
+    verb: str
+    columns: tuple[str, ...] = ()
+    using: str | None = None
+    check: str | None = None
+
+
+def writer_rights(table: Table, tables: Sequence[Table], names: Qualifier) -> Iterator[Right]:
+    """Yield the rights of writers on a table, except reading."""
+    if table.name in NOT_WRITTEN:
+        return
+    mine = names.quote(table.name)
+    last = _last_revision(mine, names)
+    yield Right("insert", check=_insertable(table, mine, last, names))
+    if table.name == "head":
+        check = " AND ".join(_head_checks(mine, last, tables, names))
+        yield Right("update", HEAD_COLUMNS, using=ALWAYS, check=check)
+    if "until" in table.c:
+        # An open version may be closed, and one closed in this transaction reopened.
+        columns = tuple(name for name in ("until", "fork") if name in table.c)
+        ends_now = _is_not_past("until", mine, last, names)
+        using = f"{mine}.until IS NULL OR {ends_now}"
+        yield Right("update", columns, using, _closable(table, mine, ends_now))
+    if "since" in table.primary_key.columns:
+        yield Right("delete", using=f"{mine}.since > {last}")
+
+
+def own_rows(table: Table, names: Qualifier, kb_id: int | None) -> str:
+    """Write the condition that a row belongs to the knowledge base."""
+    if kb_id is None:
+        return ALWAYS
+    column = "id" if table.name == "knowledge_base" else "kb_id"
+    return f"{names.quote(table.name)}.{column} = {kb_id}"
+
+
+def _last_revision(mine: str, names: Qualifier) -> str:
+    revision = names.relation("revision")
+    return f"(SELECT coalesce(max(r.number), 0) FROM {revision} AS r WHERE r.kb_id = {mine}.kb_id)"
+
+
+def _head(mine: str, names: Qualifier) -> str:
+    return f"FROM {names.relation('head')} AS h WHERE h.kb_id = {mine}.kb_id"
+
+
+def _locked_head(column: str, mine: str, names: Qualifier) -> str:
+    """Read a column of the head under its lock, not as of the statement's start.
+
+    Otherwise a slow statement would take versions that others committed meanwhile for its own.
+    """
+    return f"(SELECT h.{column} {_head(mine, names)} FOR NO KEY UPDATE)"
+
+
+def _is_not_past(column: str, mine: str, last: str, names: Qualifier) -> str:
+    """Write the condition that a column is a revision that is not committed yet."""
+    revision = f"{mine}.{column}"
+    return f"{revision} > {last} AND {revision} > {_locked_head('revision', mine, names)}"
+
+
+def _insertable(table: Table, mine: str, last: str, names: Qualifier) -> str:
+    """Write the condition that a new row does not change the past."""
+    if table.name in FOR_ALL_ONLY:
+        return ALWAYS
+    if table.name == "revision":
+        return f"{mine}.number = 1 + {last} AND {_is_dated(table, mine, names)}"
+    if table.name == "revision_plan_step":
+        return f"{mine}.number > {_locked_head('revision', mine, names)}"
+    if "since" in table.c:
+        is_new = _is_not_past("since", mine, last, names)
+        return f"{is_new} AND {_open(table, mine)}" if "until" in table.c else is_new
+    # Identities and their parts: only new ones.
+    owner = _owner(table)
+    is_new = f"{mine}.{names.quote(owner)} >= {_locked_head('next_id', mine, names)}"
+    return is_new if owner == "id" else f"{is_new} AND {_is_of_new_row(mine, owner, names)}"
+
+
+def _is_dated(table: Table, mine: str, names: Qualifier) -> str:
+    """Write the condition that a revision's times follow the previous ones and are readable.
+
+    It locks the head, so that only the transaction with the versions of this revision adds it;
+    otherwise a statement that does not see these versions could move the head to it.
+    """
+    at = f"{mine}.committed_at"
+    head = _locked_head("committed_at", mine, names)
+    before = (
+        f"(SELECT r.committed_at FROM {names.relation('revision')} AS r "
+        f"WHERE r.kb_id = {mine}.kb_id AND r.number = {mine}.number - 1)"
+    )
+    # `greatest` ignores NULL: the first revision has no previous one.
+    condition = (
+        f"{at} >= greatest({head}, {before}, {_EARLIEST}) AND {at} <= greatest({_LATEST}, {head}) "
+        f"AND {at} {_WITHIN}"
+    )
+    if "observed_at" in table.c:
+        condition += f" AND ({mine}.observed_at IS NULL OR {mine}.observed_at {_WITHIN})"
+    return condition
+
+
+def _is_of_new_row(mine: str, owner: str, names: Qualifier) -> str:
+    """Write the condition that a row is part of an identity that this transaction inserted.
+
+    The head does not tell: an identity beyond its `next_id` stays so when committed alone. A
+    visible row whose transaction is in progress is one's own, also from a savepoint, which has its
+    own number. `xmin` has 32 bits of that number: it is completed near the current one.
+    """
+    this = "pg_current_xact_id()::text::bigint"
+    distance = f"(i.xmin::text::bigint - {this} + {1 << 31})"
+    number = f"({this} + (({distance} % {1 << 32}) + {1 << 32}) % {1 << 32} - {1 << 31})"
+    return (
+        f"EXISTS (SELECT FROM {names.relation(owner.removesuffix('_id'))} AS i "
+        f"WHERE i.kb_id = {mine}.kb_id AND i.id = {mine}.{names.quote(owner)} "
+        f"AND pg_xact_status({number}::text::xid8) = 'in progress')"
+    )
+
+
+def _open(table: Table, mine: str) -> str:
+    return f"{mine}.until IS NULL" + (f" AND {mine}.fork = 0" if "fork" in table.c else "")
+
+
+def _closable(table: Table, mine: str, ends_now: str) -> str:
+    """Write the condition that a version is open, or ends in an uncommitted revision."""
+    closed = ends_now
+    if "fork" in table.c:
+        # Otherwise a past state would not find the version. `x & -x` is the largest power of two
+        # that divides x: the fork is the only number whose span of that size covers both ends.
+        power = f"({mine}.fork & -{mine}.fork)"
+        closed += (
+            f" AND {mine}.since <= {mine}.fork AND {mine}.fork < {mine}.until "
+            f"AND {mine}.since > {mine}.fork - {power} AND {mine}.until <= {mine}.fork + {power}"
+        )
+    return f"({_open(table, mine)}) OR ({closed})"
+
+
+def _head_checks(mine: str, last: str, tables: Sequence[Table], names: Qualifier) -> Iterator[str]:
+    """Yield the conditions that the head moves to the last revision, by one.
+
+    Otherwise a definition could change, or an id be allocated, in a revision that the head skips.
+    The subquery sees the old row.
+    """
+    yield (
+        f"EXISTS (SELECT FROM {names.relation('revision')} AS r WHERE r.kb_id = {mine}.kb_id "
+        f"AND r.number = {mine}.revision AND r.hash = {mine}.hash "
+        f"AND r.committed_at = {mine}.committed_at) AND {mine}.revision = {last}"
+    )
+    yield (
+        f"EXISTS (SELECT FROM {names.relation('head')} AS h WHERE h.kb_id = {mine}.kb_id "
+        f"AND h.revision = {mine}.revision - 1 AND h.next_id <= {mine}.next_id "
+        f"AND h.definition_revision <= {mine}.definition_revision "
+        f"AND {mine}.definition_revision <= {mine}.revision)"
+    )
+    versions = [table for table in tables if "until" in table.c]
+    # Caches of definitions rely on it.
+    changed = [
+        _has_rows(table, f"v.{end} = {mine}.revision", mine, names)
+        for table in versions
+        if table.name not in NO_DEFINITIONS
+        for end in ("since", "until")
+    ]
+    yield f"({mine}.definition_revision = {mine}.revision OR NOT ({' OR '.join(changed)}))"
+    # An id that is not allocated could be inserted later.
+    ahead = [
+        _has_rows(
+            table,
+            f"v.since = {mine}.revision AND v.{_owner(table)} >= {mine}.next_id",
+            mine,
+            names,
+        )
+        for table in versions
+    ]
+    yield f"NOT ({' OR '.join(ahead)})"
+
+
+def _has_rows(table: Table, condition: str, mine: str, names: Qualifier) -> str:
+    relation = names.relation(table.name)
+    return f"EXISTS (SELECT FROM {relation} AS v WHERE v.kb_id = {mine}.kb_id AND {condition})"
+
+
+def _owner(table: Table) -> str:
+    """Return the column of the identity in a table."""
+    return str([*table.primary_key.columns][1].name)
+
+
+def policies(
+    table: Table,
+    tables: Sequence[Table],
+    names: Qualifier,
+    suffix: str,
+    kb_id: int | None,
+    readers: str,
+    writer: str,
+) -> Iterator[str]:
+    """Yield the statements that create a table's policies for the roles of one scope."""
+    relation, own = names.relation(table.name), own_rows(table, names, kb_id)
+
+    def create(verb: str, command: str, roles: str, conditions: str) -> str:
+        policy = names.quote(f"{PREFIX}{verb}{suffix}")
+        return f"CREATE POLICY {policy} ON {relation} FOR {command} TO {roles} {conditions}"
+
+    yield create(READ, "SELECT", readers, f"USING ({own})")
+    for right in writer_rights(table, tables, names):
+        if kb_id is not None and table.name in FOR_ALL_ONLY and right.verb == "insert":
+            continue
+        parts = ((part, condition) for part, condition in _parts(right) if condition is not None)
+        conditions = " ".join(f"{part} ({_both(own, condition)})" for part, condition in parts)
+        yield create(right.verb, right.verb.upper(), writer, conditions)
+
+
+def _parts(right: Right) -> tuple[tuple[str, str | None], ...]:
+    return ("USING", right.using), ("WITH CHECK", right.check)
+
+
+def _both(own: str, condition: str) -> str:
+    if ALWAYS in (own, condition):
+        return condition if own == ALWAYS else own
+    return f"{own} AND ({condition})"
+
+
+_COLUMNS = text(
+    "SELECT c.relname, array_agg(a.attname::text) FROM pg_class AS c "
+    "JOIN pg_namespace AS n ON n.oid = c.relnamespace "
+    "JOIN pg_attribute AS a ON a.attrelid = c.oid AND a.attnum > 0 AND NOT a.attisdropped "
+    "WHERE n.nspname = :schema AND c.relkind = 'r' GROUP BY c.relname"
+)
+# Found by the view that they select from: their knowledge base may be gone.
+_OWN_VIEWS = text(
+    "SELECT DISTINCT n.nspname, c.relname FROM pg_depend AS d "
+    "JOIN pg_class AS shown ON shown.oid = d.refobjid AND shown.relkind = 'v' "
+    "JOIN pg_namespace AS s ON s.oid = shown.relnamespace "
+    "JOIN pg_rewrite AS r ON r.oid = d.objid AND d.classid = 'pg_rewrite'::regclass "
+    "JOIN pg_class AS c ON c.oid = r.ev_class AND c.relname = shown.relname "
+    "JOIN pg_namespace AS n ON n.oid = c.relnamespace "
+    "WHERE d.refclassid = 'pg_class'::regclass AND s.nspname = :schema "
+    f"AND n.nspname <> :schema AND starts_with(n.nspname, '{PREFIX}') ORDER BY 1, 2"
+)
+# The column tells them from other views of these names.
+_AUDIT_VIEWS = text(
+    "SELECT c.relname FROM pg_class AS c JOIN pg_namespace AS n ON n.oid = c.relnamespace "
+    "JOIN pg_attribute AS a ON a.attrelid = c.oid AND a.attname = 'knowledge_base' "
+    "WHERE n.nspname = :schema AND c.relkind = 'v' AND starts_with(c.relname, 'audit_') "
+    "ORDER BY c.relname"
+)
+_POLICIES = text(
+    "SELECT c.relname, p.polname FROM pg_policy AS p JOIN pg_class AS c ON c.oid = p.polrelid "
+    "JOIN pg_namespace AS n ON n.oid = c.relnamespace "
+    f"WHERE n.nspname = :schema AND starts_with(p.polname, '{PREFIX}') ORDER BY 1, 2"
+)
+_ROLE_NAMES = text(f"SELECT rolname FROM pg_roles WHERE starts_with(rolname, '{PREFIX}')")
+# Rights of PUBLIC that could fill a disk or hide a table behind another: the statement that revokes
+# each, whether PUBLIC has it, and whether this user may revoke it.
+_FOR_EVERYBODY = text(
+    "SELECT format('REVOKE TEMPORARY ON DATABASE %I FROM PUBLIC', datname), "
+    "has_database_privilege('public', oid, 'TEMPORARY'), pg_has_role(datdba, 'USAGE') "
+    "FROM pg_database WHERE datname = current_database() UNION ALL "
+    "SELECT format('REVOKE EXECUTE ON FUNCTION %s FROM PUBLIC', oid::regprocedure), "
+    "has_function_privilege('public', oid, 'EXECUTE'), pg_has_role(proowner, 'USAGE') "
+    "FROM pg_proc WHERE pronamespace = 'pg_catalog'::regnamespace "
+    "AND proname IN ('lo_creat', 'lo_create', 'lo_from_bytea', 'lo_import') ORDER BY 1"
+)
+_KNOWLEDGE_BASES = text("SELECT id, name FROM knowledge_base ORDER BY id")
+
+
+class RoleMaker:
+    """Writes the statements that create roles in a database as it is now."""
+
+    def __init__(self, connection: Connection) -> None:
+        self._connection = connection
+        self._names = Qualifier(connection.scalar(SCHEMA_OF_TABLES) or "public")
+        present = {row[0]: row[1] for row in self._query(_COLUMNS)}
+        tables = Base.metadata.tables.values()
+        self._tables = [_as_it_is(t, present[t.name]) for t in tables if t.name in present]
+        self._version = [VERSION_TABLE] if VERSION_TABLE in present else []
+        self._views = [row[0] for row in self._query(_AUDIT_VIEWS)]
+        self._generated = _VIEWS.list_generated(lambda sql: connection.exec_driver_sql(sql).all())
+        self._old = [(row[0], row[1]) for row in self._query(_POLICIES)]
+        self._own = [(row[0], row[1]) for row in self._query(_OWN_VIEWS)]
+
+    @property
+    def in_force(self) -> bool:
+        """Whether this database has roles already."""
+        return bool(self._old)
+
+    @property
+    def is_in_the_way(self) -> bool:
+        """Whether policies or views block changes of tables."""
+        return bool(self._old or self._own)
+
+    @property
+    def has_tables(self) -> bool:
+        """Whether there are tables to grant rights on."""
+        return bool(self._tables)
+
+    def scopes(self) -> list[RoleScope]:
+        """List the scopes that have roles, and the one of all knowledge bases."""
+        known = self._known_suffixes()
+        return [RoleScope(), *(scope for scope in self._all_scopes() if scope.suffix in known)]
+
+    def scope(self, knowledge_base: str | None) -> RoleScope:
+        """Return the scope of a knowledge base, or of all."""
+        if knowledge_base is None:
+            return RoleScope()
+        scopes = {scope.knowledge_base: scope for scope in self._all_scopes()}
+        if knowledge_base not in scopes:
+            listed = ", ".join(repr(name) for name in [*scopes][:20]) or "none yet"
+            raise KantSqlError(
+                f"there is no knowledge base {knowledge_base!r} in this store to limit roles to: "
+                f"write to it once, as the tables' owner or kant_sql_writer; there are: {listed}"
+            )
+        return scopes[knowledge_base]
+
+    def withdraw(self) -> Iterator[str]:
+        """Yield the statements that drop policies and auditors' own views.
+
+        The roles of a knowledge base that is gone or renamed lose their rights: another knowledge
+        base may get its id.
+        """
+        for table, policy in self._old:
+            yield f"DROP POLICY {self._names.quote(policy)} ON {self._names.relation(table)}"
+        if self._own:
+            own = (self._names.relation(view, schema) for schema, view in self._own)
+            yield f"DROP VIEW {', '.join(own)}"
+        there = {scope.suffix for scope in self._all_scopes()}
+        for suffix in sorted(self._known_suffixes() - there - {""}):
+            gone = {f"{PREFIX}{right}{suffix}" for right in ("writer", "reader", "auditor")}
+            roles = sorted(gone & self._roles())
+            if roles:
+                named = ", ".join(map(self._names.quote, roles))
+                yield f"REVOKE ALL ON TABLE {self._listed(self._relations())} FROM {named}"
+
+    def make(self, scopes: Iterable[RoleScope]) -> Iterator[str]:
+        """Yield the statements that create roles, grants and policies."""
+        existing = self._roles()
+        for table in self._tables:
+            yield f"ALTER TABLE {self._names.relation(table.name)} ENABLE ROW LEVEL SECURITY"
+        for scope in scopes:
+            roles = scope.roles()
+            for role in roles[:3]:
+                if role not in existing:
+                    yield f"CREATE ROLE {self._names.quote(role)} NOLOGIN"
+            yield from self._grants(scope, roles)
+            writer, reader = map(self._names.quote, roles[:2])
+            for table in self._tables:
+                yield from policies(
+                    table,
+                    self._tables,
+                    self._names,
+                    scope.suffix,
+                    scope.kb_id,
+                    f"{reader}, {writer}",
+                    writer,
+                )
+            if scope.schema is not None:
+                yield from self._own_views(scope, roles)
+
+    def revocations(self, by_caller: bool) -> list[str]:
+        """List the statements that revoke temporary tables and large objects from PUBLIC.
+
+        A role cannot lack a right that PUBLIC has.
+        """
+        rows = self._connection.execute(_FOR_EVERYBODY)
+        return [row[0] for row in rows if row[1] and row[2] == by_caller]
+
+    def _grants(self, scope: RoleScope, roles: Roles) -> Iterator[str]:
+        quote, listed = self._names.quote, self._listed
+        writer, reader, auditor = map(quote, roles[:3])
+        everyone = f"{writer}, {reader}, {auditor}"
+        tables = [*(table.name for table in self._tables), *self._version]
+        all_views = [*self._views, *sorted(self._generated)]
+        yield f"GRANT USAGE ON SCHEMA {quote(self._names.schema)} TO {everyone}"
+        yield f"REVOKE ALL ON TABLE {listed(self._relations())} FROM {everyone}"
+        yield f"GRANT SELECT ON TABLE {listed(tables)} TO {writer}, {reader}"
+        # A view shows what its owner sees: all knowledge bases, or the one that it is of.
+        views = all_views if scope.kb_id is None else self._generated_of(scope.kb_id)
+        if views:
+            yield f"GRANT SELECT ON TABLE {listed(views)} TO {everyone}"
+        if scope.kb_id is not None:
+            # Otherwise a function of the reader could see rows before the policy filters them.
+            relations = map(self._names.relation, views)
+            yield from (f"ALTER VIEW {view} SET (security_barrier)" for view in relations)
+        granted: defaultdict[str, list[str]] = defaultdict(list)
+        for table in self._tables:
+            for right in writer_rights(table, self._tables, self._names):
+                if scope.kb_id is None or right.verb != "insert" or table.name not in FOR_ALL_ONLY:
+                    columns = f" ({', '.join(map(quote, right.columns))})" if right.columns else ""
+                    granted[f"{right.verb.upper()}{columns}"].append(table.name)
+        for privilege, names in granted.items():
+            yield f"GRANT {privilege} ON TABLE {listed(names)} TO {writer}"
+
+    def _own_views(self, scope: RoleScope, roles: Roles) -> Iterator[str]:
+        """Yield the statements that create the audit views of one knowledge base."""
+        assert scope.schema is not None
+        schema, names = self._names.quote(scope.schema), self._names
+        everyone = ", ".join(map(names.quote, roles[:3]))
+        yield f"CREATE SCHEMA IF NOT EXISTS {schema}"
+        yield f"GRANT USAGE ON SCHEMA {schema} TO {everyone}"
+        for view in self._views:
+            own = names.relation(view, scope.schema)
+            yield (
+                f"CREATE VIEW {own} WITH (security_barrier) AS SELECT * FROM "
+                f"{names.relation(view)} WHERE knowledge_base = (SELECT k.name FROM "
+                f"{names.relation('knowledge_base')} AS k WHERE k.id = {scope.kb_id})"
+            )
+            yield f"GRANT SELECT ON TABLE {own} TO {everyone}"
+
+    def _generated_of(self, kb_id: int) -> list[str]:
+        return sorted(name for name, mark in self._generated.items() if mark.kb_id == kb_id)
+
+    def _all_scopes(self) -> Iterator[RoleScope]:
+        if any(table.name == "knowledge_base" for table in self._tables):
+            for kb_id, name in self._connection.execute(_KNOWLEDGE_BASES):
+                yield RoleScope(name, kb_id)
+
+    def _known_suffixes(self) -> set[str]:
+        """Return the suffixes of the scopes that have roles."""
+        reading = f"{PREFIX}{READ}"
+        return {name.removeprefix(reading) for _, name in self._old if name.startswith(reading)}
+
+    def _roles(self) -> set[str]:
+        return {row[0] for row in self._connection.execute(_ROLE_NAMES)}
+
+    def _relations(self) -> list[str]:
+        tables = [*(table.name for table in self._tables), *self._version]
+        return [*tables, *self._views, *sorted(self._generated)]
+
+    def _listed(self, relations: Iterable[str]) -> str:
+        return ", ".join(map(self._names.relation, relations))
+
+    def _query(self, query: Any) -> list[Any]:
+        return [*self._connection.execute(query, {"schema": self._names.schema})]
+
+
+def _as_it_is(table: Table, columns: Sequence[str]) -> Table:
+    """Return a table with its present columns, maybe of an earlier version."""
+    present = (column for column in table.columns if column.name in columns)
+    copies = (Column(c.name, c.type, primary_key=c.primary_key) for c in present)
+    return Table(table.name, MetaData(), *copies)
+
+
+def make_roles(connection: Connection, knowledge_base: str | None, dry_run: bool) -> Roles:
+    """Create the roles of a scope, and update all that exist."""
+    maker = RoleMaker(connection)
+    wanted = maker.scope(knowledge_base)
+    scopes = maker.scopes()
+    if wanted not in scopes:
+        scopes.append(wanted)
+    statements = [*maker.withdraw(), *maker.make(scopes), *maker.revocations(by_caller=True)]
+    if not dry_run:
+        lock_tables(connection)
+        _run(connection, statements)
+    return wanted.roles(statements, maker.revocations(by_caller=False))
+
+
+@contextmanager
+def roles_set_aside(connection: Connection) -> Iterator[None]:
+    """Drop policies and auditors' own views for the length of a migration, and recreate them.
+
+    What they refer to could not be changed otherwise. All tables are locked first, so that the
+    migration fails early when one is in use.
+    """
+    maker = RoleMaker(connection)
+    scopes = maker.scopes() if maker.in_force else []
+    lock_tables(connection)
+    if maker.is_in_the_way:
+        _run(connection, maker.withdraw())
+    yield
+    after = RoleMaker(connection)
+    if scopes and after.has_tables:
+        _run(connection, after.make(scopes))
+
+
+def _run(connection: Connection, statements: Iterable[str]) -> None:
+    for statement in statements:
+        # Without parameters, so that a percent sign in a name is not a placeholder.
+        connection.exec_driver_sql(statement, execution_options={"no_parameters": True})

@@ -1,0 +1,778 @@
+"""SQLite: embedded, in a file or in memory."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import sqlite3
+import threading
+import time
+from collections.abc import Callable, Collection, Hashable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from datetime import datetime
+from functools import cache
+from pathlib import Path
+from typing import Any, TypeVar
+from urllib.parse import quote
+
+from sqlalchemy import (
+    URL,
+    Boolean,
+    Column,
+    Connection,
+    Double,
+    Engine,
+    Integer,
+    String,
+    Table,
+    create_engine,
+    event,
+    text,
+)
+from sqlalchemy.dialects.sqlite.base import SQLiteDialect
+from sqlalchemy.ext.compiler import compiles
+from sqlalchemy.pool import QueuePool, StaticPool
+
+from ...errors import (
+    ForkedError,
+    InvalidUrlError,
+    NotADatabaseError,
+    ReadOnlyStoreError,
+    StoreBusyError,
+    StoreError,
+    StoreIntegrityError,
+    StoreUnreachableError,
+    TableMissingError,
+)
+from ...knowledge.canonical import time_text
+from ..query import InList, InRows, Query, StoreClock, StorePlace, raw
+from ..tables.base import UtcTime, text_time
+from .base import (
+    FETCH_SIZE,
+    Backend,
+    Commits,
+    Listener,
+    Row,
+    Session,
+    log_statement,
+    refuse_unknown_options,
+    url_label,
+)
+from .sqlite_file import WAL_LIMIT, StoreFile
+from .structure import (
+    MARK,
+    MARKED,
+    IndexFault,
+    Mark,
+    Rows,
+    Statement,
+    ViewDialect,
+    mark_of,
+    parenthesized,
+    parse_statement,
+)
+
+_OBJECTS = """
+SELECT type, name, tbl_name, sql FROM sqlite_master WHERE sql IS NOT NULL
+ORDER BY tbl_name, type = 'table' DESC, type, name
+"""
+_TEMPORARY = "SELECT type || ' ' || name, name, tbl_name FROM sqlite_temp_master"
+_TABLES = raw("SELECT name FROM sqlite_master WHERE type = 'table'")
+# The storage class of a column's values.
+_STORED_AS: tuple[tuple[Any, str], ...] = (
+    ((Boolean, Integer), "'integer'"),
+    (Double, "'real'"),
+    ((String, UtcTime), "'text'"),
+)
+_VIEW = re.compile(rf"CREATE VIEW \S+ AS /\* ({MARKED.pattern}) \*/")
+
+
+def describe(rows: Rows, names: Collection[str] | None = None) -> Iterator[Statement]:
+    """Describe a schema, or some tables and views and what belongs to them."""
+    wanted = None if names is None else {name.lower() for name in names}
+    for kind, name, table, sql in rows(_OBJECTS):
+        if wanted is None or {str(name).lower(), str(table).lower()} & wanted:
+            yield parse_statement(f"{_normal_form(kind, sql)};", table)
+    for what, name, table in rows(_TEMPORARY):
+        if wanted is not None and {name.lower(), table.lower()} & wanted:
+            yield parse_statement(f"-- temporary {what}", table)
+
+
+def _normal_form(kind: str, sql: str) -> str:
+    if kind == "table" and "(" in sql:
+        return _sorted_table(sql)
+    return sql if kind == "view" else " ".join(sql.split())
+
+
+def _sorted_table(sql: str) -> str:
+    """Write columns in their own order, then constraints in the order of their names."""
+    name, _, rest = sql.partition("(")
+    body, _, options = rest.rpartition(")")
+    parts = _split(body)
+    columns = [part for part in parts if not part.startswith("CONSTRAINT")]
+    constraints = sorted(part for part in parts if part.startswith("CONSTRAINT"))
+    return parenthesized(" ".join(name.split()), [*columns, *constraints]) + options.rstrip()
+
+
+def _split(body: str) -> list[str]:
+    parts, depth, start = [], 0, 0
+    for match in re.finditer(r"'[^']*'|[(),]", body):
+        depth += {"(": 1, ")": -1}.get(match[0], 0)
+        if match[0] == "," and depth == 0:
+            parts.append(body[start : match.start()])
+            start = match.end()
+    return [" ".join(part.split()) for part in [*parts, body[start:]]]
+
+
+def index_faults(session: Session, tables: Sequence[str]) -> Iterator[IndexFault]:
+    """Compare the indexes of some tables with the tables, by SQLite's own check."""
+    present = {row[0] for row in session.rows(_TABLES)}
+    for table in tables:
+        if table in present:
+            for (message,) in session.rows(raw(f'PRAGMA integrity_check("{table}")')):
+                if message != "ok":
+                    yield IndexFault(table, f"the database itself finds: {message}")
+
+
+def wrong_values(
+    session: Session, tables: tuple[Table, ...], kb_id: int
+) -> Iterator[tuple[str, str, int]]:
+    """Count the values that are not of their column's type: SQLite keeps any in any column."""
+    for table, (_, wrong) in zip(tables, session.rows(_wrong(tables), kb=kb_id), strict=True):
+        for column, count in zip(table.c, json.loads(wrong), strict=True):
+            if count:
+                yield table.name, column.name, count
+
+
+@cache
+def _wrong(tables: tuple[Table, ...]) -> Query:
+    """Build the query that counts the wrong values of each column, in the order of the tables."""
+    counts = (
+        f"SELECT {number}, json_array({', '.join(map(_count_of_wrong, table.c))}) "
+        f"FROM {table.name} WHERE {_quoted(next(iter(table.c)))} = :kb"
+        for number, table in enumerate(tables)
+    )
+    return Query(text(f"{' UNION ALL '.join(counts)} ORDER BY 1"))
+
+
+def _count_of_wrong(column: Column[Any]) -> str:
+    name, allowed = _quoted(column), ["'null'"] if column.nullable else []
+    kind = next(kind for types, kind in _STORED_AS if isinstance(column.type, types))
+    is_right = f"typeof({name}) IN ({', '.join([*allowed, kind])})"
+    if isinstance(column.type, Boolean):
+        is_right += f" AND {name} IN (0, 1)"
+    return f"count(*) - coalesce(sum({is_right}), 0)"
+
+
+def _quoted(column: Column[Any]) -> str:
+    return f'"{column.name}"'
+
+
+class SqliteViews(ViewDialect):
+    """Generated views on SQLite: the mark is a comment in the view's text."""
+
+    relations = "SELECT name, CASE type WHEN 'view' THEN sql END FROM sqlite_master"
+    is_goal = "v.is_goal = 1"
+    epoch = "(strftime('%s', substr({0}, 1, 19)) * 1000000 + substr({0}, 21, 6)) / 1000000.0"
+    seconds = (
+        "((strftime('%s', substr({1}, 1, 19)) - strftime('%s', substr({0}, 1, 19)))"
+        " * 1000000 + substr({1}, 21, 6) - substr({0}, 21, 6)) / 1000000.0"
+    )
+    preparer = SQLiteDialect().identifier_preparer
+
+    def read_mark(self, text: str | None) -> Mark | None:
+        """Read the mark in the text of a view."""
+        found = None if text is None else _VIEW.match(text)
+        if found is None:
+            return None
+        _, kb_id, predicate_id, kind, digest = found.groups()
+        return Mark(int(kb_id), int(predicate_id), kind, digest)
+
+    def create(self, name: str, definition: str, mark: Mark, readers: Sequence[str]) -> list[str]:
+        """Write the statement that creates a view."""
+        quoted = self.preparer.quote(name)
+        return [f"CREATE VIEW {quoted} AS /* {MARK.format(*mark)} */\n{definition}"]
+
+    def list_altered(self, rows: Rows) -> list[str]:
+        """List the views whose definition is not the one in their mark."""
+        altered = []
+        for name, sql in rows(self.relations):
+            mark = self.read_mark(sql)
+            # The definition follows the mark and a line feed.
+            if mark is not None and mark != mark_of(*mark[:3], sql.partition("*/")[2][1:]):
+                altered.append(name)
+        return altered
+
+
+@compiles(InList, "sqlite")
+def _in_list(element: InList, compiler: Any, **options: Any) -> str:
+    column, values = (compiler.process(clause, **options) for clause in element.clauses)
+    return f"{column} IN (SELECT value FROM json_each({values}))"
+
+
+@compiles(InRows, "sqlite")
+def _in_rows(element: InRows, compiler: Any, **options: Any) -> str:
+    column, rows = (compiler.process(clause, **options) for clause in element.clauses)
+    return f"{column} IN {rows}"
+
+
+@compiles(StoreClock, "sqlite")
+def _store_clock(element: StoreClock, compiler: Any, **options: Any) -> str:
+    return "NULL"
+
+
+@compiles(StorePlace, "sqlite")
+def _store_place(element: StorePlace, compiler: Any, **options: Any) -> str:
+    return "(SELECT file FROM pragma_database_list WHERE name = 'main')"
+
+
+class SqliteSession(Session):
+    """A session on SQLite."""
+
+    placeholder = "?"
+
+    def __init__(self, backend: SqliteBackend, connection: Any) -> None:
+        super().__init__(backend, connection)
+        # Cached: the pool's way to it takes as long as a small statement.
+        self._driver: sqlite3.Connection = connection.driver_connection
+
+    def in_transaction(self) -> bool:
+        """Return whether a transaction is open."""
+        try:
+            return not self.is_abandoned and self._driver.in_transaction
+        except sqlite3.ProgrammingError:
+            # The connection is closed.
+            return False
+
+    def stream(self, query: Query, **parameters: Any) -> Iterator[Row]:
+        """Yield a query's rows from a cursor of their own."""
+        sql = query.text(self.backend.dialect)
+        cursor: Any = self._cursor if self.is_abandoned else self._pooled.cursor()
+        started = time.perf_counter()
+        try:
+            cursor.execute(sql, parameters)
+            log_statement(sql, started)
+            while rows := cursor.fetchmany(FETCH_SIZE):
+                yield from rows
+        except self.backend.driver_errors as error:
+            raise self.backend.translate(error) from error
+        finally:
+            # After Ctrl-C the connection may be closed already.
+            with suppress(*self.backend.driver_errors):
+                cursor.close()
+
+    def resume(self) -> None:
+        """Start another call on a kept session."""
+
+    def discard(self) -> None:
+        """Return the connection to the pool."""
+        super().close()
+
+    def replan(self) -> None:
+        """Do nothing: plans are not cached."""
+
+    def lock_definitions(self) -> None:
+        """Do nothing: a write transaction is exclusive."""
+
+    def list_value(self, values: Sequence[int] | Sequence[str]) -> Any:
+        """Return the form that `json_each` reads."""
+        return json.dumps(values, ensure_ascii=False)
+
+    def from_time(self, moment: datetime) -> Any:
+        """Return the stored text."""
+        return time_text(moment)
+
+    def to_time(self, raw: Any) -> datetime:
+        """Read the stored text."""
+        return text_time(raw)
+
+    def describe(self, names: Collection[str]) -> Iterator[Statement]:
+        """Describe some tables and views as they are, and what belongs to them."""
+        return describe(self.rows_of, names)
+
+    def index_faults(self, tables: Sequence[str]) -> Iterator[IndexFault]:
+        """Compare the indexes of some tables with the tables."""
+        return index_faults(self, tables)
+
+    def wrong_values(self, tables: tuple[Table, ...], kb_id: int) -> Iterator[tuple[str, str, int]]:
+        """Count values that are not of their column's type."""
+        return wrong_values(self, tables, kb_id)
+
+
+class FileSession(SqliteSession):
+    """A session on a file, kept for the next call: the pool is slower."""
+
+    def __init__(self, backend: SqliteBackend, connection: Any) -> None:
+        super().__init__(backend, connection)
+        self._keep = backend.keep
+        self._file = backend.file
+
+    def begin(self, write: bool) -> None:
+        """Begin a transaction; before a write, check the log."""
+        if write:
+            self._file.check_log()
+        super().begin(write)
+
+    def _commit(self, changed: int | None) -> None:
+        super()._commit(changed)
+        self._file.check_committed()
+
+    def close(self) -> None:
+        """Keep the session for the next call, or return the connection to the pool."""
+        if self._file.is_long and self.is_current and not self.in_transaction():
+            self._file.shorten(self._driver)
+        if not self._keep(self):
+            self.discard()
+
+
+class Turns:
+    """A reentrant lock that any thread may release.
+
+    A `with` block may be left in another thread than it was entered in, where an `RLock` would
+    stay locked.
+    """
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._thread: int | None = None
+        self._depth = 0
+
+    def begin(self, seconds: float) -> bool:
+        """Wait for a turn; return whether it came in time."""
+        here = threading.get_ident()
+        if self._thread != here:
+            if not self._lock.acquire(timeout=seconds):
+                return False
+            self._thread = here
+        self._depth += 1
+        return True
+
+    def end(self) -> None:
+        """End a turn, whichever thread began it."""
+        self._depth -= 1
+        if not self._depth:
+            self._thread = None
+            self._lock.release()
+
+
+class MemorySession(SqliteSession):
+    """A session on the only connection of an in-memory store; threads take turns on it.
+
+    A thread with an open transaction reads the past within it: its uncommitted versions belong to
+    a revision that no past read sees.
+    """
+
+    def __init__(self, backend: SqliteBackend, connection: Any) -> None:
+        super().__init__(backend, connection)
+        self._turns = backend.turns
+        self._commits = backend.commits
+        self._keep = backend.keep
+        self.resume()
+
+    def resume(self) -> None:
+        """Note whether this thread has a transaction open."""
+        self._is_nested = self.in_transaction()
+
+    def begin(self, write: bool) -> None:
+        """Begin a transaction, unless this thread is in one."""
+        if not self._is_nested:
+            super().begin(write)
+
+    def _commit(self, changed: int | None) -> None:
+        super()._commit(changed)
+        self._commits.notify()
+
+    def rollback(self) -> None:
+        """Roll back, unless the transaction is another session's of this thread."""
+        if not self._is_nested:
+            super().rollback()
+
+    def close(self) -> None:
+        """Pass the connection to the next thread."""
+        if self._is_nested or not self._keep(self):
+            self.discard()
+        self._turns.end()
+
+
+T = TypeVar("T")
+
+FIRST_PAUSE, LONGEST_PAUSE = 0.001, 0.05
+
+# A fork during a read would leave the child a connection that it can neither use nor close.
+_NO_FORK = threading.RLock()
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(
+        before=_NO_FORK.acquire,
+        after_in_parent=_NO_FORK.release,
+        after_in_child=_NO_FORK.release,
+    )
+
+
+class FileListener(Listener):
+    """Polls a file's data version on a connection of its own."""
+
+    def __init__(self, backend: SqliteBackend) -> None:
+        self._backend = backend
+        self._connection: sqlite3.Connection | None = None
+        self._version: int | None = None
+        self._pause = FIRST_PAUSE
+
+    def wait(self, kb_id: int | None, seconds: float) -> None:
+        """Wait for another data version; the first call begins to poll."""
+        deadline = time.monotonic() + seconds
+        seen = self._version
+        try:
+            self._version = self._version_now()
+            while self._version == seen and (left := deadline - time.monotonic()) > 0:
+                time.sleep(min(self._pause, left))
+                self._pause = min(2 * self._pause, LONGEST_PAUSE)
+                self._version = self._version_now()
+        except self._backend.driver_errors as error:
+            self.close()
+            raise self._backend.translate(error) from error
+
+    def guarded(self, work: Callable[[], T]) -> T:
+        """Run a read; a fork of this process waits for its end."""
+        with _NO_FORK:
+            return work()
+
+    def _version_now(self) -> int:
+        with _NO_FORK:
+            self._backend.file.check()
+            if self._connection is None:
+                self._connection = self._backend.connect()
+                # A forked child closes it, too.
+                self._backend.connections.add(self._connection)
+                self._connection.execute("PRAGMA busy_timeout=0")
+            version: int = self._connection.execute("PRAGMA data_version").fetchone()[0]
+            return version
+
+    def close(self) -> None:
+        """Stop polling."""
+        connection, self._connection, self._version = self._connection, None, None
+        if connection is not None:
+            with _NO_FORK:
+                self._backend.connections.discard(connection)
+                connection.close()
+
+
+class MemoryListener(Listener):
+    """Waits until another thread commits to the store in memory."""
+
+    def __init__(self, backend: SqliteBackend) -> None:
+        self._commits = backend.commits
+        self._seen: int | None = None
+
+    def wait(self, kb_id: int | None, seconds: float) -> None:
+        """Wait for a commit; the first call begins to listen."""
+        self._seen = self._commits.wait(self._seen, seconds)
+
+    def close(self) -> None:
+        """Do nothing: there is no connection."""
+
+
+OPTIONS = {"synchronous", "timeout", "mode"}
+BUSY_TIMEOUT = 20.0
+# SQLite counts milliseconds in 31 bits.
+LONGEST_TIMEOUT = 2_000_000
+TURN_TIMEOUT = 20.0
+MAX_CONNECTIONS = 64
+POOL_SIZE = 8
+
+
+class SqliteBackend(Backend):
+    """An SQLite file, or a store in memory that lives as long as this object."""
+
+    begin_read = "BEGIN"
+    begin_write = "BEGIN IMMEDIATE"
+    durable = "PRAGMA synchronous=FULL"
+    views = SqliteViews()
+    no_roles = (
+        "SQLite has no roles; let the file's permissions say who may write, and open it with "
+        "?mode=ro where it is only to be read"
+    )
+
+    def __init__(self, url: URL) -> None:
+        refuse_unknown_options(url, OPTIONS)
+        if url.host or url.port or url.username or url.password:
+            # Most likely two slashes are missing: it must not become a store in memory unnoticed.
+            raise InvalidUrlError(
+                f"{url_label(url)}: SQLite has no host; write three slashes before the file, as in "
+                "sqlite:///robot.db, and four before an absolute path"
+            )
+        self.in_memory = url.database in (None, "", ":memory:")
+        self.has_one_connection = self.in_memory
+        self.turns = Turns()
+        self.commits = Commits()
+        self._write_lock = threading.Lock()
+        self.connections: set[sqlite3.Connection] = set()
+        self._idle: list[SqliteSession] = []
+        self._is_torn = False
+        self.file = StoreFile(str(url.database), url_label(url))
+        super().__init__(url)
+
+    def create_engine(self) -> Engine:
+        """Create the engine; sessions control transactions."""
+        query = self.url.query
+        synchronous = str(query.get("synchronous", "normal")).upper()
+        if synchronous not in ("NORMAL", "FULL"):
+            raise InvalidUrlError(f"{self.label}: synchronous is 'normal' or 'full'")
+        engine = create_engine(
+            URL.create("sqlite"),
+            creator=self.connect,
+            paramstyle="named",
+            poolclass=StaticPool if self.in_memory else QueuePool,
+            pool_reset_on_return=None,
+            **(
+                {}
+                if self.in_memory
+                else {"pool_size": POOL_SIZE, "max_overflow": MAX_CONNECTIONS - POOL_SIZE}
+            ),
+        )
+
+        @event.listens_for(engine, "connect")
+        def configure(connection: sqlite3.Connection, _: object) -> None:
+            connection.execute("PRAGMA foreign_keys=ON")
+            connection.execute(f"PRAGMA synchronous={synchronous}")
+            connection.execute(f"PRAGMA journal_size_limit={WAL_LIMIT}")
+            self.connections.add(connection)
+
+        @event.listens_for(engine, "close")
+        def forget(connection: sqlite3.Connection, _: object) -> None:
+            self.connections.discard(connection)
+
+        return engine
+
+    def leave_connections(self) -> None:
+        """Leave the connections to the parent process, in its child.
+
+        SQLite tracks a process's file locks in its memory, which a child only has a copy of. The
+        child must close all of the parent's connections before it opens one: otherwise it writes
+        without a lock and loses what it writes. Of a store in memory, it has a copy.
+        """
+        self._is_torn |= any(thread != threading.get_ident() for thread in self.sessions.values())
+        self.turns, self._write_lock = Turns(), threading.Lock()
+        self.commits = Commits()
+        connections = [] if self._is_torn else [*self.connections]
+        for connection in connections:
+            if not self.in_memory:
+                connection.close()
+            elif connection.in_transaction:
+                connection.rollback()
+        self._idle.clear()
+        if not self.in_memory:
+            self.connections.clear()
+            self.file.forget()
+            super().leave_connections()
+
+    def connect(self) -> sqlite3.Connection:
+        """Open a connection; the caller keeps it in `connections` while it is open."""
+        query = self.url.query
+        try:
+            timeout = float(str(query.get("timeout", BUSY_TIMEOUT)))
+        except ValueError:
+            timeout = -1
+        if not 0 <= timeout <= LONGEST_TIMEOUT:
+            raise InvalidUrlError(
+                f"{self.label}: timeout is a number of seconds, {LONGEST_TIMEOUT:,} at most"
+            )
+        name, is_uri = ":memory:" if self.in_memory else self.file.path, False
+        if "mode" in query and not self.in_memory:
+            mode = str(query["mode"])
+            if mode not in ("ro", "immutable"):
+                raise InvalidUrlError(f"{self.label}: mode is 'ro' or 'immutable'")
+            option = "mode=ro" if mode == "ro" else "immutable=1"
+            name, is_uri = f"file:{quote(name)}?{option}", True
+
+        def make() -> sqlite3.Connection:
+            # Without an isolation level the driver issues no BEGIN of its own.
+            return sqlite3.connect(
+                name, timeout=timeout, isolation_level=None, check_same_thread=False, uri=is_uri
+            )
+
+        return make() if self.in_memory else self.file.open(make)
+
+    def wrap(self, connection: Any) -> Session:
+        """Wrap a connection of the pool."""
+        if self.in_memory:
+            return MemorySession(self, connection)
+        return FileSession(self, connection)
+
+    def keep(self, session: SqliteSession) -> bool:
+        """Keep a session for the next call, unless it is stale or enough are kept."""
+        fit = session.is_current and len(self._idle) < POOL_SIZE
+        if fit:
+            self.sessions.pop(session, None)
+            self._idle.append(session)
+        return fit
+
+    def close(self) -> None:
+        """Close all connections; in memory, wait until no other thread uses the only one."""
+        self.is_closed = True
+        idle, self._idle = self._idle, []
+        if self.in_memory:
+            self._take_turn()
+        try:
+            super().close()
+        finally:
+            if self.in_memory:
+                self.turns.end()
+        for session in idle:
+            session.discard()
+        self.file.forget()
+        # Wake watchers of a store in memory, which is gone now.
+        self.commits.notify()
+
+    def listener(self) -> Listener:
+        """Create a listener."""
+        return MemoryListener(self) if self.in_memory else FileListener(self)
+
+    def session(self) -> Session:
+        """Take a connection; in memory, wait for this thread's turn."""
+        if self._is_torn:
+            raise ForkedError(
+                f"{self.label}: this process was forked while another thread used the store, which "
+                "SQLite does not survive; fork at another moment, or use 'spawn' or 'forkserver'"
+            )
+        if not self.in_memory:
+            if self.is_closed:
+                self.refuse_closed()
+            self.file.check()
+            return self._resumed() or super().session()
+        self._take_turn()
+        try:
+            return self._resumed() or super().session()
+        except BaseException:
+            self.turns.end()
+            raise
+
+    def _resumed(self) -> SqliteSession | None:
+        """Take a kept session, if there is one."""
+        if self.is_closed or not self._idle:
+            return None
+        try:
+            session = self._idle.pop()
+        except IndexError:
+            # Another thread took it.
+            return None
+        self.sessions[session] = threading.get_ident()
+        session.resume()
+        return session
+
+    def _take_turn(self) -> None:
+        if not self.turns.begin(TURN_TIMEOUT):
+            raise StoreBusyError(
+                f"{self.label}: another thread held the store for over {TURN_TIMEOUT:g} s; "
+                "nothing was written, try again"
+            )
+
+    def queue(self, knowledge_base: str) -> Hashable:
+        """Identify the file, which has one queue for all; a store in memory has its own."""
+        return self if self.in_memory else os.path.realpath(str(self.url.database))
+
+    def write_lock(self) -> threading.Lock | None:
+        """Return the queue of this process's writers: SQLite itself only polls."""
+        return None if self.in_memory else self._write_lock
+
+    def renew(self) -> None:
+        """Do nothing: connections to a file are not lost."""
+
+    def exists(self) -> bool:
+        """Return whether the file exists; a store in memory always does."""
+        if self.in_memory:
+            return True
+        try:
+            Path(self.file.path).stat()
+        except FileNotFoundError:
+            return False
+        except OSError:
+            # SQLite reports better what is wrong with it.
+            return True
+        return True
+
+    def remove(self, mark: Query) -> bool:
+        """Remove the file unless it is in use, or `mark` finds a row in it."""
+        if self.in_memory or not self.exists():
+            return False
+        connection = self.connect()
+        try:
+            connection.execute("PRAGMA busy_timeout=0")
+            # This fails while another connection is open, and leaves one file of three.
+            connection.execute("PRAGMA journal_mode=DELETE")
+            connection.execute("BEGIN EXCLUSIVE")
+            if connection.execute("SELECT 1 FROM sqlite_master LIMIT 1").fetchone() and (
+                connection.execute(mark.text(self.dialect)).fetchone()
+            ):
+                return False
+            Path(str(self.url.database)).resolve().unlink()
+        except (sqlite3.Error, OSError):
+            return False
+        finally:
+            connection.close()
+        return True
+
+    def is_empty(self, session: Session) -> bool:
+        """Return whether the database has no tables at all."""
+        session._execute("SELECT count(*) FROM sqlite_master")
+        return bool(session._fetch()[0][0] == 0)
+
+    @contextmanager
+    def migration_connection(self) -> Iterator[Connection]:
+        """Open a connection without foreign keys: a table rebuild must not delete children."""
+        with self.engine.connect() as connection:
+            driver: Any = connection.connection.driver_connection
+            driver.execute("PRAGMA foreign_keys=OFF")
+            try:
+                if not self.in_memory:
+                    driver.execute("PRAGMA journal_mode=WAL")
+                driver.execute("BEGIN IMMEDIATE")
+                yield connection
+                broken = driver.execute("PRAGMA foreign_key_check").fetchall()
+                if broken:
+                    raise StoreIntegrityError(
+                        f"{self.label}: the migration would leave {len(broken)} rows that refer "
+                        f"to nothing, the first in table {broken[0][0]}; it was undone"
+                    )
+                driver.execute("COMMIT")
+                if not self.in_memory:
+                    self.file.check_committed()
+            except self.driver_errors as error:
+                raise self.translate(error) from error
+            finally:
+                if driver.in_transaction:
+                    driver.execute("ROLLBACK")
+                driver.execute("PRAGMA foreign_keys=ON")
+
+    def translate(self, error: Exception) -> StoreError:
+        """Translate an error of sqlite3."""
+        text, label = str(error), self.label
+        code = getattr(error, "sqlite_errorcode", 0) & 0xFF
+        if code in (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED, sqlite3.SQLITE_PROTOCOL):
+            return StoreBusyError(
+                f"{label}: another process held the store for too long ({text}); nothing was "
+                "written, try again, or give ?timeout= in seconds"
+            )
+        if code in (sqlite3.SQLITE_NOTADB, sqlite3.SQLITE_CORRUPT):
+            return NotADatabaseError(f"{label}: {text}; name an SQLite file, or a new one")
+        if code == sqlite3.SQLITE_READONLY:
+            return ReadOnlyStoreError(
+                f"{label}: the file cannot be written ({text}); check its permissions, or read "
+                "it with ?mode=ro, or with ?mode=immutable where not even the folder can be "
+                "written and nobody else writes"
+            )
+        if code in (sqlite3.SQLITE_CANTOPEN, sqlite3.SQLITE_IOERR):
+            return StoreUnreachableError(
+                f"{label}: {text}; check the disk, and that the folder exists and may be "
+                "written, or read a copy on a read-only medium with ?mode=immutable"
+            )
+        if text.startswith("no such table"):
+            return TableMissingError(f"{label}: {text}")
+        if isinstance(error, sqlite3.IntegrityError):
+            return StoreIntegrityError(f"{label}: {text}; nothing was written")
+        return StoreError(f"{label}: {type(error).__name__}: {text}")
+
+    def translate_connect(self, error: Exception) -> StoreError:
+        """Translate a failure to open the file."""
+        return self.translate(error)

@@ -1,0 +1,179 @@
+"""What a recorded plan is: its canonical text, its rows, and the statements for its steps."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from hashlib import sha256
+from json.encoder import encode_basestring
+from typing import Any, NamedTuple
+
+from sqlalchemy import (
+    BigInteger,
+    ColumnElement,
+    FromClause,
+    Integer,
+    bindparam,
+    delete,
+    null,
+    select,
+    update,
+)
+
+from .dialects.base import Row
+from .query import IdsQuery, Insert, Query
+from .rows import KB, table_of
+from .tables import PlanRow, PlanStepArgumentRow, PlanStepRow, PlanStepVersionRow
+
+# The id of a plan, and the position of a step in it.
+Step = tuple[int, int]
+
+STEP_VERSIONS = table_of(PlanStepVersionRow)
+NEW_STATUS = Insert(
+    STEP_VERSIONS, "kb_id", "plan_id", "position", "since", "until", "status", "text"
+)
+_STATUS = select(STEP_VERSIONS.c.status).where(
+    STEP_VERSIONS.c.kb_id == PlanStepRow.kb_id,
+    STEP_VERSIONS.c.plan_id == PlanStepRow.plan_id,
+    STEP_VERSIONS.c.position == PlanStepRow.position,
+    STEP_VERSIONS.c.until.is_(None),
+)
+FIND_STEP = Query(
+    select(PlanStepRow.text, _STATUS.scalar_subquery()).where(
+        PlanStepRow.kb_id == KB,
+        PlanStepRow.plan_id == bindparam("plan", type_=BigInteger),
+        PlanStepRow.position == bindparam("step", type_=Integer),
+    )
+)
+
+
+class StepStatements:
+    """The statements that change the status of a step.
+
+    All of them take the parameters `kb`, `plan` and `id`, the position; `at` is the revision that
+    is being made.
+    """
+
+    def __init__(self) -> None:
+        position = STEP_VERSIONS.c.position
+        at = bindparam("at", type_=BigInteger)
+
+        def of_plan(version: FromClause) -> tuple[ColumnElement[bool], ...]:
+            of_plan = version.c.plan_id == bindparam("plan", type_=BigInteger)
+            return version.c.kb_id == KB, of_plan
+
+        def is_open(version: FromClause) -> tuple[ColumnElement[bool], ...]:
+            return *of_plan(version), version.c.until.is_(None)
+
+        def ends_here(version: FromClause) -> tuple[ColumnElement[bool], ...]:
+            return *of_plan(version), version.c.until == at
+
+        table = STEP_VERSIONS
+        self.close = IdsQuery(update(table).values(until=at), position, is_open)
+        self.reopen = IdsQuery(update(table).values(until=null()), position, ends_here)
+        # What is open and was written here is of the revision that is being made.
+        self.unmake = (IdsQuery(delete(table), position, is_open),)
+
+
+STEP_STATEMENTS = StepStatements()
+
+
+class StepDefinition(NamedTuple):
+    """A step of a plan.
+
+    Attributes:
+        start: seconds from the plan's beginning, as exact decimal text; None in a plan without
+            times.
+        duration: seconds, as exact decimal text; None for an instant.
+        action_id: its action.
+        object_ids: the action's arguments, in order.
+        text: the action with its arguments, for example `(move rb1 wp1 wp2)`.
+    """
+
+    start: str | None
+    duration: str | None
+    action_id: int
+    object_ids: tuple[int, ...]
+    text: str
+
+
+class PlanDefinition(NamedTuple):
+    """A plan as it is recorded.
+
+    Attributes:
+        id: its id.
+        revision: the state that it was planned from.
+        problem_hash: the SHA-256 of what the planner was given.
+        planner: who found it.
+        planner_version: which version of that.
+        objective: what it was to make small or large.
+        value: what the objective comes to, as exact decimal text.
+        status: what the planner said of it.
+        domain_pddl: the domain that the planner was given, if it is kept.
+        problem_pddl: the problem that the planner was given, if it is kept.
+        steps: its steps, in order.
+    """
+
+    id: int
+    revision: int
+    problem_hash: str
+    planner: str | None
+    planner_version: str | None
+    objective: str | None
+    value: str | None
+    status: str | None
+    domain_pddl: str | None
+    problem_pddl: str | None
+    steps: tuple[StepDefinition, ...]
+
+    @property
+    def text(self) -> str:
+        """All of it in canonical form; no two plans have the same.
+
+        A text that is kept stands there by its SHA-256; the ids of actions and objects by names.
+        """
+        members = (
+            ("revision", str(self.revision)),
+            ("problem-hash", _quoted(self.problem_hash)),
+            ("planner", _quoted(self.planner)),
+            ("planner-version", _quoted(self.planner_version)),
+            ("objective", _quoted(self.objective)),
+            ("value", self.value or "null"),
+            ("status", _quoted(self.status)),
+            ("domain-pddl", _hash_of(self.domain_pddl)),
+            ("problem-pddl", _hash_of(self.problem_pddl)),
+            ("steps", f"({' '.join([_step_text(step) for step in self.steps])})"),
+        )
+        return f"(:plan {self.id} {' '.join([f':{name} {value}' for name, value in members])})"
+
+
+def _step_text(step: StepDefinition) -> str:
+    return f"({step.start or 'null'} {step.text} {step.duration or 'null'})"
+
+
+def _quoted(text: str | None) -> str:
+    return "null" if text is None else encode_basestring(text)
+
+
+def _hash_of(text: str | None) -> str:
+    return "null" if text is None else f'"{sha256(text.encode()).hexdigest()}"'
+
+
+def status_text(step: Step, status: str) -> str:
+    """Write what became of a step."""
+    return f"(:plan {step[0]} :step {step[1]} {status})"
+
+
+_NEW_PLAN = Insert(table_of(PlanRow), "kb_id", "id", "since", *PlanDefinition._fields[1:-1], "text")
+_STEP_KEY = ("kb_id", "plan_id", "position")
+_NEW_STEP = Insert(table_of(PlanStepRow), *_STEP_KEY, "start", "duration", "action_id", "text")
+_NEW_ARGUMENT = Insert(table_of(PlanStepArgumentRow), *_STEP_KEY, "argument", "object_id")
+
+
+def plan_rows(kb: int, since: int, plan: PlanDefinition) -> Iterator[tuple[Insert, Row]]:
+    """Yield the rows of a plan."""
+    yield _NEW_PLAN, (kb, plan.id, since, *plan[1:-1], plan.text)
+    for position, step in enumerate(plan.steps):
+        place: tuple[Any, ...] = (kb, plan.id, position)
+        yield _NEW_STEP, (*place, step.start, step.duration, step.action_id, step.text)
+        for argument, object_id in enumerate(step.object_ids):
+            yield _NEW_ARGUMENT, (*place, argument, object_id)

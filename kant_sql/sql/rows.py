@@ -1,0 +1,442 @@
+"""The tables and rows of each kind of element, and where its versions are."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from operator import attrgetter, itemgetter
+from typing import Any, NamedTuple
+
+from sqlalchemy import (
+    BigInteger,
+    Boolean,
+    ColumnElement,
+    FromClause,
+    ScalarSelect,
+    Table,
+    and_,
+    bindparam,
+    case,
+    delete,
+    literal_column,
+    null,
+    or_,
+    select,
+    update,
+)
+
+from ..knowledge.definitions import (
+    CONDITION,
+    DURATION,
+    EFFECT,
+    ActionDefinition,
+    DocumentDefinition,
+    FormulaDefinition,
+    FunctionDefinition,
+    Item,
+    ObjectDefinition,
+    PredicateDefinition,
+    TypeDefinition,
+)
+from ..knowledge.trees import ParameterDefinition, TreeNode, TreeTerm
+from .dialects.base import Row
+from .query import IdsQuery, Insert, in_rows
+from .tables import (
+    ActionNodeRow,
+    ActionParameterRow,
+    ActionParameterTypeRow,
+    ActionRow,
+    ActionTermRow,
+    ActionVariableRow,
+    ActionVariableTypeRow,
+    ActionVersionRow,
+    Base,
+    DocumentItemRow,
+    DocumentRow,
+    DocumentVersionRow,
+    FormulaNodeRow,
+    FormulaRow,
+    FormulaTermRow,
+    FormulaVariableRow,
+    FormulaVariableTypeRow,
+    FormulaVersionRow,
+    FunctionParameterRow,
+    FunctionParameterTypeRow,
+    FunctionRow,
+    FunctionTypeRow,
+    FunctionValueRow,
+    FunctionValueVersionRow,
+    FunctionVersionRow,
+    ObjectRow,
+    ObjectTypeRow,
+    ObjectVersionRow,
+    PredicateParameterRow,
+    PredicateParameterTypeRow,
+    PredicateRow,
+    PredicateVersionRow,
+    PropositionRow,
+    PropositionVersionRow,
+    TypeParentRow,
+    TypeRow,
+    TypeVersionRow,
+)
+
+KB: ColumnElement[int] = bindparam("kb", type_=BigInteger)
+THEN: ColumnElement[int] = bindparam("at", type_=BigInteger)
+
+
+def held_at(table: Any) -> ColumnElement[bool]:
+    """Return whether a version held at the revision `at`."""
+    return and_(table.since <= THEN, or_(table.until.is_(None), table.until > THEN))
+
+
+def table_of(mapped: type[Base]) -> Table:
+    """Return the table of a mapped class."""
+    table = mapped.__table__
+    assert isinstance(table, Table)
+    return table
+
+
+class VersionTable:
+    """The version table of one kind of element, and the statements that change its rows.
+
+    All of them take the parameters `kb` and `id`; `at` is the number of the revision that is being
+    made. `owner` is the column that names the element.
+    """
+
+    def __init__(self, owner: str, mapped: type[Base], *children: Table) -> None:
+        self.table = table_of(mapped)
+        self.owner: ColumnElement[int] = self.table.c[owner]
+        self.children = children
+
+        def is_open(version: FromClause) -> tuple[ColumnElement[bool], ...]:
+            return version.c.kb_id == KB, version.c.until.is_(None)
+
+        def ends_here(version: FromClause) -> tuple[ColumnElement[bool], ...]:
+            return version.c.kb_id == KB, version.c.until == THEN
+
+        def begins_here(version: FromClause) -> tuple[ColumnElement[bool], ...]:
+            return version.c.kb_id == KB, version.c.since == THEN
+
+        change = update(self.table)
+        self.close = IdsQuery(change.values(until=THEN), self.owner, is_open)
+        self.reopen = IdsQuery(change.values(until=null()), self.owner, ends_here)
+        # Only rows of the revision that is being made, which nobody else has seen.
+        self.unmake = tuple(
+            IdsQuery(delete(table), table.c[owner], begins_here)
+            for table in (*reversed(self.children), self.table)
+        )
+
+
+def is_of_version(
+    child: Table, version: Table, owner: str, which: ColumnElement[bool]
+) -> tuple[ColumnElement[bool], ...]:
+    """Return the condition that a row belongs to a version of which something is true."""
+    of_one = (version.c[name] == child.c[name] for name in ("kb_id", owner, "since"))
+    exactly = select(version.c.since).where(*of_one, which).correlate(child).scalar_subquery()
+    owners = select(version.c[owner]).where(which)
+    return in_rows(child.c[owner], owners), exactly.is_not(None)
+
+
+RowsByTable = dict[Table, list[Row]]
+
+
+def _values(names: Sequence[str]) -> Callable[[Any], Row]:
+    """Return what reads some attributes, as a tuple."""
+    if len(names) == 1:
+        return lambda entry: (getattr(entry, names[0]),)
+    return attrgetter(*names)
+
+
+class ListTable:
+    """The table of a list: of one that a definition has, or that an entry of another list has.
+
+    Its key is that of the version, the section if there are several such lists, and the position
+    of the entry within the list, after those of the entries around it. An entry is a record, of
+    which each field is a column of that name or a list, or it is the value of the only column that
+    is no part of the key.
+    """
+
+    def __init__(
+        self, mapped: type[Base], record: Any = None, /, *, first: int = 0, **lists: ListTable
+    ) -> None:
+        """Describe it.
+
+        Args:
+            mapped: the table.
+            record: the class of entries; None when they are lone values.
+            first: the position of the first entry.
+            lists: the field of an entry -> the table of the list that it holds.
+        """
+        self.table = table_of(mapped)
+        _, owner, _, *columns = self.table.c.keys()
+        self.columns = (owner, *columns)
+        self.has_sections = "section" in columns
+        self.entries_have_sections = "section" in getattr(record, "_fields", ())
+        self._first = first
+        self._record = record
+        self._lists = lists
+        # Rows are read without the knowledge base and the revision.
+        self._width = len(self.table.primary_key) - 2
+        self._row: Callable[[Any], Row] = lambda entry: (entry,)
+        if record is not None:
+            self._row = _values(columns[self._width - 1 :])
+            places = (*self.columns, *lists)
+            self._fields = itemgetter(*(places.index(field) for field in record._fields))
+
+    @property
+    def tables(self) -> tuple[Table, ...]:
+        """The table, and those of the lists within, parents first."""
+        return self.table, *(table for each in self._lists.values() for table in each.tables)
+
+    def lists(self) -> Iterator[ListTable]:
+        """Yield it, and the lists within."""
+        yield self
+        for each in self._lists.values():
+            yield from each.lists()
+
+    def add_rows(self, rows: RowsByTable, key: Row, entries: Iterable[Any]) -> None:
+        """Add the rows of a list."""
+        own, row = rows[self.table], self._row
+        for position, entry in enumerate(entries, start=self._first):
+            place = (*key, position)
+            own.append((*place, *row(entry)))
+            for field, list_ in self._lists.items():
+                within = getattr(entry, field)
+                if within:
+                    list_.add_rows(rows, place, within)
+
+    def read(self, rows: Mapping[Table, Iterable[Row]]) -> dict[Row, tuple[Any, ...]]:
+        """Make lists from their rows, by their keys; lists of entries with sections are one."""
+        below = [each.read(rows) for each in self._lists.values()]
+        width = self._width
+        around = 1 if self.entries_have_sections else width - 1
+        lists: defaultdict[Row, list[Any]] = defaultdict(list)
+        # By the key alone: what comes after it may be NULL.
+        for row in sorted(rows.get(self.table, ()), key=itemgetter(slice(width))):
+            if self._record is None:
+                entry = row[width]
+            else:
+                own = (each.get(row[:width], ()) for each in below)
+                entry = self._record._make(self._fields((*row, *own)))
+            lists[row[:around]].append(entry)
+        return {key: tuple(entries) for key, entries in lists.items()}
+
+
+class Kind:
+    """One kind of named element: how a definition becomes rows, and rows become a definition.
+
+    Each field of a definition is the identity's id or name, a column of that name in the version
+    table, or a list in a table of its own.
+
+    Attributes:
+        identity: the identity table.
+        version: the version table and those below it.
+        columns: the columns of a version that are fields of the definition.
+        lists: the tables below the version table.
+    """
+
+    def __init__(
+        self, definition: Any, identity: type[Base], version: type[Base], **lists: ListTable
+    ) -> None:
+        """Describe it.
+
+        Args:
+            definition: the class of definitions.
+            identity: the identity table.
+            version: the version table.
+            lists: the field of a definition -> the table of the list that it holds.
+        """
+        self.identity = table_of(identity)
+        self.new_identity = Insert(self.identity, "kb_id", "id", "name", "key")
+        # Several fields may be lists of one table.
+        tops = list(dict.fromkeys(lists.values()))
+        tables = (table for each in tops for table in each.tables)
+        self.version = VersionTable(f"{self.identity.name}_id", version, *tables)
+        _, _, _, _, *self.columns = self.version.table.c.keys()
+        self.lists = [below for each in tops for below in each.lists()]
+        self._definition = definition
+        self._fields = lists
+        self._row = _values(self.columns)
+        booleans = [name for name in self.columns if _is_boolean(self.version.table.c[name])]
+        self._booleans = [2 + self.columns.index(name) for name in booleans]
+        # What comes last is found first: a column's own value is that of the driver.
+        places = ("id", "name", *self.columns, *lists, *booleans)
+        last = {field: place for place, field in enumerate(places)}
+        self._order = itemgetter(*(last[field] for field in definition._fields))
+        self._section = 2 + self.columns.index("section") if "section" in self.columns else None
+
+    @property
+    def name(self) -> ScalarSelect[str]:
+        """What the element is called that a row of the version table is of, as a subquery."""
+        identity, version = self.identity.c, self.version
+        of_version = identity.kb_id == version.table.c.kb_id, identity.id == version.owner
+        return select(identity.name).where(*of_version).scalar_subquery()
+
+    def add_rows(self, rows: RowsByTable, kb: int, since: int, definition: Any) -> None:
+        """Add the rows of one version."""
+        key = (kb, definition.id, since)
+        rows[self.version.table].append((*key, None, *self._row(definition)))
+        for field, list_ in self._fields.items():
+            entries = getattr(definition, field)
+            if not list_.has_sections:
+                list_.add_rows(rows, key, entries)
+            elif not list_.entries_have_sections:
+                section = field if self._section is None else definition.section
+                list_.add_rows(rows, (*key, section), entries)
+            else:
+                for section in dict.fromkeys(entry.section for entry in entries):
+                    own = [entry for entry in entries if entry.section == section]
+                    list_.add_rows(rows, (*key, section), own)
+
+    def definitions(self, rows: Mapping[Table, Iterable[Row]]) -> Iterator[Any]:
+        """Make the definitions of rows.
+
+        Args:
+            rows: the rows of each table, without the knowledge base and the revisions; those of
+                the version table have the name after the id.
+        """
+        known = {list_: list_.read(rows) for list_ in dict.fromkeys(self._fields.values())}
+        fields = [
+            (self._key_of(field, list_), known[list_]) for field, list_ in self._fields.items()
+        ]
+        make, order, booleans = self._definition._make, self._order, self._booleans
+        for row in rows.get(self.version.table, ()):
+            lists = [found.get(key(row), ()) if found else () for key, found in fields]
+            flags = [bool(row[place]) for place in booleans] if booleans else ()
+            yield make(order((*row, *lists, *flags)))
+
+    def _key_of(self, field: str, list_: ListTable) -> Callable[[Row], Row]:
+        """Return what finds the key of a list, from a row of the version table."""
+        section = self._section
+        if not list_.has_sections or list_.entries_have_sections:
+            return lambda row: (row[0],)
+        if section is None:
+            return lambda row: (row[0], field)
+        return lambda row: (row[0], row[section])
+
+
+def _is_boolean(column: ColumnElement[Any]) -> bool:
+    return isinstance(column.type, Boolean)
+
+
+def _parameters(parameter: type[Base], type_: type[Base]) -> ListTable:
+    return ListTable(parameter, ParameterDefinition, type_ids=ListTable(type_))
+
+
+def _tree(
+    node: type[Base], variable: type[Base], variable_type: type[Base], term: type[Base]
+) -> ListTable:
+    variables = _parameters(variable, variable_type)
+    return ListTable(node, TreeNode, variables=variables, terms=ListTable(term, TreeTerm))
+
+
+# In the order in which they can be written: each refers to those before it only.
+KIND_TABLES = {
+    "type": Kind(
+        TypeDefinition,
+        TypeRow,
+        TypeVersionRow,
+        other_parent_ids=ListTable(TypeParentRow, first=1),
+    ),
+    "object": Kind(
+        ObjectDefinition,
+        ObjectRow,
+        ObjectVersionRow,
+        other_type_ids=ListTable(ObjectTypeRow, first=1),
+    ),
+    "predicate": Kind(
+        PredicateDefinition,
+        PredicateRow,
+        PredicateVersionRow,
+        parameters=_parameters(PredicateParameterRow, PredicateParameterTypeRow),
+    ),
+    "function": Kind(
+        FunctionDefinition,
+        FunctionRow,
+        FunctionVersionRow,
+        parameters=_parameters(FunctionParameterRow, FunctionParameterTypeRow),
+        type_ids=ListTable(FunctionTypeRow),
+    ),
+    "action": Kind(
+        ActionDefinition,
+        ActionRow,
+        ActionVersionRow,
+        parameters=_parameters(ActionParameterRow, ActionParameterTypeRow),
+        **dict.fromkeys(
+            (DURATION, CONDITION, EFFECT),
+            _tree(ActionNodeRow, ActionVariableRow, ActionVariableTypeRow, ActionTermRow),
+        ),
+    ),
+    "formula": Kind(
+        FormulaDefinition,
+        FormulaRow,
+        FormulaVersionRow,
+        tree=_tree(FormulaNodeRow, FormulaVariableRow, FormulaVariableTypeRow, FormulaTermRow),
+    ),
+    "document": Kind(
+        DocumentDefinition,
+        DocumentRow,
+        DocumentVersionRow,
+        items=ListTable(DocumentItemRow, Item),
+    ),
+}
+
+
+FACT, GOAL, VALUE = "fact", "goal", "value"
+PROPOSITION = "proposition"
+
+
+class Source(NamedTuple):
+    """The versions of one kind of knowledge.
+
+    Attributes:
+        identity: the columns of the identity table.
+        version: the columns of the version table.
+        owner: the column of the version table that names the identity.
+        kind: what a change line calls the kind, of a row of the version table.
+        text: the canonical PDDL text, of a row of the version table.
+    """
+
+    identity: Any
+    version: Any
+    owner: ColumnElement[int]
+    kind: ColumnElement[str]
+    text: ColumnElement[str]
+
+
+def _definition(kind: str) -> Source:
+    tables = KIND_TABLES[kind]
+    version = tables.version.table.c
+    # A formula is of the kind that its section says.
+    name: Any = version.section if kind == "formula" else literal_column(f"'{kind}'")
+    return Source(tables.identity.c, version, tables.version.owner, name, version.text)
+
+
+def _value() -> Source:
+    version = table_of(FunctionValueVersionRow).c
+    kind: Any = literal_column(f"'{VALUE}'")
+    identity = table_of(FunctionValueRow).c
+    return Source(identity, version, version.function_value_id, kind, version.text)
+
+
+def _proposition() -> Source:
+    version, atom = table_of(PropositionVersionRow).c, table_of(PropositionRow).c
+    # The version's own copy: a lookup of the text in the identity table costs more.
+    kind: Any = case(
+        (version.is_goal, literal_column(f"'{GOAL}'")), else_=literal_column(f"'{FACT}'")
+    )
+    text = (
+        select(atom.text)
+        .where(atom.kb_id == version.kb_id, atom.id == version.proposition_id)
+        .correlate(table_of(PropositionVersionRow))
+        .scalar_subquery()
+    )
+    return Source(atom, version, version.proposition_id, kind, text)
+
+
+SOURCES: dict[str, Source] = {
+    **{kind: _definition(kind) for kind in KIND_TABLES},
+    VALUE: _value(),
+    PROPOSITION: _proposition(),
+}

@@ -1,0 +1,106 @@
+"""Knowledge bases, the heads that writers lock, revisions, and archives."""
+
+from __future__ import annotations
+
+from datetime import datetime
+from typing import Any
+
+from sqlalchemy import (
+    BigInteger,
+    CheckConstraint,
+    ForeignKeyConstraint,
+    Index,
+    Integer,
+    UniqueConstraint,
+    text,
+)
+from sqlalchemy.orm import Mapped, mapped_column
+
+from .base import Base, CanonicalJson, LongText, ShortText, UtcTime, kb_column, owner_column
+from .plans import AT_COMMIT, REVISION
+
+
+class KnowledgeBaseRow(Base):
+    """The identity of a knowledge base: one robot's, or one mission's."""
+
+    __tablename__ = "knowledge_base"
+    __table_args__ = (UniqueConstraint("name"),)
+
+    id: Mapped[int] = mapped_column(BigInteger, primary_key=True, autoincrement=False)
+    name: Mapped[str] = mapped_column(ShortText)
+
+
+class HeadRow(Base):
+    """The state of a knowledge base. Writers lock this row, so it is apart from the identity."""
+
+    __tablename__ = "head"
+    __table_args__ = (ForeignKeyConstraint(["kb_id"], ["knowledge_base.id"]),)
+
+    kb_id: Mapped[int] = kb_column()
+    revision: Mapped[int] = mapped_column(BigInteger, comment="the last revision; 0: none yet")
+    definition_revision: Mapped[int] = mapped_column(
+        BigInteger, comment="the last revision that changed anything but propositions"
+    )
+    next_id: Mapped[int] = mapped_column(BigInteger, comment="the id that the next element gets")
+    hash: Mapped[str | None] = mapped_column(LongText, comment="of the last revision")
+    committed_at: Mapped[datetime | None] = mapped_column(UtcTime, comment="of the last revision")
+    archived_revision: Mapped[int] = mapped_column(
+        BigInteger,
+        server_default=text("0"),
+        comment="what ended up to this revision is in an archive; 0: nothing is",
+    )
+
+
+class RevisionRow(Base):
+    """Who changed the knowledge base, when and why; `docs/hash.md` says what `hash` covers."""
+
+    __tablename__ = "revision"
+    __table_args__ = (
+        ForeignKeyConstraint(["kb_id"], ["knowledge_base.id"]),
+        CheckConstraint("number > 0", name="number_positive"),
+        Index("ix_revision_committed_at", "kb_id", "committed_at"),
+    )
+
+    kb_id: Mapped[int] = kb_column()
+    number: Mapped[int] = mapped_column(
+        BigInteger, primary_key=True, autoincrement=False, comment="1, 2, 3 ... without gaps"
+    )
+    committed_at: Mapped[datetime] = mapped_column(UtcTime, comment="UTC, never going back")
+    actor: Mapped[str | None] = mapped_column(LongText, comment="the component that wrote")
+    reason: Mapped[str | None] = mapped_column(LongText)
+    source: Mapped[Any | None] = mapped_column(
+        CanonicalJson, comment="what the caller knows: sensor, plan step ..."
+    )
+    form: Mapped[int] = mapped_column(Integer, comment="version of the form that was hashed")
+    hash: Mapped[str] = mapped_column(LongText, comment="SHA-256, chained to the revision before")
+    observed_at: Mapped[datetime | None] = mapped_column(
+        UtcTime, comment="UTC, when what it says was sensed; NULL: not said"
+    )
+
+
+class ArchiveRow(Base):
+    """A move of closed versions into another store."""
+
+    __tablename__ = "archive"
+    __table_args__ = (
+        ForeignKeyConstraint(["kb_id"], ["knowledge_base.id"]),
+        ForeignKeyConstraint(["kb_id", "since"], REVISION, **AT_COMMIT),
+        ForeignKeyConstraint(["kb_id", "revision"], REVISION, name="fk_archive_upto"),
+        Index("ix_archive_since", "kb_id", "since"),
+        Index("ix_archive_revision", "kb_id", "revision"),
+    )
+
+    kb_id: Mapped[int] = kb_column()
+    id: Mapped[int] = owner_column()
+    since: Mapped[int] = mapped_column(
+        BigInteger, sort_order=-80, comment="recorded in this revision"
+    )
+    revision: Mapped[int] = mapped_column(
+        BigInteger, comment="the versions that ended up to this revision were moved"
+    )
+    target: Mapped[str] = mapped_column(LongText, comment="where to: a URL without its password")
+    versions: Mapped[int] = mapped_column(BigInteger, comment="how many were moved")
+    rest: Mapped[str] = mapped_column(
+        LongText, comment="SHA-256 of what this store keeps of the revisions up to there"
+    )
+    text: Mapped[str] = mapped_column(LongText, comment="all of it in canonical form")

@@ -1,0 +1,1 @@
+"""One knowledge base as threads, tasks and processes share it."""

@@ -1,0 +1,173 @@
+"""Interned propositions and fluents, and what is known of them between transactions."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Mapping
+from decimal import Decimal
+from typing import Generic, NamedTuple, TypeVar
+
+from ..dto.elements import value_text
+from ..errors import reading_rows
+
+# The cache is cleared above this count, about 60 MB.
+CACHED_ATOMS = 200_000
+
+K = TypeVar("K")
+A = TypeVar("A")
+H = TypeVar("H")
+
+
+class AtomKey(NamedTuple):
+    """What makes a proposition the one that it is.
+
+    Attributes:
+        is_goal: whether it is a goal rather than a fact.
+        predicate_id: its predicate.
+        arguments: the ids of its objects in order, separated by spaces.
+    """
+
+    is_goal: bool
+    predicate_id: int
+    arguments: str
+
+
+class GroundAtom(NamedTuple):
+    """An interned proposition.
+
+    Attributes:
+        id: its id.
+        key: what makes it the one that it is.
+        text: its canonical PDDL text.
+    """
+
+    id: int
+    key: AtomKey
+    text: str
+
+
+class InternCache(Generic[K, A, H]):
+    """What is known between transactions: identities for good, and what held.
+
+    Attributes:
+        identities: the identities, by what makes each the one that it is.
+        held: what held at `revision`, by id: also that something did not.
+        revision: the head when `held` was taken; it says nothing about any other.
+    """
+
+    def __init__(self) -> None:
+        self.identities: dict[K, A] = {}
+        self.held: dict[int, H] = {}
+        self.revision = 0
+        self._lock = threading.Lock()
+
+    def at(self, revision: int) -> dict[int, H]:
+        """Return what is known of a revision."""
+        with self._lock:
+            if revision != self.revision:
+                self.held, self.revision = {}, revision
+            return self.held
+
+    def know(self, identities: Mapping[K, A]) -> None:
+        """Remember identities for good."""
+        self.identities.update(identities)
+        if len(self.identities) > CACHED_ATOMS:
+            self.identities.clear()
+
+    def advance(self, before: int, after: int) -> None:
+        """Keep what held at a revision for one that changed nothing of it."""
+        if before != after:
+            with self._lock:
+                if before == self.revision:
+                    self.revision = after
+
+    def learn(
+        self, held: dict[int, H], before: int, after: int, news: Mapping[int, H] | None
+    ) -> None:
+        """Share what a writer has found and made with later writers."""
+        with self._lock:
+            # The head lock is released: another writer may have published first.
+            if held is self.held and before == self.revision:
+                if news is None or len(held) > CACHED_ATOMS:
+                    self.held = {}
+                else:
+                    held.update(news)
+                self.revision = after
+
+
+class FluentKey(NamedTuple):
+    """What makes a fluent the one that it is.
+
+    Attributes:
+        function_id: its function.
+        arguments: the ids of its objects in order, separated by spaces.
+    """
+
+    function_id: int
+    arguments: str
+
+
+class GroundFluent(NamedTuple):
+    """An interned fluent.
+
+    Attributes:
+        id: its id.
+        key: what makes it the one that it is.
+        text: its canonical PDDL text, without a value.
+    """
+
+    id: int
+    key: FluentKey
+    text: str
+
+
+class FluentValue(NamedTuple):
+    """What a fluent is.
+
+    Attributes:
+        text: the number, as exact decimal text, or the object's name.
+        object_id: the object; None for a number.
+    """
+
+    text: str
+    object_id: int | None = None
+
+    def is_same(self, other: FluentValue | None) -> bool:
+        """Return whether a value is another one: 10 and 10.0 are the same number."""
+        if other is None or self.object_id != other.object_id:
+            return False
+        if self.text == other.text or self.object_id is not None:
+            return True
+        return Decimal(self.text) == Decimal(other.text)
+
+
+class HeldValue(NamedTuple):
+    """A fluent and what it is.
+
+    Attributes:
+        fluent: the fluent.
+        value: its value.
+    """
+
+    fluent: GroundFluent
+    value: FluentValue
+
+    @property
+    def text(self) -> str:
+        """The canonical PDDL text, for example `(= (distance wp1 wp2) 10)`."""
+        return value_text(self.fluent.text, self.value.text)
+
+
+def read_value(fluent: str, held: str, object_id: int | None) -> FluentValue:
+    """Read a value from its canonical text, where it stands between the fluent and the end."""
+    begin = value_text(fluent, "")[:-1]
+    text = held[len(begin) : -1]
+    with reading_rows("function_value_version", f"the value of {fluent!r}"):
+        if not held.startswith(begin) or (object_id is None and not Decimal(text).is_finite()):
+            raise ValueError(f"{held!r} is no value of it")
+    return FluentValue(text, object_id)
+
+
+# What holds of an id: the proposition or the value itself; None: nothing.
+AtomCache = InternCache[AtomKey, GroundAtom, GroundAtom | None]
+FluentCache = InternCache[FluentKey, GroundFluent, HeldValue | None]

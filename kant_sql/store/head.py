@@ -1,0 +1,167 @@
+"""The head of a knowledge base: the row that its writers lock, and move on."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from datetime import datetime
+from typing import Any, NamedTuple
+
+from sqlalchemy import bindparam, func, select, update
+
+from ..errors import UNREADABLE, StoreBusyError, StoreIntegrityError, unreadable
+from ..sql.dialects.base import Session
+from ..sql.query import Insert, Query, StoreClock
+from ..sql.rows import KB, table_of
+from ..sql.tables import HeadRow, KnowledgeBaseRow, RevisionRow
+
+FIRST_ID = 1
+# A SHA-256 in hexadecimal digits.
+HASH_LENGTH = 64
+
+_NUMBERS = ("revision", "definition_revision", "next_id", "archived_revision")
+
+_LOCK = Query(
+    select(
+        HeadRow.revision,
+        HeadRow.definition_revision,
+        HeadRow.next_id,
+        HeadRow.hash,
+        HeadRow.committed_at,
+        HeadRow.archived_revision,
+        StoreClock(),
+    )
+    .where(HeadRow.kb_id == KB)
+    .with_for_update()
+)
+_HASH = Query(
+    select(RevisionRow.hash).where(RevisionRow.kb_id == KB, RevisionRow.number == bindparam("at"))
+)
+_LAST_KB = Query(select(func.max(KnowledgeBaseRow.id)))
+_MOVE = Query(
+    update(HeadRow)
+    .where(HeadRow.kb_id == bindparam("kb"))
+    .values(
+        revision=bindparam("number"),
+        definition_revision=bindparam("definitions"),
+        next_id=bindparam("next"),
+        hash=bindparam("digest"),
+        committed_at=bindparam("time"),
+    )
+)
+
+
+_NEW_KB = Insert(table_of(KnowledgeBaseRow), "id", "name")
+_NEW_HEAD = Insert(table_of(HeadRow), "kb_id", "revision", "definition_revision", "next_id")
+
+
+class Head(NamedTuple):
+    """Where a knowledge base stands, read under its lock.
+
+    Attributes:
+        revision: the last revision; 0 before the first.
+        definition_revision: the last revision that changed a definition.
+        next_id: the id that the next element gets.
+        hash: the last revision's hash.
+        committed_at: the last revision's time.
+        archived_revision: what ended up to this revision was moved to an archive.
+        clock: the store's time when the lock was taken.
+    """
+
+    revision: int
+    definition_revision: int
+    next_id: int
+    hash: str | None
+    committed_at: datetime | None
+    archived_revision: int
+    clock: datetime
+
+
+class Committed(NamedTuple):
+    """A revision that was written, and is committed when the database says so.
+
+    Attributes:
+        number: its number.
+        hash: its hash.
+        moment: when, in the driver's form.
+    """
+
+    number: int
+    hash: str
+    moment: Any
+
+
+def create_knowledge_base(session: Session, name: str) -> int:
+    """Create a knowledge base, before its first revision."""
+    row = session.first(_LAST_KB)
+    kb_id: int = 1 + (row[0] or 0 if row else 0)
+    try:
+        session.insert(_NEW_KB, [(kb_id, name)])
+    except StoreIntegrityError as error:
+        raise StoreBusyError(
+            f"{session.backend.label}: another process is creating a knowledge base just now; "
+            "nothing was written, try again"
+        ) from error
+    session.insert(_NEW_HEAD, [(kb_id, 0, 0, FIRST_ID)])
+    session.commit()
+    session.begin(write=True)
+    return kb_id
+
+
+def lock_head(session: Session, kb_id: int) -> Head | None:
+    """Lock a knowledge base against other writers, and read where it stands."""
+    row = session.first(_LOCK, kb=kb_id)
+    if row is None:
+        return None
+    revision, definition_revision, next_id, digest, moment, archived, clock = row
+    numbers = (revision, definition_revision, next_id, archived)
+    for value in numbers:
+        if type(value) is not int or value < 0:
+            check_numbers(session, kb_id, zip(_NUMBERS, numbers, strict=True))
+    # The next hash is chained to this one.
+    if revision and (not isinstance(digest, str) or len(digest) != HASH_LENGTH):
+        error = ValueError(f"column hash has {digest!r}, which is no hash")
+        raise unreadable("head", f"knowledge base {kb_id!r}", error) from error
+    try:
+        committed_at = None if moment is None else session.to_time(moment)
+    except UNREADABLE as error:
+        raise unreadable("head", f"knowledge base {kb_id!r}", error) from error
+    return Head(
+        revision, definition_revision, next_id, digest, committed_at, archived, session.now(clock)
+    )
+
+
+def check_numbers(session: Session, kb_id: int, numbers: Iterable[tuple[str, Any]]) -> None:
+    """Check that columns of the head have integers: SQLite keeps anything in any column."""
+    for name, value in numbers:
+        if not isinstance(value, int) or value < 0:
+            raise StoreIntegrityError(
+                f"{session.backend.label}: column {name} of table head has {value!r} for knowledge "
+                f"base {kb_id}, which is no integer from 0 on; nothing was written; 'kant-sql "
+                "verify' shows what else was changed by hand"
+            )
+
+
+def is_stored(session: Session, kb_id: int, made: Committed) -> bool:
+    """Return whether a revision is in the store."""
+    return hash_of(session, kb_id, made.number) == made.hash
+
+
+def hash_of(session: Session, kb_id: int, number: int) -> str | None:
+    """Read the hash of a revision."""
+    row = session.first(_HASH, kb=kb_id, at=number)
+    return None if row is None else str(row[0])
+
+
+def move_head(
+    session: Session, kb_id: int, made: Committed, definition_revision: int, next_id: int
+) -> None:
+    """Move the head to a new revision."""
+    session.run(
+        _MOVE,
+        kb=kb_id,
+        number=made.number,
+        definitions=definition_revision,
+        next=next_id,
+        digest=made.hash,
+        time=made.moment,
+    )

@@ -1,0 +1,727 @@
+"""The ledger of intervals: what a transaction changes in one version table.
+
+A row of a version table says what held from one revision until another. In one revision an element
+can be asserted and retracted many times; the ledger keeps what held before, what holds now, and
+what the tables say by now, and writes the difference with at most four statements: close what held
+before, delete what this revision wrote, reopen what it closed, insert what is new.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from typing import Any, ClassVar, Generic, Protocol, TypeVar
+
+from ..dto.elements import value_text
+from ..dto.lexical import fold, is_word
+from ..knowledge.definitions import Definition, PendingElements
+from ..sql.changes import ASSERTED, PLAN_STEP, RETRACTED, Change
+from ..sql.definitions import find_identities
+from ..sql.dialects.base import Row, Session
+from ..sql.intervals import (
+    CLOSED_HERE,
+    FIND,
+    FIND_VALUE,
+    HOLDS_NOW,
+    OPEN,
+    OPEN_VALUE,
+    VALUE_VERSIONS,
+    VERSIONS,
+)
+from ..sql.plans import FIND_STEP, NEW_STATUS, STEP_STATEMENTS, Step, status_text
+from ..sql.query import IdsQuery, Insert, whole_rows
+from ..sql.rows import FACT, GOAL, KIND_TABLES, VALUE, RowsByTable, table_of
+from ..sql.tables import (
+    FunctionValueArgumentRow,
+    FunctionValueRow,
+    PropositionArgumentRow,
+    PropositionRow,
+)
+from .caches import (
+    AtomKey,
+    FluentKey,
+    FluentValue,
+    GroundAtom,
+    GroundFluent,
+    HeldValue,
+    InternCache,
+    read_value,
+)
+from .head import Head
+from .journal import Journal
+
+K = TypeVar("K")
+V = TypeVar("V")
+
+
+class WriteContext:
+    """What the ledgers of a transaction need of it.
+
+    Attributes:
+        session: the connection.
+        kb_id: the knowledge base.
+        head: the head row as it was locked.
+        number: the revision that is being made.
+        next_id: the id that the next element gets.
+        journal: rolls memory back.
+    """
+
+    __slots__ = ("head", "journal", "kb_id", "next_id", "number", "session")
+
+    def __init__(self, session: Session, kb_id: int, head: Head) -> None:
+        self.session = session
+        self.kb_id = kb_id
+        self.head = head
+        self.number = head.revision + 1
+        self.next_id = head.next_id
+        self.journal = Journal(session)
+
+    def allocate(self, number: int) -> range:
+        """Allocate the next ids."""
+        first = self.next_id
+        self.next_id = first + number
+        return range(first, first + number)
+
+
+class Versions(Protocol):
+    """The statements that change the rows of a version table."""
+
+    @property
+    def close(self) -> IdsQuery:
+        """Ends open versions at the revision that is being made."""
+
+    @property
+    def reopen(self) -> IdsQuery:
+        """Opens versions that the revision has closed."""
+
+    @property
+    def unmake(self) -> tuple[IdsQuery, ...]:
+        """Deletes versions of the revision, and the rows below them first."""
+
+
+class Part(ABC):
+    """What a transaction has changed of one kind of knowledge.
+
+    Attributes:
+        pending: what is not written yet.
+    """
+
+    pending: dict[Any, Any]
+
+    @abstractmethod
+    def lines(self) -> Iterator[Change]:
+        """Return what the revision changes, if nothing of it was forgotten."""
+
+    @abstractmethod
+    def write(self) -> None:
+        """Write what is pending."""
+
+
+class Ledger(Part, Generic[K, V]):
+    """What a transaction changes in one version table: by key, the open version or None.
+
+    Attributes:
+        changes: what holds now, of all that the transaction has set.
+        pending: the keys that were set since the last write.
+    """
+
+    versions: Versions
+
+    def __init__(
+        self,
+        context: WriteContext,
+        origin: Callable[[K], V | None],
+        changes: dict[K, V | None] | None = None,
+    ) -> None:
+        self.context = context
+        self.changes: dict[K, V | None] = {} if changes is None else changes
+        self.pending: dict[K, None] = {}
+        # What held before the revision; what the tables have now, where it differs.
+        self._origin = origin
+        self._written: dict[K, V | None] = {}
+        self.assign = context.journal.assign
+        context.journal.track(self.changes, self.pending, self._written)
+
+    def now(self, key: K) -> V | None:
+        """Return what holds, as changed so far."""
+        return self.changes[key] if key in self.changes else self._origin(key)
+
+    def put(self, key: K, value: V | None) -> None:
+        """Set what holds from this revision on; None: nothing."""
+        self.assign(self.changes, key, value)
+        self.assign(self.pending, key, None)
+
+    def lines(self) -> Iterator[Change]:
+        """Yield what the revision changes: one line for each end of an interval."""
+        for key, now in self.changes.items():
+            before = self._origin(key)
+            if now != before:
+                if before is not None:
+                    yield Change(RETRACTED, *self._line(key, before))
+                if now is not None:
+                    yield Change(ASSERTED, *self._line(key, now))
+
+    def write(self) -> None:
+        """Write what is pending."""
+        self._write_identities()
+        closed, unmade, reopened, opened = self._differences()
+        self.pending.clear()
+        if closed:
+            self._run(self.versions.close, closed)
+        if unmade:
+            for statement in self.versions.unmake:
+                self._run(statement, unmade)
+        if reopened:
+            self._run(self.versions.reopen, reopened)
+        if opened:
+            for into, rows in self._rows(opened):
+                self.context.session.insert(into, rows)
+
+    def _differences(self) -> tuple[list[K], list[K], list[K], list[tuple[K, V]]]:
+        """Return what to close, delete, reopen and insert to make the tables say what holds now."""
+        closed: list[K] = []
+        unmade: list[K] = []
+        reopened: list[K] = []
+        opened: list[tuple[K, V]] = []
+        changes, written, origin = self.changes, self._written, self._origin
+        for key in self.pending:
+            now, first = changes[key], origin(key)
+            before = written.get(key, first)
+            if now == before:
+                continue
+            if before is not None:
+                (closed if before == first else unmade).append(key)
+            if now is not None:
+                if now == first:
+                    reopened.append(key)
+                else:
+                    opened.append((key, now))
+            written[key] = now
+        return closed, unmade, reopened, opened
+
+    def _run(self, statement: IdsQuery, keys: list[K]) -> None:
+        ids: Any = keys
+        self.context.session.run_for(statement, ids, kb=self.context.kb_id, at=self.context.number)
+
+    def _write_identities(self) -> None:
+        """Write the identities that were made since the last write."""
+
+    @abstractmethod
+    def _line(self, key: K, value: V) -> tuple[str, str]:
+        """Return the kind and the canonical text of a version."""
+
+    @abstractmethod
+    def _rows(self, opened: list[tuple[K, V]]) -> Iterable[tuple[Insert, list[Row]]]:
+        """Return the rows of versions that begin with this revision, parents first."""
+
+
+class Identity(Protocol):
+    """An interned proposition or fluent."""
+
+    @property
+    def id(self) -> int:
+        """Its id."""
+
+    @property
+    def key(self) -> Any:
+        """What makes it the one that it is: a tuple that ends with the ids of its arguments."""
+
+    @property
+    def text(self) -> str:
+        """Its canonical PDDL text."""
+
+
+I = TypeVar("I", bound=Identity)  # noqa: E741
+
+
+class InternedLedger(Ledger[int, V], Generic[I, V]):
+    """The ledger of elements that are found by their arguments: ground atoms and fluents."""
+
+    new_identity: ClassVar[Insert]
+    new_argument: ClassVar[Insert]
+    new_version: ClassVar[Insert]
+
+    def __init__(self, context: WriteContext, cache: InternCache[Any, I, V | None]) -> None:
+        self._before: dict[int, V | None] = {}
+        super().__init__(context, self._before.get)
+        self._cache = cache
+        self._cached = cache.at(context.head.revision)
+        self._known: dict[Any, I] = {}
+        self._new: dict[int, I] = {}
+        self.was_spilled = False
+        context.journal.track(self._before, self._known, self._new)
+
+    @property
+    def is_untouched(self) -> bool:
+        """Whether the transaction has met no element so far."""
+        return not (self.was_spilled or self._known)
+
+    def find(self, keys: Collection[Any]) -> dict[Any, I]:
+        """Find identities, with one statement for each predicate or function at most."""
+        found: dict[Any, I] = {}
+        missing: dict[Any, list[str]] = {}
+        known, cached = self._known, self._cache.identities
+        for key in keys:
+            identity = known.get(key) or cached.get(key)
+            if identity is not None:
+                found[key] = identity
+            # Elements that are new in this transaction are not stored unless it has spilled.
+            elif self.was_spilled or key[-2] < self.context.head.next_id:
+                missing.setdefault(key[:-1], []).append(key[-1])
+        for group, arguments in missing.items():
+            for identity, value in self._find(group, arguments):
+                found[identity.key] = self.know(identity)
+                if not self.was_spilled and identity.id not in self._before:
+                    self.assign(self._before, identity.id, value)
+        return found
+
+    def know(self, identity: I) -> I:
+        """Keep an identity for the rest of the transaction."""
+        self.assign(self._known, identity.key, identity)
+        return identity
+
+    def load(self, identities: Iterable[I]) -> None:
+        """Read what holds of some elements, in one or two statements for all of them."""
+        unknown: dict[int, I] = {}
+        before, cached = self._before, self._cached
+        for identity in identities:
+            id_ = identity.id
+            if id_ not in before:
+                if id_ in cached and not self.was_spilled:
+                    self.assign(before, id_, cached[id_])
+                else:
+                    unknown[id_] = identity
+        if unknown:
+            self._read(unknown)
+
+    def value_of(self, identity: I) -> V | None:
+        """Return what holds of an element, as changed so far."""
+        id_ = identity.id
+        if id_ in self.changes:
+            return self.changes[id_]
+        if id_ not in self._before:
+            self.load((identity,))
+        return self.now(id_)
+
+    def note(self, before: Mapping[int, V | None]) -> None:
+        """Keep what the tables say of elements that the transaction has not touched."""
+        self._before.update(before)
+
+    def _add(self, identities: dict[int, I], values: dict[int, V | None]) -> None:
+        """Assert elements that were never known before."""
+        assign_all = self.context.journal.assign_all
+        assign_all(self._known, {each.key: each for each in identities.values()})
+        assign_all(self._new, identities)
+        assign_all(self._before, dict.fromkeys(identities))
+        assign_all(self.changes, values)
+        assign_all(self.pending, dict.fromkeys(identities))
+
+    def _write_identities(self) -> None:
+        new = self._new
+        if new:
+            session, kb = self.context.session, self.context.kb_id
+            session.insert(self.new_identity, [self._identity_row(each) for each in new.values()])
+            session.insert(
+                self.new_argument,
+                [
+                    (kb, id_, position, int(object_id))
+                    for id_, each in new.items()
+                    for position, object_id in enumerate(each.key[-1].split())
+                ],
+            )
+            new.clear()
+
+    def publish(self, revision: int) -> None:
+        """Share what the transaction has found and made with later ones, after it has ended well.
+
+        Args:
+            revision: the one that it has made, or the one that it began at.
+        """
+        head, known, before = self.context.head, self._known, self._before
+        if revision != head.revision:
+            now = self.now
+            news = {id_: now(id_) for id_ in before}
+        else:
+            # The writes were rolled back, so the allocated ids are unused.
+            known = {key: each for key, each in known.items() if each.id < head.next_id}
+            news = {id_: held for id_, held in before.items() if id_ < head.next_id}
+        self._cache.know(known)
+        after = None if self.was_spilled else news
+        self._cache.learn(self._cached, head.revision, revision, after)
+
+    @abstractmethod
+    def _find(self, group: Any, arguments: list[str]) -> Iterator[tuple[I, V | None]]:
+        """Read the identities of one predicate or function, and what holds of each."""
+
+    @abstractmethod
+    def _read(self, unknown: dict[int, I]) -> None:
+        """Read what holds of elements."""
+
+    @abstractmethod
+    def _identity_row(self, identity: I) -> Row:
+        """Return the row of an identity."""
+
+
+class DefinitionLedger(Ledger[int, Definition]):
+    """The definitions of one kind that a transaction changes."""
+
+    def __init__(
+        self, context: WriteContext, kind: str, elements: PendingElements[Definition]
+    ) -> None:
+        super().__init__(context, elements.origin.get, elements.changes)
+        self._kind = kind
+        self._elements = elements
+        self._tables = KIND_TABLES[kind]
+        self.versions = self._tables.version
+        context.journal.track(elements.interned, elements.unwritten)
+
+    def look_up(self, names: Iterable[str]) -> None:
+        """Find the identities of names that are not live, in one statement."""
+        elements = self._elements
+        keys = {
+            key
+            for key, name in {fold(name): name for name in names}.items()
+            if key not in elements.interned
+            and elements.get(elements.ids.get(key)) is None
+            # An invalid name is refused on save; here a driver might fail to encode it.
+            and is_word(name)
+        }
+        if keys:
+            context = self.context
+            found = find_identities(context.session, context.kb_id, self._kind, keys)
+            context.journal.assign_all(elements.interned, found)
+
+    def intern(self, name: str) -> tuple[int, str]:
+        """Find the identity of a name that is not live, or make it."""
+        elements, key = self._elements, fold(name)
+        if key not in elements.interned:
+            self.look_up((name,))
+        identity = elements.interned[key]
+        if identity is None:
+            (id_,) = self.context.allocate(1)
+            identity = (id_, name)
+            self.assign(elements.interned, key, identity)
+            self.assign(elements.unwritten, id_, name)
+        return identity
+
+    def know(self, definition: Definition) -> None:
+        """Keep the identity of an element."""
+        identity = (definition.id, definition.name)
+        self.assign(self._elements.interned, fold(definition.name), identity)
+
+    def _line(self, key: int, value: Definition) -> tuple[str, str]:
+        return getattr(value, "section", self._kind), value.text
+
+    def _write_identities(self) -> None:
+        names = self._elements.unwritten
+        kb = self.context.kb_id
+        rows = [(kb, id_, name, fold(name)) for id_, name in names.items()]
+        self.context.session.insert(self._tables.new_identity, rows)
+        names.clear()
+
+    def _rows(self, opened: list[tuple[int, Definition]]) -> Iterator[tuple[Insert, list[Row]]]:
+        kb, number = self.context.kb_id, self.context.number
+        version = self._tables.version
+        rows: RowsByTable = {table: [] for table in (version.table, *version.children)}
+        for _, definition in opened:
+            self._tables.add_rows(rows, kb, number, definition)
+        for table, its_rows in rows.items():
+            yield whole_rows(table), its_rows
+
+
+class PropositionLedger(InternedLedger[GroundAtom, GroundAtom]):
+    """The propositions that a transaction asserts and retracts."""
+
+    versions = VERSIONS
+    new_identity = Insert(
+        table_of(PropositionRow), "kb_id", "id", "predicate_id", "is_goal", "arguments", "text"
+    )
+    new_argument = Insert(
+        table_of(PropositionArgumentRow), "kb_id", "proposition_id", "position", "object_id"
+    )
+    new_version = Insert(
+        VERSIONS.table,
+        *("kb_id", "proposition_id", "since", "until", "predicate_id", "is_goal", "fork"),
+    )
+
+    def hold_all(self, texts: Mapping[AtomKey, str], old: Collection[AtomKey] | None = None) -> int:
+        """Assert propositions, with statements only for each predicate; count those that are new.
+
+        Args:
+            texts: their canonical texts.
+            old: those that may be known already; by default, all of them.
+        """
+        found = self.find(texts if old is None else old)
+        self.load(found.values())
+        new = {key: text for key, text in texts.items() if key not in found}
+        if new:
+            self.add_all(new)
+        return len(new) + sum([self.set(atom, True) for atom in found.values()])
+
+    def add_all(self, texts: Mapping[AtomKey, str]) -> None:
+        """Assert propositions that were never known before."""
+        ids = self.context.allocate(len(texts))
+        atoms = dict(zip(ids, map(GroundAtom, ids, texts, texts.values()), strict=True))
+        self._add(atoms, {**atoms})
+
+    def holds(self, atom: GroundAtom) -> bool:
+        """Whether a proposition holds, as changed so far."""
+        return self.value_of(atom) is not None
+
+    def set(self, atom: GroundAtom, holds: bool) -> bool:
+        """Assert or retract a proposition; return whether that is a change."""
+        if (self.value_of(atom) is not None) == holds:
+            return False
+        self.put(atom.id, atom if holds else None)
+        return True
+
+    def forget(self) -> None:
+        """Forget what was written, to bound memory; the tables say it from now on."""
+        self.was_spilled = True
+        for table in (self._known, self._new, self._before, self.changes, self._written):
+            table.clear()
+
+    def _find(
+        self, group: Any, arguments: list[str]
+    ) -> Iterator[tuple[GroundAtom, GroundAtom | None]]:
+        is_goal, predicate_id = group
+        session = self.context.session
+        for id_, text_arguments, text, since in session.rows(
+            FIND,
+            kb=self.context.kb_id,
+            is_goal=is_goal,
+            predicate=predicate_id,
+            arguments=session.list_value(arguments),
+        ):
+            atom = GroundAtom(id_, AtomKey(is_goal, predicate_id, text_arguments), text)
+            yield atom, None if since is None else atom
+
+    def _read(self, unknown: dict[int, GroundAtom]) -> None:
+        context = self.context
+        ids, kb, number = context.session.list_value([*unknown]), context.kb_id, context.number
+        before: dict[int, GroundAtom | None] = dict.fromkeys(unknown)
+        written: dict[int, GroundAtom | None] = {}
+        if self.was_spilled:
+            for id_, since in context.session.rows(CLOSED_HERE, kb=kb, ids=ids, at=number):
+                if since is not None:
+                    before[id_], written[id_] = unknown[id_], None
+        for id_, since in context.session.rows(OPEN, kb=kb, ids=ids):
+            if since == number:
+                written[id_] = unknown[id_]
+            elif since is not None:
+                before[id_] = unknown[id_]
+        assign_all = context.journal.assign_all
+        assign_all(self._before, before)
+        if written:
+            assign_all(self.changes, written)
+            assign_all(self._written, written)
+
+    def _line(self, key: int, value: GroundAtom) -> tuple[str, str]:
+        return (GOAL if value.key.is_goal else FACT), value.text
+
+    def _identity_row(self, identity: GroundAtom) -> Row:
+        id_, (is_goal, predicate_id, arguments), text = identity
+        return self.context.kb_id, id_, predicate_id, is_goal, arguments, text
+
+    def _rows(self, opened: list[tuple[int, GroundAtom]]) -> Iterable[tuple[Insert, list[Row]]]:
+        kb, number = self.context.kb_id, self.context.number
+        rows: list[Row] = [
+            (kb, id_, number, None, key.predicate_id, key.is_goal, HOLDS_NOW)
+            for id_, (_, key, _) in opened
+        ]
+        return ((self.new_version, rows),)
+
+
+class FunctionValueLedger(InternedLedger[GroundFluent, HeldValue]):
+    """The values of functions that a transaction sets and unsets."""
+
+    versions = VALUE_VERSIONS
+    new_identity = Insert(
+        table_of(FunctionValueRow), "kb_id", "id", "function_id", "arguments", "text"
+    )
+    new_argument = Insert(
+        table_of(FunctionValueArgumentRow), "kb_id", "function_value_id", "position", "object_id"
+    )
+    new_version = Insert(
+        VALUE_VERSIONS.table,
+        *("kb_id", "function_value_id", "since", "until", "function_id", "value", "number"),
+        *("object_id", "text", "fork"),
+    )
+
+    def value(self, fluent: GroundFluent) -> FluentValue | None:
+        """Return the value of a fluent, as changed so far."""
+        held = self.value_of(fluent)
+        return None if held is None else held.value
+
+    def set(self, fluent: GroundFluent, value: FluentValue | None) -> bool:
+        """Set a value, or unset it with None; return whether that is a change."""
+        now = self.value(fluent)
+        if now is None if value is None else value.is_same(now):
+            return False
+        first = self._before[fluent.id]
+        # Setting the original value restores its spelling, too.
+        same = value is not None and first is not None and value.is_same(first.value)
+        return self.spell(fluent, first.value if same and first is not None else value)
+
+    def spell(self, fluent: GroundFluent, value: FluentValue | None) -> bool:
+        """Set a value in just this spelling: 10.0 instead of 10."""
+        if self.value(fluent) == value:
+            return False
+        self.put(fluent.id, None if value is None else HeldValue(fluent, value))
+        return True
+
+    def set_many(
+        self,
+        values: Collection[tuple[FluentKey, str, FluentValue]],
+        old: Collection[FluentKey] | None = None,
+    ) -> int:
+        """Set values, with statements only for each function; count the changes.
+
+        Args:
+            values: for each fluent its key, its canonical text and its value.
+            old: the fluents that may be known already; by default, all of them.
+        """
+        found = self.find({key for key, _, _ in values} if old is None else old)
+        self.load(found.values())
+        changed = 0
+        new: dict[FluentKey, tuple[str, FluentValue]] = {}
+        for key, text, value in values:
+            fluent = found.get(key)
+            if fluent is not None:
+                changed += self.set(fluent, value)
+            elif key not in new or not value.is_same(new[key][1]):
+                new[key] = text, value
+                changed += 1
+        if new:
+            self._add_all(new)
+        return changed
+
+    def _add_all(self, values: Mapping[FluentKey, tuple[str, FluentValue]]) -> None:
+        fluents: dict[int, GroundFluent] = {}
+        held: dict[int, HeldValue | None] = {}
+        ids = self.context.allocate(len(values))
+        for id_, (key, (text, value)) in zip(ids, values.items(), strict=True):
+            fluent = fluents[id_] = GroundFluent(id_, key, text)
+            held[id_] = HeldValue(fluent, value)
+        self._add(fluents, held)
+
+    def unset(self, held: Iterable[HeldValue]) -> None:
+        """Unset fluents whose values were read within the transaction, after a flush."""
+        for each in held:
+            fluent = each.fluent
+            if fluent.id not in self._before:
+                self.assign(self._before, fluent.id, each)
+            self.know(fluent)
+            self.set(fluent, None)
+
+    def _find(
+        self, group: Any, arguments: list[str]
+    ) -> Iterator[tuple[GroundFluent, HeldValue | None]]:
+        (function_id,) = group
+        session = self.context.session
+        for id_, text_arguments, text, held, object_id in session.rows(
+            FIND_VALUE,
+            kb=self.context.kb_id,
+            function=function_id,
+            arguments=session.list_value(arguments),
+        ):
+            fluent = GroundFluent(id_, FluentKey(function_id, text_arguments), text)
+            yield fluent, _held(fluent, held, object_id)
+
+    def _read(self, unknown: dict[int, GroundFluent]) -> None:
+        session = self.context.session
+        ids = session.list_value([*unknown])
+        for id_, held, object_id in session.rows(OPEN_VALUE, kb=self.context.kb_id, ids=ids):
+            self.assign(self._before, id_, _held(unknown[id_], held, object_id))
+
+    def _line(self, key: int, value: HeldValue) -> tuple[str, str]:
+        return VALUE, value.text
+
+    def _identity_row(self, identity: GroundFluent) -> Row:
+        id_, key, text = identity
+        return self.context.kb_id, id_, key.function_id, key.arguments, text
+
+    def _rows(self, opened: list[tuple[int, HeldValue]]) -> Iterable[tuple[Insert, list[Row]]]:
+        kb, number = self.context.kb_id, self.context.number
+        rows: list[Row] = []
+        for id_, (fluent, (text, object_id)) in opened:
+            # A number is stored as exact text and as a float, an object by its id.
+            numbers = (text, float(text)) if object_id is None else (None, None)
+            own = value_text(fluent.text, text)
+            place = (kb, id_, number, None, fluent.key.function_id)
+            rows.append((*place, *numbers, object_id, own, HOLDS_NOW))
+        return ((self.new_version, rows),)
+
+
+def _held(fluent: GroundFluent, held: str | None, object_id: int | None) -> HeldValue | None:
+    """Read a value from its canonical text, which stands between that of its fluent and the end."""
+    if held is None:
+        return None
+    return HeldValue(fluent, read_value(fluent.text, held, object_id))
+
+
+class StepStatusLedger(Ledger[Step, str]):
+    """The statuses of the steps of recorded plans that a transaction sets."""
+
+    versions = STEP_STATEMENTS
+
+    def __init__(self, context: WriteContext) -> None:
+        self._before: dict[Step, str | None] = {}
+        super().__init__(context, self._before.get)
+        context.journal.track(self._before)
+
+    def find(self, step: Step) -> str | None:
+        """Find a step that is written, and read its status; give its text."""
+        plan_id, position = step
+        context = self.context
+        row = context.session.first(FIND_STEP, kb=context.kb_id, plan=plan_id, step=position)
+        if row is None:
+            return None
+        if step not in self._before:
+            self.assign(self._before, step, row[1])
+        return str(row[0])
+
+    def _run(self, statement: IdsQuery, keys: list[Step]) -> None:
+        kb, at = self.context.kb_id, self.context.number
+        for plan, position in keys:
+            self.context.session.run_for(statement, [position], kb=kb, plan=plan, at=at)
+
+    def _line(self, key: Step, value: str) -> tuple[str, str]:
+        return PLAN_STEP, status_text(key, value)
+
+    def _rows(self, opened: list[tuple[Step, str]]) -> Iterable[tuple[Insert, list[Row]]]:
+        kb, number = self.context.kb_id, self.context.number
+        rows: list[Row] = [
+            (kb, *step, number, None, status, status_text(step, status)) for step, status in opened
+        ]
+        return ((NEW_STATUS, rows),)
+
+
+class Records(Part):
+    """The plans and archives that a transaction records: rows that are only ever added."""
+
+    def __init__(self, context: WriteContext) -> None:
+        self._context = context
+        self._lines: dict[Change, None] = {}
+        self.pending: dict[Change, tuple[tuple[Insert, Row], ...]] = {}
+        context.journal.track(self._lines, self.pending)
+
+    def add(self, change: Change, rows: Iterable[tuple[Insert, Row]]) -> None:
+        """Add a record: its change line, and its rows, parents first."""
+        assign = self._context.journal.assign
+        assign(self._lines, change, None)
+        assign(self.pending, change, tuple(rows))
+
+    def lines(self) -> Iterator[Change]:
+        """Yield what the transaction has recorded so far."""
+        yield from self._lines
+
+    def write(self) -> None:
+        """Write what is pending."""
+        tables: dict[Insert, list[Row]] = {}
+        for rows in self.pending.values():
+            for into, row in rows:
+                tables.setdefault(into, []).append(row)
+        for into, all_rows in tables.items():
+            self._context.session.insert(into, all_rows)
+        self.pending.clear()

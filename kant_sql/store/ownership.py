@@ -1,0 +1,114 @@
+"""Whose transaction is open: a transaction belongs to one thread, one task and one context.
+
+`asyncio.create_task`, `loop.call_soon` and `asyncio.to_thread` copy the context that they are
+called in, so a context variable alone would let a new task join the block of the task that made it.
+Each block therefore knows where it was opened, and nobody else joins it.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import threading
+from collections.abc import Hashable
+from contextvars import ContextVar, Token
+from typing import TYPE_CHECKING, Any
+
+from ..errors import TransactionOpenError
+
+if TYPE_CHECKING:
+    from .transaction import Transaction
+
+
+class Block:
+    """A transaction that is open, and where it was opened.
+
+    Attributes:
+        store: the store that it is of; None when it has ended.
+        transaction: the transaction; None when it has ended.
+    """
+
+    def __init__(self, store: object, queue: Hashable, transaction: Transaction) -> None:
+        """Open it."""
+        self.store: object | None = store
+        self.transaction: Transaction | None = transaction
+        self._thread = threading.get_ident()
+        self._task = _task()
+        self._place: tuple[int, Hashable] | None = (self._thread, queue)
+        self._name = transaction.name
+        self._actor = transaction.metadata.actor
+        others = tuple(block for block in OPEN.get() if block.store is not None)
+        self._token: Token[tuple[Block, ...]] = OPEN.set((*others, self))
+        _QUEUES[self._thread, queue] = self
+
+    def close(self) -> None:
+        """End it, wherever this is called."""
+        is_mine = self.is_mine()
+        place, self._place = self._place, None
+        # A task that outlives the block keeps a copy of the context: it must not keep more alive.
+        self.store = self.transaction = self._task = None
+        if place is not None and _QUEUES.get(place) is self:
+            del _QUEUES[place]
+        if is_mine:
+            # Another context keeps the empty block until it opens one of its own.
+            OPEN.set(tuple(block for block in OPEN.get() if block is not self))
+
+    def is_mine(self) -> bool:
+        """Return whether it was opened in this thread, in this task and in this very context."""
+        if self._thread != threading.get_ident() or self._task is not _task():
+            return False
+        seen = OPEN.get()
+        try:
+            # A token is of one context: a copy of that context refuses it.
+            OPEN.reset(self._token)
+        except ValueError:
+            return False
+        self._token = OPEN.set(seen)
+        return True
+
+    def refuse(self, what: str) -> TransactionOpenError:
+        """Make the error for who would have to wait for this block in its own thread."""
+        who = "no actor" if self._actor is None else f"actor {self._actor!r}"
+        task: asyncio.Task[Any] | None = self._task
+        where = "outside of any task" if task is None else f"in task {task.get_name()!r}"
+        return TransactionOpenError(
+            f"knowledge base {self._name!r} has a transaction of {who} open in this thread, "
+            f"{where}, which only its own task and context may use: {what} would block the thread "
+            "for ever; end that block first, use kant_sql.aio, or go to another thread"
+        )
+
+
+OPEN: ContextVar[tuple[Block, ...]] = ContextVar("kant_sql_open", default=())
+# Which block holds a queue of writers, by thread.
+_QUEUES: dict[tuple[int, Hashable], Block] = {}
+
+if hasattr(os, "register_at_fork"):
+    # The parent process ends its own transaction.
+    os.register_at_fork(after_in_child=_QUEUES.clear)
+
+
+def _task() -> asyncio.Task[Any] | None:
+    # The check of `asyncio.current_task` without its exception: most threads have no loop.
+    if asyncio._get_running_loop() is None:
+        return None
+    return asyncio.current_task()
+
+
+def own_block(store: object) -> Block | None:
+    """Find the block that this thread, task and context has open."""
+    # The newest first: before it there may be one that this process was forked in.
+    for block in reversed(OPEN.get()):
+        if block.store is store and block.is_mine():
+            return block
+    return None
+
+
+def block_ahead(queue: Hashable) -> Block | None:
+    """Find the block of this thread that a writer of this thread would wait for."""
+    return _QUEUES.get((threading.get_ident(), queue))
+
+
+def blocks_of_thread() -> list[Block]:
+    """Find all blocks that this thread has open, whichever task has opened them."""
+    here = threading.get_ident()
+    return [block for (thread, _), block in list(_QUEUES.items()) if thread == here]

@@ -1,0 +1,474 @@
+"""One knowledge base as the threads of a process share it: reads, transactions, lost commits.
+
+What may be cached is kept here: identities for good, definitions together with the revision that
+last changed one.
+"""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from datetime import datetime, timedelta
+from types import TracebackType
+from typing import TypeVar
+
+from sqlalchemy import bindparam, select
+
+from ..arguments import shown
+from ..errors import (
+    ConnectionLostError,
+    InvalidMetadataError,
+    OutcomeUnknownError,
+    StaleRevisionError,
+    StoreBusyError,
+    StoreError,
+    StoreReplacedError,
+)
+from ..knowledge.canonical import Metadata, make_metadata
+from ..knowledge.definitions import Definitions
+from ..sql.dialects.base import Backend, Session, retrying
+from ..sql.query import Query, StoreClock
+from ..sql.schema import ensure_schema
+from ..sql.tables import KnowledgeBaseRow
+from .caches import AtomCache, FluentCache
+from .head import Committed, Head, create_knowledge_base, is_stored, lock_head
+from .ownership import OPEN, Block, block_ahead, blocks_of_thread, own_block
+from .snapshot import (
+    DefinitionCache,
+    DefinitionsMovedError,
+    View,
+    open_view,
+    read_definition_revision,
+    vanished,
+)
+from .transaction import Transaction
+
+T = TypeVar("T")
+
+logger = logging.getLogger("kant_sql.store")
+
+_FIND = Query(select(KnowledgeBaseRow.id).where(KnowledgeBaseRow.name == bindparam("name")))
+_CLOCK = Query(select(StoreClock()))
+
+WRITE_LOCK_TIMEOUT = 20.0
+# How far behind the last revision the store's clock may be without a word, and how often a warning
+# of it is repeated, in seconds.
+CLOCK_BEHIND = timedelta(minutes=1)
+CLOCK_PATIENCE = 3600.0
+
+
+def end_session(session: Session) -> None:
+    """Roll back what is open, and give the connection back."""
+    try:
+        session.rollback()
+    except ConnectionLostError:
+        # The server rolls it back; an error before it must not be hidden.
+        pass
+    finally:
+        session.close()
+
+
+class Store:
+    """Reads and writes a knowledge base, for all threads of a process.
+
+    Attributes:
+        backend: the database.
+        name: the knowledge base's name.
+        actor: who writes, when a transaction does not say.
+    """
+
+    def __init__(self, backend: Backend, name: str, actor: str | None) -> None:
+        make_metadata(actor, None, None)
+        if not isinstance(name, str) or not name or len(name) > 255 or not name.isprintable():
+            raise InvalidMetadataError(
+                f"{shown(name)} cannot name a knowledge base; give 1 to 255 printable characters"
+            )
+        self.backend = backend
+        self.name = name
+        self.actor = actor
+        self._kb_id: int | None = None
+        self._definitions = DefinitionCache()
+        self._atoms: AtomCache = AtomCache()
+        self._fluents: FluentCache = FluentCache()
+        self._archived_revision = 0
+        self._last: Committed | None = None
+        self._clock_warned_at: float | None = None
+        self._queue = backend.queue(name)
+        backend.when_forked.append(self._forked)
+        ensure_schema(backend)
+        with backend.open_session() as session:
+            self._find(session)
+        logger.info("%s: connected, knowledge base %r, actor %r", backend.label, name, actor)
+
+    def _forked(self) -> None:
+        # Another thread may have held their locks during the fork.
+        self._forget_identities()
+
+    def _forget_identities(self) -> None:
+        self._atoms = AtomCache()
+        self._fluents = FluentCache()
+
+    def _forget_what_was_archived(self, revision: int) -> None:
+        """Forget identities when some may have been moved since they were cached."""
+        if revision != self._archived_revision:
+            self._forget_identities()
+            self._archived_revision = revision
+
+    def current(self) -> Transaction | None:
+        """Return the transaction that this thread, task and context has open."""
+        if not OPEN.get():
+            return None
+        block = own_block(self)
+        transaction = None if block is None else block.transaction
+        if transaction is None or transaction.session.is_abandoned:
+            return None
+        self.backend.refuse_closed()
+        return transaction
+
+    def _take_session(self) -> Session:
+        """Take a connection to read what is committed."""
+        if self.backend.has_one_connection:
+            ahead = block_ahead(self._queue)
+            if ahead is not None and not ahead.is_mine():
+                raise ahead.refuse("to read a store in memory, whose one connection it holds,")
+        return self.backend.session()
+
+    def read(self, work: Callable[[View], T], at: int | None = None) -> T:
+        """Read from one consistent state; one statement needs no transaction."""
+        transaction = self.current()
+        if transaction is not None and at is None:
+            transaction.flush()
+            return work(View(transaction.session, transaction.kb_id, transaction.definitions))
+        guess, kb_id = self._definitions.guess(at), self._kb_id
+        if guess is not None and kb_id is not None:
+            revision, definitions = guess
+            try:
+                # One statement sees one state, so it needs no transaction around it.
+                return self._outside(
+                    lambda session: work(View(session, kb_id, definitions, at, revision))
+                )
+            except DefinitionsMovedError:
+                pass
+        return self.read_in_snapshot(work, at)
+
+    def read_in_snapshot(self, work: Callable[[View], T], at: int | None = None) -> T:
+        """Read from one consistent state with several statements, in a transaction."""
+        if self.current() is not None and at is None:
+            return self.read(work)
+        return self._apart(
+            lambda session: work(open_view(session, self._find(session), self._definitions, at))
+        )
+
+    def read_definitions(self, work: Callable[[Definitions], T], at: int | None = None) -> T:
+        """Read definitions alone."""
+        transaction = self.current()
+        if transaction is not None and at is None:
+            return work(transaction.definitions)
+        snapshot, kb_id = self._definitions.snapshot, self._kb_id
+        if at is None and snapshot is not None and kb_id is not None:
+            now = self._outside(lambda session: read_definition_revision(session, kb_id))
+            if now == snapshot.definition_revision:
+                return work(snapshot.definitions)
+        return self._apart(
+            lambda session: work(
+                open_view(session, self._find(session), self._definitions, at).definitions
+            )
+        )
+
+    def _find(self, session: Session) -> int | None:
+        if self._kb_id is None:
+            row = session.first(_FIND, name=self.name)
+            if row is None or self.current() is not None:
+                # A knowledge base that an open transaction created may be rolled back.
+                return None if row is None else int(row[0])
+            self._kb_id = row[0]
+        return self._kb_id
+
+    def query_in_snapshot(self, work: Callable[[Session, int | None], T]) -> T:
+        """Query what is committed, in a read transaction: one consistent state."""
+        return self._apart(lambda session: work(session, self._find(session)))
+
+    def query(self, work: Callable[[Session, int | None], T]) -> T:
+        """Query what is committed, without a transaction: each statement sees its own state."""
+        return self._outside(lambda session: work(session, self._find(session)))
+
+    def query_once(self, work: Callable[[Session, int | None], T]) -> T:
+        """Query what is committed with one statement, without retries."""
+        session = self._take_session()
+        try:
+            return work(session, self._find(session))
+        finally:
+            end_session(session)
+
+    def _apart(self, work: Callable[[Session], T]) -> T:
+        """Read in a transaction of its own, which sees one state and waits for nobody."""
+
+        def begun(session: Session) -> T:
+            session.begin(write=False)
+            return work(session)
+
+        return self._outside(begun)
+
+    def _outside(self, work: Callable[[Session], T]) -> T:
+        """Use a session outside the thread's transaction."""
+
+        def once() -> T:
+            session = self._take_session()
+            try:
+                return work(session)
+            finally:
+                end_session(session)
+
+        return self._retrying(once)
+
+    def clock(self, session: Session) -> datetime:
+        """Read the store's own clock."""
+        row = session.first(_CLOCK)
+        return session.now(None if row is None else row[0])
+
+    def _retrying(self, work: Callable[[], T]) -> T:
+        return retrying(self.backend, work)
+
+    def write(self, work: Callable[[Transaction], T]) -> T:
+        """Change the knowledge base: in the open transaction, or in one of its own."""
+        outer = self.current()
+        if outer is not None:
+            with outer.scope():
+                return work(outer)
+        metadata = Metadata(self.actor, None, None)
+
+        def once() -> T:
+            with OwnTransaction(self, metadata, None) as transaction:
+                return work(transaction)
+
+        return self._retrying(once)
+
+    @contextmanager
+    def transaction(
+        self,
+        actor: str | None = None,
+        reason: str | None = None,
+        source: object | None = None,
+        expected_revision: int | None = None,
+        observed_at: datetime | None = None,
+        plan_step: tuple[int, int] | None = None,
+    ) -> Iterator[Transaction]:
+        """Open a transaction; within another of this thread, task and context, join that one."""
+        who = actor if actor is not None else self.actor
+        metadata = make_metadata(who, reason, source, observed_at, plan_step)
+        outer = self.current()
+        if outer is not None:
+            self._expect(expected_revision, outer.head.revision)
+            with outer.scope():
+                yield outer
+            return
+        with OwnTransaction(self, metadata, expected_revision) as transaction:
+            yield transaction
+
+    def close(self) -> None:
+        """Close all connections; what this thread has open is rolled back at once.
+
+        A block of another thread is rolled back when it ends, and its further calls are refused.
+        """
+        backend = self.backend
+        backend.is_closed = True
+        for block in blocks_of_thread():
+            transaction = block.transaction
+            if transaction is not None and transaction.session.backend is backend:
+                with suppress(StoreError):
+                    transaction.session.rollback()
+        backend.close()
+
+    def queue_up(self) -> threading.Lock | None:
+        """Take this process's turn to write, where its writers queue on a lock."""
+        ahead = block_ahead(self._queue)
+        if ahead is not None:
+            raise ahead.refuse("to write")
+        lock = self.backend.write_lock()
+        if lock is not None and not lock.acquire(timeout=WRITE_LOCK_TIMEOUT):
+            raise StoreBusyError(
+                f"{self.backend.label}: another thread held the store for over "
+                f"{WRITE_LOCK_TIMEOUT:g} s; nothing was written, try again"
+            )
+        return lock
+
+    def begin(self, metadata: Metadata, expected: int | None) -> tuple[Transaction, Block]:
+        """Begin a transaction that belongs to this thread, task and context."""
+        transaction = self._retrying(lambda: self._begin(metadata, expected))
+        try:
+            return transaction, Block(self, self._queue, transaction)
+        except BaseException:
+            end_session(transaction.session)
+            raise
+
+    def _begin(self, metadata: Metadata, expected: int | None) -> Transaction:
+        session = self.backend.session()
+        try:
+            session.begin(write=True)
+            kb_id = self._find(session)
+            if kb_id is None:
+                self._expect(expected, 0)
+                kb_id = create_knowledge_base(session, self.name)
+            head = lock_head(session, kb_id)
+            if head is None:
+                raise vanished(session)
+            self._judge(head)
+            self._expect(expected, head.revision)
+            self._forget_what_was_archived(head.archived_revision)
+            definitions = self._definitions.at_head(
+                session, kb_id, head.definition_revision, head.archived_revision
+            )
+            return Transaction(
+                session, kb_id, self.name, head, metadata, definitions, self._atoms, self._fluents
+            )
+        except BaseException:
+            end_session(session)
+            raise
+
+    def _judge(self, head: Head) -> None:
+        """Refuse a store that lacks what was committed before; warn of a clock that is behind."""
+        last = self._last
+        if last is not None and (
+            head.revision < last.number or (head.revision == last.number and head.hash != last.hash)
+        ):
+            raise StoreReplacedError(
+                f"{self.backend.label}: knowledge base {self.name!r} is at revision "
+                f"{head.revision}, and revision {last.number}, committed before, is not in it; the "
+                "store was put back to another state: close the knowledge base and connect again"
+            )
+        if head.committed_at is not None and head.clock < head.committed_at - CLOCK_BEHIND:
+            self._warn_of_clock(head.revision, head.committed_at, head.clock)
+
+    def _warn_of_clock(self, revision: int, committed_at: datetime, clock: datetime) -> None:
+        now = time.monotonic()
+        if self._clock_warned_at is None or now >= self._clock_warned_at + CLOCK_PATIENCE:
+            self._clock_warned_at = now
+            logger.warning(
+                "%s: knowledge base %r: the clock says %s, but revision %d is of %s: the clock is "
+                "behind, or was ahead then; revisions get the time of that one until the clock "
+                "has passed it",
+                self.backend.label,
+                self.name,
+                clock.isoformat(),
+                revision,
+                committed_at.isoformat(),
+            )
+
+    def _expect(self, expected: int | None, actual: int) -> None:
+        if expected is not None and expected != actual:
+            raise StaleRevisionError(
+                f"knowledge base {self.name!r} is at revision {actual}, not at {shown(expected)}: "
+                "another writer came first; read again and decide anew",
+                expected,
+                actual,
+            )
+
+    def commit(self, transaction: Transaction) -> None:
+        """Commit a transaction; look a commit up whose answer was lost."""
+        self.backend.refuse_closed()
+        try:
+            committed = transaction.commit()
+        except ConnectionLostError:
+            committed = transaction.committed
+            if committed is None or not self._is_stored(transaction.kb_id, committed):
+                raise
+            logger.warning(
+                "%s: the answer to the COMMIT of revision %d of %r was lost; it is in the store",
+                self.backend.label,
+                committed.number,
+                self.name,
+            )
+        self._publish(transaction, committed)
+
+    def _publish(self, transaction: Transaction, committed: Committed | None) -> None:
+        if committed is not None:
+            self._kb_id, self._last = transaction.kb_id, committed
+            if transaction.redefined:
+                self._definitions.keep(committed.number, transaction.definitions.publish())
+        transaction.publish()
+        if committed is not None and logger.isEnabledFor(logging.DEBUG):
+            self._log_revision(transaction, committed)
+
+    def _log_revision(self, transaction: Transaction, made: Committed) -> None:
+        took, said = transaction.age, transaction.metadata
+        logger.debug(
+            # Text of others must not start a log line of its own.
+            "knowledge base %r: revision %d by %r because %r: %d changes, %.3f ms",
+            self.name,
+            made.number,
+            said.actor,
+            said.reason,
+            transaction.changed,
+            took,
+            extra={
+                "knowledge_base": self.name,
+                "revision": made.number,
+                "actor": said.actor,
+                "reason": said.reason,
+                "changes": transaction.changed,
+                "milliseconds": took,
+            },
+        )
+
+    def _is_stored(self, kb_id: int, made: Committed) -> bool:
+        """Return whether a commit whose answer was lost reached the database."""
+
+        def check(session: Session) -> bool:
+            session.begin(write=True)
+            # Waits for a server process that is still committing.
+            lock_head(session, kb_id)
+            return is_stored(session, kb_id, made)
+
+        try:
+            return self._outside(check)
+        except StoreError as error:
+            raise OutcomeUnknownError(
+                f"{self.backend.label}: the connection was lost while revision {made.number} of "
+                f"{self.name!r} was being committed, and the store does not come back ({error}); "
+                f"if it has a revision {made.number} of hash {made.hash}, all of it was written"
+            ) from error
+
+
+class OwnTransaction:
+    """The block of one transaction: it begins on entry, commits or rolls back on exit."""
+
+    __slots__ = ("_block", "_expected", "_lock", "_metadata", "_store", "_transaction")
+
+    _block: Block
+    _transaction: Transaction
+
+    def __init__(self, store: Store, metadata: Metadata, expected: int | None) -> None:
+        self._store = store
+        self._metadata = metadata
+        self._expected = expected
+        self._lock: threading.Lock | None = None
+
+    def __enter__(self) -> Transaction:
+        self._lock = lock = self._store.queue_up()
+        try:
+            self._transaction, self._block = self._store.begin(self._metadata, self._expected)
+        except BaseException:
+            if lock is not None:
+                lock.release()
+            raise
+        return self._transaction
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        try:
+            self._block.close()
+            if kind is None:
+                self._store.commit(self._transaction)
+        finally:
+            try:
+                end_session(self._transaction.session)
+            finally:
+                if self._lock is not None:
+                    self._lock.release()

@@ -1,0 +1,318 @@
+"""The unit of work: one connection, many DAOs, one revision.
+
+A transaction keeps its changes in memory and writes them when it commits, or earlier when it reads
+what it may have changed or has collected many changes. What is asserted and retracted in one
+transaction leaves no trace. What a transaction does not touch costs nothing.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from datetime import timedelta
+from itertools import chain
+
+from ..errors import ConnectionLostError
+from ..knowledge.canonical import FORM, Metadata, revision_hash, time_text
+from ..knowledge.definitions import KINDS, Definition, Definitions, PendingDefinitions
+from ..sql.changes import Change, stream_changes
+from ..sql.dialects.base import Session
+from ..sql.plans import Step
+from ..sql.query import Insert
+from ..sql.rows import table_of
+from ..sql.tables import RevisionPlanStepRow, RevisionRow
+from .caches import AtomCache, FluentCache
+from .head import Committed, Head, move_head
+from .journal import JournalScope
+from .ledger import (
+    DefinitionLedger,
+    FunctionValueLedger,
+    Part,
+    PropositionLedger,
+    Records,
+    StepStatusLedger,
+    WriteContext,
+)
+
+_NEW_REVISION = Insert(
+    table_of(RevisionRow),
+    *("kb_id", "number", "committed_at", "actor", "reason", "source", "form", "hash"),
+    "observed_at",
+)
+_NEW_PLAN_STEP = Insert(table_of(RevisionPlanStepRow), "kb_id", "number", "plan_id", "position")
+
+# Flush above this count of pending propositions to bound memory.
+SPILL_AT = 10_000
+
+_PROPOSITIONS, _VALUES, _RECORDS, _STATUSES = "propositions", "values", "records", "statuses"
+# The order of writing: each refers to those before it only.
+_ORDER = (*KINDS, _PROPOSITIONS, _VALUES, _RECORDS, _STATUSES)
+
+
+class Transaction:
+    """What one writer changes in one revision. One thread uses it, between BEGIN and COMMIT.
+
+    Attributes:
+        session: the connection.
+        kb_id: the knowledge base.
+        name: the knowledge base's name.
+        head: the head row as it was locked.
+        number: the revision that it makes.
+        metadata: what the writer says of the revision.
+        definitions: the definitions, as changed so far.
+        committed: the revision, from just before COMMIT is sent.
+        redefined: whether the revision changes a definition.
+        agreed_types: within a batch, the types that agree with what is stored, by address.
+        changed: how many changes the revision has.
+    """
+
+    def __init__(
+        self,
+        session: Session,
+        kb_id: int,
+        name: str,
+        head: Head,
+        metadata: Metadata,
+        definitions: Definitions,
+        atoms: AtomCache,
+        fluents: FluentCache,
+    ) -> None:
+        self.session = session
+        self.kb_id = kb_id
+        self.name = name
+        self.head = head
+        self.number = head.revision + 1
+        self.metadata = metadata
+        self.definitions = PendingDefinitions(definitions)
+        self.committed: Committed | None = None
+        self.redefined = False
+        self.agreed_types: dict[int, object] | None = None
+        self.changed = 0
+        self._started = time.monotonic()
+        self._atoms = atoms
+        self._fluents = fluents
+        self._context = WriteContext(session, kb_id, head)
+        # The ledgers of the kinds touched so far.
+        self._parts: dict[str, Part] = {}
+        self._propositions: PropositionLedger | None = None
+        self._values: FunctionValueLedger | None = None
+        self._records: Records | None = None
+        self._statuses: StepStatusLedger | None = None
+
+    @property
+    def propositions(self) -> PropositionLedger:
+        """The propositions that it changes."""
+        found = self._propositions
+        if found is None:
+            found = self._propositions = PropositionLedger(self._context, self._atoms)
+            self._parts[_PROPOSITIONS] = found
+        return found
+
+    @property
+    def values(self) -> FunctionValueLedger:
+        """The values of functions that it changes."""
+        found = self._values
+        if found is None:
+            found = self._values = FunctionValueLedger(self._context, self._fluents)
+            self._parts[_VALUES] = found
+        return found
+
+    @property
+    def records(self) -> Records:
+        """The plans and archives that it records."""
+        found = self._records
+        if found is None:
+            found = self._parts[_RECORDS] = self._records = Records(self._context)
+        return found
+
+    @property
+    def step_statuses(self) -> StepStatusLedger:
+        """The statuses of steps of plans that it sets."""
+        found = self._statuses
+        if found is None:
+            found = self._parts[_STATUSES] = self._statuses = StepStatusLedger(self._context)
+        return found
+
+    def _ledger(self, kind: str) -> DefinitionLedger:
+        """Return the ledger of the definitions of one kind."""
+        ledger = self._parts.get(kind)
+        if ledger is None:
+            elements = self.definitions.elements(kind)
+            ledger = self._parts[kind] = DefinitionLedger(self._context, kind, elements)
+            self._context.journal.when_rolled_back = self.definitions.reshape
+        assert isinstance(ledger, DefinitionLedger)
+        return ledger
+
+    def _touched(self) -> list[Part]:
+        """Return what was touched, in the order of writing."""
+        parts = self._parts
+        if len(parts) < 2:
+            return [*parts.values()]
+        return [parts[name] for name in _ORDER if name in parts]
+
+    @property
+    def age(self) -> float:
+        """Milliseconds since it began."""
+        return (time.monotonic() - self._started) * 1e3
+
+    @property
+    def is_stateless(self) -> bool:
+        """Whether it has met no proposition and no fluent so far."""
+        ledgers = self._propositions, self._values
+        return all(ledger is None or ledger.is_untouched for ledger in ledgers)
+
+    def allocate(self) -> int:
+        """Allocate the next id."""
+        return self._context.allocate(1)[0]
+
+    def look_up(self, kind: str, names: Iterable[str]) -> None:
+        """Find the identities of names that are not live, in one statement."""
+        self._ledger(kind).look_up(names)
+
+    def intern(self, kind: str, name: str) -> tuple[int, str]:
+        """Find the identity of a name that is not live, or make it."""
+        return self._ledger(kind).intern(name)
+
+    def define(self, kind: str, definition: Definition) -> bool:
+        """Set what an element is; return whether that is a change."""
+        before = self.definitions.elements(kind).get(definition.id)
+        if before == definition:
+            return False
+        if kind == "type":
+            self.definitions.reshape(definition.id if before is None else None)
+        self._ledger(kind).put(definition.id, definition)
+        return True
+
+    def redefine(self, kind: str, definition: Definition) -> bool:
+        """Set what an element is whose name this process may never have met."""
+        if not self.define(kind, definition):
+            return False
+        self._ledger(kind).know(definition)
+        return True
+
+    def undefine(self, kind: str, id_: int) -> None:
+        """Remove the definition of an element."""
+        if kind == "type":
+            self.definitions.reshape()
+        self._ledger(kind).put(id_, None)
+
+    @contextmanager
+    def batch(self) -> Iterator[None]:
+        """Check each type that the elements of a batch refer to once; nobody else runs between."""
+        self.agreed_types = {}
+        try:
+            yield
+        finally:
+            self.agreed_types = None
+
+    def scope(self) -> JournalScope:
+        """Open a scope: what happens within it happens whole or not at all."""
+        return self._context.journal.scope()
+
+    def find_step(self, step: Step) -> str | None:
+        """Find a step of a recorded plan; give its text."""
+        if self._records is not None and self._records.pending:
+            self.flush()
+        return self.step_statuses.find(step)
+
+    def spill(self) -> None:
+        """Write and forget the pending propositions, if they are many."""
+        if len(self.propositions.pending) >= SPILL_AT:
+            self.flush()
+            self.propositions.forget()
+
+    def flush(self) -> None:
+        """Write what is pending, so that a query sees it."""
+        pending = [part for part in self._touched() if part.pending]
+        if pending:
+            self._check_open()
+            self._context.journal.before_write()
+            for part in pending:
+                part.write()
+
+    def commit(self) -> Committed | None:
+        """Write the revision and commit; without a change, roll back."""
+        changes = self._changes()
+        if not changes:
+            self.session.rollback()
+            return None
+        self._check_open()
+        if self.session.backend.revision_comes_last:
+            self.flush()
+        made = self._write_revision(changes)
+        # After the revision, if it is still to be written: that spares the database from keeping
+        # book of references whose target is yet to come.
+        self.flush()
+        definitions = made.number if self.redefined else self.head.definition_revision
+        move_head(self.session, self.kb_id, made, definitions, self._context.next_id)
+        self.committed = made
+        self.session.commit(self.kb_id)
+        return made
+
+    def publish(self) -> None:
+        """Share what it has learned with later transactions, after it has ended well."""
+        before = self.head.revision
+        revision = before if self.committed is None else self.committed.number
+        if self._propositions is None:
+            self._atoms.advance(before, revision)
+        else:
+            self._propositions.publish(revision)
+        if self._values is None:
+            self._fluents.advance(before, revision)
+        else:
+            self._values.publish(revision)
+
+    def _check_open(self) -> None:
+        """Refuse to write after an error with which the database has ended the transaction."""
+        if not (self.session.is_abandoned or self.session.in_transaction()):
+            raise ConnectionLostError(
+                f"{self.session.backend.label}: an error has ended this transaction; nothing of "
+                "the open transaction was written, try again"
+            )
+
+    def _changes(self) -> Iterable[Change]:
+        """Return the lines of the revision, sorted; false if there are none."""
+        parts = self._touched()
+        self.redefined = any(
+            isinstance(part, DefinitionLedger) and next(part.lines(), None) for part in parts
+        )
+        if self._propositions is not None and self._propositions.was_spilled:
+            self.flush()
+            return self._stored_changes()
+        lines = [line for part in parts for line in part.lines()]
+        lines.sort()
+        self.changed = len(lines)
+        return lines
+
+    def _stored_changes(self) -> Iterable[Change]:
+        """Return the changes as the tables say them, for they were too many to keep."""
+        stream = self._counted(
+            change
+            for _, change in stream_changes(self.session, self.kb_id, self.number, self.number)
+        )
+        first = next(stream, None)
+        return () if first is None else chain((first,), stream)
+
+    def _counted(self, changes: Iterable[Change]) -> Iterator[Change]:
+        for change in changes:
+            self.changed += 1
+            yield change
+
+    def _write_revision(self, changes: Iterable[Change]) -> Committed:
+        head, session = self.head, self.session
+        committed_at = head.clock + timedelta(seconds=time.monotonic() - self._started)
+        # Never before the last revision.
+        if head.committed_at is not None and committed_at < head.committed_at:
+            committed_at = head.committed_at
+        digest = revision_hash(
+            head.hash, self.name, self.number, time_text(committed_at), self.metadata, changes
+        )
+        moment = session.from_time(committed_at)
+        actor, reason, source, seen, step = self.metadata
+        observed_at = None if seen is None else session.from_time(seen)
+        said = (moment, actor, reason, source, FORM, digest, observed_at)
+        session.insert(_NEW_REVISION, [(self.kb_id, self.number, *said)])
+        if step is not None:
+            session.insert(_NEW_PLAN_STEP, [(self.kb_id, self.number, *step)])
+        return Committed(self.number, digest, moment)

@@ -1,1 +1,0 @@
-"""Whether the tables say what was hashed: the checks of which `history/verifying.py` makes one."""

@@ -1,0 +1,195 @@
+"""A public docstring stands once and is inherited, its examples run, and its types are public."""
+
+from __future__ import annotations
+
+import doctest
+import importlib
+import inspect
+import pkgutil
+import pydoc
+import re
+import types
+import typing
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import kant_sql
+from kant_sql import KnowledgeBase, PddlPropositionDto
+from kant_sql.dao.interfaces import Interface
+from tests.docs.test_docs import ROOT
+from tests.support.worlds.robots import RB1, ROBOT, ROBOT_AT, WAYPOINT, WP1, WP2
+
+INDEX = (ROOT / "docs" / "api" / "index.md").read_text(encoding="utf-8")
+PUBLIC = [importlib.import_module(name) for name in re.findall(r"^\| \[`([\w.]+)`\]", INDEX, re.M)]
+MODULES = [
+    importlib.import_module(found.name)
+    for found in pkgutil.walk_packages(kant_sql.__path__, "kant_sql.")
+    if ".migrations" not in found.name
+]
+FINDER = doctest.DocTestFinder(exclude_empty=True)
+EXAMPLES = {
+    test.name: test
+    for module in (kant_sql, *MODULES)
+    for test in FINDER.find(module)
+    # A descriptor of `aio` has the docstring of the method that it calls.
+    if test.examples and not test.name.startswith("kant_sql.aio.Async")
+}
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_the_examples_of_a_docstring_run(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    test = EXAMPLES[name]
+    # What the example of `connect` begins with.
+    test.globs |= {name: getattr(kant_sql, name) for name in kant_sql.__all__}
+    test.globs |= {"robot": ROBOT, "wp": WAYPOINT, "robot_at": ROBOT_AT}
+    test.globs |= {"rb1": RB1, "wp1": WP1, "wp2": WP2}
+    with kant_sql.connect("sqlite://", knowledge_base="tiago", actor="perception") as kb:
+        kb.propositions.save(PddlPropositionDto(ROBOT_AT, [RB1, WP1]))
+        flags = doctest.ELLIPSIS | doctest.IGNORE_EXCEPTION_DETAIL
+        said: list[str] = []
+        result = doctest.DocTestRunner(optionflags=flags).run(
+            doctest.DocTest(test.examples, test.globs | {"kb": kb}, *place(test)), out=said.append
+        )
+    assert result.attempted > 0
+    assert result.failed == 0, "".join(said)
+
+
+def place(test: doctest.DocTest) -> tuple[str, str | None, int | None, str | None]:
+    return test.name, test.filename, test.lineno, test.docstring
+
+
+def test_what_users_call_first_has_an_example() -> None:
+    wanted = {
+        "kant_sql.knowledge_base.connect",
+        "kant_sql.aio.connect",
+        *(f"kant_sql.factory.Connection.{name}" for name in ("transaction", "at")),
+        *(f"kant_sql.documents.interfaces.Exchange.{name}" for name in ("load_domain", "plan")),
+        *(f"kant_sql.history.interfaces.History.{name}" for name in ("log", "diff", "restore")),
+        *(f"kant_sql.dao.interfaces.Dao.{name}" for name in ("save", "get_all", "delete")),
+    }
+    assert wanted - EXAMPLES.keys() == set()
+
+
+def interfaces(cls: type) -> list[type]:
+    """The classes that state what a part of a knowledge base does, most general last."""
+    return [
+        base
+        for base in cls.__mro__
+        if base.__module__.endswith(".interfaces") or Interface in base.__bases__
+    ]
+
+
+def methods(cls: type) -> Iterator[tuple[str, Any]]:
+    for name, method in vars(cls).items():
+        if not name.startswith("_") and (
+            inspect.isfunction(method) or isinstance(method, property)
+        ):
+            yield name, method
+
+
+def parts(kb: KnowledgeBase) -> dict[str, object]:
+    daos = {f"kb.{name}": getattr(kb, name) for name in KnowledgeBase.__annotations__}
+    made = {"history": kb.factory.create_history(), "exchange": kb.factory.create_exchange()}
+    return {"kb": kb, "factory": kb.factory} | daos | made
+
+
+def test_each_docstring_stands_once_and_is_inherited() -> None:
+    stated = 0
+    with kant_sql.connect("sqlite://") as kb:
+        for role, part in parts(kb).items():
+            seen: set[str] = set()
+            for interface in interfaces(type(part)):
+                for name, method in methods(interface):
+                    if name in seen:
+                        continue
+                    seen.add(name)
+                    stated += 1
+                    got = inspect.getattr_static(type(part), name)
+                    shown = got if isinstance(got, property) else getattr(part, name)
+                    assert inspect.getdoc(shown) == inspect.getdoc(method), f"{role}.{name}"
+            for cls in set(type(part).__mro__) - set(interfaces(type(part))) - {KnowledgeBase}:
+                own = {name for name, method in methods(cls) if method.__doc__} & seen
+                assert own == set(), f"{cls.__name__} repeats {own}"
+    assert stated > 150
+
+
+def test_help_shows_signature_and_docstring() -> None:
+    with kant_sql.connect("sqlite://") as kb:
+        for method, words in (
+            (kb.propositions.save, ("save(dto: 'PddlPropositionDto')", "Insert or update")),
+            (kb.log, ("log(since: 'When | None' = None", "Read revisions and their changes")),
+            (kb.load_domain, ("load_domain(*sources: 'Source'", "Load a domain")),
+            (kb.transaction, ("transaction(*, actor: 'str | None' = None", "Make many calls")),
+        ):
+            text = pydoc.plain(pydoc.render_doc(method))
+            assert [word for word in words if word not in text] == []
+
+
+def public_objects() -> Iterator[tuple[str, Any]]:
+    for module in PUBLIC:
+        for name in module.__all__:
+            yield f"{module.__name__}.{name}", getattr(module, name)
+
+
+def annotated(value: Any) -> Iterator[Any]:
+    """A public function, or a public class with its methods and those that it inherits."""
+    yield value
+    if inspect.isclass(value):
+        for name, member in inspect.getmembers(value):
+            function = member.fget if isinstance(member, property) else member
+            if inspect.isfunction(function) and not name.startswith("_"):
+                yield function
+
+
+def classes_in(hint: Any) -> Iterator[type]:
+    arguments = typing.get_args(hint)
+    if isinstance(hint, list):
+        arguments = tuple(hint)
+    if inspect.isclass(hint) and not isinstance(hint, types.GenericAlias):
+        yield hint
+    for argument in (typing.get_origin(hint), *arguments):
+        if argument is not None and argument is not hint:
+            yield from classes_in(argument)
+
+
+def hints(value: Any) -> list[Any]:
+    if not (inspect.isclass(value) or inspect.isfunction(value)):
+        return []
+    # unified-planning is optional: its classes are not the library's.
+    found = typing.get_type_hints(value, localns={"UpProblem": object, "Environment": object})
+    return [hint for name, hint in found.items() if not name.startswith("_")]
+
+
+def test_every_class_in_a_public_annotation_is_public() -> None:
+    public = {id(value) for _, value in public_objects()}
+    lost = {
+        f"{cls.__module__}.{cls.__qualname__} of {name}"
+        for name, value in public_objects()
+        for each in annotated(value)
+        for hint in hints(each)
+        for cls in classes_in(hint)
+        if cls.__module__.startswith("kant_sql") and id(cls) not in public
+    }
+    assert len(public) > 150
+    assert sorted(lost) == []
+
+
+def test_the_parts_of_an_asynchronous_knowledge_base_are_public() -> None:
+    from kant_sql.aio import AsyncKnowledgeBase, _Door
+
+    public = {id(value) for _, value in public_objects()}
+    with kant_sql.connect("sqlite://") as kb:
+        door = _Door(kb, True)
+        daos = [
+            value
+            for name, value in vars(AsyncKnowledgeBase(door, kb=kb)).items()
+            if not name.startswith("_")
+        ]
+    assert len(daos) == len(KnowledgeBase.__annotations__)
+    assert {type(dao).__name__ for dao in daos if id(type(dao)) not in public} == set()

@@ -1,0 +1,84 @@
+"""Stores of earlier versions of the tables, and all that is in them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from sqlalchemy import inspect, make_url, text
+
+import kant_sql
+from kant_sql.errors import SchemaError
+from kant_sql.sql.schema import current
+from kant_sql.sql.tables.base import VERSION_TABLE
+from tests.migrations.test_golden import FOLDER, connected, dump_of
+from tests.support.pages import ask
+
+STORY = (Path(__file__).parent / "store-0001.sql").read_text(encoding="utf-8")
+REVISIONS = {"tiago": 9, "Küche 🤖": 1}
+
+Rows = dict[str, list[dict[str, Any]]]
+
+
+def run_script(url: str, script: str) -> None:
+    """Run statements in one transaction, with foreign keys checked."""
+    with connected(url) as connection:
+        driver: Any = connection.connection.driver_connection
+        if connection.dialect.name == "sqlite":
+            driver.executescript(f"PRAGMA foreign_keys=ON; BEGIN; {script}; COMMIT")
+        else:
+            driver.execute(script)
+
+
+def write_story(url: str) -> None:
+    """Create a store as version 0001 wrote it."""
+    kant_sql.upgrade(url, revision="0001")
+    run_script(url, STORY)
+
+
+def rows_of(url: str) -> Rows:
+    """All rows of all tables that have any."""
+    with connected(url) as connection:
+        tables = set(inspect(connection).get_table_names()) - {VERSION_TABLE}
+        found = {
+            table: [
+                dict(row) for row in connection.execute(text(f"SELECT * FROM {table}")).mappings()
+            ]
+            for table in tables
+        }
+    return {table: sorted(rows, key=repr) for table, rows in found.items() if rows}
+
+
+def without(rows: list[dict[str, Any]], *columns: str) -> list[dict[str, Any]]:
+    """The same rows without some columns."""
+    kept = [{name: row[name] for name in row if name not in columns} for row in rows]
+    return sorted(kept, key=repr)
+
+
+def views(url: str) -> set[str]:
+    """The names of all views."""
+    with connected(url) as connection:
+        return set(inspect(connection).get_view_names())
+
+
+def answers(url: str, names: set[str]) -> dict[str, list[str]]:
+    """All that views say."""
+    return {view: sorted(ask(url, f"SELECT * FROM {view}")) for view in names}
+
+
+def record(version: str, url: str) -> str:
+    """The schema of a version, as it is on record."""
+    name = f"{make_url(url).get_backend_name()}-{version}.sql"
+    return (FOLDER / name).read_text(encoding="utf-8")
+
+
+def refusal(url: str, revision: str) -> str:
+    """Why a downgrade is refused that changes nothing."""
+    before = rows_of(url), dump_of(url), current(url)
+    with pytest.raises(SchemaError) as caught:
+        kant_sql.downgrade(url, revision=revision)
+    assert (rows_of(url), dump_of(url), current(url)) == before
+    message = str(caught.value)
+    assert "\n" not in message
+    return message

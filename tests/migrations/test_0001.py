@@ -1,0 +1,185 @@
+"""What version 0001 of the tables wrote: the migrations carry it on, and the library reads it."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import pytest
+from sqlalchemy import ColumnElement, select, text
+
+import kant_sql
+from kant_sql import KnowledgeBase, PddlObjectDto, PddlTypeDto
+from kant_sql.planning import Plan, PlanStep
+from kant_sql.sql.intervals import fork
+from kant_sql.sql.schema import VERSIONS
+from kant_sql.sql.tables import PropositionVersionRow as VERSION
+from tests.migrations.stores import REVISIONS, record, rows_of, write_story
+from tests.migrations.test_golden import connected, dump_of
+from tests.support.chain import check_chain
+from tests.support.pages import ask
+from tests.support.reading import findings
+from tests.support.stores import Connect
+
+FORKED = ("proposition_version", "function_value_version")
+
+
+@pytest.fixture
+def old_url(empty_url: str) -> str:
+    """The URL of a store as version 0001 of the tables had it."""
+    write_story(empty_url)
+    return empty_url
+
+
+@pytest.fixture
+def new_url(old_url: str) -> str:
+    """The URL of that store after all migrations: the library reads no other."""
+    kant_sql.upgrade(old_url)
+    return old_url
+
+
+def open_tiago(url: str, connect: Connect) -> KnowledgeBase:
+    return connect(url, knowledge_base="tiago", actor="test")
+
+
+def test_every_row_survives_each_step_up_and_down(old_url: str) -> None:
+    before = rows_of(old_url)
+    assert len(before) > 25
+    assert dump_of(old_url) == record("0001", old_url)
+    for version in VERSIONS[1:]:
+        kant_sql.upgrade(old_url, revision=version)
+        assert rows_of(old_url) == before
+        assert dump_of(old_url) == record(version, old_url)
+    for version in VERSIONS[-2::-1]:
+        kant_sql.downgrade(old_url, revision=version)
+        assert rows_of(old_url) == before
+        assert dump_of(old_url) == record(version, old_url)
+
+
+def test_the_library_reads_what_the_older_one_wrote(new_url: str, connect: Connect) -> None:
+    kb = open_tiago(new_url, connect)
+    assert [str(dto) for dto in kb.at(2).propositions.get_no_goals()] == ["(at rb1 wp1)"]
+    assert [str(dto) for dto in kb.at(4).propositions.get_goals()] == ["(at rb1 wp2)"]
+    assert [str(dto) for dto in kb.propositions.get_all()] == ["(at rb1 wp2)"]
+    assert [str(dto) for dto in kb.types.get_all()] == ["place", "robot", "dock - place"]
+    assert [str(goal) for goal in kb.goals.get_all()] == ["(or (idle) (at rb1 Home))"]
+    assert "(= (battery rb1) 79.5)" in kb.problem_pddl()
+    texts = {row["text"] for row in rows_of(new_url)["action_version"]}
+    written = [*kb.actions.get_all(), *kb.processes.get_all()]
+    assert {str(dto) for dto in written} == texts
+    seen = datetime(2026, 5, 4, 9, 31, 58, 500_000, tzinfo=UTC)
+    assert kb.revisions()[1].observed_at == seen
+    (plan,) = kb.plans.get_all()
+    assert [str(step) for step in plan.steps] == ["(move rb1 wp1 wp2)", "(rest rb1)"]
+    assert plan.problem_pddl() == kb.at(2).problem_pddl()
+    assert [revision.number for revision in kb.revisions() if revision.plan_step] == [8]
+    assert connect(new_url, knowledge_base="Küche 🤖").objects.get("rb1") is not None
+
+
+def test_it_can_be_planned_from(new_url: str, connect: Connect) -> None:
+    kb = open_tiago(new_url, connect)
+    step = PlanStep(None, "move", ("rb1", "wp1", "wp2"))
+    plan = kb.plans.record(Plan((step,), "hand", "", 2))
+    assert (plan.objective, str(plan.steps[0])) == ("minimize (total-cost)", "(move rb1 wp1 wp2)")
+    assert plan.problem_pddl() == kb.at(2).problem_pddl()
+
+
+def test_the_hashes_recompute_and_the_chain_goes_on(new_url: str, connect: Connect) -> None:
+    assert check_chain(new_url) == REVISIONS
+    kb = open_tiago(new_url, connect)
+    with kb.transaction(observed_at=datetime(2026, 5, 4, 10, tzinfo=UTC)):
+        kb.objects.save(PddlObjectDto(PddlTypeDto("dock"), "d1"))
+    kb.plans.record(Plan((), "hand", ""))
+    kb.propositions.delete_all()
+    assert check_chain(new_url) == {**REVISIONS, "tiago": REVISIONS["tiago"] + 3}
+    assert findings(new_url) == []
+    assert {row["form"] for row in rows_of(new_url)["revision"]} == {1}
+
+
+def test_to_save_what_the_older_library_wrote_changes_nothing(
+    new_url: str, connect: Connect
+) -> None:
+    kb = open_tiago(new_url, connect)
+    daos: list[Any] = [
+        *(kb.types, kb.objects, kb.predicates, kb.functions, kb.actions, kb.processes),
+        *(kb.propositions, kb.goals),
+    ]
+    for dao in daos:
+        dao.save_all(dao.get_all())
+    assert kb.revision == REVISIONS["tiago"]
+
+
+def test_the_views_of_each_version_show_it(old_url: str) -> None:
+    for version in VERSIONS:
+        kant_sql.upgrade(old_url, revision=version) if version != VERSIONS[0] else None
+        facts = "SELECT kind, text, since, until FROM audit_fact WHERE knowledge_base = 'tiago'"
+        assert sorted(ask(old_url, facts)) == [
+            "fact | (at rb1 wp1) | 2 | 3",
+            "fact | (at rb1 wp2) | 3 | 5",
+            "fact | (at rb1 wp2) | 8 | NULL",
+            "goal | (at rb1 wp2) | 2 | 5",
+        ]
+        literals = (
+            "SELECT role, literal, time FROM audit_action_literal WHERE knowledge_base = 'tiago' "
+            "AND action = 'move' AND until IS NULL ORDER BY section, position"
+        )
+        assert ask(old_url, literals) == [
+            "needs | (at ?r ?from) | at start",
+            "deletes | (at ?r ?from) | at start",
+            "adds | (at ?r ?to) | at end",
+        ]
+        revisions = (
+            "SELECT count(*), count(observed_at), count(plan_id), max(form) FROM audit_revision"
+        )
+        assert ask(old_url, revisions) == ["10 | 2 | 1 | 1"]
+
+
+def test_ended_versions_are_found_by_their_forks(old_url: str) -> None:
+    rows = rows_of(old_url)
+    for table in FORKED:
+        ends = [(row["since"], row["until"], row["fork"]) for row in rows[table]]
+        assert all(place == fork(since, until) for since, until, place in ends)
+        assert any(place for _, _, place in ends)
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+@pytest.mark.parametrize("table", FORKED)
+def test_sqlite_finds_the_past_by_forks(tmp_path: Path, table: str, version: str) -> None:
+    url = f"sqlite:///{tmp_path / 'store.db'}"
+    kant_sql.upgrade(url, revision=version)
+    owner = "predicate_id" if table.startswith("proposition") else "function_id"
+    query = (
+        f"SELECT since FROM {table} WHERE kb_id = 1 AND {owner} = 2 AND fork IN (0, 4, 6, 7, 8)"
+        " AND since <= 7 AND (until IS NULL OR until > 7)"
+    )
+    with connected(url) as connection:
+        plan = connection.execute(text(f"EXPLAIN QUERY PLAN {query}")).all()
+    used = f"ix_{table}_history (kb_id=? AND {owner}=? AND fork=? AND since<?)"
+    assert used in plan[0][3]
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+@pytest.mark.parametrize(
+    ("held", "index"),
+    [
+        (VERSION.until.is_(None), "ix_proposition_version_goal (kb_id=? AND until=?)"),
+        (
+            VERSION.fork.in_([0, 4, 6, 7, 8])
+            & (VERSION.since <= 7)
+            & (VERSION.until.is_(None) | (VERSION.until > 7)),
+            "ix_proposition_version_goal_history (kb_id=? AND fork=? AND since<?)",
+        ),
+    ],
+    ids=["now", "then"],
+)
+def test_sqlite_finds_goals_by_their_indexes(
+    tmp_path: Path, held: ColumnElement[bool], index: str, version: str
+) -> None:
+    url = f"sqlite:///{tmp_path / 'store.db'}"
+    kant_sql.upgrade(url, revision=version)
+    goals = select(VERSION.proposition_id).where(VERSION.kb_id == 1, held, VERSION.is_goal)
+    with connected(url) as connection:
+        sql = goals.compile(connection, compile_kwargs={"literal_binds": True})
+        plan = connection.execute(text(f"EXPLAIN QUERY PLAN {sql}")).all()
+    assert f"INDEX {index}" in plan[0][3]

@@ -1,0 +1,89 @@
+"""The command line and the examples, run in this process and in a child."""
+
+from __future__ import annotations
+
+import functools
+import os
+import subprocess
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+from unittest import mock
+
+from typer.main import get_command
+from typer.testing import CliRunner, Result
+
+from kant_sql.cli.main import app
+from tests.support.processes.warm import MODULES, python
+
+ROOT = Path(__file__).resolve().parents[3]
+# As it is started in earnest, for what the start matters to: most tests need just a `command()`.
+PROGRAM = [sys.executable, "-m", "kant_sql.cli.main"]
+CHILD_TIMEOUT = 60
+EXAMPLES = ROOT / "examples"
+
+
+_commands = functools.cache(get_command)
+
+
+def run(*words: str, url: str | None = None) -> Result:
+    """Run `kant-sql` in this process, with `url` as the default URL."""
+    # Left alone, it makes the commands anew from their functions, which takes as long as they do.
+    with mock.patch("typer.testing._get_command", _commands):
+        return CliRunner().invoke(app, list(words), env={"KANT_SQL_URL": url})
+
+
+def command() -> list[str]:
+    """What `kant-sql` is as a process of its own."""
+    return [str(python(*MODULES)), "-m", "kant_sql.cli.main"]
+
+
+def environment(**variables: str) -> dict[str, str]:
+    """The environment of a child: this one, without a default URL unless it is given."""
+    kept = {name: value for name, value in os.environ.items() if name != "KANT_SQL_URL"}
+    return {**kept, **variables}
+
+
+def child(
+    *words: str, program: Sequence[str] = (), cwd: Path = ROOT, **variables: str
+) -> subprocess.CompletedProcess[str]:
+    """Run `kant-sql`, or another program, as a process of its own."""
+    return subprocess.run(
+        [*(program or command()), *words],
+        capture_output=True,
+        text=True,
+        encoding="utf-8",
+        env=environment(**variables),
+        cwd=cwd,
+        timeout=CHILD_TIMEOUT,
+        check=False,
+    )
+
+
+def start(*words: str, program: Sequence[str] = (), **options: Any) -> subprocess.Popen[bytes]:
+    """Start `kant-sql` as a process of its own, and leave it running."""
+    options = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, **options}
+    return subprocess.Popen([*(program or command()), *words], env=environment(), **options)
+
+
+def one_line(error: str) -> str:
+    """The one line that an error is; fails when it is anything else."""
+    lines = error.splitlines()
+    assert len(lines) == 1, error
+    assert lines[0].startswith("kant-sql: "), error
+    return lines[0]
+
+
+def run_example(name: str, *arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:
+    """Run an example to its end, away from the repository's root."""
+    return subprocess.run(
+        [python(*MODULES), str(EXAMPLES / name), *arguments],
+        capture_output=True,
+        text=True,
+        encoding="utf-8",
+        cwd=EXAMPLES,
+        env={**os.environ, **environment},
+        timeout=120,
+        check=False,
+    )

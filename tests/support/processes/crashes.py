@@ -1,0 +1,110 @@
+"""Writers that are killed, and what must be found afterwards."""
+
+from __future__ import annotations
+
+import resource
+import signal
+from contextlib import suppress
+from multiprocessing.connection import Connection
+from typing import NamedTuple
+
+import kant_sql
+from kant_sql import ConnectionLostError, KnowledgeBase, PddlObjectDto, StoreError
+from tests.support.chain import check_chain
+from tests.support.worlds import counter
+from tests.support.worlds.robots import RB1, ROBOT, ROBOT_AT, navigation, robot_at, waypoint
+
+BULK = 60
+
+
+class Acknowledged(NamedTuple):
+    """A revision that a writer was told of."""
+
+    number: int
+    hash: str
+
+
+def write_for_ever(url: str, tell: Connection) -> None:
+    """Write in all ways that there are, and tell each revision once its call has come back."""
+    with kant_sql.connect(url, knowledge_base="tiago", actor="crashing") as kb:
+        last = kb.revision
+        while True:
+            for way in (_one_call, _some_calls, _many_rows, _one_call, _definitions):
+                # A transaction that was lost with its connection has done nothing.
+                with suppress(ConnectionLostError):
+                    way(kb, last)
+                    (revision,) = kb.revisions(after=last)
+                    tell.send(Acknowledged(revision.number, revision.hash))
+                    last = revision.number
+
+
+def _one_call(kb: KnowledgeBase, last: int) -> None:
+    assert kb.objects.insert(PddlObjectDto(ROBOT, f"r{last}"))
+
+
+def _some_calls(kb: KnowledgeBase, last: int) -> None:
+    with kb.transaction(reason=f"after {last}", source={"step": last}):
+        counter.move(kb, counter.number_of(kb.propositions.get_by_predicate("value")))
+
+
+def _many_rows(kb: KnowledgeBase, last: int) -> None:
+    kb.propositions.save_all(robot_at(place=waypoint(BULK * last + n)) for n in range(BULK))
+
+
+def _definitions(kb: KnowledgeBase, last: int) -> None:
+    with kb.transaction():
+        action = navigation()
+        action.duration = last
+        kb.actions.save(action)
+        assert len(kb.propositions.get_all()) > BULK
+        for robot in kb.objects.get_all():
+            if robot.type == ROBOT and robot != RB1:
+                kb.objects.delete(robot)
+
+
+def all_told(told: Connection) -> list[Acknowledged]:
+    """Read what a writer had told before it was killed."""
+    revisions = []
+    with told:
+        while True:
+            try:
+                revisions.append(told.recv())
+            except EOFError:
+                return revisions
+
+
+def check_all(kb: KnowledgeBase, url: str, acknowledged: list[Acknowledged]) -> None:
+    """Check that what was acknowledged is there, that all is whole, and that it goes on."""
+    # A server may still be at the last transaction of a client that is gone: a writer waits for it.
+    assert kb.objects.insert(PddlObjectDto(ROBOT, f"checked_at_{kb.revision}"))
+    there = {Acknowledged(revision.number, revision.hash) for revision in kb.revisions()}
+    missing = set(acknowledged) - there
+    assert not missing, f"acknowledged and lost: {missing}"
+    facts = kb.propositions.get_all()
+    assert len([fact for fact in facts if fact.predicate == ROBOT_AT]) % BULK == 0
+    number = counter.number_of(fact for fact in facts if fact.predicate.name == "value")
+    assert number == counter.number_of(fact for fact in facts if fact.predicate.name == "copy")
+    assert check_chain(url) == {"tiago": len(there)}
+
+
+def fill_disk(url: str) -> tuple[int, int]:
+    """Write until there is no more room, then make room and write on.
+
+    Returns:
+        How many calls came back before, and the last revision.
+    """
+    signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    with kant_sql.connect(url, knowledge_base="tiago") as kb:
+        counter.start(kb)
+        _, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (2_000_000, hard))
+        done = 0
+        with suppress(StoreError):
+            while True:
+                _some_calls(kb, done)
+                _many_rows(kb, done)
+                done += 1
+        assert counter.read_by_calls(kb) in (done, done + 1)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (hard, hard))
+        _some_calls(kb, done)
+        return done, kb.revision

@@ -1,0 +1,178 @@
+"""What processes do that fork with a knowledge base open; each function is run in a new process."""
+
+from __future__ import annotations
+
+import os
+import threading
+import time
+
+import kant_sql
+from kant_sql import ForkedError, KnowledgeBase
+from tests.support.processes.watchers import waiting
+from tests.support.processes.workers import Child
+from tests.support.worlds.robots import robot_at, waypoint
+
+
+def _save(kb: KnowledgeBase, number: int) -> None:
+    assert kb.propositions.insert(robot_at(place=waypoint(number)))
+
+
+def both_sides_go_on(url: str) -> None:
+    """Write in the parent and in the child, also after the other has closed."""
+    kb = kant_sql.connect(url)
+    _save(kb, 1)
+    parent_closed, tell = os.pipe()
+
+    def child() -> None:
+        os.close(tell)
+        _save(kb, 2)
+        assert robot_at(place=waypoint(1)) in kb.propositions.get_all()
+        os.read(parent_closed, 1)
+        _save(kb, 3)
+        kb.close()
+
+    forked = Child(child)
+    _save(kb, 4)
+    kb.close()
+    os.close(tell)
+    forked.join()
+    with kant_sql.connect(url) as later:
+        assert len(later.propositions.get_all()) == later.revision == 4
+
+
+def children_close_first(url: str) -> None:
+    """Let children come and go while the parent goes on with what it has open."""
+    with kant_sql.connect(url) as kb:
+        for number in range(4):
+            _save(kb, number)
+
+            def child(number: int = number) -> None:
+                _save(kb, 10 + number)
+                kb.close()
+
+            Child(child).join()
+        assert len(kb.propositions.get_all()) == kb.revision == 8
+
+
+def within_a_transaction(url: str) -> None:
+    """Fork in a transaction: it stays the parent's, and the child has its own."""
+    with kant_sql.connect(url) as kb:
+        _save(kb, 1)
+        with kb.transaction(), kb.transaction():
+            _save(kb, 2)
+            assert len(kb.propositions.get_all()) == 2
+
+            has_read, say = os.pipe()
+
+            def child() -> None:
+                assert len(kb.propositions.get_all()) == 1
+                os.write(say, b"1")
+                with kb.transaction(reason="child"):
+                    _save(kb, 3)
+
+            forked = Child(child)
+            os.close(say)
+            # What is committed from then on is not what the child was to see. Without an answer,
+            # the child has failed, and says why.
+            os.read(has_read, 1)
+            os.close(has_read)
+            time.sleep(0.1)
+            _save(kb, 4)
+        forked.join()
+        assert len(kb.propositions.get_all()) == 4
+        assert [revision.reason for revision in kb.revisions()] == [None, None, "child"]
+
+
+def out_of_a_transaction(url: str) -> None:
+    """Let the child leave the block that the parent has entered."""
+    with kant_sql.connect(url) as kb:
+        _save(kb, 1)
+        pid = 0
+        try:
+            with kb.transaction():
+                _save(kb, 2)
+                pid = os.fork()
+        except ForkedError:
+            os._exit(7)
+        finally:
+            if pid == 0:
+                os._exit(8)
+        assert os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]) == 7
+        _save(kb, 3)
+        assert len(kb.propositions.get_all()) == kb.revision == 3
+
+
+def beside_a_thread_in_a_transaction(url: str) -> None:
+    """Fork while another thread is in a transaction: the child works, or says why it cannot."""
+    with kant_sql.connect(url) as kb:
+        _save(kb, 1)
+        entered, leave = threading.Event(), threading.Event()
+
+        def work() -> None:
+            with kb.transaction():
+                _save(kb, 2)
+                assert len(kb.propositions.get_all()) == 2
+                entered.set()
+                leave.wait(30)
+
+        thread = threading.Thread(target=work)
+        thread.start()
+        entered.wait(30)
+
+        def child() -> None:
+            if url.startswith("sqlite"):
+                try:
+                    kb.propositions.get_all()
+                except ForkedError:
+                    return
+                raise AssertionError("SQLite would not survive this")
+            _save(kb, 3)
+
+        forked = Child(child)
+        time.sleep(0.1)
+        leave.set()
+        thread.join()
+        forked.join()
+        _save(kb, 4)
+        assert len(kb.propositions.get_all()) == kb.revision
+
+
+def in_memory() -> None:
+    """Fork with a store in memory: the child has a copy, as it has of all memory."""
+    with kant_sql.connect("sqlite://") as kb:
+        _save(kb, 1)
+        with kb.transaction():
+            _save(kb, 2)
+            assert len(kb.propositions.get_all()) == 2
+
+            def child() -> None:
+                assert len(kb.propositions.get_all()) == 1
+                _save(kb, 3)
+                assert kb.revision == 2
+
+            Child(child).join()
+        assert [str(fact) for fact in kb.propositions.get_all()] == [
+            "(robot_at rb1 wp1)",
+            "(robot_at rb1 wp2)",
+        ]
+
+
+def fork_beside_a_watching_thread(url: str) -> None:
+    """Fork while a thread waits for news: parent and child go on, and each can wait."""
+    with kant_sql.connect(url, knowledge_base="tiago") as kb:
+        kb.objects.save(waypoint(1))
+        with waiting(kb) as call:
+
+            def child() -> None:
+                assert kb.watch(0, timeout=0) == 1
+                assert kb.objects.insert(waypoint(2))
+                assert kb.watch(1, timeout=0) == 2
+                assert kb.watch(2, timeout=0.01) is None
+                kb.close()
+
+            Child(child).join()
+            assert call.result() == 2
+        with waiting(kb, 2) as call:
+            Child(lambda: None).join()
+            kb.objects.save(waypoint(3))
+            assert call.result() == 3

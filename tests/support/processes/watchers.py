@@ -1,0 +1,103 @@
+"""Processes that follow a knowledge base, and others that fork while a thread does."""
+
+from __future__ import annotations
+
+import os
+import threading
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager, suppress
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import TextIO
+
+import kant_sql
+from kant_sql import ConnectionLostError, KnowledgeBase, StoreUnreachableError
+from kant_sql.sql.dialects.base import Listener
+from tests.support.processes.workers import PATIENCE
+from tests.support.worlds.robots import waypoint
+
+LAST = "last"
+
+
+class Waiting:
+    """A call of `kb.watch` in a thread of its own, which waits already."""
+
+    def __init__(self, kb: KnowledgeBase, after: int | None, timeout: float | None) -> None:
+        self._listens = threading.Event()
+        self._pool = ThreadPoolExecutor(1)
+        self._call = self._pool.submit(self._watch, kb, after, timeout)
+        self._pool.shutdown(wait=False)
+
+    def _watch(self, kb: KnowledgeBase, after: int | None, timeout: float | None) -> int | None:
+        backend = kb.factory._store.backend  # type: ignore[attr-defined]
+        make = type(backend).listener
+
+        def listener() -> Listener:
+            made: Listener = make(backend)
+            wait = made.wait
+
+            def told(kb_id: int | None, seconds: float) -> None:
+                wait(kb_id, seconds)
+                self._listens.set()
+
+            made.wait = told  # type: ignore[method-assign]
+            return made
+
+        backend.listener = listener
+        return kb.watch(after, timeout=timeout)
+
+    def listens(self) -> None:
+        """Wait until it has begun to listen."""
+        assert self._listens.wait(PATIENCE)
+
+    def result(self) -> int | None:
+        """Give what the call gave."""
+        return self._call.result(PATIENCE)
+
+
+@contextmanager
+def waiting(
+    kb: KnowledgeBase, after: int | None = None, timeout: float | None = None
+) -> Iterator[Waiting]:
+    """Wait for news in another thread; when the block begins, that thread listens."""
+    call = Waiting(kb, after, timeout)
+    call.listens()
+    yield call
+
+
+def follow(url: str, folder: Path, tell: Connection) -> None:
+    """Follow a feed for ever, and keep on disk what was seen: it may be killed at any moment."""
+    with kant_sql.connect(url, knowledge_base="tiago") as kb, (folder / "seen").open("a") as seen:
+        tell.send("begins")
+        while True:
+            # A server that is killed may stay away for longer than a call tries again.
+            with suppress(ConnectionLostError, StoreUnreachableError):
+                _follow_once(kb, folder, seen, tell)
+
+
+def _follow_once(kb: KnowledgeBase, folder: Path, seen: TextIO, tell: Connection) -> None:
+    place = folder / "place"
+    after = int(place.read_text()) if place.exists() else 0
+    kb.watch(after, timeout=PATIENCE)
+    for entry in kb.changes(after):
+        number = entry.revision.number
+        seen.write(f"{number} {' '.join(change.text for change in entry.changes)}\n")
+        seen.flush()
+        new = folder / "new"
+        new.write_text(str(number))
+        new.replace(place)
+        if entry.revision.reason == LAST:
+            tell.send(LAST)
+
+
+def write_many(url: str, first: int, number: int) -> None:
+    """Make so many revisions."""
+    with kant_sql.connect(url, knowledge_base="tiago") as kb:
+        for place in range(first, first + number):
+            assert kb.objects.insert(waypoint(place))
+
+
+def open_files() -> int:
+    """Count the files that this process has open."""
+    return len(os.listdir("/proc/self/fd"))

@@ -1,0 +1,139 @@
+"""Processes of the tests' own: calls that run at the same moment, writers to be killed, forks.
+
+They are forked from a server that has imported this module, and never from pytest itself, which has
+threads and open connections.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+import traceback
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from multiprocessing.connection import Connection
+from multiprocessing.synchronize import Barrier
+from typing import Any
+
+import kant_sql
+from kant_sql import KnowledgeBase
+from tests.support.processes.warm import MODULES
+from tests.support.worlds import counter
+
+PROCESSES = multiprocessing.get_context("forkserver")
+PROCESSES.set_forkserver_preload([__name__, *MODULES])
+PATIENCE = 60
+# What is ignored in the process that starts the tests, as by `nohup` or a shell's `&`.
+STOPPING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
+
+Call = tuple[Any, ...]
+
+
+def in_processes(*calls: Call) -> list[Any]:
+    """Run calls at the same moment, each in a process of its own.
+
+    Args:
+        *calls: a function that a module can be asked for, and its arguments.
+
+    Returns:
+        What each of them returned.
+
+    Raises:
+        AssertionError: one of them raised; the message is its traceback.
+    """
+    barrier = PROCESSES.Barrier(len(calls))
+    running = []
+    for call in calls:
+        ours, theirs = PROCESSES.Pipe(duplex=False)
+        process = PROCESSES.Process(target=_run, args=(theirs, barrier, call), daemon=True)
+        process.start()
+        theirs.close()
+        running.append((process, ours))
+    answers = []
+    for process, ours in running:
+        with ours:
+            answered = ours.poll(PATIENCE)
+            answers.append(ours.recv() if answered else (False, f"{process} does not answer"))
+        if not answered:
+            process.kill()
+        process.join(PATIENCE)
+    failures = [result for succeeded, result in answers if not succeeded]
+    assert not failures, "\n".join(failures)
+    return [result for _, result in answers]
+
+
+def _run(answer: Connection, barrier: Barrier, call: Call) -> None:
+    work, *arguments = call
+    try:
+        barrier.wait(PATIENCE)
+        result = work(*arguments)
+    except BaseException:
+        answer.send((False, traceback.format_exc()))
+    else:
+        answer.send((True, result))
+
+
+@contextmanager
+def killed_later(work: Callable[[str, Connection], None], url: str) -> Iterator[Connection]:
+    """Run a writer in a process of its own, until the end of the block; then it is killed."""
+    told, tell = PROCESSES.Pipe(duplex=False)
+    process = PROCESSES.Process(target=work, args=(url, tell), daemon=True)
+    process.start()
+    tell.close()
+    try:
+        yield told
+    finally:
+        process.kill()
+        process.join(PATIENCE)
+    assert process.exitcode == -signal.SIGKILL, "the writer has failed by itself"
+
+
+class Child:
+    """A fork of this process that runs a function."""
+
+    def __init__(self, work: Callable[[], None]) -> None:
+        self._pid = os.fork()
+        if self._pid == 0:
+            status = 1
+            try:
+                work()
+                status = 0
+            except BaseException:
+                traceback.print_exc()
+            finally:
+                os._exit(status)
+
+    def join(self) -> None:
+        """Wait until it has come to its end, and check that it is a good one."""
+        _, status = os.waitpid(self._pid, 0)
+        assert status == 0, f"the child ended with {status}"
+
+
+def count(url: str, way: Callable[[KnowledgeBase, int], None], times: int) -> None:
+    """Open the knowledge base of the counter, and count."""
+    with kant_sql.connect(url, knowledge_base="tiago", actor="counting") as kb:
+        way(kb, times)
+
+
+def change(url: str, work: Callable[[KnowledgeBase], None]) -> None:
+    """Open the knowledge base, and change it."""
+    with kant_sql.connect(url, knowledge_base="tiago", actor="elsewhere") as kb:
+        work(kb)
+
+
+def watch(url: str, end: int) -> int:
+    """Read the counter until it is at its end; give how often that was."""
+    with kant_sql.connect(url, knowledge_base="tiago") as kb:
+        return watch_with(kb, end)
+
+
+def watch_with(kb: KnowledgeBase, end: int) -> int:
+    """Read the counter until it is at its end; give how often that was."""
+    reads = last = 0
+    while last < end:
+        value = counter.read(kb) if reads % 2 else counter.read_by_calls(kb)
+        assert value >= last, f"{last} was read before {value}"
+        last = value
+        reads += 1
+    return reads

@@ -1,0 +1,147 @@
+"""What tests read of a knowledge base to compare it: its state, its log, and its very rows.
+
+And what they do to it that has to leave no trace there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from typing import Any
+
+import pytest
+from sqlalchemy import text
+
+import kant_sql
+from kant_sql import (
+    DaoFactory,
+    KnowledgeBase,
+    PddlActionDto,
+    PddlPredicateDto,
+    PddlTypeDto,
+)
+from kant_sql.factory import SqlDaoFactory
+from kant_sql.history.verify.findings import Finding
+from kant_sql.sql.catalog import every_name
+from kant_sql.store.store import Store
+
+State = dict[str, list[str]]
+
+
+class _SameStore(SqlDaoFactory):
+    """A factory on the connections of another one."""
+
+    def __init__(self, of: DaoFactory, name: str, actor: str | None) -> None:
+        other: Any = of
+        self._at = None
+        self._open_store = Store(other._store.backend, name, actor)
+
+
+def beside(kb: KnowledgeBase, name: str, actor: str | None = "test") -> KnowledgeBase:
+    """Another knowledge base in the same store, even in one in memory, on the same connections."""
+    return KnowledgeBase(_SameStore(kb.factory, name, actor))
+
+
+def state(kb: KnowledgeBase) -> State:
+    """All that holds, as PDDL text, in the order in which it is read."""
+    return {
+        "types": [str(dto) for dto in kb.types.get_all()],
+        "objects": [str(dto) for dto in kb.objects.get_all()],
+        "predicates": [str(dto) for dto in kb.predicates.get_all()],
+        "actions": [str(dto) for dto in kb.actions.get_all()],
+        "facts": [str(dto) for dto in kb.propositions.get_no_goals()],
+        "goals": [str(dto) for dto in kb.propositions.get_goals()],
+    }
+
+
+def facts(kb: KnowledgeBase) -> list[str]:
+    """The facts that hold, sorted."""
+    return sorted(str(dto) for dto in kb.propositions.get_no_goals())
+
+
+def last_changes(kb: KnowledgeBase) -> list[str]:
+    """The change lines of the last revision."""
+    return [" ".join(change) for change in next(iter(kb.log(limit=1))).changes]
+
+
+def rows(kb: KnowledgeBase, sql: str) -> list[tuple[Any, ...]]:
+    """What a SELECT over the rows of one knowledge base gives; `:kb` is its id."""
+    # There is no other way into a store in memory.
+    store: Any = kb.factory._store  # type: ignore[attr-defined]
+    with store.backend.engine.connect() as connection:
+        id_ = connection.scalar(
+            text("SELECT id FROM knowledge_base WHERE name = :name"), {"name": store.name}
+        )
+        return [tuple(row) for row in connection.execute(text(sql), {"kb": id_})]
+
+
+def versions(kb: KnowledgeBase, kind: str) -> list[tuple[str, int, int | None]]:
+    """Text, since and until of every version of one kind, oldest first."""
+    if kind == "proposition":
+        found = rows(
+            kb,
+            "SELECT CASE WHEN proposition.is_goal THEN 'goal ' ELSE '' END || text, since, until "
+            "FROM proposition_version AS version JOIN proposition "
+            "ON proposition.kb_id = version.kb_id AND id = proposition_id "
+            "WHERE version.kb_id = :kb",
+        )
+    else:
+        found = rows(kb, f"SELECT text, since, until FROM {kind}_version WHERE kb_id = :kb")
+    return sorted(found, key=lambda row: (row[1], row[0]))
+
+
+@contextmanager
+def nothing_changes(kb: KnowledgeBase) -> Iterator[None]:
+    """Check that a block leaves state and head as they were."""
+    before, revision = state(kb), kb.revision
+    yield
+    assert state(kb) == before
+    assert kb.revision == revision
+
+
+def refuses(
+    kb: KnowledgeBase,
+    error: type[Exception],
+    call: Callable[..., object],
+    *arguments: object,
+    **said: object,
+) -> pytest.ExceptionInfo[Exception]:
+    """Check that a call raises an error of just this class and leaves nothing behind."""
+    with nothing_changes(kb), pytest.raises(error) as caught:
+        call(*arguments, **said)
+    assert type(caught.value) is error
+    return caught
+
+
+class Undone(Exception):
+    """What ends a transaction that is to fail."""
+
+
+@contextmanager
+def undone(kb: KnowledgeBase) -> Iterator[None]:
+    """A transaction that fails at its end, so that nothing of it has happened."""
+    with suppress(Undone), kb.transaction():
+        yield
+        raise Undone
+
+
+def fail_within(kb: KnowledgeBase) -> None:
+    """A nested transaction that deletes all, reads, saves other things, and fails."""
+    with undone(kb):
+        kb.types.delete_all()
+        assert state(kb)["predicates"] == []
+        kb.predicates.save(PddlPredicateDto("robot_at", [PddlTypeDto("other")]))
+        with undone(kb):
+            kb.types.delete(PddlTypeDto("other"))
+            assert state(kb)["types"] == []
+        assert state(kb)["predicates"] == ["(robot_at ?o0 - other)"]
+        kb.actions.save(PddlActionDto("navigation"))
+
+
+def findings(url: str) -> list[Finding]:
+    """What verification finds wrong in a store: nothing, when nobody has tampered with it."""
+    found: list[Finding] = []
+    for name in every_name(url):
+        with kant_sql.connect(url, knowledge_base=name) as kb:
+            found += kb.verify().findings
+    return found

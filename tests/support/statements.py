@@ -1,0 +1,122 @@
+"""The statements that a call runs, as the log has them; and calls to be looked at by them."""
+
+from __future__ import annotations
+
+import logging
+import sqlite3
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing, contextmanager
+from typing import Any, NamedTuple
+
+import psycopg
+import pytest
+
+from kant_sql import KnowledgeBase, PddlPropositionDto
+from kant_sql.sql.dialects.base import Session
+from tests.support.worlds.robots import RB1, navigation, robot_at, waypoint
+
+Call = Callable[[KnowledgeBase], Any]
+
+READS: dict[str, Call] = {
+    "propositions.get_all": lambda kb: kb.propositions.get_all(),
+    "propositions.get_by_predicate": lambda kb: kb.propositions.get_by_predicate("robot_at"),
+    "propositions.get_goals": lambda kb: kb.propositions.get_goals(),
+    "propositions.get_no_goals": lambda kb: kb.propositions.get_no_goals(),
+    "types.get": lambda kb: kb.types.get("wp"),
+    "types.get_all": lambda kb: kb.types.get_all(),
+    "objects.get": lambda kb: kb.objects.get("wp1"),
+    "objects.get_all": lambda kb: kb.objects.get_all(),
+    "predicates.get": lambda kb: kb.predicates.get("robot_at"),
+    "predicates.get_all": lambda kb: kb.predicates.get_all(),
+    "actions.get": lambda kb: kb.actions.get("navigation"),
+    "actions.get_all": lambda kb: kb.actions.get_all(),
+}
+
+
+class _Recorder(logging.Handler):
+    def __init__(self) -> None:
+        super().__init__(logging.DEBUG)
+        self.statements: list[str] = []
+
+    def emit(self, record: logging.LogRecord) -> None:
+        sql: str = record.sql  # type: ignore[attr-defined]
+        if not is_bracket(sql):
+            self.statements.append(sql)
+
+
+def is_bracket(sql: str) -> bool:
+    """Whether it only begins or ends a transaction."""
+    return sql.startswith(("BEGIN", "COMMIT")) or sql == "ROLLBACK"
+
+
+@contextmanager
+def recorded() -> Iterator[list[str]]:
+    """Give the statements of a block, besides BEGIN, COMMIT and ROLLBACK."""
+    logger, recorder = logging.getLogger("kant_sql.sql"), _Recorder()
+    level = logger.level
+    logger.addHandler(recorder)
+    logger.setLevel(logging.DEBUG)
+    try:
+        yield recorder.statements
+    finally:
+        logger.setLevel(level)
+        logger.removeHandler(recorder)
+
+
+def count(call: Callable[[], Any]) -> int:
+    with recorded() as statements:
+        call()
+    return len(statements)
+
+
+def fill(kb: KnowledgeBase, size: int) -> None:
+    """Give a knowledge base an action, and so many facts and half as many goals."""
+    kb.actions.save(navigation())
+    kb.propositions.save_all(
+        robot_at(RB1, waypoint(number), is_goal)
+        for number in range(size)
+        for is_goal in (False, True)
+        if not is_goal or number % 2 == 0
+    )
+
+
+def fact(number: int) -> PddlPropositionDto:
+    return robot_at(RB1, waypoint(number))
+
+
+class Statement(NamedTuple):
+    """A statement as it ran."""
+
+    sql: str
+    parameters: Any
+
+
+@contextmanager
+def seen() -> Iterator[list[Statement]]:
+    """Give the statements of a block with their parameters; of a batch, the first row's."""
+    statements: list[Statement] = []
+    execute, execute_many = Session._execute, Session._execute_many
+
+    def spy(self: Session, sql: str, parameters: Any = ()) -> None:
+        statements.append(Statement(sql, parameters))
+        execute(self, sql, parameters)
+
+    def spy_many(self: Session, sql: str, parameters: Sequence[Any]) -> None:
+        statements.append(Statement(sql, parameters[0]))
+        execute_many(self, sql, parameters)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Session, "_execute", spy)
+        patch.setattr(Session, "_execute_many", spy_many)
+        yield statements
+
+
+def explain(url: str, statement: Statement) -> list[str]:
+    """Give the plan of a statement, in a connection of its own: a line for each step."""
+    if url.startswith("sqlite"):
+        with closing(sqlite3.connect(url.removeprefix("sqlite:///"))) as lite:
+            rows = lite.execute(f"EXPLAIN QUERY PLAN {statement.sql}", statement.parameters)
+            return [row[3] for row in rows]
+    query: Any = f"EXPLAIN (COSTS OFF) {statement.sql}"
+    with psycopg.connect(url) as connection:
+        return [row[0] for row in connection.execute(query, statement.parameters)]

@@ -1,0 +1,84 @@
+"""A mission that tests share: a robot drives from place to place, and has a plan for it."""
+
+from __future__ import annotations
+
+from decimal import Decimal
+
+from kant_sql import KnowledgeBase, PddlPropositionDto
+from kant_sql.planning import Plan, PlanStep
+from kant_sql.plans.interfaces import RecordedPlan
+from tests.support.reading import beside
+
+DOMAIN = """
+(define (domain tour)
+  (:requirements :typing :durative-actions :numeric-fluents :time)
+  (:types place robot - object dock - place)
+  (:constants Home - dock)
+  (:predicates (at ?r - robot ?p - place) (idle) (dirty ?p - place))
+  (:functions (total-cost) - number)
+  (:durative-action Move
+    :parameters (?r - robot ?from ?to - place)
+    :duration (= ?duration 5)
+    :condition (at start (at ?r ?from))
+    :effect (and (at start (not (at ?r ?from))) (at end (at ?r ?to))))
+  (:action rest :parameters () :precondition () :effect (idle))
+  (:action charge :parameters (?r - robot ?d - dock) :precondition (at ?r ?d) :effect (idle))
+  (:event spill :parameters (?p - place) :precondition (idle) :effect (dirty ?p)))
+"""
+PROBLEM = """
+(define (problem monday)
+  (:domain tour)
+  (:objects rb1 - robot Wp1 wp2 - place)
+  (:init (at rb1 wp1) (= (total-cost) 0))
+  (:goal (and (at rb1 wp2) (idle)))
+  (:metric minimize (total-cost)))
+"""
+
+
+def step(
+    action: str, *arguments: str, start: str = "0.000", duration: str | None = None
+) -> PlanStep:
+    return PlanStep(
+        Decimal(start), action, arguments, None if duration is None else Decimal(duration)
+    )
+
+
+STEPS = (
+    step("MOVE", "RB1", "wp1", "WP2", duration="5.000"),
+    step("move", "rb1", "wp2", "home", start="5.010", duration="5.000"),
+    step("charge", "rb1", "Home", start="10.1"),
+    step("rest", start="11"),
+)
+TOUR = Plan(STEPS, "hand", "solved_satisficing")
+
+
+def plan_of(*steps: PlanStep, revision: int | None = None) -> Plan:
+    return Plan(steps, "hand", "solved_satisficing", revision)
+
+
+def begin(kb: KnowledgeBase) -> None:
+    """Let a knowledge base know the mission, in one revision."""
+    with kb.transaction():
+        kb.load_domain(DOMAIN)
+        kb.load_problem(PROBLEM)
+
+
+def recorded(kb: KnowledgeBase) -> RecordedPlan:
+    """Begin the mission, and record its plan, in two revisions."""
+    begin(kb)
+    return kb.plans.record(TOUR)
+
+
+def arrive(kb: KnowledgeBase, place: str) -> None:
+    """Let the robot be at one place more."""
+    predicate = kb.predicates.get("at")
+    objects = [kb.objects.get(name) for name in ("rb1", place)]
+    assert predicate is not None
+    assert kb.propositions.insert(
+        PddlPropositionDto(predicate, [dto for dto in objects if dto is not None])
+    )
+
+
+def beside_of(kb: KnowledgeBase) -> KnowledgeBase:
+    """A knowledge base in the same store that was never written to."""
+    return beside(kb, f"beside {kb.factory._store.name}")  # type: ignore[attr-defined]

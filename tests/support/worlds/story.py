@@ -1,0 +1,163 @@
+"""A store in which every table has rows, and many kinds of rows."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from decimal import Decimal
+
+import kant_sql
+from kant_sql import (
+    KnowledgeBase,
+    PddlActionDto,
+    PddlObjectDto,
+    PddlPropositionDto,
+    PddlTypeDto,
+    Plan,
+    PlanStep,
+)
+from kant_sql.dto.formulas import Or
+from kant_sql.plans.interfaces import RecordedPlan
+from tests.support.worlds.depot import CONDITIONS, CONSTRAINTS
+
+NAME = "depot"
+SEEN = datetime(2026, 1, 31, 9, 29, 58, tzinfo=UTC)
+
+DOMAIN = """
+(define (domain depot)
+  (:requirements :strips :typing :durative-actions :derived-predicates)
+  (:types hybrid - (either truck crane) truck crane - machine machine place)
+  (:constants hub - place)
+  (:predicates (at ?t - truck ?p - place) (ready ?m - machine) (linked ?x ?y - place)
+               (open ?w - (either place crane)) (idle) (reachable ?p - place))
+  (:functions (fuel ?t - truck) (distance ?a ?b - place) - number (home ?t - truck) - place
+              (owner ?w - (either place crane)) - (either truck crane) (total-cost))
+  (:derived (reachable ?p - place) (or (linked hub ?p) (exists (?q - place)
+    (and (reachable ?q) (linked ?q ?p)))))
+  (:constraints (always (not (idle))))
+  (:action load :parameters (?t - truck ?w - (either place crane)) :precondition (open ?w)
+    :effect (and (ready ?t) (assign (home ?t) hub) (increase (total-cost) 1.50)
+      (forall (?q - place) (when (linked hub ?q) (not (at ?t ?q))))))
+  (:durative-action drive :parameters (?t - truck ?p ?q - place)
+    :duration (= ?duration (/ (distance ?p (home ?t)) 2))
+    :condition (and (at start (at ?t ?p)) (over all (ready ?t)))
+    :effect (and (at start (not (at ?t ?p))) (at end (at ?t ?q))
+      (decrease (fuel ?t) (* #t 0.5)))))
+"""
+PROBLEM = """
+(define (problem monday) (:domain depot)
+  (:objects t1 t2 - truck c1 - crane p1 p2 - place x - (either truck crane))
+  (:init (at t1 p1) (ready c1) (linked hub p1) (idle) (= (fuel t1) 7.50) (= (home t1) hub)
+         (= (distance p1 p2) 3) (at 10 (at t2 p2)) (at 20 (= (fuel t1) 3)) (not (at t2 p1)))
+  (:goal (and (at t1 p2) (or (idle) (ready c1))))
+  (:constraints (and (preference calm (always (idle)))))
+  (:metric minimize (+ (total-cost) (total-time) (* 2 (is-violated calm)))))
+"""
+STEPS = (
+    PlanStep(Decimal(0), "load", ("t1", "c1"), None),
+    PlanStep(Decimal("0.5"), "drive", ("t1", "p1", "p2"), Decimal("1.5")),
+)
+
+
+def write_story(url: str, archive_url: str) -> None:
+    """Fill an empty store, and move a part of it to an archive."""
+    with kant_sql.connect(url, knowledge_base=NAME, actor="loader") as kb:
+        kb.load_domain(DOMAIN)
+        with kb.transaction(reason="monday", source={"file": "monday.pddl"}, observed_at=SEEN):
+            kb.load_problem(PROBLEM)
+        _change(kb)
+        _plan(kb)
+        kb.archive(9, to=archive_url)
+
+
+def _change(kb: KnowledgeBase) -> None:
+    """Redefine and retract, so that there are versions that ended."""
+    kb.goals.save(CONDITIONS["shadowed"])
+    kb.goals.save(CONDITIONS["fluent as a term"])
+    kb.goals.save(Or((CONDITIONS["object fluent"], CONDITIONS["arithmetic"])))
+    kb.goals.delete(CONDITIONS["shadowed"])
+    kb.constraints.save(CONSTRAINTS["hold-during"])
+    facts = {str(fact): fact for fact in kb.propositions.get_all()}
+    fact = facts["(at t1 p1)"]
+    with kb.transaction():
+        kb.propositions.delete(fact)
+        # All that is said of it goes into the archive.
+        kb.propositions.delete(facts["(linked hub p1)"])
+    kb.propositions.save(fact)
+    function = kb.functions.get("fuel")
+    assert function is not None
+    kb.function_values.set(function, objects=["t1"], value=Decimal("5.25"))
+    kb.objects.save(PddlObjectDto(PddlTypeDto("place"), "p3"))
+    kb.objects.save(PddlObjectDto(PddlTypeDto("truck"), "p3"))
+    kb.objects.delete(PddlObjectDto(PddlTypeDto("truck"), "p3"))
+    kb.types.save(PddlTypeDto("crate"))
+    kb.types.save(PddlTypeDto("crate", parent=PddlTypeDto("machine")))
+    kb.actions.save(PddlActionDto("rest", durative=False))
+    kb.actions.save(PddlActionDto("rest", duration=2.5))
+
+
+def _plan(kb: KnowledgeBase) -> None:
+    plan = kb.plans.record(
+        Plan(STEPS, "test", "solved"), planner="tamer", planner_version="1", value=3
+    )
+    kb.plans.record(Plan((PlanStep(None, "rest", (), None),), "", ""))
+    _carry_out(kb, plan)
+
+
+def _carry_out(kb: KnowledgeBase, plan: RecordedPlan) -> None:
+    first, second = plan.steps
+    kb.plans.set_status(first, status="started")
+    with kb.transaction(plan_step=first, actor="executive"):
+        kb.propositions.delete_all()
+    kb.plans.set_status(first, status="succeeded")
+    kb.plans.set_status(second, status="aborted")
+
+
+def write_whole_story(url: str) -> None:
+    """Fill an empty store and archive nothing: each table but one has rows, and rows that ended."""
+    with kant_sql.connect(url, knowledge_base="tiago", actor="loader") as kb:
+        kb.load_domain(DOMAIN)
+        with kb.transaction(reason="monday", source={"file": "monday.pddl"}):
+            kb.load_problem(PROBLEM)
+        _follow_a_plan(kb)
+        _redefine(kb)
+        _come_and_go(kb)
+        _follow_a_plan(kb)
+
+
+def _redefine(kb: KnowledgeBase) -> None:
+    for formula in (
+        CONDITIONS["shadowed"],
+        Or((CONDITIONS["object fluent"], CONDITIONS["arithmetic"])),
+    ):
+        kb.goals.save(formula)
+        kb.goals.delete(formula)
+    kb.constraints.save(CONSTRAINTS["hold-during"])
+    kb.types.save(PddlTypeDto("crate"))
+    kb.types.save(PddlTypeDto("crate", parent=PddlTypeDto("machine")))
+    kb.actions.save(PddlActionDto("rest", durative=False))
+    kb.actions.save(PddlActionDto("rest", duration=2.5))
+    load = kb.actions.get("load")
+    assert load is not None
+    kb.actions.delete(load)
+    kb.load_domain(DOMAIN)
+    kb.load_problem(PROBLEM, mode="replace")
+
+
+def _come_and_go(kb: KnowledgeBase) -> None:
+    """Let facts and values come and go: of objects that stay, and of one that does not."""
+    at, fuel = kb.predicates.get("at"), kb.functions.get("fuel")
+    assert at is not None
+    assert fuel is not None
+    t1, p1 = PddlObjectDto(PddlTypeDto("truck"), "t1"), PddlObjectDto(PddlTypeDto("place"), "p1")
+    t9 = PddlObjectDto(PddlTypeDto("truck"), "t9")
+    for truck in (t1, t9, t1):
+        fact = PddlPropositionDto(at, [truck, p1], is_goal=truck is t9)
+        kb.propositions.save(fact)
+        kb.function_values.set(fuel, objects=[truck.name], value=Decimal("5.25"))
+        kb.function_values.set(fuel, objects=[truck.name], value=3)
+        kb.propositions.delete(fact)
+    kb.objects.delete(t9)
+
+
+def _follow_a_plan(kb: KnowledgeBase) -> None:
+    _carry_out(kb, kb.plans.record(Plan(STEPS, "test", "solved"), value=3))

@@ -1,0 +1,58 @@
+"""The public names: each resolves when it is asked for, and type checkers see the same one."""
+
+from __future__ import annotations
+
+import ast
+import importlib
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+import kant_sql
+
+SOURCE = Path(kant_sql.__file__)
+
+
+def typed_homes() -> dict[str, str]:
+    """Give the module that each name comes from which type checkers alone see imported."""
+    for node in ast.parse(SOURCE.read_text()).body:
+        if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING":
+            return {
+                name.name: f".{part.module}"
+                for part in node.body
+                if isinstance(part, ast.ImportFrom)
+                for name in part.names
+            }
+    raise AssertionError("no names for type checkers")
+
+
+def test_a_name_comes_from_where_type_checkers_see_it() -> None:
+    assert typed_homes() == kant_sql._HOMES
+
+
+@pytest.mark.parametrize("name", kant_sql.__all__)
+def test_each_public_name_resolves(name: str) -> None:
+    value = getattr(kant_sql, name)
+    home = kant_sql._HOMES.get(name)
+    if home is not None:
+        assert value is getattr(importlib.import_module(home, "kant_sql"), name)
+    assert name in dir(kant_sql)
+
+
+def test_what_has_a_home_is_public() -> None:
+    assert set(kant_sql._HOMES) <= set(kant_sql.__all__)
+
+
+def test_subpackages_are_attributes() -> None:
+    folders = {path.stem for path in SOURCE.parent.iterdir() if path.name[0] != "_"}
+    assert folders >= kant_sql._SUBPACKAGES
+    for name in kant_sql._SUBPACKAGES:
+        assert isinstance(getattr(kant_sql, name), ModuleType)
+
+
+def test_a_name_that_is_not_there_is_an_attribute_error() -> None:
+    name = "KnowledgBase"
+    with pytest.raises(AttributeError, match="'kant_sql' has no attribute 'KnowledgBase'"):
+        getattr(kant_sql, name)
+    assert not hasattr(kant_sql, "cli_")
