@@ -28,6 +28,12 @@ _PRINTABLE_BITS = 400
 _TEXTS = (str, bytes, bytearray, memoryview)
 
 
+class Readable:
+    """What messages show by its `str()`, not its `repr()`."""
+
+    __slots__ = ()
+
+
 class _Shown(reprlib.Repr):
     """A bounded `repr` that never fails."""
 
@@ -40,7 +46,7 @@ class _Shown(reprlib.Repr):
         if isinstance(x, int) and not isinstance(x, bool):
             return self.repr_int(x, level)
         try:
-            return super().repr1(x, level)
+            return str(x) if isinstance(x, Readable) else super().repr1(x, level)
         except Exception:
             # Its class may have the name of one that reprlib knows.
             return self.repr_instance(x, level)

@@ -11,6 +11,7 @@ from typing import Any, ClassVar, Generic, NamedTuple, NoReturn, TypeVar, get_ar
 
 from typing_extensions import override
 
+from ..arguments import shown
 from ..dto import PddlTypeDto
 from ..dto.formulas import (
     ARITHMETIC,
@@ -49,7 +50,6 @@ from ..dto.formulas import (
     TypedName,
     Variable,
     When,
-    shown,
     variables_text,
     walk,
 )

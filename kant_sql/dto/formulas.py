@@ -11,14 +11,14 @@ of the same content and spelling are equal. `str()` of a node is its PDDL text.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, fields
 from decimal import Decimal
-from typing import Any, Self, get_args, get_origin, get_type_hints
+from itertools import chain, groupby
+from typing import Any, ClassVar, Self, get_args, get_origin, get_type_hints
 
-from .. import arguments
-from ..arguments import expect, expect_tuple, items
-from .lexical import ROOT_TYPE, check_number, either_text
+from ..arguments import Readable, expect, expect_tuple, items
+from .lexical import ROOT_TYPE, check_number, decimal_text, either_text
 
 
 class Checked:
@@ -42,14 +42,12 @@ class Checked:
                 object.__setattr__(self, name, checked)
 
 
-class Node(Checked):
+class Node(Checked, Readable):
     """A node of a formula, an effect or an expression; a copy of one is the node itself."""
 
     __slots__ = ()
-
-    def _head(self) -> str:
-        """Return the text between the parenthesis and the first child."""
-        raise NotImplementedError
+    # What its text begins with; empty where that is the first field.
+    keyword: ClassVar[str] = ""
 
     def __copy__(self) -> Self:
         return self
@@ -58,19 +56,7 @@ class Node(Checked):
         return self
 
     def __str__(self) -> str:
-        texts: list[str] = []
-        stack: list[Node | None] = [self]
-        while stack:
-            part = stack.pop()
-            if part is None:
-                texts.append(")")
-            elif type(part).__str__ is not Node.__str__:
-                texts.append(f" {part}")
-            else:
-                texts.append(f" ({part._head()}")
-                stack.append(None)
-                stack.extend(reversed(children(part)))
-        return "".join(texts)[1:]
+        return node_text(self, head)
 
 
 class FormulaNode(Node):
@@ -124,6 +110,37 @@ def children(node: Node) -> tuple[Node, ...]:
     return tuple(found)
 
 
+def head(node: Node, explicit: bool = False) -> str:
+    """Return the text between the parenthesis of a node and its first child."""
+    kind = type(node)
+    word = kind.keyword
+    if not word:
+        names: tuple[str, ...] = kind.__slots__
+        word = getattr(node, names[0])
+    elif isinstance(node, _WITH_VARIABLES):
+        word = f"{word} ({variables_text(node.variables, explicit)})"
+    elif isinstance(node, Preference) and node.name is not None:
+        word = f"{word} {node.name}"
+    return word
+
+
+def node_text(node: Node, head_of: Callable[[Node], str]) -> str:
+    """Write a node; `head_of` gives the head of each node that has a parenthesis."""
+    texts: list[str] = []
+    stack: list[Node | None] = [node]
+    while stack:
+        part = stack.pop()
+        if part is None:
+            texts.append(")")
+        elif type(part).__str__ is not Node.__str__:
+            texts.append(f" {part}")
+        else:
+            texts.append(f" ({head_of(part)}")
+            stack.append(None)
+            stack.extend(reversed(children(part)))
+    return "".join(texts)[1:]
+
+
 def walk(*nodes: Node) -> Iterator[Node]:
     """Iterate over nodes and all their descendants, in preorder."""
     stack = list(reversed(nodes))
@@ -140,11 +157,6 @@ def depth(node: Node) -> int:
         deepest += 1
         level = [child for parent in level for child in children(parent)]
     return deepest
-
-
-def shown(node: object) -> str:
-    """Return the text of a node for a message, shortened."""
-    return f"{node!s:.80}" if isinstance(node, Node) else arguments.shown(node)
 
 
 def _records(node: Branch) -> tuple[object, ...]:
@@ -280,9 +292,6 @@ class Fluent(Branch):
     function: str
     terms: tuple[Term, ...] = ()
 
-    def _head(self) -> str:
-        return self.function
-
 
 @dataclass(frozen=True, slots=True, init=False)
 class Number(Node):
@@ -299,7 +308,7 @@ class Number(Node):
         object.__setattr__(self, "value", check_number(value, "the value of a Number"))
 
     def __str__(self) -> str:
-        return format(self.value, "f")
+        return decimal_text(self.value)
 
 
 @dataclass(frozen=True, slots=True)
@@ -321,9 +330,6 @@ class Arithmetic(Branch):
 
     operator: str
     operands: tuple[Expression, ...]
-
-    def _head(self) -> str:
-        return self.operator
 
 
 @dataclass(frozen=True, slots=True)
@@ -347,7 +353,8 @@ Expression = Number | Fluent | Variable | Arithmetic | ContinuousTime | IsViolat
 def variables_text(variables: Iterable[TypedName], explicit: bool = False) -> str:
     """Write typed variables."""
     given = items(variables, TypedName, "the variables")
-    return typed_text([TypedName(f"?{part.name}", part.types) for part in given], explicit)
+    typed = [TypedName(f"?{part.name}", part.types) for part in given]
+    return " ".join(chain.from_iterable(typed_runs(typed, explicit)))
 
 
 def skeleton_text(name: str, variables: Iterable[TypedName], explicit: bool = False) -> str:
@@ -356,21 +363,20 @@ def skeleton_text(name: str, variables: Iterable[TypedName], explicit: bool = Fa
     return f"({name} {text})" if text else f"({name})"
 
 
-def typed_text(names: Iterable[TypedName], explicit: bool = False) -> str:
-    """Write a typed list; a tail of type `object` is left untyped."""
-    given = items(names, TypedName, "the names")
-    tail = len(given)
-    while not explicit and tail and given[tail - 1].types == (ROOT_TYPE,):
-        tail -= 1
-    parts = []
-    for position, item in enumerate(given):
-        parts.append(item.name)
-        last = position + 1 == tail or (
-            position + 1 < tail and given[position + 1].types != item.types
-        )
-        if position < tail and last:
-            parts.append(f"- {item.type_text}")
-    return " ".join(parts)
+def typed_runs(names: Sequence[TypedName], explicit: bool) -> Iterator[list[str]]:
+    """Yield the words of each run of one type in a typed list; `object` is implicit at its end."""
+    end = len(names)
+    if not explicit:
+        end = typed_end([name.types != (ROOT_TYPE,) for name in names])
+    for types, run in groupby(names[:end], lambda name: name.types):
+        yield [*(name.name for name in run), f"- {either_text(types)}"]
+    if end < len(names):
+        yield [name.name for name in names[end:]]
+
+
+def typed_end(typed: Sequence[bool]) -> int:
+    """Return where the part of a list ends that needs types."""
+    return max((position for position, is_typed in enumerate(typed, 1) if is_typed), default=0)
 
 
 _new, _set = object.__new__, object.__setattr__
@@ -387,9 +393,6 @@ class Atom(FormulaNode):
 
     predicate: str
     terms: tuple[Term, ...] = ()
-
-    def _head(self) -> str:
-        return self.predicate
 
 
 def trusted_atom(predicate: str, terms: tuple[Term, ...]) -> Atom:
@@ -412,8 +415,7 @@ class Equal(FormulaNode):
     left: Term
     right: Term
 
-    def _head(self) -> str:
-        return "="
+    keyword = "="
 
 
 @dataclass(frozen=True, slots=True)
@@ -430,9 +432,6 @@ class Comparison(FormulaNode):
     left: Expression
     right: Expression
 
-    def _head(self) -> str:
-        return self.operator
-
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Not(Branch, FormulaNode):
@@ -444,8 +443,7 @@ class Not(Branch, FormulaNode):
 
     formula: Formula
 
-    def _head(self) -> str:
-        return "not"
+    keyword = "not"
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -458,8 +456,7 @@ class And(Branch, FormulaNode):
 
     formulas: tuple[Formula, ...] = ()
 
-    def _head(self) -> str:
-        return "and"
+    keyword = "and"
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -472,8 +469,7 @@ class Or(Branch, FormulaNode):
 
     formulas: tuple[Formula, ...] = ()
 
-    def _head(self) -> str:
-        return "or"
+    keyword = "or"
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -488,8 +484,7 @@ class Imply(Branch, FormulaNode):
     condition: Formula
     formula: Formula
 
-    def _head(self) -> str:
-        return "imply"
+    keyword = "imply"
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -504,8 +499,7 @@ class Forall(Branch, FormulaNode):
     variables: tuple[TypedName, ...]
     formula: Formula
 
-    def _head(self) -> str:
-        return f"forall ({variables_text(self.variables)})"
+    keyword = "forall"
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -520,8 +514,10 @@ class Exists(Branch, FormulaNode):
     variables: tuple[TypedName, ...]
     formula: Formula
 
-    def _head(self) -> str:
-        return f"exists ({variables_text(self.variables)})"
+    keyword = "exists"
+
+
+_WITH_VARIABLES = (Forall, Exists)
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -536,9 +532,6 @@ class Timed(Branch, FormulaNode):
     time: str
     formula: Formula
 
-    def _head(self) -> str:
-        return self.time
-
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Preference(Branch, FormulaNode):
@@ -552,8 +545,7 @@ class Preference(Branch, FormulaNode):
     name: str | None
     formula: Formula
 
-    def _head(self) -> str:
-        return "preference" if self.name is None else f"preference {self.name}"
+    keyword = "preference"
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -571,9 +563,6 @@ class Modal(Branch, FormulaNode):
     numbers: tuple[Number, ...]
     formulas: tuple[Formula, ...]
 
-    def _head(self) -> str:
-        return self.operator
-
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class When(Branch, FormulaNode):
@@ -587,8 +576,7 @@ class When(Branch, FormulaNode):
     condition: Formula
     effect: Formula
 
-    def _head(self) -> str:
-        return "when"
+    keyword = "when"
 
 
 @dataclass(frozen=True, slots=True)
@@ -604,9 +592,6 @@ class Assign(FormulaNode):
     operator: str
     fluent: Fluent
     value: Expression | Term
-
-    def _head(self) -> str:
-        return self.operator
 
 
 @dataclass(frozen=True, slots=True)
@@ -720,49 +705,3 @@ def _checks(kind: type) -> list[_Check]:
         found.append((field.name, classes, is_tuple, role))
     _CHECKS[kind] = found
     return found
-
-
-__all__ = [
-    "ARITHMETIC",
-    "ASSIGNMENTS",
-    "AT_END",
-    "AT_START",
-    "COMPARISONS",
-    "DURATION",
-    "MODALS",
-    "OVER_ALL",
-    "TIMES",
-    "TOTAL_COST",
-    "TOTAL_TIME",
-    "And",
-    "Arithmetic",
-    "Assign",
-    "Atom",
-    "Comparison",
-    "Constant",
-    "ContinuousTime",
-    "Derived",
-    "Equal",
-    "Exists",
-    "Expression",
-    "Fluent",
-    "Forall",
-    "Formula",
-    "Imply",
-    "IsViolated",
-    "Metric",
-    "Modal",
-    "Node",
-    "Not",
-    "Number",
-    "Or",
-    "Preference",
-    "Term",
-    "Timed",
-    "TimedLiteral",
-    "TypedName",
-    "Variable",
-    "When",
-    "typed_text",
-    "variables_text",
-]

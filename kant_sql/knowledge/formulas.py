@@ -6,56 +6,25 @@ from collections.abc import Callable, Sequence
 from decimal import Decimal
 from typing import Any
 
-from ..dto.formulas import (
-    ARITHMETIC,
-    ASSIGNMENTS,
-    COMPARISONS,
-    MODALS,
-    TIMES,
-    And,
-    Arithmetic,
-    Assign,
-    Atom,
-    Comparison,
-    Constant,
-    ContinuousTime,
-    Derived,
-    Equal,
-    Exists,
-    Fluent,
-    Forall,
-    Imply,
-    IsViolated,
-    Metric,
-    Modal,
-    Not,
-    Number,
-    Or,
-    Preference,
-    Timed,
-    TimedLiteral,
-    TypedName,
-    Variable,
-    When,
-)
+from ..dto import formulas as f
 from ..dto.formulas import Node as Formula
 from ..dto.formulas import Term as FormulaTerm
 from . import trees as kinds
 from .definitions import Definitions
 from .trees import ParameterDefinition, Tree, TreeNode, TreeTerm, children
 
-_OF_MANY: dict[str, Callable[..., Any]] = {kinds.AND: And, kinds.OR: Or}
+_OF_MANY: dict[str, Callable[..., Any]] = {kinds.AND: f.And, kinds.OR: f.Or}
 _OF_PARTS: dict[str, Callable[..., Any]] = {
-    kinds.NOT: Not,
-    kinds.IMPLY: Imply,
-    kinds.WHEN: When,
+    kinds.NOT: f.Not,
+    kinds.IMPLY: f.Imply,
+    kinds.WHEN: f.When,
 }
 
 
-def typed_name(definitions: Definitions, parameter: ParameterDefinition) -> TypedName:
+def typed_name(definitions: Definitions, parameter: ParameterDefinition) -> f.TypedName:
     """Name a parameter and its types."""
     live = definitions.types.live
-    return TypedName(parameter.name, tuple(live(id_).name for id_ in parameter.type_ids))
+    return f.TypedName(parameter.name, tuple(live(id_).name for id_ in parameter.type_ids))
 
 
 class TreeReader:
@@ -90,31 +59,31 @@ class TreeReader:
         if not self._tree:
             return ()
         formula = self.formula()
-        return formula.formulas if isinstance(formula, And) else (formula,)
+        return formula.formulas if isinstance(formula, f.And) else (formula,)
 
     def _node(self, node: TreeNode, parts: tuple[Any, ...]) -> Any:
         operator = node.operator
         if operator == kinds.PREDICATE:
             predicate = self._definitions.predicates.live(node.predicate_id or 0)
-            return Atom(predicate.name, self._terms(node))
+            return f.Atom(predicate.name, self._terms(node))
         if operator == kinds.FUNCTION:
             function = self._definitions.functions.live(node.function_id or 0)
-            return Fluent(function.name, self._terms(node))
+            return f.Fluent(function.name, self._terms(node))
         if operator in (kinds.NUMBER, kinds.VARIABLE, kinds.TIME, kinds.IS_VIOLATED):
             return _leaf(node)
         if operator == kinds.EQUAL and node.terms:
-            return Equal(*self._terms(node))
-        if operator in COMPARISONS:
-            return Comparison(operator, *parts)
-        if operator in ARITHMETIC:
-            return Arithmetic(operator, parts)
-        if operator in ASSIGNMENTS:
-            return Assign(operator, *parts, *self._terms(node))
-        if operator in TIMES:
-            return Timed(operator, *parts)
-        if operator in MODALS:
-            numbers = MODALS[operator][0]
-            return Modal(operator, parts[:numbers], parts[numbers:])
+            return f.Equal(*self._terms(node))
+        if operator in f.COMPARISONS:
+            return f.Comparison(operator, *parts)
+        if operator in f.ARITHMETIC:
+            return f.Arithmetic(operator, parts)
+        if operator in f.ASSIGNMENTS:
+            return f.Assign(operator, *parts, *self._terms(node))
+        if operator in f.TIMES:
+            return f.Timed(operator, *parts)
+        if operator in f.MODALS:
+            numbers = f.MODALS[operator][0]
+            return f.Modal(operator, parts[:numbers], parts[numbers:])
         return self._special(node, parts)
 
     def _special(self, node: TreeNode, parts: tuple[Any, ...]) -> Any:
@@ -125,41 +94,41 @@ class TreeReader:
         variables = tuple(typed_name(self._definitions, bound) for bound in node.variables)
         match node.operator:
             case kinds.FORALL:
-                return Forall(variables, *parts)
+                return f.Forall(variables, *parts)
             case kinds.EXISTS:
-                return Exists(variables, *parts)
+                return f.Exists(variables, *parts)
             case kinds.PREFERENCE:
-                return Preference(node.value, *parts)
+                return f.Preference(node.value, *parts)
             case kinds.DERIVED:
-                return Derived(parts[0].predicate, variables, parts[1])
+                return f.Derived(parts[0].predicate, variables, parts[1])
             case kinds.AT:
-                return TimedLiteral(Number(Decimal(node.value or 0)), *parts)
+                return f.TimedLiteral(f.Number(Decimal(node.value or 0)), *parts)
             case "minimize" | "maximize":
-                return Metric(node.operator, *parts)
+                return f.Metric(node.operator, *parts)
             case _:
                 # What is declared nowhere, as `total-time`, is its own operator.
-                return Fluent(node.operator)
+                return f.Fluent(node.operator)
 
     def _terms(self, node: TreeNode) -> tuple[FormulaTerm, ...]:
         return tuple(self._term(term) for term in node.terms)
 
     def _term(self, term: TreeTerm) -> FormulaTerm:
         if term.parameter is not None:
-            return Variable(self._parameters[term.parameter].name)
+            return f.Variable(self._parameters[term.parameter].name)
         if term.object_id is not None:
-            return Constant(self._definitions.objects.live(term.object_id).name)
+            return f.Constant(self._definitions.objects.live(term.object_id).name)
         if term.quantifier is not None:
-            return Variable(self._tree[term.quantifier].variables[term.variable or 0].name)
-        fluent: Fluent = self._read[term.child or 0]
+            return f.Variable(self._tree[term.quantifier].variables[term.variable or 0].name)
+        fluent: f.Fluent = self._read[term.child or 0]
         return fluent
 
 
 def _leaf(node: TreeNode) -> Formula:
     value = node.value or ""
     if node.operator == kinds.NUMBER:
-        return Number(Decimal(value))
+        return f.Number(Decimal(value))
     if node.operator == kinds.VARIABLE:
-        return Variable(value[1:])
+        return f.Variable(value[1:])
     if node.operator == kinds.IS_VIOLATED:
-        return IsViolated(value)
-    return ContinuousTime()
+        return f.IsViolated(value)
+    return f.ContinuousTime()

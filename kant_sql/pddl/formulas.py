@@ -12,53 +12,15 @@ from decimal import Decimal
 from types import GeneratorType
 from typing import Any, Final, NoReturn, TypeVar, overload
 
-from ..dto.formulas import (
-    ARITHMETIC,
-    ASSIGNMENTS,
-    AT_END,
-    AT_START,
-    COMPARISONS,
-    DURATION,
-    MODALS,
-    OVER_ALL,
-    TOTAL_COST,
-    TOTAL_TIME,
-    And,
-    Arithmetic,
-    Assign,
-    Atom,
-    Comparison,
-    Constant,
-    ContinuousTime,
-    Equal,
-    Exists,
-    Expression,
-    Fluent,
-    Forall,
-    Formula,
-    Imply,
-    IsViolated,
-    Modal,
-    Node,
-    Not,
-    Number,
-    Or,
-    Preference,
-    Term,
-    Timed,
-    TypedName,
-    Variable,
-    When,
-    shown,
-    walk,
-)
+from ..arguments import shown
+from ..dto import formulas as f
 from ..dto.lexical import MAX_DIGITS, NUMBER, fold, is_name
 from .cursor import VARIABLES, Cursor, Diagnostics, Group, Section, hint
 from .hierarchy import Fit, Types
 from .symbols import BoundVariable, Entity, Head, Signature, Signatures, SymbolTable
 
-DURATION_VARIABLE = Variable(DURATION)
-_DURATION_WORD = f"?{DURATION}"
+DURATION_VARIABLE = f.Variable(f.DURATION)
+_DURATION_WORD = f"?{f.DURATION}"
 
 # What a formula is, and what it may or must contain: bits of a context.
 PREFERENCES: Final = 1  # preferences are allowed
@@ -68,7 +30,7 @@ MODAL: Final = 8  # modal operators are allowed
 EFFECT: Final = 16  # it is an effect
 _WRAPPED: Final = TIMED | CONSTRAINTS
 
-_TIMES = {("at", "start"): AT_START, ("at", "end"): AT_END, ("over", "all"): OVER_ALL}
+_TIMES = {("at", "start"): f.AT_START, ("at", "end"): f.AT_END, ("over", "all"): f.OVER_ALL}
 _TIMED_EFFECT = "(at start ...), (at end ...) or a continuous effect with #t"
 _TIMED_FORM = "(at start ...), (over all ...) or (at end ...)"
 _CONSTRAINT_FORM = "a constraint such as (always ...)"
@@ -101,24 +63,24 @@ def finished(found: Any) -> Any:
             if not stack:
                 return given
             continue
-        if isinstance(part, Node):
+        if isinstance(part, f.Node):
             given = part
         else:
             stack.append(part)
             given = None
 
 
-def flatten(formula: Formula) -> tuple[Formula, ...]:
+def flatten(formula: f.Formula) -> tuple[f.Formula, ...]:
     """Return the conjuncts of a formula, including those of nested conjunctions."""
-    if not isinstance(formula, And):
+    if not isinstance(formula, f.And):
         return (formula,)
-    if And not in map(type, formula.formulas):
+    if f.And not in map(type, formula.formulas):
         return formula.formulas
-    found: list[Formula] = []
-    stack: list[Formula] = [formula]
+    found: list[f.Formula] = []
+    stack: list[f.Formula] = [formula]
     while stack:
         part = stack.pop()
-        if isinstance(part, And):
+        if isinstance(part, f.And):
             stack.extend(reversed(part.formulas))
         else:
             found.append(part)
@@ -195,11 +157,11 @@ class FormulaReader(Cursor):
 
     # Conditions and effects.
 
-    def conjuncts(self, context: int) -> tuple[Formula, ...]:
+    def conjuncts(self, context: int) -> tuple[f.Formula, ...]:
         """Read a formula that may be `()` or a conjunction, at the top of something."""
         return flatten(self._empty() if self.is_empty() else self.formula(context))
 
-    def formula(self, context: int) -> Formula:
+    def formula(self, context: int) -> f.Formula:
         """Read a formula."""
         return finished(self._begin(context))
 
@@ -207,11 +169,11 @@ class FormulaReader(Cursor):
         """Whether `()` is next."""
         return self.tokens[self.at] == "(" and self.tokens[self.at + 1] == ")"
 
-    def _empty(self) -> And:
+    def _empty(self) -> f.And:
         self.at += 2
-        return And()
+        return f.And()
 
-    def _begin(self, context: int) -> Formula | Steps[Formula]:
+    def _begin(self, context: int) -> f.Formula | Steps[f.Formula]:
         """Read a formula, or return the steps that read it when formulas are inside."""
         tokens, at = self.tokens, self.at
         if tokens[at] != "(":
@@ -227,7 +189,7 @@ class FormulaReader(Cursor):
             self._misplaced(context)
         if not kind.accepted:
             return self.atom(kind)
-        return Atom(kind.name, self.arguments(kind))
+        return f.Atom(kind.name, self.arguments(kind))
 
     def _head(self, head: str, context: int) -> Head:
         """Find what the word after a parenthesis begins, and cache it."""
@@ -271,57 +233,57 @@ class FormulaReader(Cursor):
             self.deviate(f"{expected} instead of ({operator} ...)", "read as it is")
         return context & ~PREFERENCES
 
-    def _no_conjuncts(self, context: int) -> Formula:
+    def _no_conjuncts(self, context: int) -> f.Formula:
         del context
         return self._empty()
 
-    def _junction(self, context: int) -> Steps[Formula]:
+    def _junction(self, context: int) -> Steps[f.Formula]:
         tokens = self.tokens
-        kind = And if tokens[self.at + 1].lower() == "and" else Or
-        if kind is Or:
+        kind = f.And if tokens[self.at + 1].lower() == "and" else f.Or
+        if kind is f.Or:
             context = self._plain("or", context)
         self.at += 2
         formulas = []
         while tokens[self.at] != ")":
             found = self._begin(context)
-            formulas.append(found if isinstance(found, Node) else (yield found))
+            formulas.append(found if isinstance(found, f.Node) else (yield found))
         self.at += 1
         return kind(tuple(formulas))
 
-    def _not(self, context: int) -> Steps[Formula]:
+    def _not(self, context: int) -> Steps[f.Formula]:
         context = self._plain("not", context)
         self.at += 2
         formula = yield self._begin(context)
         self.expect(")", "')' after the formula that is negated")
-        return Not(formula)
+        return f.Not(formula)
 
-    def _delete(self, context: int) -> Formula:
+    def _delete(self, context: int) -> f.Formula:
         if context & TIMED:
             self.fail(_TIMED_EFFECT)
         self.at += 2
         at = self.at
         formula = self.formula(0)
-        if not isinstance(formula, Atom):
+        if not isinstance(formula, f.Atom):
             self.fail("an atom that is deleted", at=at)
         self.expect(")", "')' after the atom that is deleted")
-        return Not(formula)
+        return f.Not(formula)
 
-    def _imply(self, context: int) -> Steps[Formula]:
+    def _imply(self, context: int) -> Steps[f.Formula]:
         context = self._plain("imply", context)
         self.at += 2
         condition = yield self._begin(context)
         formula = yield self._begin(context)
         self.expect(")", "')' after the two formulas of imply")
-        return Imply(condition, formula)
+        return f.Imply(condition, formula)
 
-    def _when(self, context: int) -> Steps[Formula]:
+    def _when(self, context: int) -> Steps[f.Formula]:
         self.at += 2
         condition = self._empty() if self.is_empty() else (yield self._begin(context & ~EFFECT))
         effect = yield self._begin(context)
         self.expect(")", "')' after the condition and the effect of when")
-        return When(condition, effect)
+        return f.When(condition, effect)
 
-    def _quantified(self, context: int) -> Steps[Formula]:
+    def _quantified(self, context: int) -> Steps[f.Formula]:
         operator = self.tokens[self.at + 1].lower()
         if operator == "exists":
             context = self._plain("exists", context)
@@ -331,9 +293,9 @@ class FormulaReader(Cursor):
         formula = yield self._begin(context)
         self.expect(")", f"')' after the {_noun(context)} of {operator}")
         self.scope.release(outside)
-        return (Forall if operator == "forall" else Exists)(variables, formula)
+        return (f.Forall if operator == "forall" else f.Exists)(variables, formula)
 
-    def _comparison(self, context: int) -> Comparison | Equal:
+    def _comparison(self, context: int) -> f.Comparison | f.Equal:
         if context & _WRAPPED:
             self._misplaced(context)
         return self.comparison()
@@ -343,27 +305,27 @@ class FormulaReader(Cursor):
         words = self.tokens[self.at + 1].lower(), self.tokens[self.at + 2].lower()
         return _TIMES.get(words) if self.tokens[self.at + 3] == "(" else None
 
-    def _at_time(self, context: int) -> Formula | Steps[Formula]:
+    def _at_time(self, context: int) -> f.Formula | Steps[f.Formula]:
         time = self.time_here()
         if time is None:
             if context & EFFECT and context & TIMED:
                 self._misplaced(context)
             return self._named_like_operator(context)
         if context & EFFECT:
-            if not context & TIMED or time == OVER_ALL:
+            if not context & TIMED or time == f.OVER_ALL:
                 self.fail(_TIMED_EFFECT if context & TIMED else "an effect without a time")
-        elif not (context & TIMED or (time == AT_END and context & (CONSTRAINTS | MODAL))):
+        elif not (context & TIMED or (time == f.AT_END and context & (CONSTRAINTS | MODAL))):
             self.fail("a formula without a time", f"({time} ...)")
         return self._inside_time(time, context & EFFECT)
 
-    def _inside_time(self, time: str, context: int) -> Steps[Formula]:
+    def _inside_time(self, time: str, context: int) -> Steps[f.Formula]:
         self.at += 3
         formula = yield self._begin(context)
         happens = "effect that happens" if context & EFFECT else "formula that holds"
         self.expect(")", f"')' after the {happens} {time}")
-        return Timed(time, formula)
+        return f.Timed(time, formula)
 
-    def _named_like_operator(self, context: int) -> Formula:
+    def _named_like_operator(self, context: int) -> f.Formula:
         """Read an atom whose predicate is named like an operator."""
         signature = self.known(self.symbols.predicates, self.tokens[self.at + 1])
         if context & _WRAPPED:
@@ -375,7 +337,7 @@ class FormulaReader(Cursor):
         unknown = self.symbols.unknown_domain
         return unknown or self.symbols.predicates.find(self.tokens[self.at + 1]) is not None
 
-    def _preference(self, context: int) -> Formula | Steps[Formula]:
+    def _preference(self, context: int) -> f.Formula | Steps[f.Formula]:
         # A preference holds a formula, alone or after a name; terms are no formulas.
         following = self.tokens[self.at + 2 : self.at + (4 if context & PREFERENCES else 3)]
         if (following[0] == ")" or "(" not in following) and self._may_be_predicate():
@@ -384,14 +346,14 @@ class FormulaReader(Cursor):
             self.fail("a formula; a preference belongs to the top of a goal or precondition")
         return self._preferred(context)
 
-    def _preferred(self, context: int) -> Steps[Formula]:
+    def _preferred(self, context: int) -> Steps[f.Formula]:
         self.at += 2
         name = None if self.tokens[self.at] == "(" else self.declared_name("preference")
         if name is not None:
             self.symbols.preferences.setdefault(fold(name), name)
         formula = yield self._begin(context & ~PREFERENCES)
         self.expect(")", "')' after the formula that is preferred")
-        return Preference(name, formula)
+        return f.Preference(name, formula)
 
     def _takes_operands(self, numbers: int) -> bool:
         """Whether operands of a modal operator follow the word that is next.
@@ -403,32 +365,32 @@ class FormulaReader(Cursor):
         self.at -= 2
         return found or not self._may_be_predicate()
 
-    def _modal(self, context: int) -> Formula | Steps[Formula]:
+    def _modal(self, context: int) -> f.Formula | Steps[f.Formula]:
         operator = self.tokens[self.at + 1].lower()
-        wanted, formulas = MODALS[operator]
+        wanted, formulas = f.MODALS[operator]
         if not self._takes_operands(wanted):
             return self._named_like_operator(context)
         if not context & (CONSTRAINTS | MODAL):
             self.fail("a formula; constraints belong to (:constraints ...)")
         return self._constraint(operator, wanted, formulas)
 
-    def _constraint(self, operator: str, wanted: int, formulas: int) -> Steps[Formula]:
+    def _constraint(self, operator: str, wanted: int, formulas: int) -> Steps[f.Formula]:
         self.at += 2
         numbers = tuple([self._time_span(operator) for _ in range(wanted)])
         parts = []
         for _ in range(formulas):
             parts.append((yield self._begin(MODAL)))
         self.expect(")", f"')' after the {formulas} formula{'s' * (formulas - 1)} of {operator}")
-        return Modal(operator, numbers, tuple(parts))
+        return f.Modal(operator, numbers, tuple(parts))
 
-    def _time_span(self, operator: str) -> Number:
+    def _time_span(self, operator: str) -> f.Number:
         number = self.number_here()
         if number is None:
             self.fail(f"a number, the time of {operator}")
         self.at += 1
         return number
 
-    def _assign(self, context: int) -> Formula:
+    def _assign(self, context: int) -> f.Formula:
         start = self.at
         operator = self.tokens[start + 1]
         declared = self.symbols.predicates.find(operator)
@@ -439,11 +401,11 @@ class FormulaReader(Cursor):
         signature, fluent = self.assigned_fluent(None if operator == "assign" else True)
         value = self.assigned(signature)
         self.expect(")", f"')' after the value of {operator}")
-        if context & TIMED and not any(isinstance(one, ContinuousTime) for one in walk(value)):
+        if context & TIMED and not any(isinstance(one, f.ContinuousTime) for one in f.walk(value)):
             self.fail(_TIMED_EFFECT, at=start)
-        return Assign(operator, fluent, value)
+        return f.Assign(operator, fluent, value)
 
-    def assigned_fluent(self, numeric: bool | None = None) -> tuple[Signature, Fluent]:
+    def assigned_fluent(self, numeric: bool | None = None) -> tuple[Signature, f.Fluent]:
         """Read the fluent that gets a value."""
         if self.tokens[self.at] == "(":
             fluent = self._fluent(numeric)
@@ -453,7 +415,7 @@ class FormulaReader(Cursor):
         assert signature is not None
         return signature, fluent
 
-    def assigned(self, signature: Signature) -> Expression | Term:
+    def assigned(self, signature: Signature) -> f.Expression | f.Term:
         """Read the value that a fluent gets."""
         at = self.at
         if signature.parameters is None:
@@ -465,17 +427,17 @@ class FormulaReader(Cursor):
             self._misfit(entity, signature.types, f"as the value of {signature.name}", at)
         return entity[0]
 
-    def comparison(self) -> Comparison | Equal:
+    def comparison(self) -> f.Comparison | f.Equal:
         """Read a comparison of numbers, or an equation of objects."""
         operator = self.tokens[self.at + 1]
         self.at += 2
         if operator == "=" and self._equates_objects():
             left, right = self.term()[0], self.term()[0]
             self.expect(")", "')' after two terms")
-            return Equal(left, right)
+            return f.Equal(left, right)
         first, second = self.expression(), self.expression()
         self.expect(")", "')' after two numbers")
-        return Comparison(operator, first, second)
+        return f.Comparison(operator, first, second)
 
     def _equates_objects(self) -> bool:
         """Whether the next token begins a term that denotes an object."""
@@ -495,7 +457,7 @@ class FormulaReader(Cursor):
             signature = self.symbols.functions.find(head)
             if signature is not None and signature.parameters is not None:
                 return not signature.types
-            return True if head in ARITHMETIC or not self.symbols.unknown_domain else None
+            return True if head in f.ARITHMETIC or not self.symbols.unknown_domain else None
         if token[:1] == "?":
             return self.duration_allowed and fold(token) == _DURATION_WORD
         if token in ("#t", "#T") or NUMBER.fullmatch(token) is not None:
@@ -506,16 +468,16 @@ class FormulaReader(Cursor):
 
     # Numeric expressions.
 
-    def expression(self) -> Expression:
+    def expression(self) -> f.Expression:
         """Read a numeric expression."""
         return finished(self._begin_expression())
 
-    def _begin_expression(self) -> Expression | Steps[Expression]:
+    def _begin_expression(self) -> f.Expression | Steps[f.Expression]:
         """Read a number, or return the steps that read an operation."""
         token = self.tokens[self.at]
         if token == "(":
             head = self.tokens[self.at + 1]
-            if head in ARITHMETIC:
+            if head in f.ARITHMETIC:
                 return self._arithmetic(head)
             if self.metric and head.lower() == "is-violated":
                 return self._is_violated()
@@ -528,24 +490,24 @@ class FormulaReader(Cursor):
             return number
         return self._bare_fluent(token)
 
-    def _arithmetic(self, operator: str) -> Steps[Expression]:
+    def _arithmetic(self, operator: str) -> Steps[f.Expression]:
         start = self.at
         self.at += 2
         operands = []
         while self.tokens[self.at] != ")":
             found = self._begin_expression()
-            operands.append(found if isinstance(found, Node) else (yield found))
+            operands.append(found if isinstance(found, f.Node) else (yield found))
         if not operands or (len(operands) == 1 and operator != "-"):
             self.fail(f"two operands of {operator}", f"{len(operands)}")
         if len(operands) > 2 and operator in "-/":
             self.deviate(f"two operands of {operator}", "read from the left", at=start)
             for operand in operands[2:]:
-                operands[:2] = [Arithmetic(operator, tuple(operands[:2])), operand]
+                operands[:2] = [f.Arithmetic(operator, tuple(operands[:2])), operand]
             del operands[2:]
         self.at += 1
-        return Arithmetic(operator, tuple(operands))
+        return f.Arithmetic(operator, tuple(operands))
 
-    def _is_violated(self) -> IsViolated:
+    def _is_violated(self) -> f.IsViolated:
         self.at += 2
         name = self.declared_name("preference")
         known = self.symbols.preference(name)
@@ -555,9 +517,9 @@ class FormulaReader(Cursor):
             found = f"the preference '{name}'"
             self.deviate(expected, "never violated", found, self.at - 1)
         self.expect(")")
-        return IsViolated(known or name)
+        return f.IsViolated(known or name)
 
-    def _fluent(self, numeric: bool | None = None) -> Fluent:
+    def _fluent(self, numeric: bool | None = None) -> f.Fluent:
         """Read a function applied to terms."""
         self.expect("(", "a function, such as (distance ?a ?b)")
         self.at -= 1
@@ -570,58 +532,58 @@ class FormulaReader(Cursor):
             kinds = ("an object", "a number")
             found = f"({signature.name} ...), which is {kinds[not numeric]}"
             self.fail(kinds[numeric], found)
-        return Fluent(signature.name, self.arguments(signature))
+        return f.Fluent(signature.name, self.arguments(signature))
 
     def _cost_or_time(self) -> Signature | None:
         """The signature of `total-time` or `total-cost`, when it is here and not declared."""
         name = self.tokens[self.at + 1]
         if self.symbols.unknown_domain or self.symbols.functions.find(name) is not None:
             return None
-        if self.metric and fold(name) == TOTAL_TIME:
-            return Signature(TOTAL_TIME, ())
-        if fold(name) == TOTAL_COST:
+        if self.metric and fold(name) == f.TOTAL_TIME:
+            return Signature(f.TOTAL_TIME, ())
+        if fold(name) == f.TOTAL_COST:
             return self._undeclared_cost(self.at + 1)
         return None
 
     def _undeclared_cost(self, at: int) -> Signature:
         declared = "the declaration of total-cost in :functions"
         self.deviate(declared, "taken for declared", "total-cost", at)
-        signature = Signature(TOTAL_COST, ())
+        signature = Signature(f.TOTAL_COST, ())
         self.symbols.functions.add(signature)
         return signature
 
-    def _special(self, token: str) -> Expression:
+    def _special(self, token: str) -> f.Expression:
         if token[0] == "#":
             if not self.time_allowed:
                 self.fail("a number", f"'{token}' outside of a process or a durative action")
             self.at += 1
-            return ContinuousTime()
+            return f.ContinuousTime()
         if not (self.duration_allowed and fold(token) == _DURATION_WORD):
             self.fail("a number")
         self.at += 1
         return DURATION_VARIABLE
 
-    def _bare_fluent(self, token: str) -> Fluent:
+    def _bare_fluent(self, token: str) -> f.Fluent:
         """Read a function without its parentheses."""
         if token == ")":
             self.fail("a number")
-        if self.metric and fold(token) == TOTAL_TIME and self.symbols.functions.find(token) is None:
-            self.at += 1
-            return Fluent(TOTAL_TIME)
         signature = self.symbols.functions.find(token)
-        if signature is None and fold(token) == TOTAL_COST:
+        if signature is None and self.metric and fold(token) == f.TOTAL_TIME:
+            self.at += 1
+            return f.Fluent(f.TOTAL_TIME)
+        if signature is None and fold(token) == f.TOTAL_COST:
             signature = self._undeclared_cost(self.at)
         if signature is None or signature.parameters or signature.types:
             self.fail(f"a number{hint(token, self.symbols.functions.names())}")
         self.deviate(f"'({token})'", "read so")
         self.at += 1
-        return Fluent(signature.name)
+        return f.Fluent(signature.name)
 
     def is_number(self) -> bool:
         """Whether the next token is a number."""
         return NUMBER.fullmatch(self.tokens[self.at]) is not None
 
-    def number_here(self) -> Number | None:
+    def number_here(self) -> f.Number | None:
         """Return the next token as a number, without passing it."""
         token = self.tokens[self.at]
         if _STANDARD_NUMBER.fullmatch(token) is None:
@@ -631,8 +593,8 @@ class FormulaReader(Cursor):
             text = f"{value:f}"
             plain = f"'{text}'" if len(text) <= 40 else "a number without an exponent"
             self.deviate(plain, "read so")
-            return Number(value)
-        return Number(Decimal(token) if len(token) < 20 else self._bounded(token))
+            return f.Number(value)
+        return f.Number(Decimal(token) if len(token) < 20 else self._bounded(token))
 
     def _bounded(self, token: str) -> Decimal:
         """Return a number; refuse one of too many digits."""
@@ -645,21 +607,21 @@ class FormulaReader(Cursor):
 
     # Atoms, terms and variables.
 
-    def atom(self, signature: Signature) -> Atom:
+    def atom(self, signature: Signature) -> f.Atom:
         """Read an atom."""
         if not signature.accepted and self.tokens[self.at + 2] == ")":
             self.at += 3
             return signature.bare
-        return Atom(signature.name, self.arguments(signature))
+        return f.Atom(signature.name, self.arguments(signature))
 
-    def arguments(self, signature: Signature) -> tuple[Term, ...]:
+    def arguments(self, signature: Signature) -> tuple[f.Term, ...]:
         """Read the arguments of a predicate or function, and the parenthesis after them."""
         if signature.parameters is None:
             return self._any_arguments()
         tokens, scope, objects = self.tokens, self.scope, self.symbols.objects
         start = self.at
         at = start + 2
-        terms: list[Term] = []
+        terms: list[f.Term] = []
         for wanted, accepted in signature.accepted:
             word = tokens[at]
             entity = scope.get(word) or objects.get(word)
@@ -675,7 +637,7 @@ class FormulaReader(Cursor):
             self._wrong_number(signature, start, at)
         return tuple(terms)
 
-    def _any_arguments(self) -> tuple[Term, ...]:
+    def _any_arguments(self) -> tuple[f.Term, ...]:
         self.at += 2
         terms = []
         while self.tokens[self.at] != ")":
@@ -683,7 +645,7 @@ class FormulaReader(Cursor):
         self.at += 1
         return tuple(terms)
 
-    def _argument(self, signature: Signature, position: int, start: int) -> Term:
+    def _argument(self, signature: Signature, position: int, start: int) -> f.Term:
         """Read one argument with all checks."""
         at = self.at
         if self.tokens[at] == ")":
@@ -711,9 +673,9 @@ class FormulaReader(Cursor):
     def _misfit(self, entity: Entity, wanted: Types, role: str, at: int) -> None:
         """Warn about a term that may not fit; refuse one that does not."""
         term, types = entity
-        found = f"{shown(term)} of type {TypedName('', types).type_text}"
-        expected = f"{TypedName('', wanted).type_text} {role}"
-        if isinstance(term, Constant) or self.symbols.fit(types, wanted) is Fit.NO:
+        found = f"{shown(term)} of type {f.TypedName('', types).type_text}"
+        expected = f"{f.TypedName('', wanted).type_text} {role}"
+        if isinstance(term, f.Constant) or self.symbols.fit(types, wanted) is Fit.NO:
             self.fail(expected, found, at)
         self.deviate(expected, "it may be one", found, at)
 
@@ -750,7 +712,7 @@ class FormulaReader(Cursor):
         if signature.parameters is not None and not signature.types:
             self.fail("a term", f"the number ({signature.name} ...)")
         self.at += 2
-        terms: list[Term] = []
+        terms: list[f.Term] = []
         declared = signature.parameters is not None
         while self.tokens[self.at] != ")" and not (
             declared and len(terms) == len(signature.accepted)
@@ -766,7 +728,7 @@ class FormulaReader(Cursor):
         if self.tokens[self.at] != ")" or (declared and len(terms) < len(signature.accepted)):
             self._wrong_number(signature, start, self.at)
         self.at += 1
-        return Fluent(signature.name, tuple(terms)), signature.types
+        return f.Fluent(signature.name, tuple(terms)), signature.types
 
     def _function_here(self) -> Signature:
         """Look up the function whose parenthesis is the next token."""
@@ -788,12 +750,12 @@ class FormulaReader(Cursor):
             self.fail(expected, f"the {signatures.kind} '{name}'", self.at + 1)
         return found
 
-    def variables(self) -> tuple[TypedName, ...]:
+    def variables(self) -> tuple[f.TypedName, ...]:
         """Read a parenthesised list of typed variables, and bind them."""
         self.expect("(", "'(' before the variables")
         return self.bind(self.typed_list(VARIABLES))
 
-    def bind(self, groups: list[Group]) -> tuple[TypedName, ...]:
+    def bind(self, groups: list[Group]) -> tuple[f.TypedName, ...]:
         """Bind variables, in addition to those in scope."""
         symbols, scope = self.symbols, self.scope
         found: dict[str, BoundVariable] = {}
@@ -821,7 +783,7 @@ def _called(context: int) -> str:
     return "an effect" if context & EFFECT else "a formula"
 
 
-_Operators = dict[str, Callable[[FormulaReader, int], Formula | Steps[Formula]]]
+_Operators = dict[str, Callable[[FormulaReader, int], f.Formula | Steps[f.Formula]]]
 _CONDITIONS: _Operators = {
     "and": FormulaReader._junction,
     "or": FormulaReader._junction,
@@ -832,8 +794,8 @@ _CONDITIONS: _Operators = {
     "at": FormulaReader._at_time,
     "over": FormulaReader._at_time,
     "preference": FormulaReader._preference,
-    **dict.fromkeys(COMPARISONS, FormulaReader._comparison),
-    **dict.fromkeys(MODALS, FormulaReader._modal),
+    **dict.fromkeys(f.COMPARISONS, FormulaReader._comparison),
+    **dict.fromkeys(f.MODALS, FormulaReader._modal),
 }
 _EFFECTS: _Operators = {
     "and": FormulaReader._junction,
@@ -842,5 +804,5 @@ _EFFECTS: _Operators = {
     "when": FormulaReader._when,
     "at": FormulaReader._at_time,
     "over": FormulaReader._at_time,
-    **dict.fromkeys(ASSIGNMENTS, FormulaReader._assign),
+    **dict.fromkeys(f.ASSIGNMENTS, FormulaReader._assign),
 }

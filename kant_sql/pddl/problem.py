@@ -11,22 +11,8 @@ from decimal import Decimal
 from operator import getitem
 from typing import Final, NamedTuple
 
-from ..dto.formulas import (
-    Assign,
-    Atom,
-    Constant,
-    Equal,
-    Fluent,
-    Formula,
-    Metric,
-    Not,
-    Number,
-    Term,
-    TimedLiteral,
-    TypedName,
-    shown,
-    trusted_atom,
-)
+from ..arguments import shown
+from ..dto import formulas as f
 from ..dto.lexical import fold, is_name
 from .cursor import Cursor, Diagnostics, Group, Section, hint
 from .declarations import DeclarationReader, TypedNames
@@ -47,7 +33,7 @@ class NotPlainError(Exception):
     """The tight loop cannot read a token."""
 
 
-class _Fitting(dict[str, Constant]):
+class _Fitting(dict[str, f.Constant]):
     """The objects that fit a parameter, by declared spelling; found on first use."""
 
     def __init__(self, symbols: SymbolTable, wanted: Types) -> None:
@@ -55,26 +41,26 @@ class _Fitting(dict[str, Constant]):
         self._symbols = symbols
         self._wanted = wanted
 
-    def __missing__(self, token: str) -> Constant:
+    def __missing__(self, token: str) -> f.Constant:
         if token[:1] in _NO_NAME:
             raise NotPlainError
         entity = self._symbols.object(token)
         if entity is None or self._symbols.fit(entity[1], self._wanted) is not Fit.YES:
             raise NotPlainError
         constant = entity[0]
-        if not isinstance(constant, Constant) or constant.name != token:
+        if not isinstance(constant, f.Constant) or constant.name != token:
             raise NotPlainError
         self[token] = constant
         return constant
 
 
-class _Numbers(dict[str, Number]):
+class _Numbers(dict[str, f.Number]):
     """Numbers in standard spelling, by their text."""
 
-    def __missing__(self, token: str) -> Number:
+    def __missing__(self, token: str) -> f.Number:
         if _PLAIN_NUMBER.fullmatch(token) is None:
             raise NotPlainError
-        number = self[token] = Number(Decimal(token))
+        number = self[token] = f.Number(Decimal(token))
         return number
 
 
@@ -157,10 +143,10 @@ class InitialState(NamedTuple):
         timed: timed initial literals and values.
     """
 
-    facts: tuple[Atom, ...]
-    literals: tuple[Not | Equal, ...]
+    facts: tuple[f.Atom, ...]
+    literals: tuple[f.Not | f.Equal, ...]
     values: tuple[FunctionValue, ...]
-    timed: tuple[TimedLiteral, ...]
+    timed: tuple[f.TimedLiteral, ...]
 
 
 class InitialStateReader(FormulaReader):
@@ -168,14 +154,14 @@ class InitialStateReader(FormulaReader):
 
     def __init__(self, diagnostics: Diagnostics, section: Section, symbols: SymbolTable) -> None:
         super().__init__(diagnostics, section, symbols, section.keyword)
-        self._facts: list[Atom] = []
-        self._literals: dict[Not | Equal, _TokenIndex] = {}
+        self._facts: list[f.Atom] = []
+        self._literals: dict[f.Not | f.Equal, _TokenIndex] = {}
         self._values: list[FunctionValue] = []
         self._replaced: set[int] = set()
         # The first token of each value, and the first value of each section.
         self._value_tokens: list[int] = []
         self._value_sections: list[tuple[int, Section]] = []
-        self._timed: dict[TimedLiteral, None] = {}
+        self._timed: dict[f.TimedLiteral, None] = {}
         self._predicates = FactSignatures(symbols, symbols.predicates)
         self._functions = FactSignatures(symbols, symbols.functions)
 
@@ -204,9 +190,9 @@ class InitialStateReader(FormulaReader):
             values = [one for number, one in enumerate(values) if number not in self._replaced]
         return InitialState(tuple(self._facts), literals, tuple(values), tuple(self._timed))
 
-    def _agrees(self, literal: Not | Equal, place: _TokenIndex) -> bool:
+    def _agrees(self, literal: f.Not | f.Equal, place: _TokenIndex) -> bool:
         """Whether a literal contradicts no fact; otherwise the fact holds, as in VAL."""
-        if not isinstance(literal, Not) or not isinstance(literal.formula, Atom):
+        if not isinstance(literal, f.Not) or not isinstance(literal.formula, f.Atom):
             return True
         atom = literal.formula
         entry = self._predicates.slow(atom.predicate, len(atom.terms))
@@ -243,7 +229,7 @@ class InitialStateReader(FormulaReader):
                     terms = None
                 if terms is not None and tokens[end] == ")" and arguments not in entry.facts:
                     entry.facts.add(arguments)
-                    append(trusted_atom(entry.name, terms))
+                    append(f.trusted_atom(entry.name, terms))
                     at = end + 1
                     continue
             elif tokens[at + 1] == "=":
@@ -273,7 +259,7 @@ class InitialStateReader(FormulaReader):
         except NotPlainError:
             return 0
         entry.values[arguments] = len(self._values)
-        self._values.append(FunctionValue(Fluent(entry.name, terms), value))
+        self._values.append(FunctionValue(f.Fluent(entry.name, terms), value))
         self._value_tokens.append(self.base + at)
         return end + 3
 
@@ -322,7 +308,7 @@ class InitialStateReader(FormulaReader):
         entry.facts.add(key)
         self._facts.append(atom)
 
-    def _ground_atom(self) -> Atom:
+    def _ground_atom(self) -> f.Atom:
         self.expect("(", "an atom")
         name = self.word("a predicate")
         self.at -= 2
@@ -331,24 +317,24 @@ class InitialStateReader(FormulaReader):
         self._check_ground(atom.terms, start)
         return atom
 
-    def _check_ground(self, terms: tuple[Term, ...], start: int) -> None:
+    def _check_ground(self, terms: tuple[f.Term, ...], start: int) -> None:
         for term in terms:
-            if not isinstance(term, Constant):
+            if not isinstance(term, f.Constant):
                 self.fail("objects as arguments", f"the argument {shown(term)}", start)
 
-    def _negation(self) -> Not:
+    def _negation(self) -> f.Not:
         self.at += 2
         if self.tokens[self.at + 1] == "=":
-            formula: Atom | Equal = self._equality()
+            formula: f.Atom | f.Equal = self._equality()
         else:
             formula = self._ground_atom()
         self.expect(")", "')' after the atom that is negated")
-        return Not(formula)
+        return f.Not(formula)
 
-    def _equality(self) -> Equal:
+    def _equality(self) -> f.Equal:
         start = self.at
         found = self.comparison()
-        if not isinstance(found, Equal):
+        if not isinstance(found, f.Equal):
             self.fail("two objects", shown(found), start)
         self._check_ground((found.left, found.right), start)
         return found
@@ -400,12 +386,12 @@ class InitialStateReader(FormulaReader):
         self._check_ground(fluent.terms, start)
         at = self.at
         value = self.assigned(signature)
-        if not isinstance(value, Number | Constant):
+        if not isinstance(value, f.Number | f.Constant):
             self.fail("a number" if not signature.types else "an object", shown(value), at)
         self.expect(")", "')' after the value")
         return FunctionValue(fluent, value)
 
-    def _add_literal(self, literal: Not | Equal, start: int) -> None:
+    def _add_literal(self, literal: f.Not | f.Equal, start: int) -> None:
         if literal in self._literals:
             self.deviate("each literal once", "left out", f"{literal} again", self.at - 1)
         self._literals.setdefault(literal, (self.section, self.base + start))
@@ -422,17 +408,17 @@ class InitialStateReader(FormulaReader):
         time = self.number_here()
         assert time is not None
         self.at += 1
-        timed = TimedLiteral(time, self._timed_effect())
+        timed = f.TimedLiteral(time, self._timed_effect())
         self.expect(")", "')' after the timed literal")
         if timed in self._timed:
             self.deviate("each timed literal once", "left out", f"{timed} again", start)
         self._timed[timed] = None
 
-    def _timed_effect(self) -> Atom | Not | Assign:
+    def _timed_effect(self) -> f.Atom | f.Not | f.Assign:
         head = self.tokens[self.at + 1].lower()
         if head == "=":
             value = self._function_value()
-            return Assign("assign", value.fluent, value.value)
+            return f.Assign("assign", value.fluent, value.value)
         if head == "not":
             return self._negation()
         return self._ground_atom()
@@ -507,7 +493,7 @@ class ProblemReader:
             self._head().fail("(:domain ...)", "a problem without a domain", 0)
         return self._domain.name if self._domain else name
 
-    def _read_objects(self) -> list[TypedName]:
+    def _read_objects(self) -> list[f.TypedName]:
         table = TypedNames("object")
         constants = {fold(one.name): one for one in self._domain.constants} if self._domain else {}
         for section in self._sections(":objects"):
@@ -527,13 +513,13 @@ class ProblemReader:
         return objects
 
     def _check_constant(
-        self, reader: DeclarationReader, name: str, group: Group, at: int, constant: TypedName
+        self, reader: DeclarationReader, name: str, group: Group, at: int, constant: f.TypedName
     ) -> None:
         """Check that an object that repeats a constant has the same type."""
         types = reader.resolve(self._symbols, group.types, group.types_at)
         if group.types and types != constant.types:
             expected = f"{constant.type_text}, as the domain's constant"
-            reader.fail(expected, f"{name} of type {TypedName('', types).type_text}", at)
+            reader.fail(expected, f"{name} of type {f.TypedName('', types).type_text}", at)
         found = f"the constant '{name}' again"
         reader.deviate("objects that are no constants", "left out", found, at)
 
@@ -550,17 +536,17 @@ class ProblemReader:
             finish(reader)
         return reader.state()
 
-    def _read_goal(self) -> tuple[Formula, ...]:
+    def _read_goal(self) -> tuple[f.Formula, ...]:
         sections = self._sections(":goal")
         if not sections:
             self._head().deviate("(:goal ...)", "read as (:goal (and))", "no goal", 0)
         return self._read_conjuncts(sections, PREFERENCES)
 
-    def _read_constraints(self) -> tuple[Formula, ...]:
+    def _read_constraints(self) -> tuple[f.Formula, ...]:
         return self._read_conjuncts(self._sections(":constraints"), CONSTRAINTS | PREFERENCES)
 
-    def _read_conjuncts(self, sections: list[Section], context: int) -> tuple[Formula, ...]:
-        found: list[Formula] = []
+    def _read_conjuncts(self, sections: list[Section], context: int) -> tuple[f.Formula, ...]:
+        found: list[f.Formula] = []
         for section in sections:
             reader = FormulaReader(self._diagnostics, section, self._symbols, section.keyword)
             reader.at = 2
@@ -576,8 +562,8 @@ class ProblemReader:
             finish(reader)
         return tuple(found)
 
-    def _read_metric(self) -> Metric | None:
-        metric: Metric | None = None
+    def _read_metric(self) -> f.Metric | None:
+        metric: f.Metric | None = None
         for section in self._sections(":metric"):
             reader = FormulaReader(self._diagnostics, section, self._symbols, section.keyword)
             reader.metric = True
@@ -585,7 +571,7 @@ class ProblemReader:
             word = reader.word("minimize or maximize")
             if word.lower() not in _OPTIMIZATIONS:
                 reader.fail(f"minimize or maximize{hint(word, list(_OPTIMIZATIONS))}", at=2)
-            found = Metric(word.lower(), reader.expression())
+            found = f.Metric(word.lower(), reader.expression())
             reader.expect(")", "')' after the metric")
             if metric is not None and metric != found:
                 reader.fail("one metric", f"another one, {shown(found)}", 0)

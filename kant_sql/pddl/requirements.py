@@ -1,54 +1,23 @@
-"""Which requirements a domain and a problem really use, whatever they declare.
+"""Requirements that a domain and a problem use, whatever they declare.
+
+The rules follow Kovacs, Complete BNF description of PDDL 3.1 (2011), where each production names
+its requirement, with `:time` for processes and events (Fox and Long, Modelling mixed
+discrete-continuous domains for planning, 2006). One rule deviates: Kovacs requires
+`:numeric-fluents` for every metric, while PDDL 2.1 (appendix A), PDDL 3.0 (section 3) and the files
+of the competitions do not; here a metric over `total-time` and preferences alone does not.
 
 The rules for `:action-costs` are those of the competition that introduced it: Modeling Action Costs
-in IPC-2008, https://ipc08.icaps-conference.org/deterministic/PddlActionCosts.html, which Kovacs
-repeats (Complete BNF description of PDDL 3.1, section 1.3). The comments number them as there.
-
-The rules are those of Kovacs, Complete BNF description of PDDL 3.1 (2011), where each production
-names its requirement, with `:time` for processes and events (Fox and Long, Modelling mixed
-discrete-continuous domains for planning, 2006). There is one deviation: Kovacs asks for
-`:numeric-fluents` wherever there is a metric, while PDDL 2.1 (appendix A) and PDDL 3.0 (section 3)
-do not, nor do the files of the competitions; here a metric over `total-time` and preferences alone
-does not need it.
+in IPC-2008, https://ipc08.icaps-conference.org/deterministic/PddlActionCosts.html, repeated by
+Kovacs (section 1.3). The docstrings number them as there.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from itertools import chain
 
 from ..arguments import expect
-from ..dto.formulas import (
-    DURATION,
-    TOTAL_COST,
-    TOTAL_TIME,
-    Arithmetic,
-    Assign,
-    Atom,
-    Comparison,
-    Constant,
-    ContinuousTime,
-    Equal,
-    Exists,
-    Expression,
-    Fluent,
-    Forall,
-    Imply,
-    IsViolated,
-    Metric,
-    Modal,
-    Node,
-    Not,
-    Number,
-    Or,
-    Preference,
-    Term,
-    Timed,
-    TypedName,
-    Variable,
-    When,
-    children,
-    walk,
-)
+from ..dto import formulas as f
 from ..dto.lexical import ROOT_TYPE, fold
 from ..errors import InvalidArgumentError
 from .document import (
@@ -57,9 +26,7 @@ from .document import (
     PROCESS,
     Action,
     Domain,
-    Function,
     FunctionValue,
-    Predicate,
     Problem,
 )
 
@@ -67,18 +34,18 @@ NUMERIC_FLUENTS, ACTION_COSTS = ":numeric-fluents", ":action-costs"
 
 
 def numeric_requirement(domain: Domain, problem: Problem | None = None) -> str | None:
-    """Return which requirement the numbers have."""
+    """Return the requirement of the numbers, if there are any."""
+    effects = _numeric_effects(domain)
+    values = [] if problem is None else [v for v in problem.values if isinstance(v.value, f.Number)]
+    metric = None if problem is None else problem.metric
+    if _needs_numbers(domain, problem):
+        return NUMERIC_FLUENTS
+    if not (effects or values or _measures(metric)) and all(one.types for one in domain.functions):
+        return None
     costs = any(
-        fold(function.name) == TOTAL_COST and not function.parameters and not function.types
+        fold(function.name) == f.TOTAL_COST and not function.parameters and not function.types
         for function in domain.functions
     )
-    effects = _numeric_effects(domain)
-    values = [] if problem is None else [v for v in problem.values if isinstance(v.value, Number)]
-    metric = None if problem is None else problem.metric
-    if _looks_numbers_up(domain, problem):
-        return NUMERIC_FLUENTS
-    if not (effects or values or _measures(metric)) and all(f.types for f in domain.functions):
-        return None
     if costs and _only_costs(effects) and _starts_well(values):
         durative = any(action.kind == DURATIVE_ACTION for action in domain.actions)
         if metric is None or _minimizes_costs(metric, durative):
@@ -86,102 +53,101 @@ def numeric_requirement(domain: Domain, problem: Problem | None = None) -> str |
     return NUMERIC_FLUENTS
 
 
-def _numeric_effects(domain: Domain) -> list[Assign]:
+def _numeric_effects(domain: Domain) -> list[f.Assign]:
     objects = {fold(function.name) for function in domain.functions if function.types}
     return [
         node
         for action in domain.actions
-        for node in walk(*action.effect)
-        if isinstance(node, Assign) and fold(node.fluent.function) not in objects
+        for node in f.walk(*action.effect)
+        if isinstance(node, f.Assign) and fold(node.fluent.function) not in objects
     ]
 
 
-def _looks_numbers_up(domain: Domain, problem: Problem | None) -> bool:
-    """Whether numbers decide what is possible, or change by themselves (rule 1)."""
-    if problem is not None and any(
-        isinstance(timed.effect, Assign) and not isinstance(timed.effect.value, Constant)
-        for timed in problem.timed
-    ):
-        return True
-    durations = walk(*(formula for action in domain.actions for formula in action.duration))
-    return any(isinstance(node, Comparison) for node in _all_but_durations(domain, problem)) or any(
-        isinstance(node, Fluent | Arithmetic)
-        or (isinstance(node, Variable) and fold(node.name) != DURATION)
-        for node in durations
-    )
-
-
-def _all_but_durations(domain: Domain, problem: Problem | None) -> Iterator[Node]:
-    roots: list[Node] = [*domain.constraints, *domain.derived]
+def _nodes(domain: Domain, problem: Problem | None, durations: bool) -> Iterator[f.Node]:
+    """Iterate over the nodes of all formulas, with or without those of durations."""
+    roots: list[f.Node] = [*domain.constraints, *domain.derived]
     for action in domain.actions:
-        roots += [*action.condition, *action.effect]
+        roots += [*(action.duration if durations else ()), *action.condition, *action.effect]
     if problem is not None:
         roots += [*problem.goal, *problem.constraints]
-    return walk(*roots)
+    return f.walk(*roots)
 
 
-def _measures(metric: Metric | None) -> bool:
-    return metric is not None and any(
-        isinstance(node, Fluent) and fold(node.function) != TOTAL_TIME for node in walk(metric)
+def _needs_numbers(domain: Domain, problem: Problem | None) -> bool:
+    """Return whether numbers decide what is possible, or change over time (rule 1)."""
+    timed = () if problem is None else problem.timed
+    effects = [each.effect for each in timed if isinstance(each.effect, f.Assign)]
+    durations = f.walk(*(formula for action in domain.actions for formula in action.duration))
+    return (
+        any(not isinstance(effect.value, f.Constant) for effect in effects)
+        or any(isinstance(node, f.Comparison) for node in _nodes(domain, problem, durations=False))
+        or any(
+            isinstance(node, f.Fluent | f.Arithmetic)
+            or (isinstance(node, f.Variable) and fold(node.name) != f.DURATION)
+            for node in durations
+        )
     )
 
 
-def is_function(node: Node, *names: str) -> bool:
+def _measures(metric: f.Metric | None) -> bool:
+    fluents = [node for node in f.walk(metric) if isinstance(node, f.Fluent)] if metric else []
+    return any(fold(fluent.function) != f.TOTAL_TIME for fluent in fluents)
+
+
+def is_function(node: f.Node, *names: str) -> bool:
     """Return whether a node is one of the named functions, without terms."""
-    return isinstance(node, Fluent) and not node.terms and fold(node.function) in names
+    return isinstance(node, f.Fluent) and not node.terms and fold(node.function) in names
 
 
-def _only_costs(effects: list[Assign]) -> bool:
-    """Whether effects do nothing but add a cost that is never negative (rules 2 and 3)."""
+def _only_costs(effects: list[f.Assign]) -> bool:
+    """Return whether all effects add costs that are never negative (rules 2 and 3)."""
     return all(
         effect.operator == "increase"
-        and is_function(effect.fluent, TOTAL_COST)
+        and is_function(effect.fluent, f.TOTAL_COST)
         and _is_cost(effect.value)
         for effect in effects
     )
 
 
-def _is_cost(value: Expression | Term) -> bool:
-    if isinstance(value, Number):
+def _is_cost(value: f.Expression | f.Term) -> bool:
+    if isinstance(value, f.Number):
         return value.value >= 0
     return (
-        isinstance(value, Fluent)
-        and fold(value.function) != TOTAL_COST
-        and not any(isinstance(term, Fluent) for term in value.terms)
+        isinstance(value, f.Fluent)
+        and fold(value.function) != f.TOTAL_COST
+        and not any(isinstance(term, f.Fluent) for term in value.terms)
     )
 
 
 def _starts_well(values: list[FunctionValue]) -> bool:
-    """Whether costs begin at 0 and none is negative (rules 2 and 4).
-
-    Without a value at first, costs cannot be added to under any requirement: planners take 0.
-    """
-    numbers = [(v.fluent, v.value.value) for v in values if isinstance(v.value, Number)]
+    """Return whether costs start at 0 and none is negative (rules 2 and 4)."""
+    # No requirement allows adding to an undefined value: planners take a missing one for 0.
+    numbers = [(v.fluent, v.value.value) for v in values if isinstance(v.value, f.Number)]
     return all(
-        number == 0 if is_function(fluent, TOTAL_COST) else number >= 0
+        number == 0 if is_function(fluent, f.TOTAL_COST) else number >= 0
         for fluent, number in numbers
     )
 
 
-def _minimizes_costs(metric: Metric, durative: bool) -> bool:
-    """Whether the metric is the costs, or with durations a sum of costs and time (rule 5)."""
+def _minimizes_costs(metric: f.Metric, durative: bool) -> bool:
+    """Return whether the metric is costs, or with durations a sum of costs and time (rule 5)."""
     if metric.optimization != "minimize":
         return False
-    if is_function(metric.expression, TOTAL_COST):
+    if is_function(metric.expression, f.TOTAL_COST):
         return True
-    return durative and all(map(_is_of_linear_sum, walk(metric.expression)))
+    return durative and all(map(_is_of_linear_sum, f.walk(metric.expression)))
 
 
-def _is_of_linear_sum(node: Node) -> bool:
+def _is_of_linear_sum(node: f.Node) -> bool:
     match node:
-        case Number():
+        case f.Number():
             return node.value >= 0
-        case Fluent():
-            return is_function(node, TOTAL_COST, TOTAL_TIME)
-        case Arithmetic("+"):
-            return not any(isinstance(child, Number) for child in children(node))
-        case Arithmetic("*"):
-            return sum(not isinstance(child, Number) for child in children(node)) == 1
+        case f.Fluent():
+            return is_function(node, f.TOTAL_COST, f.TOTAL_TIME)
+        case f.Arithmetic("+"):
+            return not any(isinstance(child, f.Number) for child in f.children(node))
+        case f.Arithmetic("*"):
+            return sum(not isinstance(child, f.Number) for child in f.children(node)) == 1
     return False
 
 
@@ -209,14 +175,14 @@ REQUIREMENTS = (
 
 
 def used_requirements(domain: Domain, *, problem: Problem | None = None) -> tuple[str, ...]:
-    """Return which requirements are really used.
+    """Return the requirements that documents use.
 
-    Numbers that only count costs need `:action-costs` instead of `:numeric-fluents`. Abbreviations
-    such as `:adl` are written out, and `:strips` is always among them.
+    Numbers that only count costs require `:action-costs` instead of `:numeric-fluents`.
+    Abbreviations such as `:adl` are expanded, and `:strips` is always included.
 
     Args:
         domain: the domain.
-        problem: a problem of it, whose uses count as well.
+        problem: a problem of the domain, which is included.
 
     Returns:
         The requirements, in the order of the standard.
@@ -229,7 +195,7 @@ def used_requirements(domain: Domain, *, problem: Problem | None = None) -> tupl
         used.update(_of_problem(problem))
     if _is_typed(domain, problem):
         used.add(":typing")
-    if any(map(_takes_fluent, _all_nodes(domain, problem))):
+    if any(map(_takes_fluent, _nodes(domain, problem, durations=True))):
         used.add(":object-fluents")
     return tuple(requirement for requirement in REQUIREMENTS if requirement in used)
 
@@ -239,7 +205,7 @@ def _of_domain(domain: Domain) -> Iterator[str]:
         yield ":object-fluents"
     for rule in domain.derived:
         yield ":derived-predicates"
-        yield from _of_condition(walk(rule.formula))
+        yield from _of_condition(f.walk(rule.formula))
     for action in domain.actions:
         yield from _of_action(action)
     for constraint in domain.constraints:
@@ -247,21 +213,19 @@ def _of_domain(domain: Domain) -> Iterator[str]:
 
 
 def _of_problem(problem: Problem) -> Iterator[str]:
-    if any(isinstance(literal, Equal) for literal in problem.literals):
+    if any(isinstance(literal, f.Equal) for literal in problem.literals):
         yield ":equality"
-    if any(isinstance(value.value, Constant) for value in problem.values):
+    if any(isinstance(value.value, f.Constant) for value in problem.values):
         yield ":object-fluents"
     for timed in problem.timed:
         yield ":timed-initial-literals"
-        if isinstance(timed.effect, Assign) and isinstance(timed.effect.value, Constant):
+        if isinstance(timed.effect, f.Assign) and isinstance(timed.effect.value, f.Constant):
             yield ":object-fluents"
-    yield from _of_condition(walk(*problem.goal))
+    yield from _of_condition(f.walk(*problem.goal))
     for constraint in problem.constraints:
         yield from _of_constraint(constraint)
-    if problem.metric is not None:
-        for node in walk(problem.metric):
-            if isinstance(node, IsViolated):
-                yield ":preferences"
+    if problem.metric and any(isinstance(n, f.IsViolated) for n in f.walk(problem.metric)):
+        yield ":preferences"
 
 
 def _of_action(action: Action) -> Iterator[str]:
@@ -270,90 +234,76 @@ def _of_action(action: Action) -> Iterator[str]:
     if action.kind == DURATIVE_ACTION:
         yield ":durative-actions"
         yield from _of_duration(action)
-    yield from _of_condition(walk(*action.condition))
+    yield from _of_condition(f.walk(*action.condition))
     yield from _of_effects(action.effect)
 
 
 def _of_duration(action: Action) -> Iterator[str]:
-    constraints = [n for n in walk(*action.duration) if isinstance(n, Comparison)]
+    constraints = [n for n in f.walk(*action.duration) if isinstance(n, f.Comparison)]
     if len(constraints) > 1 or any(constraint.operator != "=" for constraint in constraints):
         yield ":duration-inequalities"
-    for node in walk(*action.effect):
-        if isinstance(node, ContinuousTime):
+    for node in f.walk(*action.effect):
+        if isinstance(node, f.ContinuousTime):
             yield ":continuous-effects"
-        elif isinstance(node, Variable) and fold(node.name) == DURATION:
+        elif isinstance(node, f.Variable) and fold(node.name) == f.DURATION:
             yield ":duration-inequalities"
 
 
-def _of_condition(nodes: Iterable[Node]) -> Iterator[str]:
+def _of_condition(nodes: Iterable[f.Node]) -> Iterator[str]:
     for node in nodes:
         match node:
-            case Not(Atom() | Equal()):
+            case f.Not(f.Atom() | f.Equal()):
                 yield ":negative-preconditions"
-            case Not() | Or() | Imply():
+            case f.Not() | f.Or() | f.Imply():
                 yield ":disjunctive-preconditions"
-            case Equal():
+            case f.Equal():
                 yield ":equality"
-            case Exists():
+            case f.Exists():
                 yield ":existential-preconditions"
-            case Forall():
+            case f.Forall():
                 yield ":universal-preconditions"
-            case Preference():
+            case f.Preference():
                 yield ":preferences"
 
 
-def _of_constraint(constraint: Node) -> Iterator[str]:
+def _of_constraint(constraint: f.Node) -> Iterator[str]:
     yield ":constraints"
-    yield from _of_condition(node for node in walk(constraint) if not _is_of_constraints(node))
+    yield from _of_condition(node for node in f.walk(constraint) if not _is_of_constraints(node))
 
 
-def _is_of_constraints(node: Node) -> bool:
-    """Whether it quantifies over constraints, which is a part of `:constraints`."""
-    if not isinstance(node, Forall):
+def _is_of_constraints(node: f.Node) -> bool:
+    """Return whether a node quantifies over constraints, which is part of `:constraints`."""
+    if not isinstance(node, f.Forall):
         return False
-    within = list(walk(node.formula))
-    return any(isinstance(part, Modal | Timed) for part in within) and not any(
-        isinstance(part, Preference) for part in within
+    within = list(f.walk(node.formula))
+    return any(isinstance(part, f.Modal | f.Timed) for part in within) and not any(
+        isinstance(part, f.Preference) for part in within
     )
 
 
-def _of_effects(effects: Iterable[Node]) -> Iterator[str]:
+def _of_effects(effects: Iterable[f.Node]) -> Iterator[str]:
     stack = list(effects)
     while stack:
         node = stack.pop()
-        if isinstance(node, When | Forall):
+        if isinstance(node, f.When | f.Forall):
             yield ":conditional-effects"
-        if isinstance(node, When):
-            yield from _of_condition(walk(node.condition))
+        if isinstance(node, f.When):
+            yield from _of_condition(f.walk(node.condition))
             stack.append(node.effect)
-        elif not isinstance(node, Assign):
-            stack.extend(children(node))
+        elif not isinstance(node, f.Assign):
+            stack.extend(f.children(node))
 
 
-def _all_nodes(domain: Domain, problem: Problem | None) -> Iterator[Node]:
-    roots: list[Node] = [*domain.constraints, *domain.derived]
-    for action in domain.actions:
-        roots += [*action.duration, *action.condition, *action.effect]
-    if problem is not None:
-        roots += [*problem.goal, *problem.constraints]
-    return walk(*roots)
-
-
-def _takes_fluent(node: Node) -> bool:
-    return isinstance(node, Atom | Equal | Fluent) and any(
-        isinstance(term, Fluent) for term in children(node)
+def _takes_fluent(node: f.Node) -> bool:
+    return isinstance(node, f.Atom | f.Equal | f.Fluent) and any(
+        isinstance(term, f.Fluent) for term in f.children(node)
     )
 
 
 def _is_typed(domain: Domain, problem: Problem | None) -> bool:
-    names: list[TypedName] = [*domain.constants, *(problem.objects if problem else ())]
-    skeletons: list[Predicate | Function | Action] = [
-        *domain.predicates,
-        *domain.functions,
-        *domain.actions,
-    ]
-    for skeleton in skeletons:
-        names += skeleton.parameters
-    for node in _all_nodes(domain, problem):
+    names: list[f.TypedName] = [*domain.constants, *(problem.objects if problem else ())]
+    for declared in (domain.predicates, domain.functions, domain.actions):
+        names += chain.from_iterable(one.parameters for one in declared)
+    for node in _nodes(domain, problem, durations=True):
         names += getattr(node, "variables", ())
     return bool(domain.types) or any(name.types != (ROOT_TYPE,) for name in names)

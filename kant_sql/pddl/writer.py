@@ -1,59 +1,24 @@
-"""Documents and nodes become PDDL text, in one canonical layout.
+"""Canonical PDDL text of documents and nodes.
 
-`str()` of a node is the same text. This is for documents that someone has made by hand: it refuses
-what could not be read back.
+`str()` of a node gives the same text. The writer also refuses hand-made documents and nodes that
+could not be read back.
 
-The sections are in the order of the standard (Kovacs, Complete BNF description of PDDL 3.1, 2011).
-Each declaration, fact and conjunct is on a line of its own. Lists of conjuncts are always written
-as `(and ...)`, for not every parser reads `()`. Nothing is added to what a document says, but that
-a document with types says `- object`, too: VAL refuses an untyped parameter there.
+Sections are in the order of the standard (Kovacs, Complete BNF description of PDDL 3.1, 2011). Each
+declaration, fact and conjunct has its own line. Lists of conjuncts are always `(and ...)`, because
+not every parser reads `()`. The text contains nothing that the document lacks, except `- object`
+in a document with types: VAL refuses an untyped parameter there.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from itertools import groupby
+from functools import partial
 from operator import attrgetter
 from typing import Any
 
-from ..dto.formulas import (
-    ARITHMETIC,
-    ASSIGNMENTS,
-    COMPARISONS,
-    MODALS,
-    TIMES,
-    And,
-    Arithmetic,
-    Assign,
-    Atom,
-    Comparison,
-    Constant,
-    ContinuousTime,
-    Derived,
-    Equal,
-    Exists,
-    Fluent,
-    Forall,
-    Formula,
-    Imply,
-    IsViolated,
-    Modal,
-    Node,
-    Not,
-    Number,
-    Or,
-    Preference,
-    Timed,
-    TimedLiteral,
-    TypedName,
-    Variable,
-    When,
-    children,
-    shown,
-    variables_text,
-    walk,
-)
+from ..arguments import expect, shown
+from ..dto import formulas as f
 from ..dto.lexical import (
     RESERVED,
     ROOT_TYPE,
@@ -78,34 +43,33 @@ from .document import (
 )
 
 PREFERENCE, DEFINE = "preference", "define"
-# A parenthesis behind these is read as a formula or a fluent of theirs, and not as a term.
-_OPERATORS = {DEFINE, PREFERENCE, *MODALS, *ASSIGNMENTS}
-_TIME_WORDS = {tuple(time.split()) for time in TIMES}
+# A parenthesis after these begins a formula or a fluent of theirs, not a term.
+_OPERATORS = {DEFINE, PREFERENCE, *f.MODALS, *f.ASSIGNMENTS}
+_TIME_WORDS = {tuple(time.split()) for time in f.TIMES}
 
 
-def node_text(node: Node, explicit: bool = False) -> str:
+# Parts of documents that are no formulas.
+_PARTS = (f.Derived, f.TimedLiteral, f.Metric)
+
+
+def node_text(node: f.Node, explicit: bool = False) -> str:
     """Write a node."""
-    texts: list[str] = []
-    stack: list[Node | None] = [node]
-    while stack:
-        part = stack.pop()
-        if part is None:
-            texts.append(")")
-        elif (leaf := _LEAVES.get(type(part))) is not None:
-            texts.append(f" {leaf(part)}")
-        else:
-            texts.append(f" ({_head(part, explicit)}")
-            stack.append(None)
-            stack.extend(reversed(children(part)))
-    return "".join(texts)[1:]
+    if isinstance(node, _PARTS):
+        raise InvalidKnowledgeError(
+            f"a {type(node).__name__} is no part of a formula; put it where the document has it"
+        )
+    return f.node_text(node, partial(_head, explicit=explicit))
 
 
-def _number(node: Number) -> str:
-    return decimal_text(node.value)
+def _head(node: f.Node, explicit: bool) -> str:
+    check = _CHECKS.get(type(node))
+    if check is not None:
+        check(node)
+    return f.head(node, explicit)
 
 
-def check_types(names: Iterable[TypedName]) -> None:
-    """Refuse a typed list that could not be read back."""
+def check_types(names: Iterable[f.TypedName]) -> None:
+    """Refuse a typed list that would not read back."""
     for name in names:
         if not name.types:
             raise InvalidKnowledgeError(f"{name.name!r} has no type; give it 'object'")
@@ -116,123 +80,71 @@ def check_types(names: Iterable[TypedName]) -> None:
 
 
 def check_predicate(name: str) -> None:
-    """Refuse a predicate's name that begins something else."""
+    """Refuse a predicate with a reserved name."""
     if fold(name) in RESERVED["predicate"]:
         check_name("predicate", name)
 
 
-def check_word(what: str, word: str, allowed: Iterable[str]) -> None:
-    """Refuse an operator that is none."""
-    if word not in (choices := tuple(allowed)):
-        raise InvalidKnowledgeError(f"{word!r} is no {what}; use one of {', '.join(choices)}")
+def check_word(what: str, word: str, allowed: Collection[str]) -> None:
+    """Refuse a word that is not one of some choices."""
+    if word not in allowed:
+        raise InvalidKnowledgeError(f"{word!r} is no {what}; use one of {', '.join(allowed)}")
 
 
-def _atom(node: Atom) -> str:
+def _check_atom(node: f.Atom) -> None:
     word = fold(node.predicate)
     check_predicate(node.predicate)
     match node.terms:
-        case (Constant(name), Fluent()) if (word, fold(name)) in _TIME_WORDS:
+        case (f.Constant(name), f.Fluent()) if (word, fold(name)) in _TIME_WORDS:
             raise InvalidKnowledgeError(
                 f"'{node.predicate}' of the object '{name}' and a function's value is read as a"
                 " time; rename the object"
             )
-        case (Fluent(), *_) | (_, Fluent(), *_) if word == PREFERENCE or (
-            word in _OPERATORS and isinstance(node.terms[0], Fluent)
+        case (f.Fluent(), *_) | (_, f.Fluent(), *_) if word == PREFERENCE or (
+            word in _OPERATORS and isinstance(node.terms[0], f.Fluent)
         ):
             raise InvalidKnowledgeError(
                 f"'{node.predicate}' of a function's value is read as the operator; rename the"
                 " predicate"
             )
-    return node.predicate
 
 
-def _fluent(node: Fluent) -> str:
-    if node.terms and isinstance(node.terms[0], Fluent) and fold(node.function) == DEFINE:
+def _check_fluent(node: f.Fluent) -> None:
+    if node.terms and isinstance(node.terms[0], f.Fluent) and fold(node.function) == DEFINE:
         raise InvalidKnowledgeError(
             f"'{node.function}' of a function's value is read as a definition; rename the function"
         )
-    return node.function
 
 
-def _arithmetic(node: Arithmetic) -> str:
-    check_word("arithmetic operator", node.operator, ARITHMETIC)
+def _check_arithmetic(node: f.Arithmetic) -> None:
+    check_word("arithmetic operator", node.operator, f.ARITHMETIC)
     if len(node.operands) < (1 if node.operator == "-" else 2):
         raise InvalidKnowledgeError(
             f"{node.operator!r} of {len(node.operands)} operands is no number; give it two"
         )
-    return node.operator
 
 
-def _comparison(node: Comparison) -> str:
-    check_word("comparison", node.operator, COMPARISONS)
-    return node.operator
-
-
-def _assign(node: Assign) -> str:
-    check_word("effect on a fluent", node.operator, ASSIGNMENTS)
-    return node.operator
-
-
-def _timed(node: Timed) -> str:
-    check_word("time of a condition or an effect", node.time, TIMES)
-    return node.time
-
-
-def _quantifier(node: Forall | Exists, explicit: bool) -> str:
-    word = "forall" if isinstance(node, Forall) else "exists"
-    check_types(node.variables)
-    return f"{word} ({variables_text(node.variables, explicit)})"
-
-
-def _modal(node: Modal) -> str:
-    check_word("modal operator", node.operator, MODALS)
+def _check_modal(node: f.Modal) -> None:
+    check_word("modal operator", node.operator, f.MODALS)
     given = (len(node.numbers), len(node.formulas))
-    if given != MODALS[node.operator]:
-        numbers, formulas = MODALS[node.operator]
+    numbers, formulas = f.MODALS[node.operator]
+    if given != (numbers, formulas):
         raise InvalidKnowledgeError(
             f"{node.operator!r} takes {numbers} numbers and {formulas} formulas,"
             f" not {given[0]} and {given[1]}; give it these"
         )
-    return node.operator
 
 
-def _preference(node: Preference) -> str:
-    return "preference" if node.name is None else f"preference {node.name}"
-
-
-def _head(node: Node, explicit: bool) -> str:
-    if isinstance(node, Forall | Exists):
-        return _quantifier(node, explicit)
-    head = _HEADS.get(type(node))
-    if head is None:
-        raise InvalidKnowledgeError(
-            f"a {type(node).__name__} is no part of a formula; put it where the document has it"
-        )
-    return head(node)
-
-
-_LEAVES: dict[type, Callable[[Any], str]] = {
-    Variable: str,
-    Constant: str,
-    ContinuousTime: str,
-    IsViolated: str,
-    Number: _number,
-}
-_HEADS: dict[type, Callable[[Any], str]] = {
-    Fluent: _fluent,
-    Arithmetic: _arithmetic,
-    Atom: _atom,
-    Equal: lambda _: "=",
-    Comparison: _comparison,
-    Not: lambda _: "not",
-    And: lambda _: "and",
-    Or: lambda _: "or",
-    Imply: lambda _: "imply",
-    Timed: _timed,
-    Preference: _preference,
-    Modal: _modal,
-    When: lambda _: "when",
-    Assign: _assign,
+_CHECKS: dict[type, Callable[[Any], None]] = {
+    f.Atom: _check_atom,
+    f.Fluent: _check_fluent,
+    f.Arithmetic: _check_arithmetic,
+    f.Modal: _check_modal,
+    f.Comparison: lambda node: check_word("comparison", node.operator, f.COMPARISONS),
+    f.Assign: lambda node: check_word("effect on a fluent", node.operator, f.ASSIGNMENTS),
+    f.Timed: lambda node: check_word("time of a condition or an effect", node.time, f.TIMES),
+    f.Forall: lambda node: check_types(node.variables),
+    f.Exists: lambda node: check_types(node.variables),
 }
 
 
@@ -241,50 +153,38 @@ INDENT = 4
 NUMBER = "number"
 
 
-def typed_lines(names: Sequence[TypedName], explicit: bool) -> Iterator[str]:
+def typed_lines(names: Sequence[f.TypedName], explicit: bool) -> Iterator[str]:
     """Write a typed list of types, constants or objects: a line for each run of one type."""
     check_types(names)
-    tail = len(names)
-    if not explicit:
-        tail = _untyped_tail([name.types == (ROOT_TYPE,) for name in names])
-    for _, group in groupby(names[:tail], lambda name: name.types):
-        members = list(group)
-        yield from _wrapped([name.name for name in members], f"- {members[0].type_text}")
-    yield from _wrapped([name.name for name in names[tail:]])
+    for run in f.typed_runs(names, explicit):
+        yield from _wrapped(run)
 
 
-def skeleton(name: str, parameters: Sequence[TypedName], explicit: bool) -> str:
+def skeleton(name: str, parameters: Sequence[f.TypedName], explicit: bool) -> str:
     """Write a predicate's or a function's declaration."""
     check_types(parameters)
-    return f"({name} {variables_text(parameters, explicit)})" if parameters else f"({name})"
+    return f.skeleton_text(name, parameters, explicit)
 
 
 def function_lines(functions: Sequence[Function], explicit: bool) -> Iterator[str]:
     """Write the declarations of functions, one on each line."""
-    tail = _untyped_tail([not function.types for function in functions])
+    end = f.typed_end([bool(function.types) for function in functions])
     for position, function in enumerate(functions):
         text = skeleton(function.name, function.parameters, explicit)
-        value = TypedName(function.name, function.types or (NUMBER,))
+        value = f.TypedName(function.name, function.types or (NUMBER,))
         check_types([value])
         if NUMBER in map(fold, function.types):
             raise InvalidKnowledgeError(
                 f"function {function.name!r} is of a type called 'number', which is read as a"
                 " number; choose another name for the type"
             )
-        yield text if position >= tail else f"{text} - {value.type_text}"
+        yield text if position >= end else f"{text} - {value.type_text}"
 
 
-def _untyped_tail(untyped: Sequence[bool]) -> int:
-    tail = len(untyped)
-    while tail and untyped[tail - 1]:
-        tail -= 1
-    return tail
-
-
-def _wrapped(words: Sequence[str], *last: str) -> Iterator[str]:
+def _wrapped(words: Iterable[str]) -> Iterator[str]:
     line: list[str] = []
     width = INDENT
-    for word in (*words, *last):
+    for word in words:
         if line and width + len(word) > WIDTH:
             yield " ".join(line)
             line, width = [], INDENT
@@ -295,7 +195,7 @@ def _wrapped(words: Sequence[str], *last: str) -> Iterator[str]:
 
 
 _INNER = "    "
-# Each fact's terms are constants by then, and there are many: this runs in C.
+# There may be many names: this runs in C.
 _NAME = attrgetter("name")
 
 
@@ -306,18 +206,13 @@ def write(document: Domain | Problem) -> str:
         document: a domain or a problem.
 
     Returns:
-        The text, which reads back as an equal document, and ends with a newline.
+        The text; it ends with a newline, and reads back as an equal document.
 
     Raises:
-        InvalidKnowledgeError: it says something that text could not carry.
+        InvalidKnowledgeError: PDDL text cannot express something in the document.
     """
-    if isinstance(document, Domain):
-        return write_domain(document)
-    if isinstance(document, Problem):
-        return write_problem(document)
-    raise InvalidKnowledgeError(
-        f"what is written is a Domain or a Problem, not {type(document).__name__}"
-    )
+    expect(document, (Domain, Problem), "the document to write")
+    return write_domain(document) if isinstance(document, Domain) else write_problem(document)
 
 
 def write_domain(domain: Domain) -> str:
@@ -341,6 +236,7 @@ def write_problem(
     problem: Problem, facts: Iterable[str] | None = None, values: Iterable[str] | None = None
 ) -> str:
     """Write a problem as PDDL."""
+    _check_initial_state(problem)
     _check_names(problem)
     lines = [f"(define (problem {problem.name})", f"  (:domain {problem.domain})"]
     lines += _requirements(problem.requirements)
@@ -366,81 +262,69 @@ def write_problem(
 
 
 def _check_names(document: Domain | Problem) -> None:
-    """Refuse names that could not be read back; what refers to an element has its name."""
-    roots: list[Node] = [*document.constraints]
-    if isinstance(document, Domain):
-        check_name("domain", document.name)
-        kinds: list[tuple[str, Iterable[str]]] = [
-            (kind, [element.name for element in elements])
-            for kind, elements in (
-                ("type", document.types),
-                ("constant", document.constants),
-                ("predicate", document.predicates),
-                ("action", document.actions),
-            )
-        ]
-        kinds += [(function_kind(f.parameters, f.types), [f.name]) for f in document.functions]
+    for kind, names in _names(document):
+        for name in names:
+            check_name(kind, name)
+
+
+def _names(document: Domain | Problem) -> Iterator[tuple[str, Iterable[str]]]:
+    """Yield the kind and the names of elements; references have the name of their element."""
+    roots: list[f.Node] = [*document.constraints]
+    if isinstance(document, Problem):
+        yield "problem", [document.name]
+        yield "domain", [document.domain]
+        yield "object", map(_NAME, document.objects)
+        roots += document.goal
+    else:
+        yield "domain", [document.name]
+        yield "type", map(_NAME, document.types)
+        yield "constant", map(_NAME, document.constants)
+        yield "predicate", map(_NAME, document.predicates)
+        yield "action", map(_NAME, document.actions)
+        for function in document.functions:
+            yield function_kind(function.parameters, function.types), [function.name]
         for elements in (document.predicates, document.functions, document.actions):
-            parameters = [element.parameters for element in elements]
-            kinds += [("parameter", map(_NAME, each)) for each in parameters]
+            for element in elements:
+                yield "parameter", map(_NAME, element.parameters)
         for action in document.actions:
             parts = [*action.duration, *action.condition, *action.effect]
             roots += parts
             if action.kind == DURATIVE_ACTION:
                 bound = [*action.parameters, *_variables(parts)]
-                kinds.append(("variable of a durative action", map(_NAME, bound)))
+                yield "variable of a durative action", map(_NAME, bound)
         roots += document.derived
-    else:
-        _check_initial_state(document)
-        check_name("problem", document.name)
-        check_name("domain", document.domain)
-        kinds = [("object", map(_NAME, document.objects))]
-        roots += document.goal
-    for kind, names in kinds:
-        for name in names:
-            check_name(kind, name)
-    for variable in _variables(roots):
-        check_name("variable", variable.name)
-    for node in walk(*roots):
-        if isinstance(node, Preference) and node.name is not None:
-            check_name("preference", node.name)
+    yield "variable", map(_NAME, _variables(roots))
+    preferences = [node for node in f.walk(*roots) if isinstance(node, f.Preference)]
+    yield "preference", [node.name for node in preferences if node.name is not None]
 
 
-def _variables(roots: Iterable[Node]) -> Iterator[TypedName]:
-    for node in walk(*roots):
+def _variables(roots: Iterable[f.Node]) -> Iterator[f.TypedName]:
+    for node in f.walk(*roots):
         yield from getattr(node, "variables", ())
 
 
 def _check_initial_state(problem: Problem) -> None:
-    """Refuse an initial state that contradicts itself: it would be read as another one."""
+    """Refuse an initial state that contradicts itself: it would read back as another one."""
     facts = set(problem.facts) if problem.literals else set()
     for literal in problem.literals:
-        if isinstance(literal, Not) and literal.formula in facts:
+        if isinstance(literal, f.Not) and literal.formula in facts:
             raise InvalidKnowledgeError(
                 f"in :init: {node_text(literal)} denies a fact that holds; leave out one of them"
             )
     values = dict(problem.values)
-    if len(values) < len(problem.values):
-        for fluent, value in problem.values:
-            if values[fluent] != value:
-                raise InvalidKnowledgeError(
-                    f"in :init: {fluent} has two values; leave out one of them"
-                )
+    for fluent, value in problem.values if len(values) < len(problem.values) else ():
+        if values[fluent] != value:
+            raise InvalidKnowledgeError(f"in :init: {fluent} has two values; leave out one of them")
 
 
-def fact_texts(facts: Sequence[Atom]) -> list[str]:
-    """Write what holds at first, in bulk."""
+def fact_texts(facts: Sequence[f.Atom]) -> list[str]:
+    """Write facts in bulk."""
     for predicate in {fact.predicate for fact in facts}:
         check_predicate(predicate)
-    if {type(term) for fact in facts for term in fact.terms} - {Constant}:
-        wrong = next(fact for fact in facts if any(type(t) is not Constant for t in fact.terms))
+    if {type(term) for fact in facts for term in fact.terms} - {f.Constant}:
+        wrong = next(fact for fact in facts if any(type(t) is not f.Constant for t in fact.terms))
         raise InvalidKnowledgeError(f"in :init: {shown(wrong)} is not ground; give it objects only")
-    return [
-        f"({fact.predicate} {' '.join(map(_NAME, fact.terms))})"
-        if fact.terms
-        else f"({fact.predicate})"
-        for fact in facts
-    ]
+    return [f"({' '.join((fact.predicate, *map(_NAME, fact.terms)))})" for fact in facts]
 
 
 @contextmanager
@@ -469,14 +353,14 @@ def _predicate(predicate: Predicate, typed: bool) -> str:
     return skeleton(predicate.name, predicate.parameters, typed)
 
 
-def _derived(rule: Derived, typed: bool) -> str:
+def _derived(rule: f.Derived, typed: bool) -> str:
     with _within(f"in :derived {rule.predicate}"):
         check_predicate(rule.predicate)
         head = skeleton(rule.predicate, rule.variables, typed)
         return f"  (:derived {head} {node_text(rule.formula, typed)})"
 
 
-def _constraints(constraints: Sequence[Formula], typed: bool) -> list[str]:
+def _constraints(constraints: Sequence[f.Formula], typed: bool) -> list[str]:
     if not constraints:
         return []
     with _within("in :constraints"):
@@ -484,7 +368,7 @@ def _constraints(constraints: Sequence[Formula], typed: bool) -> list[str]:
 
 
 def _conjunction(
-    head: str, indent: str, formulas: Sequence[Node], typed: bool, close: str = ""
+    head: str, indent: str, formulas: Sequence[f.Node], typed: bool, close: str = ""
 ) -> list[str]:
     if not formulas:
         return [f"{head} (and){close}"]
@@ -497,7 +381,7 @@ def _action(action: Action, typed: bool) -> list[str]:
     check_types(action.parameters)
     lines = [
         f"  (:{action.kind} {action.name}",
-        f"{_INNER}:parameters ({variables_text(action.parameters, typed)})",
+        f"{_INNER}:parameters ({f.variables_text(action.parameters, typed)})",
     ]
     condition = ":precondition"
     if action.kind == DURATIVE_ACTION:
@@ -510,24 +394,24 @@ def _action(action: Action, typed: bool) -> list[str]:
     return [*lines, "  )"]
 
 
-def _duration(constraints: Sequence[Formula]) -> list[str]:
+def _duration(constraints: Sequence[f.Formula]) -> list[str]:
     head = f"{_INNER}:duration"
-    if len(constraints) == 1 and not isinstance(constraints[0], And):
+    if len(constraints) == 1 and not isinstance(constraints[0], f.And):
         return [f"{head} {node_text(constraints[0])}"]
     return _conjunction(head, _INNER, constraints, typed=False)
 
 
 def _value(value: FunctionValue) -> str:
-    if not isinstance(value.value, Number | Constant):
+    if not isinstance(value.value, f.Number | f.Constant):
         raise InvalidKnowledgeError(
             f"{shown(value.fluent)} is {shown(value.value)}, not a number or an object"
         )
     return f"(= {node_text(value.fluent)} {node_text(value.value)})"
 
 
-def _timed_text(timed: TimedLiteral) -> str:
+def _timed_text(timed: f.TimedLiteral) -> str:
     effect = timed.effect
-    if isinstance(effect, Assign):
+    if isinstance(effect, f.Assign):
         check_word("timed effect on a fluent", effect.operator, ("assign",))
         text = f"(= {node_text(effect.fluent)} {node_text(effect.value)})"
     else:

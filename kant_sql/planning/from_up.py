@@ -10,42 +10,7 @@ from math import prod
 from typing import TYPE_CHECKING
 
 from ..arguments import expect
-from ..dto.formulas import (
-    AT_END,
-    AT_START,
-    DURATION,
-    OVER_ALL,
-    TOTAL_COST,
-    TOTAL_TIME,
-    And,
-    Arithmetic,
-    Assign,
-    Atom,
-    Comparison,
-    Constant,
-    ContinuousTime,
-    Equal,
-    Exists,
-    Expression,
-    Fluent,
-    Forall,
-    Formula,
-    Imply,
-    IsViolated,
-    Metric,
-    Modal,
-    Not,
-    Number,
-    Or,
-    Preference,
-    Term,
-    Timed,
-    TimedLiteral,
-    TypedName,
-    Variable,
-    When,
-    walk,
-)
+from ..dto import formulas as f
 from ..dto.lexical import ROOT_TYPE, fold
 from ..errors import InvalidArgumentError, UnsupportedConstructError
 from ..pddl.document import (
@@ -138,16 +103,16 @@ class PddlExpressions:
 
     def typed(
         self, variables: Iterable[Parameter | UpVariable], bound: PddlVariables
-    ) -> tuple[TypedName, ...]:
+    ) -> tuple[f.TypedName, ...]:
         """Write variables with their types."""
         return tuple(
-            TypedName(bound.names[variable], (self.type_name(variable.type),))
+            f.TypedName(bound.names[variable], (self.type_name(variable.type),))
             for variable in variables
         )
 
-    def conjuncts(self, nodes: Iterable[FNode], bound: PddlVariables) -> tuple[Formula, ...]:
+    def conjuncts(self, nodes: Iterable[FNode], bound: PddlVariables) -> tuple[f.Formula, ...]:
         """Convert conditions to a list of conjuncts."""
-        found: list[Formula] = []
+        found: list[f.Formula] = []
         for node in nodes:
             if node.is_and():
                 found.extend(self.conjuncts(node.args, bound))
@@ -155,32 +120,32 @@ class PddlExpressions:
                 found.append(self.formula(node, bound))
         return tuple(found)
 
-    def formula(self, node: FNode, bound: PddlVariables) -> Formula:
+    def formula(self, node: FNode, bound: PddlVariables) -> f.Formula:
         """Convert a condition or a constraint."""
         from unified_planning.model import OperatorKind
 
         kind = node.node_type
         if kind in {OperatorKind.FORALL, OperatorKind.EXISTS}:
             within = bound.bind(node.variables())
-            quantifier = Forall if kind == OperatorKind.FORALL else Exists
+            quantifier = f.Forall if kind == OperatorKind.FORALL else f.Exists
             variables = self.typed(node.variables(), within)
             return quantifier(variables, self.formula(node.arg(0), within))
         if kind == OperatorKind.BOOL_CONSTANT:
-            return And() if node.is_true() else Or()
+            return f.And() if node.is_true() else f.Or()
         if kind in {OperatorKind.LE, OperatorKind.LT} or (
             kind == OperatorKind.EQUALS and not node.arg(0).type.is_user_type()
         ):
             sign = {OperatorKind.LE: "<=", OperatorKind.LT: "<"}.get(kind, "=")
             left, right = (self.expression(part, bound) for part in node.args)
-            return Comparison(sign, left, right)
+            return f.Comparison(sign, left, right)
         if kind == OperatorKind.EQUALS:
-            return Equal(*(self.term(part, bound) for part in node.args))
+            return f.Equal(*(self.term(part, bound) for part in node.args))
         if kind == OperatorKind.FLUENT_EXP:
             terms = tuple(self.term(part, bound) for part in node.args)
-            return Atom(self._names.of(PREDICATE, node.fluent().name), terms)
+            return f.Atom(self._names.of(PREDICATE, node.fluent().name), terms)
         return self._connective(node, bound)
 
-    def _connective(self, node: FNode, bound: PddlVariables) -> Formula:
+    def _connective(self, node: FNode, bound: PddlVariables) -> f.Formula:
         from unified_planning.model import OperatorKind
 
         kind = node.node_type
@@ -191,34 +156,34 @@ class PddlExpressions:
             raise self.unsupported(node, "it is no formula of PDDL")
         parts = tuple(self.formula(part, bound) for part in node.args)
         if modal in SHARED_MODALS:
-            return Modal(modal, (), parts)
+            return f.Modal(modal, (), parts)
         if kind == OperatorKind.NOT:
-            return Not(parts[0])
+            return f.Not(parts[0])
         if kind == OperatorKind.IMPLIES:
-            return Imply(*parts)
+            return f.Imply(*parts)
         if kind == OperatorKind.IFF:
-            return And((Imply(*parts), Imply(*reversed(parts))))
-        return And(parts) if kind == OperatorKind.AND else Or(parts)
+            return f.And((f.Imply(*parts), f.Imply(*reversed(parts))))
+        return f.And(parts) if kind == OperatorKind.AND else f.Or(parts)
 
-    def term(self, node: FNode, bound: PddlVariables) -> Term:
+    def term(self, node: FNode, bound: PddlVariables) -> f.Term:
         """Convert a term."""
         if node.is_object_exp():
-            return Constant(self._names.of(OBJECT, node.object().name))
+            return f.Constant(self._names.of(OBJECT, node.object().name))
         if node.type.is_user_type():
             if node.is_parameter_exp():
-                return Variable(bound.names[node.parameter()])
+                return f.Variable(bound.names[node.parameter()])
             if node.is_variable_exp():
-                return Variable(bound.names[node.variable()])
+                return f.Variable(bound.names[node.variable()])
             if node.is_fluent_exp():
                 return self.fluent(node, bound)
         raise self.unsupported(node, "it is no object")
 
-    def fluent(self, node: FNode, bound: PddlVariables) -> Fluent:
+    def fluent(self, node: FNode, bound: PddlVariables) -> f.Fluent:
         """Convert a numeric or object fluent."""
         terms = tuple(self.term(part, bound) for part in node.args)
-        return Fluent(self._names.of(FUNCTION, node.fluent().name), terms)
+        return f.Fluent(self._names.of(FUNCTION, node.fluent().name), terms)
 
-    def expression(self, node: FNode, bound: PddlVariables) -> Expression:
+    def expression(self, node: FNode, bound: PddlVariables) -> f.Expression:
         """Convert a numeric expression."""
         from unified_planning.model import OperatorKind
 
@@ -234,7 +199,7 @@ class PddlExpressions:
             return self.fluent(node, bound)
         if node.node_type in operators:
             operands = tuple(self.expression(part, bound) for part in node.args)
-            return Arithmetic(operators[node.node_type], operands)
+            return f.Arithmetic(operators[node.node_type], operands)
         raise self.unsupported(node, "it is no number")
 
 
@@ -268,8 +233,8 @@ class PddlActions:
         )
         if cost is not None:
             value = self._expressions.expression(cost, bound)
-            increase = Assign("increase", Fluent(TOTAL_COST), value)
-            effects.append(Timed(AT_END, increase) if timed else increase)
+            increase = f.Assign("increase", f.Fluent(f.TOTAL_COST), value)
+            effects.append(f.Timed(f.AT_END, increase) if timed else increase)
         return Action(
             kind,
             self._names.of(kind, action.name),
@@ -281,111 +246,111 @@ class PddlActions:
             tuple(effects),
         )
 
-    def _duration(self, interval: DurationInterval, bound: PddlVariables) -> tuple[Formula, ...]:
-        variable = Variable(DURATION)
+    def _duration(self, interval: DurationInterval, bound: PddlVariables) -> tuple[f.Formula, ...]:
+        variable = f.Variable(f.DURATION)
         lower = self._expressions.expression(interval.lower, bound)
         upper = self._expressions.expression(interval.upper, bound)
         if interval.lower == interval.upper:
-            return (Comparison("=", variable, lower),)
+            return (f.Comparison("=", variable, lower),)
         left = ">" if interval.is_left_open() else ">="
         right = "<" if interval.is_right_open() else "<="
-        return Comparison(left, variable, lower), Comparison(right, variable, upper)
+        return f.Comparison(left, variable, lower), f.Comparison(right, variable, upper)
 
-    def _conditions(self, action: Transition, bound: PddlVariables) -> Iterator[Formula]:
+    def _conditions(self, action: Transition, bound: PddlVariables) -> Iterator[f.Formula]:
         for interval, nodes in action.conditions.items():
             for node in self._expressions.conjuncts(nodes, bound):
                 for time in self._times(interval):
-                    yield Timed(time, node)
+                    yield f.Timed(time, node)
 
     def _times(self, interval: TimeInterval) -> Iterator[str]:
         lower, upper = self._time(interval.lower), self._time(interval.upper)
         if lower == upper:
             yield lower
             return
-        if (lower, upper) != (AT_START, AT_END):
+        if (lower, upper) != (f.AT_START, f.AT_END):
             raise self._expressions.unsupported(interval, "it ends before it starts")
         if not interval.is_left_open():
-            yield AT_START
-        yield OVER_ALL
+            yield f.AT_START
+        yield f.OVER_ALL
         if not interval.is_right_open():
-            yield AT_END
+            yield f.AT_END
 
     def _time(self, timing: Timing) -> str:
         from unified_planning.model.timing import TimepointKind
 
-        times = {TimepointKind.START: AT_START, TimepointKind.END: AT_END}
+        times = {TimepointKind.START: f.AT_START, TimepointKind.END: f.AT_END}
         if timing.delay != 0 or timing.timepoint.kind not in times:
             reason = "a time in an action is its start or its end"
             raise self._expressions.unsupported(f"time {timing}", reason)
         return times[timing.timepoint.kind]
 
-    def _effects(self, action: Transition, bound: PddlVariables) -> Iterator[Formula]:
+    def _effects(self, action: Transition, bound: PddlVariables) -> Iterator[f.Formula]:
         for effect in action.effects:
             yield from self.effect(effect, None, bound)
 
-    def _durative_effects(self, action: Transition, bound: PddlVariables) -> Iterator[Formula]:
+    def _durative_effects(self, action: Transition, bound: PddlVariables) -> Iterator[f.Formula]:
         for timing, effects in action.effects.items():
             for effect in effects:
                 yield from self.effect(effect, self._time(timing), bound)
         for interval, effects in action.continuous_effects.items():
-            if list(self._times(interval)) != [AT_START, OVER_ALL, AT_END]:
+            if list(self._times(interval)) != [f.AT_START, f.OVER_ALL, f.AT_END]:
                 reason = "a continuous effect lasts throughout its action"
                 raise self._expressions.unsupported(interval, reason)
             for effect in effects:
                 yield from self.effect(effect, None, bound)
 
-    def effect(self, effect: Effect, time: str | None, bound: PddlVariables) -> Iterator[Formula]:
+    def effect(self, effect: Effect, time: str | None, bound: PddlVariables) -> Iterator[f.Formula]:
         """Convert an effect."""
         within = bound.bind(effect.forall)
         conditions = self._expressions.conjuncts([effect.condition], within)
         for extra, change in self._changes(effect, within):
             parts = tuple(
-                part if time is None else Timed(time, part) for part in (*conditions, *extra)
+                part if time is None else f.Timed(time, part) for part in (*conditions, *extra)
             )
-            formula: Formula = change if time is None else Timed(time, change)
+            formula: f.Formula = change if time is None else f.Timed(time, change)
             if parts:
-                formula = When(parts[0] if len(parts) == 1 else And(parts), formula)
+                formula = f.When(parts[0] if len(parts) == 1 else f.And(parts), formula)
             if effect.forall:
-                formula = Forall(self._expressions.typed(effect.forall, within), formula)
+                formula = f.Forall(self._expressions.typed(effect.forall, within), formula)
             yield formula
 
     def _changes(
         self, effect: Effect, bound: PddlVariables
-    ) -> Iterator[tuple[tuple[Formula, ...], Formula]]:
+    ) -> Iterator[tuple[tuple[f.Formula, ...], f.Formula]]:
         expressions, target, value = self._expressions, effect.fluent, effect.value
         if target.type.is_bool_type():
             atom = expressions.formula(target, bound)
             if not value.is_bool_constant():
                 condition = expressions.formula(value, bound)
                 yield (condition,), atom
-                yield (Not(condition),), Not(atom)
+                yield (f.Not(condition),), f.Not(atom)
             else:
-                yield (), atom if value.is_true() else Not(atom)
+                yield (), atom if value.is_true() else f.Not(atom)
             return
         fluent = expressions.fluent(target, bound)
         if target.type.is_user_type():
-            yield (), Assign("assign", fluent, expressions.term(value, bound))
+            yield (), f.Assign("assign", fluent, expressions.term(value, bound))
             return
         amount = expressions.expression(value, bound)
         if effect.is_continuous_increase() or effect.is_continuous_decrease():
             operator = "increase" if effect.is_continuous_increase() else "decrease"
-            yield (), Assign(operator, fluent, Arithmetic("*", (ContinuousTime(), amount)))
+            yield (), f.Assign(operator, fluent, f.Arithmetic("*", (f.ContinuousTime(), amount)))
         elif effect.is_assignment():
-            yield (), Assign("assign", fluent, amount)
+            yield (), f.Assign("assign", fluent, amount)
         else:
-            yield (), Assign("increase" if effect.is_increase() else "decrease", fluent, amount)
+            yield (), f.Assign("increase" if effect.is_increase() else "decrease", fluent, amount)
 
 
 def initial_state(
     problem: UpProblem, expressions: PddlExpressions
-) -> tuple[tuple[Atom, ...], tuple[FunctionValue, ...]]:
+) -> tuple[tuple[f.Atom, ...], tuple[FunctionValue, ...]]:
     """Convert the initial state."""
     facts, values = [], []
     for fluent in problem.fluents:
         for target, value in _values(problem, fluent, expressions):
             if fluent.type.is_bool_type():
                 fact = expressions.formula(target, PddlVariables())
-                if value.is_true() and isinstance(fact, Atom):
+                if value.is_true() and isinstance(fact, f.Atom):
                     facts.append(fact)
                 continue
             function = expressions.fluent(target, PddlVariables())
@@ -393,14 +358,14 @@ def initial_state(
     return tuple(facts), tuple(values)
 
 
-def _value(value: FNode, fluent: UpFluent, expressions: PddlExpressions) -> Number | Constant:
+def _value(value: FNode, fluent: UpFluent, expressions: PddlExpressions) -> f.Number | f.Constant:
     if fluent.type.is_user_type():
         item = expressions.term(value, PddlVariables())
-        if isinstance(item, Constant):
+        if isinstance(item, f.Constant):
             return item
         raise expressions.unsupported(value, "it is no object")
     number = expressions.expression(value, PddlVariables())
-    if isinstance(number, Number):
+    if isinstance(number, f.Number):
         return number
     raise expressions.unsupported(value, "no decimal number is equal to it")
 
@@ -475,7 +440,7 @@ class PddlDocuments:
         for category, element in _elements(problem):
             self._names.claim(category, element.name)
         if self._costs():
-            self._names.claim(FUNCTION, TOTAL_COST)
+            self._names.claim(FUNCTION, f.TOTAL_COST)
         self._actions = PddlActions(self._names, self._expressions)
 
     def _check(self) -> None:
@@ -494,13 +459,13 @@ class PddlDocuments:
         domain = self._domain(f"{name}-domain")
         constants = {part.name for part in _constants(domain)}
         objects = [
-            TypedName(self._names.of(OBJECT, item.name), self._type(item.type))
+            f.TypedName(self._names.of(OBJECT, item.name), self._type(item.type))
             for item in self._problem.all_objects
         ]
         self._expressions.where = "the initial state"
         facts, values = initial_state(self._problem, self._expressions)
         if self._costs():
-            values = (*values, FunctionValue(Fluent(TOTAL_COST), Number(Decimal(0))))
+            values = (*values, FunctionValue(f.Fluent(f.TOTAL_COST), f.Number(Decimal(0))))
         problem = Problem(
             name,
             domain.name,
@@ -538,11 +503,11 @@ class PddlDocuments:
                 )
         costs = self._costs()
         if costs:
-            functions.append(Function(TOTAL_COST))
+            functions.append(Function(f.TOTAL_COST))
         return Domain(
             name,
             types=tuple(
-                TypedName(
+                f.TypedName(
                     names.of(TYPE, type_.name),
                     (ROOT_TYPE,) if type_.father is None else self._type(type_.father),
                 )
@@ -573,21 +538,21 @@ class PddlDocuments:
                     costs[action.name] = cost
         return costs
 
-    def _timed(self) -> Iterator[TimedLiteral]:
+    def _timed(self) -> Iterator[f.TimedLiteral]:
         self._expressions.where = "the timed effects"
         for timing, effects in self._problem.timed_effects.items():
             time = number(timing.delay)
             for effect in effects:
-                if timing.is_from_end() or not isinstance(time, Number):
+                if timing.is_from_end() or not isinstance(time, f.Number):
                     raise self._expressions.unsupported(timing, "no decimal number is equal to it")
                 constant = effect.value.is_constant() or effect.value.is_object_exp()
                 if effect.is_conditional() or not constant or not effect.is_assignment():
                     reason = "what happens at a time is certain, and no increase"
                     raise self._expressions.unsupported(effect, reason)
                 for change in self._actions.effect(effect, None, PddlVariables()):
-                    if not isinstance(change, Atom | Not | Assign):
+                    if not isinstance(change, f.Atom | f.Not | f.Assign):
                         raise self._expressions.unsupported(effect, "it is no single literal")
-                    yield TimedLiteral(time, change)
+                    yield f.TimedLiteral(time, change)
 
     def _with_goals(self, problem: Problem) -> Problem:
         expressions, up_problem = self._expressions, self._problem
@@ -599,7 +564,7 @@ class PddlDocuments:
             goals.extend(expressions.conjuncts(nodes, PddlVariables()))
         for number_, (goal, _) in enumerate(self._gains().items(), start=1):
             preferred = expressions.formula(goal, PddlVariables())
-            goals.append(Preference(f"{_PREFERENCE}{number_}", preferred))
+            goals.append(f.Preference(f"{_PREFERENCE}{number_}", preferred))
         expressions.where = "the trajectory constraints"
         constraints = expressions.conjuncts(up_problem.trajectory_constraints, PddlVariables())
         return replace(problem, goal=tuple(goals), constraints=constraints)
@@ -611,33 +576,33 @@ class PddlDocuments:
                 return gains
         return {}
 
-    def _metric(self) -> Metric | None:
+    def _metric(self) -> f.Metric | None:
         self._expressions.where = "the metric"
         for metric in self._problem.quality_metrics:
             if metric.is_minimize_makespan():
-                return Metric("minimize", Fluent(TOTAL_TIME))
+                return f.Metric("minimize", f.Fluent(f.TOTAL_TIME))
             if metric.is_minimize_action_costs() or metric.is_minimize_sequential_plan_length():
-                return Metric("minimize", Fluent(TOTAL_COST)) if self._costs() else None
+                return f.Metric("minimize", f.Fluent(f.TOTAL_COST)) if self._costs() else None
             if metric.is_oversubscription():
-                terms: tuple[Expression, ...] = tuple(
-                    Arithmetic("*", (number(gain), IsViolated(f"{_PREFERENCE}{position}")))
+                terms: tuple[f.Expression, ...] = tuple(
+                    f.Arithmetic("*", (number(gain), f.IsViolated(f"{_PREFERENCE}{position}")))
                     for position, gain in enumerate(metric.goals.values(), start=1)
                 )
                 if not terms:
                     return None
-                sum_ = terms[0] if len(terms) == 1 else Arithmetic("+", terms)
-                return Metric("minimize", sum_)
+                sum_ = terms[0] if len(terms) == 1 else f.Arithmetic("+", terms)
+                return f.Metric("minimize", sum_)
             if metric.is_temporal_oversubscription():
                 raise self._expressions.unsupported(metric, "a preferred goal has no time")
             sense = "maximize" if metric.is_maximize_expression_on_final_state() else "minimize"
-            return Metric(sense, self._expressions.expression(metric.expression, PddlVariables()))
+            return f.Metric(sense, self._expressions.expression(metric.expression, PddlVariables()))
         return None
 
 
-def _constants(domain: Domain) -> Iterator[Constant]:
+def _constants(domain: Domain) -> Iterator[f.Constant]:
     for action in domain.actions:
-        for node in walk(*action.duration, *action.condition, *action.effect):
-            if isinstance(node, Constant):
+        for node in f.walk(*action.duration, *action.condition, *action.effect):
+            if isinstance(node, f.Constant):
                 yield node
 
 

@@ -12,22 +12,7 @@ from collections.abc import Container, Iterator
 from decimal import Context, Decimal, Inexact
 from fractions import Fraction
 
-from ..dto.formulas import (
-    ASSIGNMENTS,
-    DURATION,
-    MODALS,
-    TOTAL_COST,
-    TOTAL_TIME,
-    And,
-    Arithmetic,
-    Assign,
-    Fluent,
-    Formula,
-    Node,
-    Number,
-    Timed,
-    walk,
-)
+from ..dto import formulas as f
 from ..dto.lexical import RESERVED, ROOT_TYPE, fold
 from ..errors import InvalidNameError, PlannerMissingError, UnsupportedConstructError
 from ..pddl.document import ACTION, DURATIVE_ACTION, Action, Domain, Problem
@@ -115,25 +100,25 @@ def _declared(domain: Domain, problem: Problem) -> list[tuple[str, str]]:
 _EXACT = Context(prec=60, traps=[Inexact])
 
 
-def number(value: int | Fraction) -> Number | Arithmetic:
+def number(value: int | Fraction) -> f.Number | f.Arithmetic:
     """Return the exact expression of a number."""
     if isinstance(value, int):
-        return Number(Decimal(value))
+        return f.Number(Decimal(value))
     try:
-        return Number(_EXACT.divide(Decimal(value.numerator), Decimal(value.denominator)))
+        return f.Number(_EXACT.divide(Decimal(value.numerator), Decimal(value.denominator)))
     except Inexact:
-        parts = (Number(Decimal(value.numerator)), Number(Decimal(value.denominator)))
-        return Arithmetic("/", parts)
+        parts = (f.Number(Decimal(value.numerator)), f.Number(Decimal(value.denominator)))
+        return f.Arithmetic("/", parts)
 
 
 _RESERVED = (
     RESERVED["function"]
     | RESERVED["type"]
-    | set(ASSIGNMENTS)
-    | set(MODALS)
-    | {ROOT_TYPE, "number", "preference", "is-violated", "undefined", TOTAL_TIME}
+    | set(f.ASSIGNMENTS)
+    | set(f.MODALS)
+    | {ROOT_TYPE, "number", "preference", "is-violated", "undefined", f.TOTAL_TIME}
 )
-_RESERVED_VARIABLES = frozenset({DURATION})
+_RESERVED_VARIABLES = frozenset({f.DURATION})
 VARIABLE = "variable"
 _CARRIED = re.compile(r"[A-Za-z][A-Za-z0-9_-]*")
 
@@ -177,10 +162,10 @@ class PddlNames:
 
 def static_functions(domain: Domain, problem: Problem) -> frozenset[str]:
     """Return the functions whose values never change."""
-    effects: list[Node] = [effect for action in domain.actions for effect in action.effect]
+    effects: list[f.Node] = [effect for action in domain.actions for effect in action.effect]
     effects.extend(timed.effect for timed in problem.timed)
-    changed = {fold(node.fluent.function) for node in walk(*effects) if isinstance(node, Assign)}
-    return frozenset(fold(function.name) for function in domain.functions) - changed
+    changed = [node.fluent.function for node in f.walk(*effects) if isinstance(node, f.Assign)]
+    return frozenset(fold(one.name) for one in domain.functions) - set(map(fold, changed))
 
 
 def is_sum_of_costs(domain: Domain, problem: Problem) -> bool:
@@ -188,10 +173,10 @@ def is_sum_of_costs(domain: Domain, problem: Problem) -> bool:
     metric = problem.metric
     if metric is None or metric.optimization != "minimize":
         return False
-    if not is_function(metric.expression, TOTAL_COST):
+    if not is_function(metric.expression, f.TOTAL_COST):
         return False
-    starts = [value for fluent, value in problem.values if is_function(fluent, TOTAL_COST)]
-    if not starts or not all(isinstance(value, Number) and value.value == 0 for value in starts):
+    starts = [value for fluent, value in problem.values if is_function(fluent, f.TOTAL_COST)]
+    if not starts or not all(isinstance(value, f.Number) and value.value == 0 for value in starts):
         return False
     static = static_functions(domain, problem)
     return not any(_mentions(node) for node in _readers(domain, problem)) and all(
@@ -201,12 +186,12 @@ def is_sum_of_costs(domain: Domain, problem: Problem) -> bool:
 
 def _adds_up(action: Action, static: frozenset[str]) -> bool:
     for effect in _unconditional(action.effect):
-        if not isinstance(effect, Assign) or not is_function(effect.fluent, TOTAL_COST):
+        if not isinstance(effect, f.Assign) or not is_function(effect.fluent, f.TOTAL_COST):
             if _mentions(effect):
                 return False
             continue
-        functions = {fold(n.function) for n in walk(effect.value) if isinstance(n, Fluent)}
-        if effect.operator != "increase" or TOTAL_COST in functions:
+        functions = {fold(n.function) for n in f.walk(effect.value) if isinstance(n, f.Fluent)}
+        if effect.operator != "increase" or f.TOTAL_COST in functions:
             return False
         if action.kind == DURATIVE_ACTION and not functions <= static:
             return False
@@ -215,17 +200,17 @@ def _adds_up(action: Action, static: frozenset[str]) -> bool:
     return True
 
 
-def _unconditional(effects: tuple[Formula, ...]) -> Iterator[Formula]:
+def _unconditional(effects: tuple[f.Formula, ...]) -> Iterator[f.Formula]:
     for effect in effects:
-        if isinstance(effect, And):
+        if isinstance(effect, f.And):
             yield from _unconditional(effect.formulas)
-        elif isinstance(effect, Timed):
+        elif isinstance(effect, f.Timed):
             yield from _unconditional((effect.formula,))
         else:
             yield effect
 
 
-def _readers(domain: Domain, problem: Problem) -> Iterator[Node]:
+def _readers(domain: Domain, problem: Problem) -> Iterator[f.Node]:
     for action in domain.actions:
         yield from (*action.condition, *action.duration)
     yield from (rule.formula for rule in domain.derived)
@@ -234,5 +219,5 @@ def _readers(domain: Domain, problem: Problem) -> Iterator[Node]:
         yield timed.effect
 
 
-def _mentions(node: Node) -> bool:
-    return any(is_function(part, TOTAL_COST) for part in walk(node))
+def _mentions(node: f.Node) -> bool:
+    return any(is_function(part, f.TOTAL_COST) for part in f.walk(node))

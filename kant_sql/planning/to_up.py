@@ -5,23 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from ..arguments import expect
-from ..dto.formulas import (
-    AT_END,
-    TOTAL_COST,
-    TOTAL_TIME,
-    And,
-    Assign,
-    Constant,
-    Equal,
-    Forall,
-    Formula,
-    IsViolated,
-    Metric,
-    Modal,
-    Not,
-    Timed,
-    TypedName,
-)
+from ..dto import formulas as f
 from ..dto.lexical import fold
 from ..errors import InvalidArgumentError, UnsupportedConstructError
 from ..pddl.document import DURATIVE_ACTION, PROCESS, Domain, Problem
@@ -111,7 +95,7 @@ class UpConversion:
                     )
         number = manager.IntType() if context.integers else manager.RealType()
         for function in self._domain.functions:
-            if not (context.costed and fold(function.name) == TOTAL_COST):
+            if not (context.costed and fold(function.name) == f.TOTAL_COST):
                 with context.at(f"function {function.name}"):
                     value = context.types.widest(function.types) if function.types else number
                     self._fluent(FUNCTION, function.name, value, function.parameters)
@@ -120,7 +104,7 @@ class UpConversion:
                 self._object(item)
 
     def _fluent(
-        self, category: str, name: str, value: object, parameters: tuple[TypedName, ...]
+        self, category: str, name: str, value: object, parameters: tuple[f.TypedName, ...]
     ) -> None:
         from unified_planning.model import Fluent, Parameter
 
@@ -134,7 +118,7 @@ class UpConversion:
         fluent = Fluent(context.names.of(category, name), value, signature, context.environment)
         context.fluents[category, fold(name)] = context.problem.add_fluent(fluent)
 
-    def _object(self, item: TypedName) -> None:
+    def _object(self, item: f.TypedName) -> None:
         from unified_planning.model import Object
 
         context = self.context
@@ -157,11 +141,11 @@ class UpConversion:
         manager = self.context.environment.expression_manager
         for literal in self._document.literals:
             match literal:
-                case Not(Equal()):
+                case f.Not(f.Equal()):
                     continue
-                case Not(inner):
+                case f.Not(inner):
                     problem.set_initial_value(formulas.formula(inner, scope), manager.FALSE())
-                case Equal(Constant(left), Constant(right)) if fold(left) == fold(right):
+                case f.Equal(f.Constant(left), f.Constant(right)) if fold(left) == fold(right):
                     continue
                 case _:
                     raise self.context.unsupported(literal, "two objects are never one there")
@@ -170,10 +154,10 @@ class UpConversion:
                 raise self.context.unsupported(fact, "a derived predicate is no fluent there")
             problem.set_initial_value(formulas.formula(fact, scope), manager.TRUE())
         for fluent, value in self._document.values:
-            if self.context.costed and is_function(fluent, TOTAL_COST):
+            if self.context.costed and is_function(fluent, f.TOTAL_COST):
                 continue
             node = formulas.fluent(fluent, scope)
-            if isinstance(value, Constant):
+            if isinstance(value, f.Constant):
                 problem.set_initial_value(node, formulas.term(value, scope))
             else:
                 problem.set_initial_value(node, formulas.expression(value, scope))
@@ -187,28 +171,28 @@ class UpConversion:
             single = SingleEffect(Bindings(), change=timed.effect)
             target = change.target(single)
             operator, value = change.value(single, target)
-            if isinstance(timed.effect, Assign) and operator != "assign":
+            if isinstance(timed.effect, f.Assign) and operator != "assign":
                 raise self.context.unsupported(timed, "a timed value is assigned")
             time = self._formulas.expression(timed.time, Bindings()).constant_value()
             self.context.problem.add_timed_effect(GlobalStartTiming(time), target, value)
 
     def _constraint(
-        self, node: Formula, variables: tuple[UpVariable, ...], scope: Bindings
+        self, node: f.Formula, variables: tuple[UpVariable, ...], scope: Bindings
     ) -> None:
         manager = self.context.environment.expression_manager
         match node:
-            case And(parts):
+            case f.And(parts):
                 for part in parts:
                     self._constraint(part, variables, scope)
-            case Forall(names, inner):
+            case f.Forall(names, inner):
                 for bound, within in self._formulas.variables(names, scope):
                     self._constraint(inner, variables + bound, within)
-            case Timed(time, inner) if time == AT_END:
+            case f.Timed(time, inner) if time == f.AT_END:
                 goal = self._formulas.formula(inner, scope)
                 self.context.problem.add_goal(
                     manager.Forall(goal, *variables) if variables else goal
                 )
-            case Modal():
+            case f.Modal():
                 constraint = self._modal(node, scope)
                 self.context.problem.add_trajectory_constraint(
                     manager.Forall(constraint, *variables) if variables else constraint
@@ -216,14 +200,14 @@ class UpConversion:
             case _:
                 raise self.context.unsupported(node, "it is no constraint on the trajectory there")
 
-    def _modal(self, node: Modal, scope: Bindings) -> FNode:
+    def _modal(self, node: f.Modal, scope: Bindings) -> FNode:
         manager = self.context.environment.expression_manager
         if node.operator not in SHARED_MODALS:
             raise self.context.unsupported(node, f"{node.operator} has no counterpart")
         build = getattr(manager, node.operator.title().replace("-", ""))
         return build(*(self._formulas.formula(part, scope) for part in node.formulas))
 
-    def _metric(self, metric: Metric | None) -> None:
+    def _metric(self, metric: f.Metric | None) -> None:
         if metric is None:
             return
         from unified_planning import model
@@ -235,7 +219,7 @@ class UpConversion:
             problem.add_quality_metric(
                 model.MinimizeActionCosts(self._actions.costs(), zero, environment)
             )
-        elif is_function(metric.expression, TOTAL_TIME) and minimize:
+        elif is_function(metric.expression, f.TOTAL_TIME) and minimize:
             timed = self._document.timed or any(
                 action.kind in {DURATIVE_ACTION, PROCESS} for action in self._domain.actions
             )
@@ -244,7 +228,7 @@ class UpConversion:
         elif self._preferences.counted:
             gains = self._preferences.gains
             problem.add_quality_metric(model.Oversubscription(gains, environment))
-        elif not mentions(IsViolated, metric.expression):
+        elif not mentions(f.IsViolated, metric.expression):
             expression = self._formulas.expression(metric.expression, Bindings())
             kind = (
                 model.MinimizeExpressionOnFinalState

@@ -8,28 +8,7 @@ from dataclasses import dataclass, replace
 from itertools import product
 from typing import TYPE_CHECKING
 
-from ..dto.formulas import (
-    AT_END,
-    AT_START,
-    DURATION,
-    TOTAL_COST,
-    And,
-    Arithmetic,
-    Assign,
-    Atom,
-    Comparison,
-    Constant,
-    ContinuousTime,
-    Expression,
-    Fluent,
-    Forall,
-    Formula,
-    Not,
-    Timed,
-    Variable,
-    When,
-    walk,
-)
+from ..dto import formulas as f
 from ..dto.lexical import fold
 from ..pddl.document import DURATIVE_ACTION, EVENT, PROCESS, Action
 from .up_formulas import Bindings, ConversionContext, UpFormulas, UpPreferences
@@ -68,7 +47,7 @@ def duration(
     return DurationInterval(least, most, left, right)
 
 
-def fixed(action: Action, context: ConversionContext) -> Expression | None:
+def fixed(action: Action, context: ConversionContext) -> f.Expression | None:
     """Return the value of a duration that is fixed when the action starts."""
     bounds = list(_bounds(action.duration, context))
     if len(bounds) == 1 and bounds[0][0] == "=" and _is_static(bounds[0][1], context):
@@ -77,20 +56,20 @@ def fixed(action: Action, context: ConversionContext) -> Expression | None:
 
 
 def _bounds(
-    constraints: Iterable[Formula], context: ConversionContext, time: str | None = None
-) -> Iterator[tuple[str, Expression]]:
+    constraints: Iterable[f.Formula], context: ConversionContext, time: str | None = None
+) -> Iterator[tuple[str, f.Expression]]:
     for constraint in constraints:
         match constraint:
-            case And(parts):
+            case f.And(parts):
                 yield from _bounds(parts, context, time)
-            case Timed(when, inner):
+            case f.Timed(when, inner):
                 yield from _bounds([inner], context, when)
-            case Comparison(operator, left, right):
+            case f.Comparison(operator, left, right):
                 if not _is_duration(left):
                     operator, left, right = _FLIPPED[operator], right, left
-                if not _is_duration(left) or any(map(_is_duration, walk(right))):
+                if not _is_duration(left) or any(map(_is_duration, f.walk(right))):
                     raise context.unsupported(constraint, "it is no bound of ?duration")
-                if time == AT_END and not _is_static(right, context):
+                if time == f.AT_END and not _is_static(right, context):
                     reason = "a bound that is only known at the end has no counterpart"
                     raise context.unsupported(constraint, reason)
                 yield operator, right
@@ -99,12 +78,12 @@ def _bounds(
 
 
 def _is_duration(node: object) -> bool:
-    return isinstance(node, Variable) and fold(node.name) == DURATION
+    return isinstance(node, f.Variable) and fold(node.name) == f.DURATION
 
 
-def _is_static(node: Expression, context: ConversionContext) -> bool:
+def _is_static(node: f.Expression, context: ConversionContext) -> bool:
     return all(
-        fold(part.function) in context.static for part in walk(node) if isinstance(part, Fluent)
+        fold(part.function) in context.static for part in f.walk(node) if isinstance(part, f.Fluent)
     )
 
 
@@ -134,44 +113,44 @@ class SingleEffect:
 
     scope: Bindings
     variables: tuple[UpVariable, ...] = ()
-    conditions: tuple[tuple[str | None, Formula, Bindings], ...] = ()
+    conditions: tuple[tuple[str | None, f.Formula, Bindings], ...] = ()
     time: str | None = None
-    change: Atom | Not | Assign | None = None
+    change: f.Atom | f.Not | f.Assign | None = None
 
 
 def single_effects(
-    effect: Formula, context: ConversionContext, formulas: UpFormulas, outer: SingleEffect
+    effect: f.Formula, context: ConversionContext, formulas: UpFormulas, outer: SingleEffect
 ) -> Iterator[SingleEffect]:
     """Split an effect into single effects."""
     match effect:
-        case And(parts):
+        case f.And(parts):
             for part in parts:
                 yield from single_effects(part, context, formulas, outer)
-        case Forall(names, inner):
+        case f.Forall(names, inner):
             for variables, scope in formulas.variables(names, outer.scope):
                 around = replace(outer, scope=scope, variables=outer.variables + variables)
                 yield from single_effects(inner, context, formulas, around)
-        case When(condition, inner):
+        case f.When(condition, inner):
             conditions = (*outer.conditions, *_timed(condition, outer))
             yield from single_effects(
                 inner, context, formulas, replace(outer, conditions=conditions)
             )
-        case Timed(time, inner) if outer.time is None:
+        case f.Timed(time, inner) if outer.time is None:
             yield from single_effects(inner, context, formulas, replace(outer, time=time))
-        case Atom() | Assign() | Not(Atom()):
+        case f.Atom() | f.Assign() | f.Not(f.Atom()):
             yield replace(outer, change=effect)
         case _:
             raise context.unsupported(effect, "it is no effect")
 
 
 def _timed(
-    condition: Formula, outer: SingleEffect
-) -> Iterator[tuple[str | None, Formula, Bindings]]:
+    condition: f.Formula, outer: SingleEffect
+) -> Iterator[tuple[str | None, f.Formula, Bindings]]:
     match condition:
-        case And(parts):
+        case f.And(parts):
             for part in parts:
                 yield from _timed(part, outer)
-        case Timed(time, inner):
+        case f.Timed(time, inner):
             yield time, inner, outer.scope
         case _:
             yield outer.time, condition, outer.scope
@@ -197,19 +176,19 @@ class UpEffects:
     def target(self, effect: SingleEffect) -> FNode:
         """Convert the fluent that an effect changes."""
         change = effect.change
-        fluent = change.fluent if isinstance(change, Assign) else _atom(change)
-        if any(isinstance(node, Fluent) for term in fluent.terms for node in walk(term)):
+        fluent = change.fluent if isinstance(change, f.Assign) else _atom(change)
+        if any(isinstance(node, f.Fluent) for term in fluent.terms for node in f.walk(term)):
             reason = "an effect on what another fluent denotes has no counterpart"
             raise self._context.unsupported(change, reason)
-        if isinstance(fluent, Atom):
+        if isinstance(fluent, f.Atom):
             return self._formulas.formula(fluent, effect.scope)
         return self._formulas.fluent(fluent, effect.scope)
 
     def value(self, effect: SingleEffect, target: FNode) -> tuple[str, FNode]:
         """Return the operator and the value of an effect."""
         change = effect.change
-        if not isinstance(change, Assign):
-            return "assign", self._manager.Bool(isinstance(change, Atom))
+        if not isinstance(change, f.Assign):
+            return "assign", self._manager.Bool(isinstance(change, f.Atom))
         if target.type.is_user_type():
             return "assign", self._object(change, effect.scope, target)
         value = self.number(effect)
@@ -223,8 +202,8 @@ class UpEffects:
         """Convert the value of an assignment."""
         return self._formulas.expression(number_of(effect.change), effect.scope)
 
-    def _object(self, change: Assign, scope: Bindings, target: FNode) -> FNode:
-        if not isinstance(change.value, Constant | Variable | Fluent):
+    def _object(self, change: f.Assign, scope: Bindings, target: FNode) -> FNode:
+        if not isinstance(change.value, f.Constant | f.Variable | f.Fluent):
             raise self._context.unsupported(change, "it assigns what is no object")
         value = self._formulas.term(change.value, scope)
         if not target.type.is_compatible(value.type):
@@ -254,11 +233,11 @@ class UpEffects:
             raise self._context.unsupported(effect.change, "it gives no rate of change")
         return self._rate(number_of(effect.change), effect)
 
-    def _rate(self, node: Expression, effect: SingleEffect) -> FNode:
+    def _rate(self, node: f.Expression, effect: SingleEffect) -> FNode:
         match node:
-            case ContinuousTime():
+            case f.ContinuousTime():
                 return self._manager.Int(1)
-            case Arithmetic("*", operands):
+            case f.Arithmetic("*", operands):
                 timed = [part for part in operands if _has_time(part)]
                 if len(timed) == 1:
                     factors = [
@@ -266,39 +245,39 @@ class UpEffects:
                         for part in operands
                         if part is not timed[0]
                     ]
-                    if isinstance(timed[0], ContinuousTime):
+                    if isinstance(timed[0], f.ContinuousTime):
                         return self._manager.Times(factors)
                     return self._manager.Times(self._rate(timed[0], effect), *factors)
-            case Arithmetic("/", (dividend, divisor)) if not _has_time(divisor):
+            case f.Arithmetic("/", (dividend, divisor)) if not _has_time(divisor):
                 return self._manager.Div(
                     self._rate(dividend, effect), self._formulas.expression(divisor, effect.scope)
                 )
         raise self._context.unsupported(effect.change, "it is no multiple of #t")
 
 
-def number_of(change: Atom | Not | Assign | None) -> Expression:
+def number_of(change: f.Atom | f.Not | f.Assign | None) -> f.Expression:
     """Return the value of an assignment to a numeric fluent."""
-    assert isinstance(change, Assign), "only an assignment has a number"
-    assert not isinstance(change.value, Constant), "a number's fluent is assigned a number"
+    assert isinstance(change, f.Assign), "only an assignment has a number"
+    assert not isinstance(change.value, f.Constant), "a number's fluent is assigned a number"
     return change.value
 
 
-def _atom(change: Atom | Not | None) -> Atom:
-    inner = change.formula if isinstance(change, Not) else change
-    assert isinstance(inner, Atom), "an effect is an atom, its negation or an assignment"
+def _atom(change: f.Atom | f.Not | None) -> f.Atom:
+    inner = change.formula if isinstance(change, f.Not) else change
+    assert isinstance(inner, f.Atom), "an effect is an atom, its negation or an assignment"
     return inner
 
 
 def is_continuous(effect: SingleEffect) -> bool:
     """Return whether an effect is continuous."""
     change = effect.change
-    if not isinstance(change, Assign) or isinstance(change.value, Constant):
+    if not isinstance(change, f.Assign) or isinstance(change.value, f.Constant):
         return False
     return _has_time(change.value)
 
 
-def _has_time(node: Expression) -> bool:
-    return any(isinstance(part, ContinuousTime) for part in walk(node))
+def _has_time(node: f.Expression) -> bool:
+    return any(isinstance(part, f.ContinuousTime) for part in f.walk(node))
 
 
 class UpActions:
@@ -356,8 +335,8 @@ class UpActions:
         if action.kind == DURATIVE_ACTION:
             made.set_duration_constraint(duration(action, scope, self._context, self._formulas))
             value = fixed(action, self._context)
-            if value is not None and DURATION not in scope.bound:
-                scope = scope.bind(DURATION, self._formulas.expression(value, scope))
+            if value is not None and f.DURATION not in scope.bound:
+                scope = scope.bind(f.DURATION, self._formulas.expression(value, scope))
         self._conditions(action, made, scope)
         for effect in action.effect:
             outer = SingleEffect(scope)
@@ -389,17 +368,17 @@ class UpActions:
             for time, node in self._timed(condition, scope):
                 made.add_condition(self._interval(time), node)
 
-    def _timed(self, condition: Formula, scope: Bindings) -> Iterator[tuple[str, FNode]]:
+    def _timed(self, condition: f.Formula, scope: Bindings) -> Iterator[tuple[str, FNode]]:
         match condition:
-            case And(parts):
+            case f.And(parts):
                 for part in parts:
                     yield from self._timed(part, scope)
-            case Forall(names, inner):
+            case f.Forall(names, inner):
                 for variables, within in self._formulas.variables(names, scope):
                     for time, node in self._timed(inner, within):
                         quantify = self._context.environment.expression_manager.Forall
                         yield time, quantify(node, *variables) if variables else node
-            case Timed(time, inner):
+            case f.Timed(time, inner):
                 yield time, self._formulas.formula(inner, scope)
             case _:
                 reason = "a condition of a durative action needs a time"
@@ -409,9 +388,9 @@ class UpActions:
         from unified_planning import model
 
         start, end = model.StartTiming(), model.EndTiming()
-        if time == AT_START:
+        if time == f.AT_START:
             return model.TimePointInterval(start)
-        if time == AT_END:
+        if time == f.AT_END:
             return model.TimePointInterval(end)
         return model.OpenTimeInterval(start, end)
 
@@ -432,7 +411,7 @@ class UpActions:
         repeats = self._effects.repeats(effect, [condition, target, value])
         if repeats == 0 or condition.is_false():
             return
-        if repeats > 1 and isinstance(change, Assign) and change.operator != "assign":
+        if repeats > 1 and isinstance(change, f.Assign) and change.operator != "assign":
             if operator == "assign":
                 raise self._context.unsupported(change, "it happens more than once")
             value = self._context.environment.expression_manager.Times(repeats, value)
@@ -447,9 +426,9 @@ class UpActions:
     def _timing(self, effect: SingleEffect) -> Timing:
         from unified_planning import model
 
-        if effect.time == AT_START:
+        if effect.time == f.AT_START:
             return model.StartTiming()
-        if effect.time == AT_END:
+        if effect.time == f.AT_END:
             return model.EndTiming()
         reason = "an effect of a durative action is at start or at end"
         raise self._context.unsupported(effect.change, reason)
@@ -464,7 +443,7 @@ class UpActions:
         from unified_planning import model
 
         change = effect.change
-        assert isinstance(change, Assign)
+        assert isinstance(change, f.Assign)
         if action.kind not in {PROCESS, DURATIVE_ACTION}:
             raise self._context.unsupported(change, "an instantaneous action takes no time")
         if effect.conditions or effect.variables:
@@ -482,5 +461,5 @@ class UpActions:
             made.add_increase_continuous_effect(*interval, target, rate)
 
 
-def _is_cost(change: Atom | Not | Assign | None) -> bool:
-    return isinstance(change, Assign) and fold(change.fluent.function) == TOTAL_COST
+def _is_cost(change: f.Atom | f.Not | f.Assign | None) -> bool:
+    return isinstance(change, f.Assign) and fold(change.fluent.function) == f.TOTAL_COST

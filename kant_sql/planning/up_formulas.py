@@ -10,32 +10,7 @@ from functools import reduce
 from itertools import chain, product
 from typing import TYPE_CHECKING
 
-from ..dto.formulas import (
-    And,
-    Arithmetic,
-    Atom,
-    Comparison,
-    Constant,
-    Derived,
-    Equal,
-    Exists,
-    Expression,
-    Fluent,
-    Forall,
-    Formula,
-    Imply,
-    IsViolated,
-    Metric,
-    Node,
-    Not,
-    Number,
-    Or,
-    Preference,
-    Term,
-    TypedName,
-    Variable,
-    walk,
-)
+from ..dto import formulas as f
 from ..dto.lexical import ROOT_TYPE, fold
 from ..errors import UnsupportedConstructError
 from ..pddl.document import Domain, Problem
@@ -126,14 +101,14 @@ class UpTypes:
         return near[0] if near else None
 
 
-def _typed_names(domain: Domain, problem: Problem) -> Iterator[TypedName]:
+def _typed_names(domain: Domain, problem: Problem) -> Iterator[f.TypedName]:
     yield from (*domain.constants, *problem.objects)
     for predicate in domain.predicates:
         yield from predicate.parameters
     for function in domain.functions:
         yield from function.parameters
         if function.types:
-            yield TypedName(function.name, function.types)
+            yield f.TypedName(function.name, function.types)
     nodes = [*domain.constraints, *problem.goal, *problem.constraints]
     for rule in domain.derived:
         yield from rule.variables
@@ -141,8 +116,8 @@ def _typed_names(domain: Domain, problem: Problem) -> Iterator[TypedName]:
     for action in domain.actions:
         yield from action.parameters
         nodes.extend((*action.condition, *action.effect))
-    for node in walk(*nodes):
-        if isinstance(node, Forall | Exists):
+    for node in f.walk(*nodes):
+        if isinstance(node, f.Forall | f.Exists):
             yield from node.variables
 
 
@@ -201,7 +176,7 @@ class ConversionContext:
     types: UpTypes
     fluents: dict[tuple[str, str], UpFluent] = field(default_factory=dict)
     objects: dict[str, UpObject] = field(default_factory=dict)
-    rules: dict[str, list[Derived]] = field(default_factory=dict)
+    rules: dict[str, list[f.Derived]] = field(default_factory=dict)
     static: frozenset[str] = frozenset()
     integers: bool = False
     costed: bool = False
@@ -237,65 +212,65 @@ class UpFormulas:
         self._expanding: list[str] = []
         self._expanded: dict[tuple[str, tuple[FNode, ...]], FNode] = {}
 
-    def formula(self, node: Formula, scope: Bindings) -> FNode:
+    def formula(self, node: f.Formula, scope: Bindings) -> FNode:
         """Convert a condition."""
         match node:
-            case Atom():
+            case f.Atom():
                 return self._atom(node, scope)
-            case Not(inner):
+            case f.Not(inner):
                 return self._manager.Not(self.formula(inner, scope))
-            case And(parts):
+            case f.And(parts):
                 return self._manager.And([self.formula(part, scope) for part in parts])
-            case Or(parts):
+            case f.Or(parts):
                 return self._manager.Or([self.formula(part, scope) for part in parts])
-            case Imply(condition, inner):
+            case f.Imply(condition, inner):
                 return self._manager.Implies(
                     self.formula(condition, scope), self.formula(inner, scope)
                 )
-            case Forall(variables, inner) | Exists(variables, inner):
-                return self._quantified(isinstance(node, Forall), variables, inner, scope)
-            case Equal(left, right):
+            case f.Forall(variables, inner) | f.Exists(variables, inner):
+                return self._quantified(isinstance(node, f.Forall), variables, inner, scope)
+            case f.Equal(left, right):
                 return self._equal(node, self.term(left, scope), self.term(right, scope))
-            case Comparison():
+            case f.Comparison():
                 return self._comparison(node, scope)
         raise self._context.unsupported(node, "it is no condition on a state")
 
-    def term(self, node: Term, scope: Bindings) -> FNode:
+    def term(self, node: f.Term, scope: Bindings) -> FNode:
         """Convert a term."""
         match node:
-            case Variable(name):
+            case f.Variable(name):
                 if fold(name) in scope.bound:
                     return scope.bound[fold(name)]
                 reason = "nothing that it could stand for is known here"
                 raise self._context.unsupported(node, reason)
-            case Constant(name):
+            case f.Constant(name):
                 if fold(name) in self._context.objects:
                     return self._manager.ObjectExp(self._context.objects[fold(name)])
                 raise self._context.unsupported(node, "it is no object of the problem")
         return self.fluent(node, scope)
 
-    def fluent(self, node: Fluent, scope: Bindings) -> FNode:
+    def fluent(self, node: f.Fluent, scope: Bindings) -> FNode:
         """Convert a function applied to terms."""
         return self._applied(FUNCTION, node.function, node, node.terms, scope)
 
-    def expression(self, node: Expression, scope: Bindings) -> FNode:
+    def expression(self, node: f.Expression, scope: Bindings) -> FNode:
         """Convert a numeric expression."""
         match node:
-            case Number(value):
+            case f.Number(value):
                 fraction = Fraction(value)
                 if fraction.denominator == 1:
                     return self._manager.Int(fraction.numerator)
                 return self._manager.Real(fraction)
-            case Arithmetic():
+            case f.Arithmetic():
                 return self._arithmetic(node, scope)
-            case Fluent() | Variable():
+            case f.Fluent() | f.Variable():
                 value = self.term(node, scope)
                 if value.type.is_real_type() or value.type.is_int_type():
                     return value
         raise self._context.unsupported(node, "it is no number that a state holds")
 
     def variables(
-        self, names: Sequence[TypedName], scope: Bindings
+        self, names: Sequence[f.TypedName], scope: Bindings
     ) -> Iterator[tuple[tuple[UpVariable, ...], Bindings]]:
         """Bind the variables of a quantifier, once for each choice of types."""
         from unified_planning.model import Variable as UpVariable
@@ -313,7 +288,7 @@ class UpFormulas:
         return self._manager.And(list(nodes))
 
     def _quantified(
-        self, universal: bool, names: Sequence[TypedName], inner: Formula, scope: Bindings
+        self, universal: bool, names: Sequence[f.TypedName], inner: f.Formula, scope: Bindings
     ) -> FNode:
         parts = []
         for variables, within in self.variables(names, scope):
@@ -324,7 +299,7 @@ class UpFormulas:
             parts.append(part)
         return self._manager.And(parts) if universal else self._manager.Or(parts)
 
-    def _equal(self, node: Equal, left: FNode, right: FNode) -> FNode:
+    def _equal(self, node: f.Equal, left: FNode, right: FNode) -> FNode:
         if not (left.type.is_user_type() and right.type.is_user_type()):
             raise self._context.unsupported(node, "its terms are no objects")
         roots = [list(node.type.ancestors)[-1] for node in (left, right)]
@@ -332,7 +307,7 @@ class UpFormulas:
             return self._manager.FALSE()
         return self._manager.Equals(left, right)
 
-    def _comparison(self, node: Comparison, scope: Bindings) -> FNode:
+    def _comparison(self, node: f.Comparison, scope: Bindings) -> FNode:
         compare = {
             "<": self._manager.LT,
             "<=": self._manager.LE,
@@ -342,7 +317,7 @@ class UpFormulas:
         }[node.operator]
         return compare(self.expression(node.left, scope), self.expression(node.right, scope))
 
-    def _arithmetic(self, node: Arithmetic, scope: Bindings) -> FNode:
+    def _arithmetic(self, node: f.Arithmetic, scope: Bindings) -> FNode:
         operands = [self.expression(operand, scope) for operand in node.operands]
         if node.operator == "-" and len(operands) == 1:
             return self._manager.Times(-1, operands[0])
@@ -355,13 +330,13 @@ class UpFormulas:
             return join(operands)
         return reduce(self._manager.Minus if node.operator == "-" else self._manager.Div, operands)
 
-    def _atom(self, node: Atom, scope: Bindings) -> FNode:
+    def _atom(self, node: f.Atom, scope: Bindings) -> FNode:
         if fold(node.predicate) in self._context.rules:
             return self._derived(node, scope)
         return self._applied(PREDICATE, node.predicate, node, node.terms, scope)
 
     def _applied(
-        self, category: str, name: str, node: object, terms: Sequence[Term], scope: Bindings
+        self, category: str, name: str, node: object, terms: Sequence[f.Term], scope: Bindings
     ) -> FNode:
         fluent = self._context.fluents.get((category, fold(name)))
         if fluent is None:
@@ -376,7 +351,7 @@ class UpFormulas:
                 raise self._context.unsupported(node, reason)
         return self._manager.FluentExp(fluent, arguments)
 
-    def _derived(self, node: Atom, scope: Bindings) -> FNode:
+    def _derived(self, node: f.Atom, scope: Bindings) -> FNode:
         key = fold(node.predicate)
         if key in self._expanding:
             reason = "a derived predicate that rests on itself has no counterpart"
@@ -394,8 +369,8 @@ class UpFormulas:
 
     def _body(
         self,
-        head: Sequence[TypedName],
-        body: Formula,
+        head: Sequence[f.TypedName],
+        body: f.Formula,
         arguments: Sequence[FNode],
         scope: Bindings,
     ) -> FNode:
@@ -420,12 +395,12 @@ class UpPreferences:
     """
 
     def __init__(
-        self, metric: Metric | None, context: ConversionContext, formulas: UpFormulas
+        self, metric: f.Metric | None, context: ConversionContext, formulas: UpFormulas
     ) -> None:
         self._context, self._formulas = context, formulas
         self._weights: dict[str, Fraction] = {}
         self.gains: dict[FNode, Fraction] = {}
-        if metric is not None and mentions(IsViolated, metric.expression):
+        if metric is not None and mentions(f.IsViolated, metric.expression):
             with context.at("the metric"):
                 sign = 1 if metric.optimization == "minimize" else -1
                 weights = self._linear(metric.expression)
@@ -437,44 +412,44 @@ class UpPreferences:
         """Whether the metric counts preferences."""
         return bool(self._weights)
 
-    def without(self, nodes: Iterable[Formula]) -> Iterator[Formula]:
+    def without(self, nodes: Iterable[f.Formula]) -> Iterator[f.Formula]:
         """Drop the preferences that the metric does not count."""
         for node in nodes:
-            if not mentions(Preference, node):
+            if not mentions(f.Preference, node):
                 yield node
                 continue
             match node:
-                case And(parts):
+                case f.And(parts):
                     yield from self.without(parts)
-                case Forall(variables, inner):
+                case f.Forall(variables, inner):
                     rest = tuple(self.without([inner]))
                     if rest:
-                        yield Forall(variables, And(rest))
-                case Preference(name, _) if not self._weight(name):
+                        yield f.Forall(variables, f.And(rest))
+                case f.Preference(name, _) if not self._weight(name):
                     continue
-                case Preference():
+                case f.Preference():
                     reason = "only a preference in the goal can be counted by a metric there"
                     raise self._context.unsupported(node, reason)
                 case _:
                     raise self._context.unsupported(node, "a preference stands at an odd place")
 
-    def goals(self, nodes: Iterable[Formula], scope: Bindings) -> Iterator[FNode]:
+    def goals(self, nodes: Iterable[f.Formula], scope: Bindings) -> Iterator[FNode]:
         """Convert goals, and add up the gains of preferences."""
         for node in nodes:
             match node:
-                case Preference(name, inner):
+                case f.Preference(name, inner):
                     if weight := self._weight(name):
                         goal = self._formulas.formula(inner, scope)
                         self.gains[goal] = self.gains.get(goal, Fraction(0)) + weight
-                case And(parts):
+                case f.And(parts):
                     yield from self.goals(parts, scope)
-                case Forall(variables, inner) if mentions(Preference, inner):
+                case f.Forall(variables, inner) if mentions(f.Preference, inner):
                     for within in self._instances(variables, scope):
                         yield from self.goals([inner], within)
                 case _:
                     yield self._formulas.formula(node, scope)
 
-    def _instances(self, variables: Sequence[TypedName], scope: Bindings) -> Iterator[Bindings]:
+    def _instances(self, variables: Sequence[f.TypedName], scope: Bindings) -> Iterator[Bindings]:
         choices = []
         for variable in variables:
             branches = self._context.types.branches(variable.types)
@@ -495,13 +470,13 @@ class UpPreferences:
     def _weight(self, name: str | None) -> Fraction:
         return self._weights.get(fold(name), Fraction(0)) if name else Fraction(0)
 
-    def _linear(self, node: Expression) -> dict[str, Fraction]:
+    def _linear(self, node: f.Expression) -> dict[str, Fraction]:
         match node:
-            case Number(value):
+            case f.Number(value):
                 return {_CONSTANT: Fraction(value)}
-            case IsViolated(preference):
+            case f.IsViolated(preference):
                 return {fold(preference): Fraction(1)}
-            case Arithmetic(operator, operands):
+            case f.Arithmetic(operator, operands):
                 parts = [self._linear(operand) for operand in operands]
                 if operator in {"+", "-"}:
                     first = -1 if operator == "-" and len(parts) == 1 else 1
@@ -533,6 +508,6 @@ def _sum(parts: Iterable[tuple[Fraction | int, dict[str, Fraction]]]) -> dict[st
     return total
 
 
-def mentions(kind: type[Node], *nodes: Node) -> bool:
+def mentions(kind: type[f.Node], *nodes: f.Node) -> bool:
     """Return whether nodes contain a node of a class."""
-    return any(isinstance(node, kind) for node in walk(*nodes))
+    return any(isinstance(node, kind) for node in f.walk(*nodes))

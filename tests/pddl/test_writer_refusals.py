@@ -120,5 +120,5 @@ def test_what_could_not_be_read_back_is_refused(document: Domain | Problem, mess
 
 
 def test_only_documents_are_written() -> None:
-    with pytest.raises(InvalidKnowledgeError, match="a Domain or a Problem, not Atom"):
+    with pytest.raises(InvalidKnowledgeError, match="a Domain or Problem, not Atom"):
         write(FREE)  # type: ignore[arg-type]
