@@ -1,10 +1,9 @@
-"""The conversion of a problem of unified-planning to documents."""
+"""Conversion of a problem of unified-planning to documents."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field, replace
-from decimal import Decimal
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
 from fractions import Fraction
 from math import prod
 from typing import TYPE_CHECKING
@@ -16,7 +15,6 @@ from ..errors import InvalidArgumentError, UnsupportedConstructError
 from ..pddl.document import (
     ACTION,
     DURATIVE_ACTION,
-    EVENT,
     PROCESS,
     Action,
     Domain,
@@ -26,91 +24,69 @@ from ..pddl.document import (
     Problem,
 )
 from ..pddl.requirements import used_requirements
-from .names import (
-    FUNCTION,
-    OBJECT,
-    PREDICATE,
-    SHARED_MODALS,
-    TYPE,
-    VARIABLE,
-    PddlNames,
-    number,
-    pddl_name,
-    require_unified_planning,
-    unsupported,
-    unused_name,
-)
+from . import names as n
 
 if TYPE_CHECKING:
-    from unified_planning.model import (
-        DurationInterval,
-        Effect,
-        FNode,
-        Object,
-        Parameter,
-        Timing,
-        Transition,
-        Type,
-    )
-    from unified_planning.model import Fluent as UpFluent
+    from unified_planning import model as up
     from unified_planning.model import Problem as UpProblem
-    from unified_planning.model import Variable as UpVariable
     from unified_planning.model.timing import TimeInterval
 
-
-@dataclass(frozen=True, slots=True)
-class PddlVariables:
-    """The parameters and variables in scope.
-
-    Attributes:
-        names: the name of each in PDDL.
-    """
-
-    names: dict[Parameter | UpVariable, str] = field(default_factory=dict)
-
-    def bind(self, variables: Iterable[Parameter | UpVariable]) -> PddlVariables:
-        """Bind more variables, under unused names."""
-        names = dict(self.names)
-        for variable in variables:
-            taken = {fold(name) for name in names.values()}
-            names[variable] = unused_name(pddl_name(VARIABLE, variable.name), taken)
-        return PddlVariables(names)
+# The names in PDDL of the parameters and variables in scope.
+Bound = dict["up.Parameter | up.Variable", str]
+_KINDS = {name: kind for kind, name in n.ACTION_CLASSES.items()}
+_ARITHMETIC = {name.upper(): sign for sign, name in n.UP_ARITHMETIC.items()}
+_COMPARISONS = {name.upper(): sign for sign, name in n.UP_COMPARISONS.items()}
+_CONNECTIVES: dict[str, Callable[..., f.Formula]] = {
+    "AND": lambda *parts: f.And(parts),
+    "OR": lambda *parts: f.Or(parts),
+    "NOT": f.Not,
+    "IMPLIES": f.Imply,
+    "IFF": lambda left, right: f.And((f.Imply(left, right), f.Imply(right, left))),
+}
+_TIMES = {"START": f.AT_START, "END": f.AT_END}
+_PREFERENCE = "goal-"
 
 
-def category_of(fluent: UpFluent) -> str:
+def bind(bound: Bound, variables: Iterable[up.Parameter | up.Variable]) -> Bound:
+    """Bind more variables, under unused names."""
+    names = dict(bound)
+    for variable in variables:
+        taken = {fold(name) for name in names.values()}
+        names[variable] = n.unused_name(n.pddl_name(n.VARIABLE, variable.name), taken)
+    return names
+
+
+def category_of(fluent: up.Fluent) -> str:
     """Return what a fluent is in PDDL."""
-    return PREDICATE if fluent.type.is_bool_type() else FUNCTION
+    return n.PREDICATE if fluent.type.is_bool_type() else n.FUNCTION
 
 
 class PddlExpressions:
     """Converts expressions of one problem."""
 
-    def __init__(self, names: PddlNames) -> None:
-        self._names = names
+    def __init__(self) -> None:
+        self.names = n.PddlNames()
         self.where = "the problem"
 
     def unsupported(self, construct: object, reason: str) -> UnsupportedConstructError:
         """Make the error for a construct that PDDL cannot express."""
-        return unsupported("PDDL", construct, self.where, reason)
+        return n.unsupported("PDDL", construct, self.where, reason)
 
-    def type_name(self, type_: Type) -> str:
+    def type_name(self, type_: up.Type) -> str:
         """Return the name of a type."""
         if not type_.is_user_type():
             raise self.unsupported(f"a parameter of type {type_}", "parameters are objects")
         if type_.father is None and fold(type_.name) == ROOT_TYPE:
             return ROOT_TYPE
-        return self._names.of(TYPE, type_.name)
+        return self.names.of(n.TYPE, type_.name)
 
     def typed(
-        self, variables: Iterable[Parameter | UpVariable], bound: PddlVariables
+        self, variables: Iterable[up.Parameter | up.Variable], bound: Bound
     ) -> tuple[f.TypedName, ...]:
         """Write variables with their types."""
-        return tuple(
-            f.TypedName(bound.names[variable], (self.type_name(variable.type),))
-            for variable in variables
-        )
+        return tuple(f.TypedName(bound[one], (self.type_name(one.type),)) for one in variables)
 
-    def conjuncts(self, nodes: Iterable[FNode], bound: PddlVariables) -> tuple[f.Formula, ...]:
+    def conjuncts(self, nodes: Iterable[up.FNode], bound: Bound) -> tuple[f.Formula, ...]:
         """Convert conditions to a list of conjuncts."""
         found: list[f.Formula] = []
         for node in nodes:
@@ -120,145 +96,109 @@ class PddlExpressions:
                 found.append(self.formula(node, bound))
         return tuple(found)
 
-    def formula(self, node: FNode, bound: PddlVariables) -> f.Formula:
+    def formula(self, node: up.FNode, bound: Bound) -> f.Formula:
         """Convert a condition or a constraint."""
-        from unified_planning.model import OperatorKind
-
-        kind = node.node_type
-        if kind in {OperatorKind.FORALL, OperatorKind.EXISTS}:
-            within = bound.bind(node.variables())
-            quantifier = f.Forall if kind == OperatorKind.FORALL else f.Exists
+        kind = node.node_type.name
+        if kind in {"FORALL", "EXISTS"}:
+            within = bind(bound, node.variables())
+            quantifier = f.Forall if kind == "FORALL" else f.Exists
             variables = self.typed(node.variables(), within)
             return quantifier(variables, self.formula(node.arg(0), within))
-        if kind == OperatorKind.BOOL_CONSTANT:
+        if kind == "BOOL_CONSTANT":
             return f.And() if node.is_true() else f.Or()
-        if kind in {OperatorKind.LE, OperatorKind.LT} or (
-            kind == OperatorKind.EQUALS and not node.arg(0).type.is_user_type()
-        ):
-            sign = {OperatorKind.LE: "<=", OperatorKind.LT: "<"}.get(kind, "=")
+        if kind == "EQUALS" and node.arg(0).type.is_user_type():
+            return f.Equal(*self.terms(node, bound))
+        if kind in _COMPARISONS:
             left, right = (self.expression(part, bound) for part in node.args)
-            return f.Comparison(sign, left, right)
-        if kind == OperatorKind.EQUALS:
-            return f.Equal(*(self.term(part, bound) for part in node.args))
-        if kind == OperatorKind.FLUENT_EXP:
-            terms = tuple(self.term(part, bound) for part in node.args)
-            return f.Atom(self._names.of(PREDICATE, node.fluent().name), terms)
-        return self._connective(node, bound)
-
-    def _connective(self, node: FNode, bound: PddlVariables) -> f.Formula:
-        from unified_planning.model import OperatorKind
-
-        kind = node.node_type
-        modal = kind.name.lower().replace("_", "-")
-        connectives = {OperatorKind.AND, OperatorKind.OR, OperatorKind.NOT}
-        connectives |= {OperatorKind.IMPLIES, OperatorKind.IFF}
-        if kind not in connectives and modal not in SHARED_MODALS:
+            return f.Comparison(_COMPARISONS[kind], left, right)
+        if kind == "FLUENT_EXP":
+            name = self.names.of(n.PREDICATE, node.fluent().name)
+            return f.Atom(name, self.terms(node, bound))
+        modal = kind.lower().replace("_", "-")
+        if kind not in _CONNECTIVES and modal not in n.SHARED_MODALS:
             raise self.unsupported(node, "it is no formula of PDDL")
         parts = tuple(self.formula(part, bound) for part in node.args)
-        if modal in SHARED_MODALS:
+        if modal in n.SHARED_MODALS:
             return f.Modal(modal, (), parts)
-        if kind == OperatorKind.NOT:
-            return f.Not(parts[0])
-        if kind == OperatorKind.IMPLIES:
-            return f.Imply(*parts)
-        if kind == OperatorKind.IFF:
-            return f.And((f.Imply(*parts), f.Imply(*reversed(parts))))
-        return f.And(parts) if kind == OperatorKind.AND else f.Or(parts)
+        return _CONNECTIVES[kind](*parts)
 
-    def term(self, node: FNode, bound: PddlVariables) -> f.Term:
+    def terms(self, node: up.FNode, bound: Bound) -> tuple[f.Term, ...]:
+        """Convert the arguments of a node."""
+        return tuple(self.term(part, bound) for part in node.args)
+
+    def term(self, node: up.FNode, bound: Bound) -> f.Term:
         """Convert a term."""
         if node.is_object_exp():
-            return f.Constant(self._names.of(OBJECT, node.object().name))
+            return f.Constant(self.names.of(n.OBJECT, node.object().name))
         if node.type.is_user_type():
             if node.is_parameter_exp():
-                return f.Variable(bound.names[node.parameter()])
+                return f.Variable(bound[node.parameter()])
             if node.is_variable_exp():
-                return f.Variable(bound.names[node.variable()])
+                return f.Variable(bound[node.variable()])
             if node.is_fluent_exp():
                 return self.fluent(node, bound)
         raise self.unsupported(node, "it is no object")
 
-    def fluent(self, node: FNode, bound: PddlVariables) -> f.Fluent:
+    def fluent(self, node: up.FNode, bound: Bound) -> f.Fluent:
         """Convert a numeric or object fluent."""
-        terms = tuple(self.term(part, bound) for part in node.args)
-        return f.Fluent(self._names.of(FUNCTION, node.fluent().name), terms)
+        return f.Fluent(self.names.of(n.FUNCTION, node.fluent().name), self.terms(node, bound))
 
-    def expression(self, node: FNode, bound: PddlVariables) -> f.Expression:
+    def expression(self, node: up.FNode, bound: Bound) -> f.Expression:
         """Convert a numeric expression."""
-        from unified_planning.model import OperatorKind
-
-        operators = {
-            OperatorKind.PLUS: "+",
-            OperatorKind.MINUS: "-",
-            OperatorKind.TIMES: "*",
-            OperatorKind.DIV: "/",
-        }
+        kind = node.node_type.name
         if node.is_int_constant() or node.is_real_constant():
-            return number(node.constant_value())
+            return n.number(node.constant_value())
         if node.is_fluent_exp() and not node.type.is_user_type():
             return self.fluent(node, bound)
-        if node.node_type in operators:
+        if kind in _ARITHMETIC:
             operands = tuple(self.expression(part, bound) for part in node.args)
-            return f.Arithmetic(operators[node.node_type], operands)
+            return f.Arithmetic(_ARITHMETIC[kind], operands)
         raise self.unsupported(node, "it is no number")
 
 
-class PddlActions:
-    """Converts the actions of one problem."""
+class PddlActions(PddlExpressions):
+    """Converts the actions of one problem, too."""
 
-    def __init__(self, names: PddlNames, expressions: PddlExpressions) -> None:
-        self._names, self._expressions = names, expressions
-
-    def action(self, action: Transition, cost: FNode | None) -> Action:
+    def action(self, action: up.Transition, cost: up.FNode | None) -> Action:
         """Convert an action, a process or an event."""
-        from unified_planning import model
-
-        kinds = {
-            model.InstantaneousAction: ACTION,
-            model.DurativeAction: DURATIVE_ACTION,
-            model.Process: PROCESS,
-            model.Event: EVENT,
-        }
-        self._expressions.where = f"action {action.name}"
-        if type(action) not in kinds:
-            raise self._expressions.unsupported(type(action).__name__, "PDDL has no such action")
-        kind = kinds[type(action)]
-        simulated = "simulated_effects" if kind == DURATIVE_ACTION else "simulated_effect"
-        if getattr(action, simulated, None) if kind != PROCESS else None:
-            raise self._expressions.unsupported("a simulated effect", "its meaning is a program")
-        bound = PddlVariables().bind(action.parameters)
+        self.where = f"action {action.name}"
+        kind = _KINDS.get(type(action).__name__)
+        if kind is None:
+            raise self.unsupported(type(action).__name__, "PDDL has no such action")
         timed = kind == DURATIVE_ACTION
-        effects = list(
-            self._durative_effects(action, bound) if timed else self._effects(action, bound)
-        )
+        simulated = "simulated_effects" if timed else "simulated_effect"
+        if getattr(action, simulated, None) if kind != PROCESS else None:
+            raise self.unsupported("a simulated effect", "its meaning is a program")
+        bound = bind({}, action.parameters)
+        effects = [*(self._durative_effects if timed else self._effects)(action, bound)]
         if cost is not None:
-            value = self._expressions.expression(cost, bound)
+            value = self.expression(cost, bound)
             increase = f.Assign("increase", f.Fluent(f.TOTAL_COST), value)
             effects.append(f.Timed(f.AT_END, increase) if timed else increase)
         return Action(
             kind,
-            self._names.of(kind, action.name),
-            self._expressions.typed(action.parameters, bound),
+            self.names.of(kind, action.name),
+            self.typed(action.parameters, bound),
             self._duration(action.duration, bound) if timed else (),
             tuple(self._conditions(action, bound))
             if timed
-            else self._expressions.conjuncts(action.preconditions, bound),
+            else self.conjuncts(action.preconditions, bound),
             tuple(effects),
         )
 
-    def _duration(self, interval: DurationInterval, bound: PddlVariables) -> tuple[f.Formula, ...]:
+    def _duration(self, interval: up.DurationInterval, bound: Bound) -> tuple[f.Formula, ...]:
         variable = f.Variable(f.DURATION)
-        lower = self._expressions.expression(interval.lower, bound)
-        upper = self._expressions.expression(interval.upper, bound)
+        lower = self.expression(interval.lower, bound)
+        upper = self.expression(interval.upper, bound)
         if interval.lower == interval.upper:
             return (f.Comparison("=", variable, lower),)
         left = ">" if interval.is_left_open() else ">="
         right = "<" if interval.is_right_open() else "<="
         return f.Comparison(left, variable, lower), f.Comparison(right, variable, upper)
 
-    def _conditions(self, action: Transition, bound: PddlVariables) -> Iterator[f.Formula]:
+    def _conditions(self, action: up.Transition, bound: Bound) -> Iterator[f.Formula]:
         for interval, nodes in action.conditions.items():
-            for node in self._expressions.conjuncts(nodes, bound):
+            for node in self.conjuncts(nodes, bound):
                 for time in self._times(interval):
                     yield f.Timed(time, node)
 
@@ -268,41 +208,39 @@ class PddlActions:
             yield lower
             return
         if (lower, upper) != (f.AT_START, f.AT_END):
-            raise self._expressions.unsupported(interval, "it ends before it starts")
+            raise self.unsupported(interval, "it ends before it starts")
         if not interval.is_left_open():
             yield f.AT_START
         yield f.OVER_ALL
         if not interval.is_right_open():
             yield f.AT_END
 
-    def _time(self, timing: Timing) -> str:
-        from unified_planning.model.timing import TimepointKind
-
-        times = {TimepointKind.START: f.AT_START, TimepointKind.END: f.AT_END}
-        if timing.delay != 0 or timing.timepoint.kind not in times:
+    def _time(self, timing: up.Timing) -> str:
+        kind = timing.timepoint.kind.name
+        if timing.delay != 0 or kind not in _TIMES:
             reason = "a time in an action is its start or its end"
-            raise self._expressions.unsupported(f"time {timing}", reason)
-        return times[timing.timepoint.kind]
+            raise self.unsupported(f"time {timing}", reason)
+        return _TIMES[kind]
 
-    def _effects(self, action: Transition, bound: PddlVariables) -> Iterator[f.Formula]:
+    def _effects(self, action: up.Transition, bound: Bound) -> Iterator[f.Formula]:
         for effect in action.effects:
             yield from self.effect(effect, None, bound)
 
-    def _durative_effects(self, action: Transition, bound: PddlVariables) -> Iterator[f.Formula]:
+    def _durative_effects(self, action: up.Transition, bound: Bound) -> Iterator[f.Formula]:
         for timing, effects in action.effects.items():
             for effect in effects:
                 yield from self.effect(effect, self._time(timing), bound)
         for interval, effects in action.continuous_effects.items():
             if list(self._times(interval)) != [f.AT_START, f.OVER_ALL, f.AT_END]:
                 reason = "a continuous effect lasts throughout its action"
-                raise self._expressions.unsupported(interval, reason)
+                raise self.unsupported(interval, reason)
             for effect in effects:
                 yield from self.effect(effect, None, bound)
 
-    def effect(self, effect: Effect, time: str | None, bound: PddlVariables) -> Iterator[f.Formula]:
+    def effect(self, effect: up.Effect, time: str | None, bound: Bound) -> Iterator[f.Formula]:
         """Convert an effect."""
-        within = bound.bind(effect.forall)
-        conditions = self._expressions.conjuncts([effect.condition], within)
+        within = bind(bound, effect.forall)
+        conditions = self.conjuncts([effect.condition], within)
         for extra, change in self._changes(effect, within):
             parts = tuple(
                 part if time is None else f.Timed(time, part) for part in (*conditions, *extra)
@@ -311,97 +249,42 @@ class PddlActions:
             if parts:
                 formula = f.When(parts[0] if len(parts) == 1 else f.And(parts), formula)
             if effect.forall:
-                formula = f.Forall(self._expressions.typed(effect.forall, within), formula)
+                formula = f.Forall(self.typed(effect.forall, within), formula)
             yield formula
 
     def _changes(
-        self, effect: Effect, bound: PddlVariables
+        self, effect: up.Effect, bound: Bound
     ) -> Iterator[tuple[tuple[f.Formula, ...], f.Formula]]:
-        expressions, target, value = self._expressions, effect.fluent, effect.value
+        target, value = effect.fluent, effect.value
         if target.type.is_bool_type():
-            atom = expressions.formula(target, bound)
+            atom = self.formula(target, bound)
             if not value.is_bool_constant():
-                condition = expressions.formula(value, bound)
+                condition = self.formula(value, bound)
                 yield (condition,), atom
                 yield (f.Not(condition),), f.Not(atom)
             else:
                 yield (), atom if value.is_true() else f.Not(atom)
             return
-        fluent = expressions.fluent(target, bound)
+        fluent = self.fluent(target, bound)
         if target.type.is_user_type():
-            yield (), f.Assign("assign", fluent, expressions.term(value, bound))
+            yield (), f.Assign("assign", fluent, self.term(value, bound))
             return
-        amount = expressions.expression(value, bound)
+        amount = self.expression(value, bound)
         if effect.is_continuous_increase() or effect.is_continuous_decrease():
-            operator = "increase" if effect.is_continuous_increase() else "decrease"
-            yield (), f.Assign(operator, fluent, f.Arithmetic("*", (f.ContinuousTime(), amount)))
-        elif effect.is_assignment():
-            yield (), f.Assign("assign", fluent, amount)
-        else:
-            yield (), f.Assign("increase" if effect.is_increase() else "decrease", fluent, amount)
-
-
-def initial_state(
-    problem: UpProblem, expressions: PddlExpressions
-) -> tuple[tuple[f.Atom, ...], tuple[FunctionValue, ...]]:
-    """Convert the initial state."""
-    facts, values = [], []
-    for fluent in problem.fluents:
-        for target, value in _values(problem, fluent, expressions):
-            if fluent.type.is_bool_type():
-                fact = expressions.formula(target, PddlVariables())
-                if value.is_true() and isinstance(fact, f.Atom):
-                    facts.append(fact)
-                continue
-            function = expressions.fluent(target, PddlVariables())
-            values.append(FunctionValue(function, _value(value, fluent, expressions)))
-    return tuple(facts), tuple(values)
-
-
-def _value(value: FNode, fluent: UpFluent, expressions: PddlExpressions) -> f.Number | f.Constant:
-    if fluent.type.is_user_type():
-        item = expressions.term(value, PddlVariables())
-        if isinstance(item, f.Constant):
-            return item
-        raise expressions.unsupported(value, "it is no object")
-    number = expressions.expression(value, PddlVariables())
-    if isinstance(number, f.Number):
-        return number
-    raise expressions.unsupported(value, "no decimal number is equal to it")
-
-
-def _values(
-    problem: UpProblem, fluent: UpFluent, expressions: PddlExpressions
-) -> Iterator[tuple[FNode, FNode]]:
-    from unified_planning.model.fluent import get_all_fluent_exp
-
-    explicit = {
-        target: value
-        for target, value in problem.explicit_initial_values.items()
-        if target.fluent() == fluent
-    }
-    default = problem.fluents_defaults.get(fluent)
-    if default is not None and not default.is_false():
-        for target in get_all_fluent_exp(problem, fluent):
-            yield target, explicit.get(target, default)
-        return
-    if fluent.type.is_bool_type() and default is None:
-        sizes = (len(list(problem.objects(part.type))) for part in fluent.signature)
-        if len(explicit) != prod(sizes):
-            reason = "atoms that are not listed are false; give it a default initial value"
-            raise expressions.unsupported(f"unknown values of {fluent.name}", reason)
-    yield from explicit.items()
-
-
-_PREFERENCE = "goal-"
+            amount = f.Arithmetic("*", (f.ContinuousTime(), amount))
+        operator = "assign"
+        if not effect.is_assignment():
+            is_increase = effect.is_increase() or effect.is_continuous_increase()
+            operator = "increase" if is_increase else "decrease"
+        yield (), f.Assign(operator, fluent, amount)
 
 
 def from_unified_planning(problem: UpProblem) -> tuple[Domain, Problem]:
-    """Make a domain and a problem that mean what a problem of unified-planning means.
+    """Convert a problem of unified-planning to a domain and a problem of the same meaning.
 
-    Names become ones that the grammar of PDDL allows: `left arm` is `left_arm`. Where letters'
-    case alone tells elements of different categories apart, predicates, functions and types have
-    their category appended.
+    Names become names that the grammar of PDDL allows: `left arm` is `left_arm`. Predicates,
+    functions and types get their category appended where only letter case distinguishes them from
+    an element of another category.
 
     Args:
         problem: the problem.
@@ -411,11 +294,11 @@ def from_unified_planning(problem: UpProblem) -> tuple[Domain, Problem]:
 
     Raises:
         PlannerMissingError: unified-planning is not installed.
-        InvalidNameError: two elements of one category would have one name in PDDL.
-        UnsupportedConstructError: PDDL cannot express something exactly, or it is nested too deeply
-            for unified-planning's own recursion; the message says what.
+        InvalidNameError: two elements of one category would get the same name in PDDL.
+        UnsupportedConstructError: PDDL cannot express a construct exactly, or it is nested too
+            deeply for unified-planning's own recursion; the message names it.
     """
-    require_unified_planning()
+    n.require_unified_planning()
     from unified_planning.model import AbstractProblem
 
     expected = "a problem of unified-planning"
@@ -429,22 +312,20 @@ def from_unified_planning(problem: UpProblem) -> tuple[Domain, Problem]:
         ) from error
 
 
-class PddlDocuments:
+class PddlDocuments(PddlActions):
     """One conversion of a problem."""
 
-    def __init__(self, problem: UpProblem) -> None:
+    def __init__(self, problem: up.Problem) -> None:
+        super().__init__()
         self._problem = problem
-        self._names = PddlNames()
-        self._expressions = PddlExpressions(self._names)
         self._check()
-        for category, element in _elements(problem):
-            self._names.claim(category, element.name)
+        for category, name in _elements(problem):
+            self.names.claim(category, name)
         if self._costs():
-            self._names.claim(FUNCTION, f.TOTAL_COST)
-        self._actions = PddlActions(self._names, self._expressions)
+            self.names.claim(n.FUNCTION, f.TOTAL_COST)
 
     def _check(self) -> None:
-        problem, unsupported = self._problem, self._expressions.unsupported
+        problem, unsupported = self._problem, self.unsupported
         if type(problem).__name__ != "Problem":
             raise unsupported(f"a {type(problem).__name__}", "it knows problems of actions alone")
         if problem.discrete_time or problem.self_overlapping:
@@ -455,17 +336,16 @@ class PddlDocuments:
 
     def documents(self) -> tuple[Domain, Problem]:
         """Return the domain and the problem."""
-        name = pddl_name("problem", self._problem.name or "problem")
+        name = n.pddl_name("problem", self._problem.name or "problem")
         domain = self._domain(f"{name}-domain")
         constants = {part.name for part in _constants(domain)}
         objects = [
-            f.TypedName(self._names.of(OBJECT, item.name), self._type(item.type))
+            f.TypedName(self.names.of(n.OBJECT, item.name), self._type(item.type))
             for item in self._problem.all_objects
         ]
-        self._expressions.where = "the initial state"
-        facts, values = initial_state(self._problem, self._expressions)
+        facts, values = self._initial_state()
         if self._costs():
-            values = (*values, FunctionValue(f.Fluent(f.TOTAL_COST), f.Number(Decimal(0))))
+            values = (*values, FunctionValue(f.Fluent(f.TOTAL_COST), f.Number(0)))
         problem = Problem(
             name,
             domain.name,
@@ -484,13 +364,11 @@ class PddlDocuments:
         return domain, problem
 
     def _domain(self, name: str) -> Domain:
-        names, problem, predicates, functions = self._names, self._problem, [], []
+        names, problem, predicates, functions = self.names, self._problem, [], []
         for fluent in problem.fluents:
-            self._expressions.where = f"fluent {fluent.name}"
+            self.where = f"fluent {fluent.name}"
             called = names.of(category_of(fluent), fluent.name)
-            parameters = self._expressions.typed(
-                fluent.signature, PddlVariables().bind(fluent.signature)
-            )
+            parameters = self.typed(fluent.signature, bind({}, fluent.signature))
             if fluent.type.is_bool_type():
                 predicates.append(Predicate(called, parameters))
             elif fluent.type.is_user_type():
@@ -498,7 +376,7 @@ class PddlDocuments:
             elif fluent.type.lower_bound is None and fluent.type.upper_bound is None:
                 functions.append(Function(called, parameters))
             else:
-                raise self._expressions.unsupported(
+                raise self.unsupported(
                     fluent, "a number has no bounds; compile with BOUNDED_TYPES_REMOVING first"
                 )
         costs = self._costs()
@@ -508,7 +386,7 @@ class PddlDocuments:
             name,
             types=tuple(
                 f.TypedName(
-                    names.of(TYPE, type_.name),
+                    names.of(n.TYPE, type_.name),
                     (ROOT_TYPE,) if type_.father is None else self._type(type_.father),
                 )
                 for type_ in _types(problem)
@@ -516,15 +394,15 @@ class PddlDocuments:
             predicates=tuple(predicates),
             functions=tuple(functions),
             actions=tuple(
-                self._actions.action(action, costs.get(action.name))
+                self.action(action, costs.get(action.name))
                 for action in (*problem.actions, *problem.processes, *problem.events)
             ),
         )
 
     def _type(self, type_: object) -> tuple[str, ...]:
-        return (self._expressions.type_name(type_),)
+        return (self.type_name(type_),)
 
-    def _costs(self) -> dict[str, FNode]:
+    def _costs(self) -> dict[str, up.FNode]:
         costs = {}
         manager = self._problem.environment.expression_manager
         for metric in self._problem.quality_metrics:
@@ -539,45 +417,45 @@ class PddlDocuments:
         return costs
 
     def _timed(self) -> Iterator[f.TimedLiteral]:
-        self._expressions.where = "the timed effects"
+        self.where = "the timed effects"
         for timing, effects in self._problem.timed_effects.items():
-            time = number(timing.delay)
+            time = n.number(timing.delay)
             for effect in effects:
                 if timing.is_from_end() or not isinstance(time, f.Number):
-                    raise self._expressions.unsupported(timing, "no decimal number is equal to it")
+                    raise self.unsupported(timing, "no decimal number is equal to it")
                 constant = effect.value.is_constant() or effect.value.is_object_exp()
                 if effect.is_conditional() or not constant or not effect.is_assignment():
                     reason = "what happens at a time is certain, and no increase"
-                    raise self._expressions.unsupported(effect, reason)
-                for change in self._actions.effect(effect, None, PddlVariables()):
+                    raise self.unsupported(effect, reason)
+                for change in self.effect(effect, None, {}):
                     if not isinstance(change, f.Atom | f.Not | f.Assign):
-                        raise self._expressions.unsupported(effect, "it is no single literal")
+                        raise self.unsupported(effect, "it is no single literal")
                     yield f.TimedLiteral(time, change)
 
     def _with_goals(self, problem: Problem) -> Problem:
-        expressions, up_problem = self._expressions, self._problem
-        expressions.where = "the goals"
-        goals = list(expressions.conjuncts(up_problem.goals, PddlVariables()))
+        up_problem = self._problem
+        self.where = "the goals"
+        goals = list(self.conjuncts(up_problem.goals, {}))
         for interval, nodes in up_problem.timed_goals.items():
             if not (interval.lower == interval.upper and interval.lower.is_from_end()):
-                raise expressions.unsupported(f"a goal in {interval}", "goals hold at the end")
-            goals.extend(expressions.conjuncts(nodes, PddlVariables()))
+                raise self.unsupported(f"a goal in {interval}", "goals hold at the end")
+            goals.extend(self.conjuncts(nodes, {}))
         for number_, (goal, _) in enumerate(self._gains().items(), start=1):
-            preferred = expressions.formula(goal, PddlVariables())
+            preferred = self.formula(goal, {})
             goals.append(f.Preference(f"{_PREFERENCE}{number_}", preferred))
-        expressions.where = "the trajectory constraints"
-        constraints = expressions.conjuncts(up_problem.trajectory_constraints, PddlVariables())
+        self.where = "the trajectory constraints"
+        constraints = self.conjuncts(up_problem.trajectory_constraints, {})
         return replace(problem, goal=tuple(goals), constraints=constraints)
 
-    def _gains(self) -> dict[FNode, Fraction | int]:
+    def _gains(self) -> dict[up.FNode, Fraction | int]:
         for metric in self._problem.quality_metrics:
             if metric.is_oversubscription():
-                gains: dict[FNode, Fraction | int] = metric.goals
+                gains: dict[up.FNode, Fraction | int] = metric.goals
                 return gains
         return {}
 
     def _metric(self) -> f.Metric | None:
-        self._expressions.where = "the metric"
+        self.where = "the metric"
         for metric in self._problem.quality_metrics:
             if metric.is_minimize_makespan():
                 return f.Metric("minimize", f.Fluent(f.TOTAL_TIME))
@@ -585,7 +463,7 @@ class PddlDocuments:
                 return f.Metric("minimize", f.Fluent(f.TOTAL_COST)) if self._costs() else None
             if metric.is_oversubscription():
                 terms: tuple[f.Expression, ...] = tuple(
-                    f.Arithmetic("*", (number(gain), f.IsViolated(f"{_PREFERENCE}{position}")))
+                    f.Arithmetic("*", (n.number(gain), f.IsViolated(f"{_PREFERENCE}{position}")))
                     for position, gain in enumerate(metric.goals.values(), start=1)
                 )
                 if not terms:
@@ -593,10 +471,52 @@ class PddlDocuments:
                 sum_ = terms[0] if len(terms) == 1 else f.Arithmetic("+", terms)
                 return f.Metric("minimize", sum_)
             if metric.is_temporal_oversubscription():
-                raise self._expressions.unsupported(metric, "a preferred goal has no time")
+                raise self.unsupported(metric, "a preferred goal has no time")
             sense = "maximize" if metric.is_maximize_expression_on_final_state() else "minimize"
-            return f.Metric(sense, self._expressions.expression(metric.expression, PddlVariables()))
+            return f.Metric(sense, self.expression(metric.expression, {}))
         return None
+
+    def _initial_state(self) -> tuple[tuple[f.Atom, ...], tuple[FunctionValue, ...]]:
+        self.where = "the initial state"
+        facts, values = [], []
+        for fluent in self._problem.fluents:
+            for target, value in self._values(fluent):
+                if fluent.type.is_bool_type():
+                    fact = self.formula(target, {})
+                    if value.is_true() and isinstance(fact, f.Atom):
+                        facts.append(fact)
+                    continue
+                values.append(FunctionValue(self.fluent(target, {}), self._value(value, fluent)))
+        return tuple(facts), tuple(values)
+
+    def _value(self, value: up.FNode, fluent: up.Fluent) -> f.Number | f.Constant:
+        if fluent.type.is_user_type():
+            item = self.term(value, {})
+            if isinstance(item, f.Constant):
+                return item
+            raise self.unsupported(value, "it is no object")
+        number = self.expression(value, {})
+        if isinstance(number, f.Number):
+            return number
+        raise self.unsupported(value, "no decimal number is equal to it")
+
+    def _values(self, fluent: up.Fluent) -> Iterator[tuple[up.FNode, up.FNode]]:
+        from unified_planning.model.fluent import get_all_fluent_exp
+
+        problem = self._problem
+        given = problem.explicit_initial_values.items()
+        explicit = {target: value for target, value in given if target.fluent() == fluent}
+        default = problem.fluents_defaults.get(fluent)
+        if default is not None and not default.is_false():
+            for target in get_all_fluent_exp(problem, fluent):
+                yield target, explicit.get(target, default)
+            return
+        if fluent.type.is_bool_type() and default is None:
+            sizes = (len(list(problem.objects(part.type))) for part in fluent.signature)
+            if len(explicit) != prod(sizes):
+                reason = "atoms that are not listed are false; give it a default initial value"
+                raise self.unsupported(f"unknown values of {fluent.name}", reason)
+        yield from explicit.items()
 
 
 def _constants(domain: Domain) -> Iterator[f.Constant]:
@@ -606,21 +526,16 @@ def _constants(domain: Domain) -> Iterator[f.Constant]:
                 yield node
 
 
-def _types(problem: UpProblem) -> Iterator[Type]:
+def _types(problem: up.Problem) -> Iterator[up.Type]:
     for type_ in problem.user_types:
         if type_.father is not None or fold(type_.name) != ROOT_TYPE:
             yield type_
 
 
-def _elements(
-    problem: UpProblem,
-) -> Iterator[tuple[str, Object | Transition | UpFluent | Type]]:
-    from unified_planning.model import DurativeAction
-
-    yield from ((OBJECT, item) for item in problem.all_objects)
-    for action in problem.actions:
-        yield DURATIVE_ACTION if isinstance(action, DurativeAction) else ACTION, action
-    yield from ((PROCESS, process) for process in problem.processes)
-    yield from ((EVENT, event) for event in problem.events)
-    yield from ((category_of(fluent), fluent) for fluent in problem.fluents)
-    yield from ((TYPE, type_) for type_ in _types(problem))
+def _elements(problem: up.Problem) -> Iterator[tuple[str, str]]:
+    """Yield the category and the name of each element."""
+    yield from ((n.OBJECT, item.name) for item in problem.all_objects)
+    for action in (*problem.actions, *problem.processes, *problem.events):
+        yield _KINDS.get(type(action).__name__, ACTION), action.name
+    yield from ((category_of(fluent), fluent.name) for fluent in problem.fluents)
+    yield from ((n.TYPE, type_.name) for type_ in _types(problem))

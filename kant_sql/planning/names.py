@@ -15,7 +15,7 @@ from fractions import Fraction
 from ..dto import formulas as f
 from ..dto.lexical import RESERVED, ROOT_TYPE, fold
 from ..errors import InvalidNameError, PlannerMissingError, UnsupportedConstructError
-from ..pddl.document import ACTION, DURATIVE_ACTION, Action, Domain, Problem
+from ..pddl.document import ACTION, DURATIVE_ACTION, EVENT, PROCESS, Action, Domain, Problem
 from ..pddl.requirements import is_function
 
 
@@ -29,6 +29,15 @@ def require_unified_planning() -> None:
 
 
 OBJECT, PREDICATE, FUNCTION, TYPE = "object", "predicate", "function", "type"
+ACTION_CLASSES = {
+    ACTION: "InstantaneousAction",
+    DURATIVE_ACTION: "DurativeAction",
+    PROCESS: "Process",
+    EVENT: "Event",
+}
+# Operators as methods of the expression manager; `OperatorKind` spells them in capitals.
+UP_ARITHMETIC = {"+": "Plus", "-": "Minus", "*": "Times", "/": "Div"}
+UP_COMPARISONS = {"<": "LT", "<=": "LE", "=": "Equals", ">=": "GE", ">": "GT"}
 # The modal operators that both have; unified-planning spells them `AT_MOST_ONCE` and `AtMostOnce`.
 SHARED_MODALS = ("always", "sometime", "at-most-once", "sometime-after", "sometime-before")
 
