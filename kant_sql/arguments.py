@@ -92,7 +92,7 @@ def _named(wanted: type | tuple[type, ...]) -> str:
 
 def expect_list(value: Any, wanted: type[T] | tuple[type[T], ...], role: str) -> Sequence[T]:
     """Check a list or tuple and the class of its items."""
-    if not isinstance(value, tuple):
+    if not isinstance(value, list | tuple):
         expect(value, list, role)
     for item in value:
         if not isinstance(item, wanted):

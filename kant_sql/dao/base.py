@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Hashable, Iterable, Sequence
 from decimal import Decimal
 from itertools import islice
 from typing import Any, ClassVar, Generic, TypeVar
@@ -356,12 +356,17 @@ class Definer(ABC, Generic[D, F]):
 
     def ensure(self, transaction: Transaction, dto: D, role: str) -> F:
         """Find the element that another one refers to; save it when it is missing."""
-        expect(dto, self.dto_class, f"the {self.kind} of {role}")
-        stored: F | None = transaction.definitions.elements(self.kind).named(dto.name)
-        if stored is None:
-            return self._define(transaction, dto, False)[0]
-        self.check(transaction, dto, stored, role)
-        return stored
+        reference, agreements = self._reference(dto), transaction.agreements
+        found: Any = None if reference is None else agreements.find(reference)
+        if found is None:
+            expect(dto, self.dto_class, f"the {self.kind} of {role}")
+            found = transaction.definitions.elements(self.kind).named(dto.name)
+            if found is None:
+                return self._define(transaction, dto, False)[0]
+            self.check(transaction, dto, found, role)
+            if reference is not None:
+                agreements.new[reference] = found
+        return found  # type: ignore[no-any-return]
 
     def check(self, transaction: Transaction, dto: D, stored: F, role: str) -> None:
         """Refuse a reference that says something else than what is stored."""
@@ -404,6 +409,10 @@ class Definer(ABC, Generic[D, F]):
     def _name_kind(self, dto: D) -> str:
         """Return what decides which names the element can have."""
         return self.kind
+
+    def _reference(self, dto: D) -> Hashable:
+        """Return all that `_agrees` compares, if the DTO is of the plainest form; else None."""
+        return None
 
     @abstractmethod
     def _make(self, transaction: Transaction, dto: D, stored: F | None) -> F:

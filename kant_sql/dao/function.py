@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Hashable
 from typing import ClassVar
 
 from ..arguments import expect_list
@@ -20,6 +21,7 @@ from .predicate import (
     refuse_number,
     same_types,
 )
+from .type import plain_types
 
 
 class FunctionDefiner(Definer[PddlFunctionDto, FunctionDefinition]):
@@ -30,6 +32,12 @@ class FunctionDefiner(Definer[PddlFunctionDto, FunctionDefinition]):
 
     def _name_kind(self, dto: PddlFunctionDto) -> str:
         return function_kind(dto.types, dto.value_types)
+
+    def _reference(self, dto: PddlFunctionDto) -> Hashable:
+        if type(dto) is not PddlFunctionDto or type(dto.name) is not str:
+            return None
+        types, values = plain_types(dto.types), plain_types(dto.value_types)
+        return None if None in (types, values) else ("function", dto.name, types, values)
 
     def _make(
         self, transaction: Transaction, dto: PddlFunctionDto, stored: FunctionDefinition | None

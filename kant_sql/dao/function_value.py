@@ -111,9 +111,7 @@ class FluentReferences(Arguments):
     """What the fluents of one batch refer to."""
 
     def __init__(self, transaction: Transaction) -> None:
-        """Make it for one batch."""
         super().__init__(transaction, _ROLE)
-        self._functions: dict[int, tuple[FunctionDefinition, Any]] = {}
 
     def entry(self, dto: PddlFunctionValueDto) -> tuple[FluentKey, str, FluentValue]:
         """Check a value, and save what it refers to when it is missing."""
@@ -166,11 +164,7 @@ class FluentReferences(Arguments):
                     "or give a PddlFunctionDto"
                 )
             return named
-        found = self._functions.get(id(dto))
-        if found is None:
-            found = FUNCTIONS.ensure(self._transaction, dto, _ROLE), dto
-            self._functions[id(dto)] = found
-        return found[0]
+        return FUNCTIONS.ensure(self._transaction, dto, _ROLE)
 
 
 def existing_key(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Hashable
 from typing import ClassVar
 
 from ..arguments import expect, flag
@@ -12,7 +13,7 @@ from ..knowledge.definitions import ObjectDefinition
 from ..store.transaction import Transaction
 from .base import Definer, SqlNamedDao
 from .interfaces import PddlObjectDao
-from .type import ensure_types
+from .type import ensure_types, plain_type
 
 
 class ObjectDefiner(Definer[PddlObjectDto, ObjectDefinition]):
@@ -20,6 +21,12 @@ class ObjectDefiner(Definer[PddlObjectDto, ObjectDefinition]):
 
     kind = "object"
     dto_class = PddlObjectDto
+
+    def _reference(self, dto: PddlObjectDto) -> Hashable:
+        if type(dto) is not PddlObjectDto or type(dto.name) is not str:
+            return None
+        of = plain_type(dto.type)
+        return None if of is None else ("object", dto.name, of)
 
     def _make(
         self, transaction: Transaction, dto: PddlObjectDto, stored: ObjectDefinition | None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Hashable, Iterable, Sequence
 from typing import ClassVar
 
 from ..arguments import expect_list
@@ -15,7 +15,7 @@ from ..knowledge.trees import ParameterDefinition
 from ..store.transaction import Transaction
 from .base import Definer, SqlNamedDao
 from .interfaces import PddlPredicateDao
-from .type import TYPES, ensure_types
+from .type import TYPES, ensure_types, plain_types
 
 # The arguments of an atom are one index key, and PostgreSQL's keys end at 2,704 bytes.
 MAX_ARITY = 100
@@ -116,6 +116,12 @@ class PredicateDefiner(Definer[PddlPredicateDto, PredicateDefinition]):
 
     kind = "predicate"
     dto_class = PddlPredicateDto
+
+    def _reference(self, dto: PddlPredicateDto) -> Hashable:
+        if type(dto) is not PddlPredicateDto or type(dto.name) is not str:
+            return None
+        types = None if dto.parameter_names is not None else plain_types(dto.types)
+        return None if types is None else ("predicate", dto.name, types)
 
     def _make(
         self, transaction: Transaction, dto: PddlPredicateDto, stored: PredicateDefinition | None

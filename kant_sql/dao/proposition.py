@@ -31,17 +31,11 @@ _ROLE = "a proposition"
 
 
 class Arguments:
-    """The objects that the elements of one batch refer to: the same reference is checked once.
-
-    A batch only ever adds definitions, so that what was found to agree goes on to agree.
-    """
+    """The objects that the elements of one batch refer to."""
 
     def __init__(self, transaction: Transaction, role: str) -> None:
-        """Make it for one batch."""
         self._transaction = transaction
         self._role = role
-        # Keyed by id(dto): the DTO is kept alive so that no other gets its address.
-        self._objects: dict[tuple[str, int], tuple[ObjectDefinition, Any]] = {}
 
     def check(
         self,
@@ -78,14 +72,7 @@ class Arguments:
                     "first, or give a PddlObjectDto"
                 )
             return named
-        if type(dto) is not PddlObjectDto or type(dto.name) is not str:
-            return OBJECTS.ensure(self._transaction, dto, self._role)
-        type_ = dto.type
-        key = (dto.name, id(type_))
-        found = self._objects.get(key)
-        if found is None:
-            found = self._objects[key] = OBJECTS.ensure(self._transaction, dto, self._role), type_
-        return found[0]
+        return OBJECTS.ensure(self._transaction, dto, self._role)
 
     def mismatch(
         self, role: str, object_: ObjectDefinition, allowed: Sequence[int], declared: str
@@ -103,24 +90,15 @@ class References(Arguments):
     """What the propositions of one batch refer to."""
 
     def __init__(self, transaction: Transaction) -> None:
-        """Make it for one batch."""
         super().__init__(transaction, _ROLE)
-        self._predicates: dict[int, tuple[PredicateDefinition, Any]] = {}
 
     def resolve(self, dto: PddlPropositionDto) -> tuple[AtomKey, str]:
         """Check a proposition, and save what it refers to when it is missing."""
-        predicate = self._predicate(dto.predicate)
+        predicate = PREDICATES.ensure(self._transaction, dto.predicate, _ROLE)
         objects = self.check(dto, predicate, dto.objects)
         ids = " ".join([str(object_.id) for object_ in objects])
         text = atom_text(predicate.name, [object_.name for object_ in objects])
         return AtomKey(flag(dto.is_goal, "is_goal of a proposition"), predicate.id, ids), text
-
-    def _predicate(self, dto: PddlPredicateDto) -> PredicateDefinition:
-        found = self._predicates.get(id(dto))
-        if found is None:
-            found = PREDICATES.ensure(self._transaction, dto, _ROLE), dto
-            self._predicates[id(dto)] = found
-        return found[0]
 
 
 _COLUMNS = (

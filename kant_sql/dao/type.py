@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
-from typing import ClassVar
+from collections.abc import Collection, Hashable, Sequence
+from typing import Any, ClassVar
 
 from ..arguments import expect, expect_list
 from ..dto import PddlEitherTypeDto, PddlTypeDto
@@ -25,10 +25,14 @@ class TypeDefiner(Definer[PddlTypeDto, TypeDefinition]):
 
     def ensure(self, transaction: Transaction, dto: PddlTypeDto, role: str) -> TypeDefinition:
         """Find the type that an element refers to; save it and those above when missing."""
-        expect(dto, PddlTypeDto, f"the type of {role}")
-        if dto.parent is not None:
-            self._ensure_above(transaction, dto, is_saved=False)
-        return super().ensure(transaction, dto, role)
+        reference = self._reference(dto)
+        found: Any = None if reference is None else transaction.agreements.find(reference)
+        if found is None:
+            expect(dto, PddlTypeDto, f"the type of {role}")
+            if dto.parent is not None:
+                self._ensure_above(transaction, dto, is_saved=False)
+            found = super().ensure(transaction, dto, role)
+        return found  # type: ignore[no-any-return]
 
     def put(self, transaction: Transaction, dto: PddlTypeDto, cascade: bool) -> bool:
         """Insert or redefine a type; return whether that is a change."""
@@ -40,6 +44,10 @@ class TypeDefiner(Definer[PddlTypeDto, TypeDefinition]):
     def scope(self, definitions: Definitions, ids: Collection[int]) -> Scope:
         """Find what is defined in terms of some types, those below them included."""
         return of_types(definitions, ids)
+
+    def _reference(self, dto: PddlTypeDto) -> Hashable:
+        name = plain_type(dto)
+        return None if name is None else ("type", name)
 
     def _make(
         self, transaction: Transaction, dto: PddlTypeDto, stored: TypeDefinition | None
@@ -112,6 +120,35 @@ class TypeDefiner(Definer[PddlTypeDto, TypeDefinition]):
 
 
 TYPES = TypeDefiner()
+
+# Types below so many others are compared one by one.
+_PLAIN_DEPTH = 8
+
+
+def plain_type(dto: PddlTypeDto) -> Hashable:
+    """Return what a reference says of a type: its name and those above; None if that is more."""
+    if type(dto) is not PddlTypeDto or type(dto.name) is not str:
+        return None
+    if dto.parent is None:
+        return dto.name
+    names: list[str] = []
+    above: PddlTypeDto | None = dto
+    while above is not None:
+        if type(above) is not PddlTypeDto or type(above.name) is not str:
+            return None
+        if len(names) == _PLAIN_DEPTH:
+            return None
+        names.append(above.name)
+        above = above.parent
+    return tuple(names)
+
+
+def plain_types(dtos: object) -> Hashable:
+    """Return what a reference says of a list of types, as `plain_type` does."""
+    if type(dtos) is not list:
+        return None
+    found = tuple([plain_type(dto) for dto in dtos])
+    return None if None in found else found
 
 
 def _agrees_alone(transaction: Transaction, dto: PddlTypeDto) -> bool:

@@ -7,6 +7,7 @@ can recompute a hash from the tables in any language.
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable, Iterable, Sequence
 from datetime import UTC, datetime
 from hashlib import sha256
@@ -142,6 +143,8 @@ _TEXTS: dict[type[Any], Callable[[Definitions, Any], str]] = {
 # The number of this form, which each revision stores and hashes.
 FORM = 1
 _BATCH = 1_000
+# NUL and the surrogates, which UTF-8 does not carry.
+_UNSTORABLE = re.compile("[\0\ud800-\udfff]")
 
 
 class Metadata(NamedTuple):
@@ -164,7 +167,9 @@ class Metadata(NamedTuple):
 
 def time_text(moment: datetime) -> str:
     """Write a moment the way that SQLite stores it and that the hash covers."""
-    return moment.astimezone(UTC).isoformat(timespec="microseconds")[:26] + "Z"
+    if moment.tzinfo is not UTC:
+        moment = moment.astimezone(UTC)
+    return moment.isoformat(timespec="microseconds")[:26] + "Z"
 
 
 def make_metadata(
@@ -181,7 +186,7 @@ def make_metadata(
             continue
         if not isinstance(value, str):
             raise InvalidMetadataError(f"{name} is a string or None, not {shown(value)}")
-        if "\0" in value or any("\ud800" <= character <= "\udfff" for character in value):
+        if _UNSTORABLE.search(value):
             raise InvalidMetadataError(f"{name} {shown(value)} has a NUL or half a character")
     if source is None:
         return Metadata(actor, reason, None, *own)

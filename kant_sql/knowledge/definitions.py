@@ -59,7 +59,7 @@ class Elements(Generic[D]):
         """Find a live definition by id."""
         if id_ in self._delta:
             return self._delta[id_]
-        return self._base.get(id_) if id_ is not None else None
+        return self._base.get(id_)  # type: ignore[arg-type]
 
     def live(self, id_: int) -> D:
         """Return a definition that something live refers to."""
@@ -111,7 +111,7 @@ class PendingElements(Elements[D]):
     __slots__ = ("changes", "interned", "origin", "unwritten")
 
     def __init__(self, origin: Elements[D]) -> None:
-        super().__init__(origin.ids, origin._base, origin._delta)
+        self.ids, self._base, self._delta = origin.ids, origin._base, origin._delta
         self.origin = origin
         self.changes: dict[int, D | None] = {}
         # Folded name -> id and first spelling of what the transaction looked up or gave out, None
@@ -122,9 +122,10 @@ class PendingElements(Elements[D]):
 
     def get(self, id_: int | None) -> D | None:
         """Find a definition by id, as changed so far."""
-        if id_ in self.changes:
-            return self.changes[id_]
-        return super().get(id_)
+        for changes in (self.changes, self._delta):
+            if id_ in changes:
+                return changes[id_]
+        return self._base.get(id_)  # type: ignore[arg-type]
 
     def named(self, name: str) -> D | None:
         """Find a definition by name, as changed so far."""
@@ -148,6 +149,8 @@ class PendingElements(Elements[D]):
 
     def publish(self) -> Elements[D]:
         """Make the snapshot after the commit, with the ids that were allocated."""
+        if not (self.interned or self.changes):
+            return self.origin
         self.ids.update(
             (key, found[0])
             for key, found in self.interned.items()
@@ -493,9 +496,13 @@ def _parents(types: Elements[TypeDefinition], type_id: int) -> tuple[int, ...]:
 
 
 class PendingDefinitions(Definitions):
-    """The definitions as a transaction has changed them so far."""
+    """The definitions as a transaction has changed them so far.
 
-    __slots__ = ("_origin",)
+    Attributes:
+        origin: those that it began with.
+    """
+
+    __slots__ = ("origin",)
 
     types: PendingElements[TypeDefinition]
     objects: PendingElements[ObjectDefinition]
@@ -507,7 +514,7 @@ class PendingDefinitions(Definitions):
 
     def __init__(self, origin: Definitions) -> None:
         # Most transactions use few kinds, so each is made on first use.
-        self._origin = origin
+        self.origin = origin
         self._by_kind = {}
         self._ancestry = None
         self.templates = origin.templates
@@ -529,14 +536,14 @@ class PendingDefinitions(Definitions):
         """Find the elements of one kind, with what has changed of them."""
         elements: PendingElements[Any] | None = self._by_kind.get(kind)
         if elements is None:
-            elements = self._by_kind[kind] = PendingElements(self._origin.elements(kind))
+            elements = self._by_kind[kind] = PendingElements(self.origin.elements(kind))
             setattr(self, f"{kind}s", elements)
         return elements
 
     def _hierarchy(self) -> Ancestry[int]:
         """Return what knows which types are above which: as it was while no type has changed."""
         types = self._by_kind.get("type")
-        return super()._hierarchy() if types and types.changes else self._origin._hierarchy()
+        return super()._hierarchy() if types and types.changes else self.origin._hierarchy()
 
     def reshape(self, new_type: int | None = None) -> None:
         """Tell checks that the type hierarchy is about to change."""
@@ -547,8 +554,11 @@ class PendingDefinitions(Definitions):
 
     def publish(self) -> Definitions:
         """Make the snapshot after the commit."""
-        made = Definitions(*(self.elements(kind).publish() for kind in KINDS))
+        used, origin = self._by_kind, self.origin
+        made = Definitions(
+            *[used[kind].publish() if kind in used else origin.elements(kind) for kind in KINDS]
+        )
         made.templates = self.templates
-        if not self.elements("type").changes:
-            made._ancestry = self._origin._hierarchy()
+        if "type" not in used or not self.types.changes:
+            made._ancestry = origin._hierarchy()
         return made

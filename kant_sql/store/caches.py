@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Mapping
+from collections.abc import Hashable, Mapping
 from decimal import Decimal
 from typing import Generic, NamedTuple, TypeVar
 
 from ..dto.elements import value_text
 from ..errors import reading_rows
+from ..knowledge.definitions import Definition, Definitions
 
 # The cache is cleared above this count, about 60 MB.
 CACHED_ATOMS = 200_000
+CACHED_AGREEMENTS = 20_000
 
 K = TypeVar("K")
 A = TypeVar("A")
@@ -166,6 +168,48 @@ def read_value(fluent: str, held: str, object_id: int | None) -> FluentValue:
         if not held.startswith(begin) or (object_id is None and not Decimal(text).is_finite()):
             raise ValueError(f"{held!r} is no value of it")
     return FluentValue(text, object_id)
+
+
+class Agreements:
+    """References by DTOs that agree with what is stored, as one transaction meets them.
+
+    A definition that is added leaves those before it as they are, so what agreed goes on to agree;
+    whoever changes or removes one calls `clear`.
+    """
+
+    __slots__ = ("known", "new")
+
+    def __init__(self, known: dict[Hashable, Definition]) -> None:
+        self.known = known
+        self.new: dict[Hashable, Definition] = {}
+
+    def find(self, reference: Hashable) -> Definition | None:
+        """Return the definition that a reference was found to agree with."""
+        return self.known.get(reference) or self.new.get(reference)
+
+    def clear(self) -> None:
+        """Forget all, for this transaction alone."""
+        self.known, self.new = {}, {}
+
+
+class AgreementCache:
+    """The references that agree with one snapshot of definitions, for the writers of a process."""
+
+    def __init__(self) -> None:
+        self._kept: tuple[Definitions | None, dict[Hashable, Definition]] = (None, {})
+
+    def at(self, definitions: Definitions) -> Agreements:
+        """Return what agrees with a snapshot."""
+        kept, known = self._kept
+        return Agreements(known if kept is definitions else {})
+
+    def learn(self, agreements: Agreements, definitions: Definitions) -> None:
+        """Share what a writer has found, which holds of the snapshot after its commit."""
+        known = agreements.known
+        if len(known) + len(agreements.new) > CACHED_AGREEMENTS:
+            known = {}
+        known.update(agreements.new)
+        self._kept = definitions, known
 
 
 # What holds of an id: the proposition or the value itself; None: nothing.

@@ -103,9 +103,11 @@ class Part(ABC):
     """What a transaction has changed of one kind of knowledge.
 
     Attributes:
+        defines: whether it changes what is defined.
         pending: what is not written yet.
     """
 
+    defines: ClassVar[bool] = False
     pending: dict[Any, Any]
 
     @abstractmethod
@@ -364,6 +366,8 @@ class InternedLedger(Ledger[int, V], Generic[I, V]):
 
 class DefinitionLedger(Ledger[int, Definition]):
     """The definitions of one kind that a transaction changes."""
+
+    defines = True
 
     def __init__(
         self, context: WriteContext, kind: str, elements: PendingElements[Definition]

@@ -37,21 +37,21 @@ class Block:
         self._place: tuple[int, Hashable] | None = (self._thread, queue)
         self._name = transaction.name
         self._actor = transaction.metadata.actor
-        others = tuple(block for block in OPEN.get() if block.store is not None)
+        others = OPEN.get()
+        if others:
+            others = tuple(block for block in others if block.store is not None)
         self._token: Token[tuple[Block, ...]] = OPEN.set((*others, self))
         _QUEUES[self._thread, queue] = self
 
     def close(self) -> None:
         """End it, wherever this is called."""
-        is_mine = self.is_mine()
         place, self._place = self._place, None
         # A task that outlives the block keeps a copy of the context: it must not keep more alive.
         self.store = self.transaction = self._task = None
         if place is not None and _QUEUES.get(place) is self:
             del _QUEUES[place]
-        if is_mine:
-            # Another context keeps the empty block until it opens one of its own.
-            OPEN.set(tuple(block for block in OPEN.get() if block is not self))
+        # Another context keeps the empty block until it opens one of its own.
+        OPEN.set(tuple([block for block in OPEN.get() if block is not self]))
 
     def is_mine(self) -> bool:
         """Return whether it was opened in this thread, in this task and in this very context."""

@@ -33,7 +33,7 @@ from ..sql.dialects.base import Backend, Session, retrying
 from ..sql.query import Query, StoreClock
 from ..sql.schema import ensure_schema
 from ..sql.tables import KnowledgeBaseRow
-from .caches import AtomCache, FluentCache
+from .caches import AgreementCache, AtomCache, FluentCache
 from .head import Committed, Head, create_knowledge_base, is_stored, lock_head
 from .ownership import OPEN, Block, block_ahead, blocks_of_thread, own_block
 from .snapshot import (
@@ -91,6 +91,7 @@ class Store:
         self.actor = actor
         self._kb_id: int | None = None
         self._definitions = DefinitionCache()
+        self._agreements = AgreementCache()
         self._atoms: AtomCache = AtomCache()
         self._fluents: FluentCache = FluentCache()
         self._archived_revision = 0
@@ -241,7 +242,7 @@ class Store:
         metadata = Metadata(self.actor, None, None)
 
         def once() -> T:
-            with OwnTransaction(self, metadata, None) as transaction:
+            with OwnTransaction(self, lambda: self._begin(metadata, None)) as transaction:
                 return work(transaction)
 
         return self._retrying(once)
@@ -265,7 +266,11 @@ class Store:
             with outer.scope():
                 yield outer
             return
-        with OwnTransaction(self, metadata, expected_revision) as transaction:
+
+        def begin() -> Transaction:
+            return self._retrying(lambda: self._begin(metadata, expected_revision))
+
+        with OwnTransaction(self, begin) as transaction:
             yield transaction
 
     def close(self) -> None:
@@ -295,11 +300,10 @@ class Store:
             )
         return lock
 
-    def begin(self, metadata: Metadata, expected: int | None) -> tuple[Transaction, Block]:
-        """Begin a transaction that belongs to this thread, task and context."""
-        transaction = self._retrying(lambda: self._begin(metadata, expected))
+    def open_block(self, transaction: Transaction) -> Block:
+        """Make a transaction belong to this thread, task and context."""
         try:
-            return transaction, Block(self, self._queue, transaction)
+            return Block(self, self._queue, transaction)
         except BaseException:
             end_session(transaction.session)
             raise
@@ -322,7 +326,15 @@ class Store:
                 session, kb_id, head.definition_revision, head.archived_revision
             )
             return Transaction(
-                session, kb_id, self.name, head, metadata, definitions, self._atoms, self._fluents
+                session,
+                kb_id,
+                self.name,
+                head,
+                metadata,
+                definitions,
+                self._agreements.at(definitions),
+                self._atoms,
+                self._fluents,
             )
         except BaseException:
             end_session(session)
@@ -386,8 +398,11 @@ class Store:
     def _publish(self, transaction: Transaction, committed: Committed | None) -> None:
         if committed is not None:
             self._kb_id, self._last = transaction.kb_id, committed
+            definitions = transaction.definitions.origin
             if transaction.redefined:
-                self._definitions.keep(committed.number, transaction.definitions.publish())
+                definitions = transaction.definitions.publish()
+                self._definitions.keep(committed.number, definitions)
+            self._agreements.learn(transaction.agreements, definitions)
         transaction.publish()
         if committed is not None and logger.isEnabledFor(logging.DEBUG):
             self._log_revision(transaction, committed)
@@ -435,21 +450,21 @@ class Store:
 class OwnTransaction:
     """The block of one transaction: it begins on entry, commits or rolls back on exit."""
 
-    __slots__ = ("_block", "_expected", "_lock", "_metadata", "_store", "_transaction")
+    __slots__ = ("_begin", "_block", "_lock", "_store", "_transaction")
 
     _block: Block
     _transaction: Transaction
 
-    def __init__(self, store: Store, metadata: Metadata, expected: int | None) -> None:
+    def __init__(self, store: Store, begin: Callable[[], Transaction]) -> None:
         self._store = store
-        self._metadata = metadata
-        self._expected = expected
+        self._begin = begin
         self._lock: threading.Lock | None = None
 
     def __enter__(self) -> Transaction:
         self._lock = lock = self._store.queue_up()
         try:
-            self._transaction, self._block = self._store.begin(self._metadata, self._expected)
+            self._transaction = self._begin()
+            self._block = self._store.open_block(self._transaction)
         except BaseException:
             if lock is not None:
                 lock.release()

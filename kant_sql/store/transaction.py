@@ -22,7 +22,7 @@ from ..sql.plans import Step
 from ..sql.query import Insert
 from ..sql.rows import table_of
 from ..sql.tables import RevisionPlanStepRow, RevisionRow
-from .caches import AtomCache, FluentCache
+from .caches import Agreements, AtomCache, FluentCache
 from .head import Committed, Head, move_head
 from .journal import JournalScope
 from .ledger import (
@@ -63,6 +63,7 @@ class Transaction:
         definitions: the definitions, as changed so far.
         committed: the revision, from just before COMMIT is sent.
         redefined: whether the revision changes a definition.
+        agreements: the references by DTOs that were found to agree with what is stored.
         agreed_types: within a batch, the types that agree with what is stored, by address.
         changed: how many changes the revision has.
     """
@@ -75,6 +76,7 @@ class Transaction:
         head: Head,
         metadata: Metadata,
         definitions: Definitions,
+        agreements: Agreements,
         atoms: AtomCache,
         fluents: FluentCache,
     ) -> None:
@@ -85,6 +87,7 @@ class Transaction:
         self.number = head.revision + 1
         self.metadata = metadata
         self.definitions = PendingDefinitions(definitions)
+        self.agreements = agreements
         self.committed: Committed | None = None
         self.redefined = False
         self.agreed_types: dict[int, object] | None = None
@@ -140,9 +143,14 @@ class Transaction:
         if ledger is None:
             elements = self.definitions.elements(kind)
             ledger = self._parts[kind] = DefinitionLedger(self._context, kind, elements)
-            self._context.journal.when_rolled_back = self.definitions.reshape
+            self._context.journal.when_rolled_back = self._forget_shape
         assert isinstance(ledger, DefinitionLedger)
         return ledger
+
+    def _forget_shape(self) -> None:
+        """Forget what was concluded from definitions that are about to be others."""
+        self.definitions.reshape()
+        self.agreements.clear()
 
     def _touched(self) -> list[Part]:
         """Return what was touched, in the order of writing."""
@@ -179,6 +187,8 @@ class Transaction:
         before = self.definitions.elements(kind).get(definition.id)
         if before == definition:
             return False
+        if before is not None:
+            self.agreements.clear()
         if kind == "type":
             self.definitions.reshape(definition.id if before is None else None)
         self._ledger(kind).put(definition.id, definition)
@@ -193,8 +203,7 @@ class Transaction:
 
     def undefine(self, kind: str, id_: int) -> None:
         """Remove the definition of an element."""
-        if kind == "type":
-            self.definitions.reshape()
+        self._forget_shape()
         self._ledger(kind).put(id_, None)
 
     @contextmanager
@@ -273,14 +282,17 @@ class Transaction:
 
     def _changes(self) -> Iterable[Change]:
         """Return the lines of the revision, sorted; false if there are none."""
-        parts = self._touched()
-        self.redefined = any(
-            isinstance(part, DefinitionLedger) and next(part.lines(), None) for part in parts
-        )
-        if self._propositions is not None and self._propositions.was_spilled:
+        propositions = self._propositions
+        was_spilled = propositions is not None and propositions.was_spilled
+        lines: list[Change] = []
+        for part in self._touched():
+            if not (was_spilled and part is propositions):
+                found = [*part.lines()]
+                self.redefined = self.redefined or bool(part.defines and found)
+                lines += found
+        if was_spilled:
             self.flush()
             return self._stored_changes()
-        lines = [line for part in parts for line in part.lines()]
         lines.sort()
         self.changed = len(lines)
         return lines

@@ -6,6 +6,7 @@ import os
 import shutil
 import sqlite3
 import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import closing
 from pathlib import Path
@@ -14,10 +15,12 @@ import pytest
 
 import kant_sql
 from kant_sql import KnowledgeBase, StoreReplacedError
+from kant_sql.sql.dialects import sqlite_file
 from kant_sql.sql.dialects.base import Session
-from kant_sql.sql.dialects.sqlite_file import Contents
+from kant_sql.sql.dialects.sqlite_file import Contents, StoreFile
 from tests.support.statements import fact, fill
 from tests.support.stores import Connect
+from tests.support.worlds.robots import waypoint
 
 Attack = Callable[[Path], object]
 
@@ -365,6 +368,47 @@ def test_all_who_have_an_overwritten_file_open_notice(
     for each in (kb, other):
         with pytest.raises(StoreReplacedError, match="overwritten with another state"):
             each.propositions.get_all()
+
+
+def test_an_overwrite_within_a_commit_is_noticed_soon(
+    kb: KnowledgeBase, overwrite: Callable[[], object], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sqlite_file, "COMPARE_AFTER", 0.2)
+    original = StoreFile.check_committed
+
+    def check_committed(self: StoreFile) -> None:
+        # After COMMIT, where a change of the file looks like a checkpoint of this process.
+        overwrite()
+        original(self)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(StoreFile, "check_committed", check_committed)
+        kb.propositions.save(fact(1))
+        kb.propositions.delete(fact(1))
+    time.sleep(0.2)
+    with pytest.raises(StoreReplacedError, match="overwritten with another state"):
+        kb.propositions.get_all()
+
+
+def test_checkpoints_of_this_process_are_compared_at_a_bounded_rate(
+    kb: KnowledgeBase, path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sqlite_file, "COMPARE_AFTER", 3600.0)
+    compared: list[str] = []
+    original = Contents.compare
+
+    def compare(self: Contents, path: str) -> bool | None:
+        compared.append(path)
+        return original(self, path)
+
+    monkeypatch.setattr(Contents, "compare", compare)
+    changed = {path.stat().st_mtime_ns}
+    while len(changed) < 4:
+        # SQLite makes a checkpoint at 1,000 pages.
+        kb.objects.save_all(waypoint(number) for number in range(10, 3_000))
+        kb.objects.delete_all()
+        changed.add(path.stat().st_mtime_ns)
+    assert len(compared) <= 1
 
 
 def test_who_connects_to_an_overwritten_file_goes_on_with_it_alone(

@@ -112,19 +112,25 @@ class Commits:
     """Counts the commits to a store that only this process has."""
 
     def __init__(self) -> None:
-        self._number = 0
-        self._changed = threading.Condition()
+        self._number = self._waiting = 0
+        self._lock = threading.Lock()
+        self._changed = threading.Condition(self._lock)
 
     def notify(self) -> None:
         """Wake all waiting threads."""
-        with self._changed:
+        with self._lock:
             self._number += 1
-            self._changed.notify_all()
+            if self._waiting:
+                self._changed.notify_all()
 
     def wait(self, seen: int | None, seconds: float) -> int:
         """Wait for a commit after the number that an earlier call returned."""
-        with self._changed:
-            self._changed.wait_for(lambda: self._number != seen, seconds)
+        with self._lock:
+            self._waiting += 1
+            try:
+                self._changed.wait_for(lambda: self._number != seen, seconds)
+            finally:
+                self._waiting -= 1
             return self._number
 
 

@@ -85,6 +85,8 @@ _STORED_AS: tuple[tuple[Any, str], ...] = (
     (Double, "'real'"),
     ((String, UtcTime), "'text'"),
 )
+# Made once: `json.dumps` makes an encoder for each call, which takes as long as the call.
+_TO_JSON = json.JSONEncoder(ensure_ascii=False).encode
 _VIEW = re.compile(rf"CREATE VIEW \S+ AS /\* ({MARKED.pattern}) \*/")
 
 
@@ -277,7 +279,7 @@ class SqliteSession(Session):
 
     def list_value(self, values: Sequence[int] | Sequence[str]) -> Any:
         """Return the form that `json_each` reads."""
-        return json.dumps(values, ensure_ascii=False)
+        return _TO_JSON(values)
 
     def from_time(self, moment: datetime) -> Any:
         """Return the stored text."""
@@ -315,6 +317,7 @@ class FileSession(SqliteSession):
         super().begin(write)
 
     def _commit(self, changed: int | None) -> None:
+        self._file.check()
         super()._commit(changed)
         self._file.check_committed()
 
@@ -735,6 +738,8 @@ class SqliteBackend(Backend):
                         f"{self.label}: the migration would leave {len(broken)} rows that refer "
                         f"to nothing, the first in table {broken[0][0]}; it was undone"
                     )
+                if not self.in_memory:
+                    self.file.check()
                 driver.execute("COMMIT")
                 if not self.in_memory:
                     self.file.check_committed()
