@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Hashable, Iterable, Sequence
 from decimal import Decimal
+from functools import lru_cache
 from itertools import islice
 from typing import Any, ClassVar, Generic, TypeVar
 
@@ -79,7 +80,8 @@ class SqlDao:
         return store
 
     def _check_writable(self) -> None:
-        refuse_past(self._store, self._at)
+        if self._at is not None:
+            refuse_past(self._store, self._at)
 
 
 def refuse_past(store: Store, at: int | None) -> None:
@@ -323,9 +325,14 @@ def _given_names(
     types: Iterable[PddlTypeDto], parameters: Iterable[ParameterDefinition]
 ) -> list[str] | None:
     """Return the names of parameters, unless they are those that parameters without names get."""
-    names = [parameter.name for parameter in parameters]
-    derived = [variable_name(type_.name, position) for position, type_ in enumerate(types)]
-    return None if names == derived else names
+    names = tuple([parameter.name for parameter in parameters])
+    is_derived = names == _derived_names(tuple([type_.name for type_ in types]))
+    return None if is_derived else list(names)
+
+
+@lru_cache(maxsize=4096)
+def _derived_names(types: tuple[str, ...]) -> tuple[str, ...]:
+    return tuple(variable_name(name, position) for position, name in enumerate(types))
 
 
 def _duration(constraints: Sequence[Node]) -> int | float | Decimal | tuple[Node, ...]:

@@ -143,8 +143,9 @@ GOALS = PropositionReading.of_versions(table_of(PropositionVersionRow).c.is_goal
 def existing_key(transaction: Transaction, dto: PddlPropositionDto) -> AtomKey | None:
     """Find what makes a proposition the one that it is, from names alone."""
     expect(dto.predicate, PddlPredicateDto, "the predicate of a proposition")
-    predicate = transaction.definitions.predicates.named(dto.predicate.name)
-    ids = transaction.definitions.arguments(object_.name for object_ in dto.objects)
+    definitions = transaction.definitions.current()
+    predicate = definitions.predicates.named(dto.predicate.name)
+    ids = definitions.arguments([object_.name for object_ in dto.objects])
     if predicate is None or ids is None:
         return None
     return AtomKey(flag(dto.is_goal, "is_goal of a proposition"), predicate.id, ids)

@@ -233,12 +233,13 @@ def revision_hash(
             batch.clear()
     if batch:
         digest.update((separator + ",".join(batch)).encode())
-    observed_at = None if metadata.observed_at is None else time_text(metadata.observed_at)
+    observed = metadata.observed_at
+    seen = "null" if observed is None else f'"{time_text(observed)}"'
     step = "null" if metadata.plan_step is None else "[{},{}]".format(*metadata.plan_step)
     digest.update(
         f'],"committed_at":"{committed_at}","form":{form},'
-        f'"knowledge_base":{_json(knowledge_base)},"number":{number},'
-        f'"observed_at":{_json(observed_at)},"plan_step":{step},'
+        f'"knowledge_base":{encode_basestring(knowledge_base)},"number":{number},'
+        f'"observed_at":{seen},"plan_step":{step},'
         f'"previous":{_json(previous)},"reason":{_json(metadata.reason)},'
         f'"source":{metadata.source or "null"}}}'.encode()
     )

@@ -524,6 +524,10 @@ class PendingDefinitions(Definitions):
             raise AttributeError(f"{type(self).__name__} has no attribute {name!r}")
         return self.elements(name[:-1])
 
+    def current(self) -> Definitions:
+        """Return what holds as changed so far, to be read at once: a later change is not in it."""
+        return self if self._by_kind else self.origin
+
     def changed(self) -> list[tuple[str, PendingElements[Any]]]:
         """Return the kinds of which a definition was set, even to what it was."""
         return [(kind, elements) for kind, elements in self.used() if elements.changes]

@@ -317,10 +317,9 @@ class Transaction:
         # Never before the last revision.
         if head.committed_at is not None and committed_at < head.committed_at:
             committed_at = head.committed_at
-        digest = revision_hash(
-            head.hash, self.name, self.number, time_text(committed_at), self.metadata, changes
-        )
-        moment = session.from_time(committed_at)
+        when = time_text(committed_at)
+        digest = revision_hash(head.hash, self.name, self.number, when, self.metadata, changes)
+        moment = session.from_time(committed_at, when)
         actor, reason, source, seen, step = self.metadata
         observed_at = None if seen is None else session.from_time(seen)
         said = (moment, actor, reason, source, FORM, digest, observed_at)

@@ -280,8 +280,8 @@ class Session(ABC):
         """Return the driver's form of a list parameter, for `in_list`."""
 
     @abstractmethod
-    def from_time(self, moment: datetime) -> Any:
-        """Return the driver's form of a time."""
+    def from_time(self, moment: datetime, text: str | None = None) -> Any:
+        """Return the driver's form of a time; `text` is its text, if that is known."""
 
     @abstractmethod
     def to_time(self, raw: Any) -> datetime:

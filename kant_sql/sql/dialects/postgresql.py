@@ -356,7 +356,7 @@ class PostgresqlSession(Session):
         """Return the form that `= ANY` reads."""
         return [*values]
 
-    def from_time(self, moment: datetime) -> Any:
+    def from_time(self, moment: datetime, text: str | None = None) -> Any:
         """Return the time: the driver takes it as it is."""
         return moment
 

@@ -281,9 +281,9 @@ class SqliteSession(Session):
         """Return the form that `json_each` reads."""
         return _TO_JSON(values)
 
-    def from_time(self, moment: datetime) -> Any:
+    def from_time(self, moment: datetime, text: str | None = None) -> Any:
         """Return the stored text."""
-        return time_text(moment)
+        return text or time_text(moment)
 
     def to_time(self, raw: Any) -> datetime:
         """Read the stored text."""
