@@ -93,10 +93,10 @@ def refuse_past(store: Store, at: int | None) -> None:
         )
 
 
-def batches(items: Iterable[T]) -> Iterable[list[T]]:
-    """Split what is given into lists of a bounded length."""
+def batches(items: Iterable[T], size: int = BATCH) -> Iterable[list[T]]:
+    """Split an iterable into lists of a bounded length."""
     iterator = iterate(items, "what save_all takes", "an iterable of DTOs")
-    while batch := list(islice(iterator, BATCH)):
+    while batch := list(islice(iterator, size)):
         yield batch
 
 

@@ -1,4 +1,4 @@
-"""What callers ask for, as a DTO, a formula or PDDL text, and the identities that it names."""
+"""Elements in a caller's words: a DTO, a formula or PDDL text, and the identities they name."""
 
 from __future__ import annotations
 
@@ -35,15 +35,7 @@ from ..errors import InvalidKnowledgeError
 from ..pddl.lexer import tokenize
 from ..sql.dialects.base import Session
 from ..sql.query import Query, in_list
-from ..sql.rows import FACT, GOAL, KB, KIND_TABLES, PROPOSITION, SOURCES, VALUE, table_of
-from ..sql.tables import (
-    FormulaVersionRow,
-    FunctionRow,
-    FunctionValueRow,
-    ObjectRow,
-    PredicateRow,
-    PropositionRow,
-)
+from ..sql.rows import FACT, GOAL, KB, KIND_TABLES, PROPOSITION, SOURCES, VALUE
 
 NAMED_KINDS = ("type", "object", "predicate", "function", "action", "document")
 _CLASSES: dict[type[Dto], str] = {
@@ -54,7 +46,7 @@ _CLASSES: dict[type[Dto], str] = {
     PddlActionDto: "action",
 }
 _DECIMAL = re.compile(r"-?\d+\.\d+")
-# How the text of a definition begins whose name comes next, and what it defines.
+# The kinds of definitions whose text begins with a word before their name.
 _DEFINITIONS = {
     ":constants": "object",
     ":action": "action",
@@ -69,39 +61,24 @@ ACCEPTED = (
 
 
 class Named(NamedTuple):
-    """The definitions of a name.
-
-    Attributes:
-        kinds: of which kinds.
-        name: the name, folded.
-    """
+    """The definitions of a name, which is folded."""
 
     kinds: tuple[str, ...]
     name: str
 
 
 class Applied(NamedTuple):
-    """A predicate or a function, applied to objects.
+    """A predicate or a function applied to objects, with folded names."""
 
-    Attributes:
-        kinds: `fact`, `goal`, `value`: as which of them.
-        name: the name of predicate or function, folded.
-        arguments: the names of the objects, folded.
-    """
-
-    kinds: frozenset[str]
+    kinds: frozenset[str]  # of `fact`, `goal` and `value`
     name: str
     arguments: tuple[str, ...]
 
 
 class Written(NamedTuple):
-    """A formula that stands on its own, in whatever section.
+    """A standalone formula of any section."""
 
-    Attributes:
-        words: its text as `comparable` gives it.
-    """
-
-    words: str
+    words: str  # its text, as `comparable` returns it
 
 
 Sought = Named | Applied | Written
@@ -230,17 +207,11 @@ MOST_ARGUMENTS = 8
 
 
 class Lookup(NamedTuple):
-    """How identities are found by the names in what is asked for.
+    """How identities are found by the names in a question."""
 
-    Attributes:
-        source: one of `SOURCES`.
-        arguments: how many objects a predicate or a function is applied to; None for a name.
-        is_goal: of a proposition: True, False, or both.
-    """
-
-    source: str
-    arguments: int | None = None
-    is_goal: tuple[bool, ...] = ()
+    source: str  # a key of `SOURCES`
+    arguments: int | None = None  # how many objects something is applied to; None for a name
+    is_goal: tuple[bool, ...] = ()  # of a proposition: True, False, or both
 
 
 def lookups(wanted: list[Sought]) -> tuple[Lookup, ...] | None:
@@ -284,16 +255,17 @@ def identities_of(lookup: Lookup) -> Select[Any]:
         return ids.where(identity.key == bindparam("name"))
     interned = identity.arguments == _interned(lookup.arguments)
     if lookup.source == VALUE:
-        return ids.where(identity.function_id == _named(FunctionRow, "name"), interned)
+        return ids.where(identity.function_id == _named("function", "name"), interned)
     goals: list[Any] = [literal_column("TRUE" if each else "FALSE") for each in lookup.is_goal]
     is_goal = identity.is_goal == goals[0] if len(goals) == 1 else identity.is_goal.in_(goals)
-    return ids.where(is_goal, identity.predicate_id == _named(PredicateRow, "name"), interned)
+    return ids.where(is_goal, identity.predicate_id == _named("predicate", "name"), interned)
 
 
-def _named(mapped: Any, parameter: str) -> ColumnElement[int]:
+def _named(kind: str, parameter: str) -> ColumnElement[int]:
+    identity = KIND_TABLES[kind].identity.c
     return (
-        select(mapped.id)
-        .where(mapped.kb_id == KB, mapped.key == bindparam(parameter))
+        select(identity.id)
+        .where(identity.kb_id == KB, identity.key == bindparam(parameter))
         .correlate(None)
         .scalar_subquery()
     )
@@ -303,18 +275,13 @@ def _interned(arguments: int) -> ColumnElement[str]:
     """Write the key that arguments are interned by; NULL when an object is unknown."""
     text: Any = literal_column("''")
     for number in range(arguments):
-        id_ = cast(_named(ObjectRow, f"argument{number}"), Text)
+        id_ = cast(_named("object", f"argument{number}"), Text)
         text = text.concat(literal_column("' '")).concat(id_) if number else id_
     return text  # type: ignore[no-any-return]
 
 
 class Owner(NamedTuple):
-    """An identity and where its versions are.
-
-    Attributes:
-        source: one of the keys of `SOURCES`.
-        id: its id.
-    """
+    """An identity, and the key of `SOURCES` that says where its versions are."""
 
     source: str
     id: int
@@ -328,35 +295,19 @@ def _identities(kind: str) -> Any:
     )
 
 
-def _propositions(kind: str) -> Any:
-    atom = PropositionRow
-    return select(literal_column(f"'{kind}'"), atom.id, atom.predicate_id, atom.arguments).where(
-        atom.kb_id == KB,
-        # Of the one index, `is_goal` is the first column.
-        atom.is_goal == bindparam(kind),
-        in_list(atom.predicate_id, "applied"),
-        in_list(atom.arguments, "arguments"),
+def _applications(kind: str) -> Any:
+    identity = SOURCES[VALUE if kind == VALUE else PROPOSITION].identity
+    owner = identity.function_id if kind == VALUE else identity.predicate_id
+    rows = select(literal_column(f"'{kind}'"), identity.id, owner, identity.arguments).where(
+        identity.kb_id == KB, in_list(owner, "applied"), in_list(identity.arguments, "arguments")
     )
+    # The first column of the one index.
+    return rows if kind == VALUE else rows.where(identity.is_goal == bindparam(kind))
 
 
 _IDENTITIES = Query(union_all(*map(_identities, NAMED_KINDS)))
-_INTERNED = Query(
-    union_all(
-        _propositions(FACT),
-        _propositions(GOAL),
-        select(
-            literal_column(f"'{VALUE}'"),
-            FunctionValueRow.id,
-            FunctionValueRow.function_id,
-            FunctionValueRow.arguments,
-        ).where(
-            FunctionValueRow.kb_id == KB,
-            in_list(FunctionValueRow.function_id, "applied"),
-            in_list(FunctionValueRow.arguments, "arguments"),
-        ),
-    )
-)
-_VERSION = table_of(FormulaVersionRow).c
+_INTERNED = Query(union_all(*map(_applications, (FACT, GOAL, VALUE))))
+_VERSION = SOURCES["formula"].version
 _FORMULAS = Query(select(_VERSION.formula_id, _VERSION.text).where(_VERSION.kb_id == KB).distinct())
 _Ids = dict[tuple[str, str], int]
 

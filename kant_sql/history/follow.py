@@ -33,17 +33,11 @@ _HEAD = Query(select(HeadRow.revision, HeadRow.archived_revision).where(HeadRow.
 
 
 class Position(NamedTuple):
-    """The head of a knowledge base, as a watcher sees it.
+    """The head of a knowledge base, as a watcher sees it."""
 
-    Attributes:
-        kb_id: its id; None when it was never written to.
-        head: the last revision.
-        archived: what ended up to this revision was moved to an archive.
-    """
-
-    kb_id: int | None
+    kb_id: int | None  # None before the first write
     head: int
-    archived: int
+    archived: int  # versions that ended up to this revision are in an archive
 
 
 def read_changes(
@@ -110,7 +104,7 @@ def watch(
     store: Store, after: int | None, timeout: float | None, upto: int | None = None
 ) -> int | None:
     """Wait for a new revision; see `History.watch`."""
-    _refuse_where_nothing_comes(store, upto)
+    _refuse_unwatchable(store, upto)
     if after is not None:
         check_after(after)
     deadline = time.monotonic() + seconds(timeout)
@@ -118,17 +112,16 @@ def watch(
         return _Watch(store, listener, after, deadline).wait()
 
 
-def _refuse_where_nothing_comes(store: Store, upto: int | None) -> None:
+def _refuse_unwatchable(store: Store, upto: int | None) -> None:
     if upto is not None:
         raise ReadOnlyError(
-            f"this is knowledge base {store.name!r} as it was at revision {upto}, where nothing "
-            "new comes; watch the knowledge base itself"
+            f"this is knowledge base {store.name!r} at revision {upto}, which never changes; watch "
+            "the knowledge base itself"
         )
     if store.current() is not None:
         raise ReadOnlyError(
-            f"this task or thread has a transaction of knowledge base {store.name!r} open, which "
-            "keeps from it what it would wait for; end the transaction first, or watch in another "
-            "task or thread"
+            f"this task or thread has a transaction of knowledge base {store.name!r} open, and "
+            "would wait for itself; end the transaction first, or watch in another task or thread"
         )
 
 
@@ -172,7 +165,7 @@ class _Watch:
         if backend.is_closed:
             raise ClosedError(
                 f"{backend.label}: knowledge base {self._store.name!r} was closed while this call "
-                "waited for news of it; connect again to go on"
+                "waited for a revision; connect again to go on"
             )
 
     def _read(self) -> Position:

@@ -39,6 +39,7 @@ from .revisions import (
     Revision,
     at_most,
     check_after,
+    collect,
     make_revision,
     missing_revision,
     refuse_archived,
@@ -126,19 +127,12 @@ _NUMBERED = Query(
 
 
 class _Page(NamedTuple):
-    """Entries that were read together.
-
-    Attributes:
-        entries: the entries.
-        archived: versions that ended up to this revision are in an archive.
-        next: the revision that the next page begins with; 0 after the last page.
-        size: the size of the next page, where this page determines it.
-    """
+    """Entries that were read together."""
 
     entries: list[LogEntry]
-    archived: int = 0
-    next: int = 0
-    size: int | None = None
+    archived: int = 0  # versions that ended up to this revision are in an archive
+    next: int = 0  # the revision that the next page begins with; 0 after the last page
+    size: int | None = None  # of the next page, where this page determines it
 
 
 def read_revisions(
@@ -248,7 +242,8 @@ def _log_page(
         lines = stream_latest(session, kb_id, numbers[-1], numbers[0])
     else:
         lines = stream_changes_of(session, kb_id, numbers)
-    changes, last = _collect(lines, numbers[-1])
+    changes, cut = collect(lines, LOG_CHANGES)
+    last = numbers[-1] if cut is None else cut + 1
     entries = [
         LogEntry(make_revision(session, row), changes.get(row[0], ()))
         for row in rows
@@ -264,18 +259,6 @@ def _refuse_holes(session: Session, rows: list[Row], high: int, count: int) -> N
     for number in range(high, high - count, -1):
         if number not in numbers:
             raise missing_revision(session, number)
-
-
-def _collect(lines: Iterator[tuple[int, Change]], last: int) -> tuple[_Changes, int]:
-    """Collect changes by revision, down to `last` or the page limit; return the last one, too."""
-    changes: _Changes = {}
-    total = 0
-    for number, of_number in groupby(lines, key=lambda line: line[0]):
-        if total >= LOG_CHANGES:
-            return changes, number + 1
-        changes[number] = tuple(change for _, change in of_number)
-        total += len(changes[number])
-    return changes, last
 
 
 def _pages_of(

@@ -45,25 +45,18 @@ When = int | datetime
 
 
 class HeadTimes(NamedTuple):
-    """The head of a knowledge base, and the revisions at some times.
+    """The head of a knowledge base, and the revisions at some times."""
 
-    Attributes:
-        revision: the last revision; 0 before the first.
-        archived: versions that ended up to this revision are in an archive.
-        redefined: the last revision that changed a definition.
-        found: the last revision up to each of the times.
-    """
-
-    revision: int
-    archived: int
-    redefined: int
-    found: tuple[int, ...] = ()
+    revision: int  # 0 before the first
+    archived: int  # versions that ended up to this revision are in an archive
+    redefined: int  # the last revision that changed a definition
+    found: tuple[int, ...] = ()  # the last revision up to each of the times
 
 
 def read_head(store: Store, moments: Sequence[datetime] = ()) -> HeadTimes:
     """Read the head, and the revisions at some times, with one statement."""
     for moment in moments:
-        check_zone(moment)
+        _check_zone(moment)
 
     def work(session: Session, kb_id: int | None) -> HeadTimes:
         row = None
@@ -98,7 +91,7 @@ def _times(session: Session, moments: Sequence[datetime]) -> dict[str, Any]:
     return times
 
 
-def check_zone(moment: datetime) -> None:
+def _check_zone(moment: datetime) -> None:
     """Refuse a time without zone."""
     if moment.utcoffset() is None:
         raise UnknownRevisionError(f"the time {moment.isoformat()} has no zone; give one, as UTC")
@@ -119,16 +112,14 @@ def head_revision(store: Store) -> int:
     return read_head(store).revision if transaction is None else transaction.head.revision
 
 
-def revision_at(store: Store, when: When, upto: int | None = None) -> int:
-    """Return the revision at a number or a time, as a view of `upto` (None: the head) knows it."""
-    if upto is not None and not isinstance(when, datetime):
-        return check_number(store, when, upto)
-    (revision,), _ = _find(store, [when], upto)
+def revision_at(store: Store, when: When) -> int:
+    """Return the revision at a number or a time."""
+    (revision,), _ = _find(store, [when], None)
     return revision
 
 
 def state_at(store: Store, when: When, upto: int | None = None) -> int:
-    """Return the revision as `revision_at` does, and refuse it when its state is archived."""
+    """Return the revision of one state, as `states_at` does."""
     (revision,), _ = states_at(store, [when], upto)
     return revision
 
@@ -136,7 +127,10 @@ def state_at(store: Store, when: When, upto: int | None = None) -> int:
 def states_at(
     store: Store, whens: Sequence[When], upto: int | None = None
 ) -> tuple[list[int], HeadTimes]:
-    """Return the revisions of one or two states, as `state_at` does, with one statement."""
+    """Return the revisions of one or two states with one statement; refuse archived states.
+
+    A view of the past knows the revisions up to its own, `upto`.
+    """
     revisions, head = _find(store, whens, upto)
     for revision in revisions:
         if revision < head.archived:
@@ -150,13 +144,13 @@ def _find(store: Store, whens: Sequence[When], upto: int | None) -> tuple[list[i
     revisions = []
     for when in whens:
         if not isinstance(when, datetime):
-            revisions.append(check_number(store, when, last_known(store, head, upto)))
+            revisions.append(_check_number(store, when, _last_known(store, head, upto)))
         else:
             revisions.append(next(found) if upto is None else min(next(found), upto))
     return revisions, head
 
 
-def last_known(store: Store, head: HeadTimes, upto: int | None) -> int:
+def _last_known(store: Store, head: HeadTimes, upto: int | None) -> int:
     """Return the last revision that a caller may ask for."""
     if upto is not None:
         return upto
@@ -164,12 +158,10 @@ def last_known(store: Store, head: HeadTimes, upto: int | None) -> int:
     return head.revision if transaction is None else transaction.head.revision
 
 
-def check_number(store: Store, when: int, last: int) -> int:
+def _check_number(store: Store, when: int, last: int) -> int:
     """Check the number of a revision."""
     expected = "a revision's number, or an aware time"
-    whole_number(
-        when, "what is asked for", least=None, expected=expected, error=UnknownRevisionError
-    )
+    whole_number(when, "the revision", least=None, expected=expected, error=UnknownRevisionError)
     refuse_unknown(store.name, when, last)
     return when
 
@@ -178,17 +170,11 @@ _MICROSECOND = timedelta(microseconds=1)
 
 
 class Bounds(NamedTuple):
-    """A range of revisions.
-
-    Attributes:
-        low: the first.
-        high: the last; below `low` in an empty range.
-        redefined: no revision after this one, up to `high`, changed a definition.
-    """
+    """A range of revisions."""
 
     low: int
-    high: int
-    redefined: int
+    high: int  # below `low` in an empty range
+    redefined: int  # no revision after this one, up to `high`, changed a definition
 
 
 def find_bounds(
@@ -204,16 +190,16 @@ def find_bounds(
         head = HeadTimes(upto, 0, LARGEST)
     else:
         head = read_head(store, moments)
-    last = last_known(store, head, upto)
+    last = _last_known(store, head, upto)
     low, high = 1, last
     if after is not None:
         low = min(head.found[0], last) + 1
     elif since is not None and not isinstance(since, datetime):
-        low = max(1, check_number(store, since, last))
+        low = max(1, _check_number(store, since, last))
     if isinstance(until, datetime):
         high = min(head.found[-1], last)
     elif until is not None:
-        high = check_number(store, until, last)
+        high = _check_number(store, until, last)
     return Bounds(low, high, head.redefined)
 
 
@@ -221,6 +207,6 @@ def _moment_before(since: int | datetime | None) -> datetime | None:
     """Return the last moment before a range; None without one."""
     if not isinstance(since, datetime):
         return None
-    check_zone(since)
+    _check_zone(since)
     # Times have microseconds: nothing was committed between this one and the one before.
     return since - _MICROSECOND if since > FIRST_MOMENT else None

@@ -6,6 +6,8 @@ import json
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from itertools import groupby
+from operator import itemgetter
 from typing import Any
 
 from sqlalchemy import ColumnElement, select
@@ -43,9 +45,9 @@ class Revision:
         committed_at: when, by the store's clock, in UTC; it never goes back.
         actor: the component that wrote.
         reason: why.
-        source: what the caller knew, as JSON values.
+        source: where the knowledge came from, as JSON values.
         hash: the SHA-256 that chains it to the revision before.
-        observed_at: when what it says was sensed, in UTC; None when that was not said.
+        observed_at: when its knowledge was sensed, in UTC; None if not given.
         plan_step: the step of a plan that was running: the plan's id and the step's position.
     """
 
@@ -181,23 +183,26 @@ def read_page(session: Session, kb_id: int, low: int, high: int) -> list[LogEntr
             raise missing_revision(session, number)
     if not rows:
         raise missing_revision(session, low)
-    last = rows[-1][0]
-    changes: dict[int, list[Change]] = {row[0]: [] for row in rows}
-    end = _collect(stream_changes(session, kb_id, low, last), changes)
+    changes, end = collect(stream_changes(session, kb_id, low, rows[-1][0]), PAGE_CHANGES)
     return [
-        LogEntry(make_revision(session, row), tuple(changes[row[0]]))
+        LogEntry(make_revision(session, row), changes.get(row[0], ()))
         for row in rows
         if end is None or row[0] < end
     ]
 
 
-def _collect(lines: Iterator[tuple[int, Change]], changes: dict[int, list[Change]]) -> int | None:
-    """Group changes by revision; return the revision that the page limit cuts off, if any."""
-    for count, (number, change) in enumerate(lines):
-        if count >= PAGE_CHANGES and not changes[number]:
-            return number
-        changes[number].append(change)
-    return None
+def collect(
+    lines: Iterator[tuple[int, Change]], most: int
+) -> tuple[dict[int, tuple[Change, ...]], int | None]:
+    """Group changes by revision; return the revision that the limit cuts off, too, if any."""
+    changes: dict[int, tuple[Change, ...]] = {}
+    count = 0
+    for number, of_number in groupby(lines, key=itemgetter(0)):
+        if count >= most:
+            return changes, number
+        changes[number] = tuple(change for _, change in of_number)
+        count += len(changes[number])
+    return changes, None
 
 
 def missing_revision(session: Session, number: int) -> StoreIntegrityError:

@@ -32,10 +32,10 @@ from .revisions import LARGEST, Revision, make_revision, read_numbered, revision
 
 @dataclass(frozen=True)
 class Version:
-    """What held of one element from one revision until another.
+    """An element from the revision that asserted it until the one that retracted it.
 
     Attributes:
-        kind: what it is a version of: one of the kinds of `Change`.
+        kind: a kind, as in `Change`.
         text: the element's canonical PDDL text.
         since: the revision that asserted it: by whom, when and why.
         until: the revision that retracted it; None while it holds.

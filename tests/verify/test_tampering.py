@@ -48,7 +48,7 @@ def test_a_revision_whose_row_alone_is_gone_leaves_its_changes(bare: Bare) -> No
     messages = [(each.revision, each.message) for each in bare.findings()]
     assert (10, "revision 10 is missing: a hole in the chain") in messages
     assert any(
-        number == 10 and "there is no revision 10, but 2 changes say" in message
+        number == 10 and "revision 10 is missing, but has 2 changes" in message
         for number, message in messages
     )
 
@@ -109,7 +109,7 @@ def seal_from(bare: Bare, low: int) -> None:
         (
             "UPDATE revision SET hash = 'x' WHERE number = 15",
             15,
-            "the column hash of revision 15 was altered: revision 16 was chained to the hash",
+            "the column hash of revision 15 was altered: revision 16 is chained to the right hash",
         ),
         (
             "UPDATE revision SET reason = 'well' WHERE number = 15",
@@ -154,16 +154,16 @@ def seal_from(bare: Bare, low: int) -> None:
         ("UPDATE revision SET actor = 'x' WHERE number = 3", None, "what is left of the revisions"),
         ("UPDATE action_node SET operator = 'or' WHERE position = 0", None, "no conjunction"),
         ("DELETE FROM object_type", None, "its rows say 'x - truck'"),
-        ("UPDATE plan SET status = 'solved optimally'", None, "are not what its text says"),
+        ("UPDATE plan SET status = 'solved optimally'", None, "differ from its text"),
         (
             "UPDATE plan_step SET text = '(load t1 c2)' WHERE position = 0",
             None,
-            "is not what its action and arguments say",
+            "differs from its action and arguments",
         ),
         (
             "INSERT INTO revision_plan_step VALUES (1, 99, 99, 0)",
             99,
-            "are said to belong together, and one of them is missing",
+            "and one of them is missing",
         ),
         (
             "UPDATE proposition_argument SET kb_id = 7",
@@ -186,7 +186,7 @@ def test_a_line_that_was_slipped_in_is_shown(bare: Bare) -> None:
     bare.run("UPDATE head SET next_id = 901")
     (finding,) = bare.findings()
     assert finding.revision == 15
-    assert "'+ type drone' was slipped into it, or moved or doubled" in finding.message
+    assert "'+ type drone' was inserted into it, moved there or duplicated" in finding.message
 
 
 @pytest.mark.parametrize("since", [3, LAST - 1])

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cache, partial
-from itertools import islice
 from typing import Any, NamedTuple
 
 from sqlalchemy import (
@@ -21,32 +20,17 @@ from sqlalchemy import (
     update,
 )
 
+from ...dao.base import batches
 from ...errors import ConflictError, StoreIntegrityError
+from ...sql import tables as t
 from ...sql.changes import LOW, in_range
 from ...sql.dialects.base import Row, Session
 from ...sql.intervals import fork
 from ...sql.query import Query, in_list, in_rows, integer, whole_rows
 from ...sql.rows import KB, KIND_TABLES, is_of_version, table_of
-from ...sql.tables import (
-    ArchiveRow,
-    FunctionValueArgumentRow,
-    FunctionValueRow,
-    FunctionValueVersionRow,
-    PlanRow,
-    PlanStepArgumentRow,
-    PlanStepRow,
-    PlanStepVersionRow,
-    PropositionArgumentRow,
-    PropositionRow,
-    PropositionVersionRow,
-    RevisionPlanStepRow,
-    RevisionRow,
-)
 from ...sql.tables.base import UtcTime
 
-BATCH = 5_000
-
-_REVISION = table_of(RevisionRow)
+_REVISION, _PLAN_STEP = table_of(t.RevisionRow), table_of(t.RevisionPlanStepRow)
 
 
 def columns_of(table: Table) -> tuple[ColumnElement[Any], ...]:
@@ -59,7 +43,7 @@ def columns_of(table: Table) -> tuple[ColumnElement[Any], ...]:
 def converters(
     columns: Iterable[ColumnElement[Any]], source: Session, target: Session
 ) -> dict[int, Callable[[Any], Any]]:
-    """Return what converts the values of some columns, by index."""
+    """Return the functions that convert the values of some columns, by index."""
     found: dict[int, Callable[[Any], Any]] = {}
     for index, column in enumerate(columns):
         if isinstance(column.type, Boolean):
@@ -81,52 +65,31 @@ def converted(row: Row, convert: Mapping[int, Callable[[Any], Any]]) -> Row:
     return tuple(values)
 
 
-def batches(rows: Iterable[Row], size: int = BATCH) -> Iterator[list[Row]]:
-    """Split a stream into lists."""
-    iterator = iter(rows)
-    while batch := list(islice(iterator, size)):
-        yield batch
-
-
 class AtomTables(NamedTuple):
-    """The tables of ground atoms or fluents, which are removed with their last version.
-
-    Attributes:
-        identity: the identity table.
-        arguments: the table of their arguments.
-        key: the columns that identify one; the last holds its arguments.
-    """
+    """The tables of ground atoms or fluents, which are removed with their last version."""
 
     identity: Table
     arguments: Table
-    key: tuple[str, ...]
+    key: tuple[str, ...]  # the columns that identify one; the last holds its arguments
 
 
 class IntervalTable(NamedTuple):
-    """A table of versions, each of which holds from one revision until another.
-
-    Attributes:
-        version: the table.
-        owner: the columns of the identity, without `kb_id`.
-        children: the tables below it, parents first.
-        atoms: the tables of its ground atoms; None for named elements and plans.
-        is_definition: whether its changes move `head.definition_revision`.
-    """
+    """A table of versions, each of which holds from one revision until another."""
 
     version: Table
-    owner: tuple[str, ...]
-    children: tuple[Table, ...] = ()
-    atoms: AtomTables | None = None
-    is_definition: bool = False
+    owner: tuple[str, ...]  # the columns of the identity, without `kb_id`
+    children: tuple[Table, ...] = ()  # the tables below it, parents first
+    atoms: AtomTables | None = None  # None for named elements and plans
+    is_definition: bool = False  # whether its changes move `head.definition_revision`
 
 
 FACTS = AtomTables(
-    table_of(PropositionRow),
-    table_of(PropositionArgumentRow),
+    table_of(t.PropositionRow),
+    table_of(t.PropositionArgumentRow),
     ("is_goal", "predicate_id", "arguments"),
 )
 FLUENTS = AtomTables(
-    table_of(FunctionValueRow), table_of(FunctionValueArgumentRow), ("function_id", "arguments")
+    table_of(t.FunctionValueRow), table_of(t.FunctionValueArgumentRow), ("function_id", "arguments")
 )
 ATOMS = {atoms.identity: atoms for atoms in (FACTS, FLUENTS)}
 INTERVAL_TABLES = (
@@ -136,13 +99,13 @@ INTERVAL_TABLES = (
         )
         for name, kind in KIND_TABLES.items()
     ),
-    IntervalTable(table_of(PropositionVersionRow), ("proposition_id",), atoms=FACTS),
-    IntervalTable(table_of(FunctionValueVersionRow), ("function_value_id",), atoms=FLUENTS),
-    IntervalTable(table_of(PlanStepVersionRow), ("plan_id", "position")),
+    IntervalTable(table_of(t.PropositionVersionRow), ("proposition_id",), atoms=FACTS),
+    IntervalTable(table_of(t.FunctionValueVersionRow), ("function_value_id",), atoms=FLUENTS),
+    IntervalTable(table_of(t.PlanStepVersionRow), ("plan_id", "position")),
 )
 IDENTITIES = {*(kind.identity for kind in KIND_TABLES.values()), *ATOMS}
-PLAN, ARCHIVE = table_of(PlanRow), table_of(ArchiveRow)
-BELOW_PLANS = table_of(PlanStepRow), table_of(PlanStepArgumentRow)
+PLAN, ARCHIVE = table_of(t.PlanRow), table_of(t.ArchiveRow)
+BELOW_PLANS = table_of(t.PlanStepRow), table_of(t.PlanStepArgumentRow)
 
 
 def children_of(
@@ -180,14 +143,7 @@ _REMEMBERED = 100_000
 
 
 class Stores(NamedTuple):
-    """Two stores between which rows are copied, each in a transaction.
-
-    Attributes:
-        source: where rows are read.
-        source_kb: the knowledge base there.
-        target: where they are written.
-        target_kb: the same knowledge base there.
-    """
+    """A knowledge base in the two stores between which its rows are copied."""
 
     source: Session
     source_kb: int
@@ -230,16 +186,13 @@ class Identities:
 
     A name keeps its id in both stores. A ground atom that was archived and came back has a new id
     in the source, and its old one in the target.
-
-    Attributes:
-        largest: the largest id that was written.
     """
 
     def __init__(self, stores: Stores, may_return: bool) -> None:
         self._stores = stores
         self._may_return = may_return
         self._ids: dict[Table, dict[int, int]] = {table: {} for table in IDENTITIES}
-        self.largest = 0
+        self.largest = 0  # the largest id that was written
 
     def trim(self) -> None:
         """Bound the cache, between batches of rows."""
@@ -324,21 +277,12 @@ class Identities:
             target.insert(whole_rows(atoms.arguments), [(target_kb, *row[1:]) for row in arguments])
 
 
-_REVISION_TABLE, _PLAN_STEP = table_of(RevisionRow), table_of(RevisionPlanStepRow)
-
-
 class Copied(NamedTuple):
-    """What was copied.
+    """The result of a copy."""
 
-    Attributes:
-        rows: how many versions were written or closed.
-        definition_revision: the last revision that changed a definition; 0 for none of these.
-        largest_id: the largest id that was written; 0 for none.
-    """
-
-    rows: int
-    definition_revision: int
-    largest_id: int
+    rows: int  # how many versions were written or closed
+    definition_revision: int  # the last revision that changed a definition; 0 for none of these
+    largest_id: int  # the largest id that was written; 0 for none
 
 
 def _all_of(table: Table, *condition: ColumnElement[bool]) -> Query:
@@ -349,8 +293,7 @@ def _all_of(table: Table, *condition: ColumnElement[bool]) -> Query:
 @cache
 def _asserted(table: Table) -> Query:
     """Select the rows that the range asserted, of a table with `since`."""
-    statement = select(*columns_of(table)).where(table.c.kb_id == KB, in_range(table.c.since))
-    return Query(statement)
+    return Query(select(*columns_of(table)).where(table.c.kb_id == KB, in_range(table.c.since)))
 
 
 @cache
@@ -392,7 +335,7 @@ def _below_plans(table: Table) -> Query:
     return _all_of(table, in_rows(table.c.plan_id, plans))
 
 
-_REVISIONS = _all_of(_REVISION_TABLE, in_range(_REVISION_TABLE.c.number))
+_REVISIONS = _all_of(_REVISION, in_range(_REVISION.c.number))
 _STEPS = _all_of(_PLAN_STEP, in_range(_PLAN_STEP.c.number))
 
 
@@ -411,7 +354,7 @@ class Copy:
 
     def run(self) -> Copied:
         """Copy the range."""
-        self._insert(_REVISION_TABLE, _REVISIONS)
+        self._insert(_REVISION, _REVISIONS)
         for part in INTERVAL_TABLES[:-1]:
             self._copy_part(part)
         if self._insert(PLAN, _asserted(PLAN)):
@@ -449,7 +392,7 @@ class Copy:
         return count
 
     def _adapter(self, table: Table) -> Callable[[Row], Row]:
-        """Return what converts a row of the source for the target."""
+        """Return the function that converts a row of the source for the target."""
         convert: dict[int, Callable[[Any], Any]] = converters(
             table.columns, self._reader, self._stores.target
         )

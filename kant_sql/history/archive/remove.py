@@ -21,6 +21,7 @@ from sqlalchemy import (
     update,
 )
 
+from ...dao.base import batches
 from ...errors import ConflictError, StoreError
 from ...sql.changes import in_range
 from ...sql.dialects.base import Session
@@ -32,7 +33,6 @@ from .copy import (
     INTERVAL_TABLES,
     AtomTables,
     IntervalTable,
-    batches,
     children_of,
     converted,
     references,
@@ -43,17 +43,11 @@ _MODULUS = 2**256
 
 
 class Leaving(NamedTuple):
-    """The versions to remove: those that ended in a range of revisions.
-
-    Attributes:
-        low: the first revision.
-        high: the last revision.
-        versions: how many, by table; without empty tables.
-    """
+    """The versions to remove: those that ended in the revisions from `low` to `high`."""
 
     low: int
     high: int
-    versions: dict[str, int]
+    versions: dict[str, int]  # how many, by table; without empty tables
 
     @property
     def total(self) -> int:

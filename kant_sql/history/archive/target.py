@@ -32,12 +32,7 @@ _LAST_TARGET = Query(
 
 
 class Target(NamedTuple):
-    """A knowledge base in the target store.
-
-    Attributes:
-        backend: the database.
-        name: the knowledge base's name.
-    """
+    """A knowledge base in the target store."""
 
     backend: Backend
     name: str

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import re
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field
 from datetime import datetime
 from hashlib import sha256
@@ -27,7 +29,7 @@ from ...sql.query import Query
 from ...sql.rows import KB
 from ...sql.tables import KnowledgeBaseRow, RevisionRow
 from ..revisions import LARGEST
-from .findings import Report
+from .sides import Check
 
 SMALLEST = -(2**63)
 
@@ -42,45 +44,32 @@ _REVISIONS = Query(
 )
 
 
-class Link(NamedTuple):
-    """A revision as stored, without its changes.
+# Sign, kind and text of a change.
+_Line = tuple[str, str, str]
 
-    Attributes:
-        number: its number.
-        committed_at: when, as the text that is hashed.
-        metadata: who, why and from what.
-        form: the form that was hashed.
-        hash: its hash, as it is stored.
-        is_readable: whether its times are times.
-    """
+
+class Link(NamedTuple):
+    """A revision as stored, without its changes."""
 
     number: int
-    committed_at: str
+    committed_at: str  # as it is hashed
     metadata: Metadata
     form: int
     hash: str
-    is_readable: bool
+    is_readable: bool  # whether its times are times
 
-    def digest(
-        self, name: str, previous: str | None, changes: Iterable[tuple[str, str, str]]
-    ) -> str:
+    def digest(self, name: str, previous: str | None, changes: Iterable[_Line]) -> str:
         """Recompute its hash."""
         said = self.committed_at, self.metadata, changes, self.form
         return revision_hash(previous, name, self.number, *said)
 
 
 class Step(NamedTuple):
-    """A revision and its changes, or the changes of a missing revision.
-
-    Attributes:
-        number: the number.
-        link: the revision; None when there are only changes.
-        changes: sign, kind and text of each change, to be read before the next step.
-    """
+    """A revision and its changes, or the changes of a missing revision."""
 
     number: int
     link: Link | None
-    changes: Iterator[tuple[str, str, str]]
+    changes: Iterator[_Line]  # to be read before the next step
 
 
 def read_name(session: Session, kb_id: int) -> str:
@@ -116,7 +105,7 @@ def stream_chain(
         group = next(groups, None)
 
 
-def _lines(rows: Iterable[Row]) -> Iterator[tuple[str, str, str]]:
+def _lines(rows: Iterable[Row]) -> Iterator[_Line]:
     # A change whose identity is missing has no text.
     return ((_SIGNS[sign], kind, text or "") for _, sign, kind, text in rows)
 
@@ -124,16 +113,15 @@ def _lines(rows: Iterable[Row]) -> Iterator[tuple[str, str, str]]:
 def _link(session: Session, row: Row) -> Link:
     number, at, actor, reason, source, digest, seen, plan_id, position, form = row
     step = None if plan_id is None else (plan_id, position)
-    try:
-        committed_at, observed_at = moment_text(session, at), _moment(session, seen)
+    committed_at, observed_at, is_readable = "", None, False
+    with suppress(TypeError, ValueError):
+        text, seen_at = moment_text(session, at), _moment(session, seen)
         if isinstance(at, str):
             # Its text is hashed, so it must be in the form of a time.
             _moment(session, at)
-    except (TypeError, ValueError):
-        metadata = Metadata(actor, reason, source, None, step)
-        return Link(number, "", metadata, form, digest, False)
+        committed_at, observed_at, is_readable = text, seen_at, True
     metadata = Metadata(actor, reason, source, observed_at, step)
-    return Link(number, committed_at, metadata, form, digest, True)
+    return Link(number, committed_at, metadata, form, digest, is_readable)
 
 
 def moment_text(session: Session, raw: Any) -> str:
@@ -151,31 +139,20 @@ def _moment(session: Session, raw: Any) -> datetime | None:
     return session.to_time(raw)
 
 
-class RestDigest:
-    """The hash of what an archive left of revisions."""
-
-    def __init__(self) -> None:
-        self._digest = sha256()
-
-    def add(self, recomputed: str, stored: str) -> None:
-        """Add a revision."""
-        self._digest.update(f"{recomputed}{stored}".encode())
-
-    def text(self) -> str:
-        """Return the hash of all revisions."""
-        return self._digest.hexdigest()
-
-
 def rest_digest(session: Session, kb_id: int, upto: int) -> str:
     """Hash the first revisions as an archive leaves them: without the versions that ended."""
-    name, rest = read_name(session, kb_id), RestDigest()
+    name, rest = read_name(session, kb_id), sha256()
     previous: str | None = None
     left = stream_rows_left(session, kb_id, upto)
     for step in stream_chain(session, kb_id, 1, upto, left):
         if step.link is not None:
-            rest.add(step.link.digest(name, previous, step.changes), step.link.hash)
+            _add_rest(rest, step.link, step.link.digest(name, previous, step.changes))
             previous = step.link.hash
-    return rest.text()
+    return rest.hexdigest()
+
+
+def _add_rest(rest: Any, link: Link, recomputed: str) -> None:
+    rest.update(f"{recomputed}{link.hash}".encode())
 
 
 # Trying a larger revision without each of its lines takes too many hashes.
@@ -183,7 +160,6 @@ MANY_LINES = 2_000
 # Lines that may be hashed to explain one store.
 EFFORT = 8_000_000
 
-_Line = tuple[str, str, str]
 _SAID = ("actor", "reason", "source", "observed_at", "plan_step")
 _UNEXPLAINED = (
     "what the tables say of revision {number} is not what was hashed: its actor, reason, source or "
@@ -193,145 +169,117 @@ _UNEXPLAINED = (
 
 
 class Wrong(NamedTuple):
-    """A revision whose stored hash differs from that of its contents.
-
-    Attributes:
-        link: the revision.
-        previous: the stored hash of the revision before.
-        digest: the hash of its contents.
-    """
+    """A revision whose stored hash differs from that of its contents."""
 
     link: Link
-    previous: str | None
-    digest: str
+    previous: str | None  # the stored hash of the revision before
+    digest: str  # the hash of its contents
 
 
 class _Explainer:
-    def __init__(self, session: Session, kb_id: int, name: str) -> None:
-        self._session = session
-        self._kb_id = kb_id
+    """Reports revisions with a wrong hash, and what differs where the hashes show it."""
+
+    def __init__(self, check: Check, name: str) -> None:
+        self._check = check
         self._name = name
         self._effort = EFFORT
+        # Changes that were inserted into a revision.
+        self._slipped_in: dict[_Line, int] = {}
 
-    def lines(self, number: int) -> list[_Line] | None:
+    def run(self, wrong: list[Wrong]) -> None:
+        unexplained = []
+        for each in self._without_altered_hashes(wrong):
+            lines = self._lines(each.link.number)
+            if lines is None or not self._explain(each, lines):
+                unexplained.append((each, lines))
+        for each, lines in unexplained:
+            self._report_missing(each, lines)
+
+    def _without_altered_hashes(self, wrong: list[Wrong]) -> Iterator[Wrong]:
+        """Report altered hashes, and yield the revisions that are wrong for another reason."""
+        rest = deque(wrong)
+        while rest:
+            each = rest.popleft()
+            number = each.link.number
+            if rest and rest[0].link.number == number + 1 and self._is_successor(each, rest[0]):
+                rest.popleft()
+                self._check.report.add(
+                    number,
+                    "revision",
+                    f"the column hash of revision {number} was altered: revision {number + 1} is "
+                    "chained to the right hash",
+                )
+            else:
+                yield each
+
+    def _explain(self, wrong: Wrong, lines: list[_Line]) -> bool:
+        """Report what was added to a revision; return whether that was found."""
+        number, add = wrong.link.number, self._check.report.add
+        said = self._added_metadata(wrong, lines)
+        if said is not None:
+            add(number, "revision", f"its {said} was added: without it, the hash is right")
+            return True
+        line = self._added_line(wrong, lines)
+        if line is not None:
+            self._slipped_in[line] = number
+            message = f"'{_shown(line)}' was inserted into it, moved there or duplicated: without "
+            add(number, None, f"{message}it, the hash is right")
+        return line is not None
+
+    def _report_missing(self, wrong: Wrong, lines: list[_Line] | None) -> None:
+        number = wrong.link.number
+        line = None if lines is None else self._missing_line(wrong, lines)
+        if line is not None:
+            message = f"'{_shown(line)}' is missing in it; it was moved to revision "
+            message += str(self._slipped_in[line])
+        else:
+            count = len(lines) if lines is not None else sum(1 for _ in self._changes(number))
+            message = _UNEXPLAINED.format(number=number, count=count)
+        self._check.report.add(number, None, message)
+
+    def _changes(self, number: int) -> Iterator[_Line]:
+        for step in stream_chain(self._check.session, self._check.kb_id, number, number):
+            yield from step.changes
+
+    def _lines(self, number: int) -> list[_Line] | None:
         """Return the changes of a revision; None when there are too many to try."""
-        lines: list[_Line] = []
-        for step in stream_chain(self._session, self._kb_id, number, number):
-            lines = list(islice(step.changes, MANY_LINES + 1))
+        lines = list(islice(self._changes(number), MANY_LINES + 1))
         return None if len(lines) > MANY_LINES else lines
 
-    def count(self, number: int) -> int:
-        """Count the changes of a revision."""
-        chain = stream_chain(self._session, self._kb_id, number, number)
-        return sum(1 for step in chain for _ in step.changes)
-
-    def fits(self, wrong: Wrong, lines: list[_Line], metadata: Metadata | None = None) -> bool:
+    def _fits(self, wrong: Wrong, lines: list[_Line], metadata: Metadata | None = None) -> bool:
         """Return whether a revision with these contents would have its hash."""
         self._effort -= len(lines) + 1
         link = wrong.link if metadata is None else wrong.link._replace(metadata=metadata)
         return link.digest(self._name, wrong.previous, lines) == link.hash
 
-    def is_successor(self, wrong: Wrong, following: Wrong) -> bool:
+    def _is_successor(self, wrong: Wrong, following: Wrong) -> bool:
         """Return whether a revision is chained to the previous contents, not to their hash."""
-        lines = self.lines(following.link.number)
-        return lines is not None and self.fits(following._replace(previous=wrong.digest), lines)
+        lines = self._lines(following.link.number)
+        return lines is not None and self._fits(following._replace(previous=wrong.digest), lines)
 
-    def added_metadata(self, wrong: Wrong, lines: list[_Line]) -> str | None:
+    def _added_metadata(self, wrong: Wrong, lines: list[_Line]) -> str | None:
         """Find the metadata without which the hash is right."""
         metadata = wrong.link.metadata
         for name in _SAID:
             if getattr(metadata, name) is not None:
                 without = metadata._replace(**{name: None})
-                if self.fits(wrong, lines, without):
+                if self._fits(wrong, lines, without):
                     return name
         return None
 
-    def added_line(self, wrong: Wrong, lines: list[_Line]) -> _Line | None:
+    def _added_line(self, wrong: Wrong, lines: list[_Line]) -> _Line | None:
         """Find the change without which the hash is right."""
         if len(lines) ** 2 > self._effort:
             return None
         for position, line in enumerate(lines):
-            if self.fits(wrong, lines[:position] + lines[position + 1 :]):
+            if self._fits(wrong, lines[:position] + lines[position + 1 :]):
                 return line
         return None
 
-    def missing_line(self, wrong: Wrong, lines: list[_Line], known: list[_Line]) -> _Line | None:
+    def _missing_line(self, wrong: Wrong, lines: list[_Line]) -> _Line | None:
         """Find the change of another revision with which the hash is right."""
-        for line in known:
-            if self.fits(wrong, sorted([*lines, line])):
-                return line
-        return None
-
-
-def explain(session: Session, kb_id: int, name: str, wrong: list[Wrong], report: Report) -> None:
-    """Report revisions with a wrong hash, and what differs where that can be found."""
-    explainer = _Explainer(session, kb_id, name)
-    slipped_in: dict[int, _Line] = {}
-    unexplained: list[tuple[Wrong, list[_Line] | None]] = []
-    rest = iter(_without_altered_hashes(explainer, wrong, report))
-    for each in rest:
-        number = each.link.number
-        lines = explainer.lines(number)
-        said = None if lines is None else explainer.added_metadata(each, lines)
-        line = None if lines is None or said else explainer.added_line(each, lines)
-        if said is not None:
-            report.add(number, "revision", f"its {said} was added: without it, the hash is right")
-        elif line is not None:
-            slipped_in[number] = line
-            report.add(
-                number,
-                None,
-                f"'{_shown(line)}' was slipped into it, or moved or doubled: without it, the hash "
-                "is right",
-            )
-        else:
-            unexplained.append((each, lines))
-    for each, lines in unexplained:
-        _report_missing(explainer, each, lines, slipped_in, report)
-
-
-def _without_altered_hashes(
-    explainer: _Explainer, wrong: list[Wrong], report: Report
-) -> Iterator[Wrong]:
-    """Report altered hashes, and yield the revisions that are wrong for another reason."""
-    skipped = -1
-    for position, each in enumerate(wrong):
-        if position == skipped:
-            continue
-        following = wrong[position + 1] if position + 1 < len(wrong) else None
-        number = each.link.number
-        if (
-            following is not None
-            and following.link.number == number + 1
-            and explainer.is_successor(each, following)
-        ):
-            skipped = position + 1
-            report.add(
-                number,
-                "revision",
-                f"the column hash of revision {number} was altered: revision {number + 1} was "
-                "chained to the hash that it should have",
-            )
-        else:
-            yield each
-
-
-def _report_missing(
-    explainer: _Explainer,
-    wrong: Wrong,
-    lines: list[_Line] | None,
-    slipped_in: dict[int, _Line],
-    report: Report,
-) -> None:
-    number = wrong.link.number
-    known = {line: other for other, line in slipped_in.items()}
-    line = None if lines is None else explainer.missing_line(wrong, lines, list(known))
-    if line is not None:
-        message = f"'{_shown(line)}' is missing in it; it was moved to revision {known[line]}"
-        report.add(number, None, message)
-        return
-    count = explainer.count(number) if lines is None else len(lines)
-    report.add(number, None, _UNEXPLAINED.format(number=number, count=count))
+        known = (line for line in self._slipped_in if self._fits(wrong, sorted([*lines, line])))
+        return next(known, None)
 
 
 def _shown(line: _Line) -> str:
@@ -344,116 +292,91 @@ EXPLAINED = 20
 FEW = 1_000
 
 
-class Chain(NamedTuple):
-    """The result of the check.
-
-    Attributes:
-        last: the last revision; None when there is none.
-        revisions: how many there are.
-        changes: how many changes were hashed.
-        rest: the hash of what is left of the revisions up to the archived one.
-        hashes: the stored hash of each wanted revision.
-    """
-
-    last: Link | None
-    revisions: int
-    changes: int
-    rest: str
-    hashes: dict[int, str]
-
-
 @dataclass
-class _Pass:
-    session: Session
-    kb_id: int
-    name: str
-    archived: int
-    wanted: frozenset[int]
-    report: Report
+class Chain:
+    """One pass over all revisions in constant memory, and its results."""
+
+    check: Check
     tick: Callable[[int], None]
+    archived: int = 0
+    wanted: frozenset[int] = frozenset()  # revisions whose stored hashes are wanted
     last: Link | None = None
     revisions: int = 0
     changes: int = 0
-    rest: RestDigest = field(default_factory=RestDigest)
+    rest: str = ""  # the hash of what is left of the revisions up to the archived one
     hashes: dict[int, str] = field(default_factory=dict)
-    wrong: list[Wrong] = field(default_factory=list)
-    more: list[int] = field(default_factory=list)
-    more_count: int = 0
+    _name: str = ""
+    _rest: Any = field(default_factory=sha256)
+    _wrong: list[Wrong] = field(default_factory=list)
+    _more: list[int] = field(default_factory=list)
+    _more_count: int = 0
 
-    def run(self) -> Chain:
-        for step in stream_chain(self.session, self.kb_id):
-            self.take(step)
-        explain(self.session, self.kb_id, self.name, self.wrong, self.report)
-        if self.more:
-            self.report.add(self.more[0], "revision", _more(self.more_count, self.more[-1]))
-        rest = self.rest.text()
-        return Chain(self.last, self.revisions, self.changes, rest, self.hashes)
+    def run(self) -> None:
+        """Recompute all hashes."""
+        session, kb_id, report = self.check
+        self._name = read_name(session, kb_id)
+        for step in stream_chain(session, kb_id):
+            self._take(step)
+        _Explainer(self.check, self._name).run(self._wrong)
+        if self._more:
+            report.add(self._more[0], "revision", _more(self._more_count, self._more[-1]))
+        self.rest = self._rest.hexdigest()
 
-    def take(self, step: Step) -> None:
+    def _take(self, step: Step) -> None:
         link = step.link
         if link is None:
             count = sum(1 for _ in step.changes)
-            self.report.add(
-                step.number,
-                None,
-                f"there is no revision {step.number}, but {count} changes say that they are of it",
+            self.check.report.add(
+                step.number, None, f"revision {step.number} is missing, but has {count} changes"
             )
             return
-        self.check_order(link)
+        self._check_order(link)
         previous = None if self.last is None else self.last.hash
-        digest = link.digest(self.name, previous, self.counted(step.changes))
+        digest = link.digest(self._name, previous, self._counted(step.changes))
         if link.number <= self.archived:
-            self.rest.add(digest, link.hash)
+            _add_rest(self._rest, link, digest)
         elif digest != link.hash:
-            self.note(Wrong(link, previous, digest))
+            self._note(Wrong(link, previous, digest))
         if link.number in self.wanted:
             self.hashes[link.number] = link.hash
         self.last = link
         self.revisions += 1
         self.tick(link.number)
 
-    def counted(self, changes: Iterator[tuple[str, str, str]]) -> Iterable[tuple[str, str, str]]:
+    def _counted(self, changes: Iterator[_Line]) -> Iterable[_Line]:
         """Count changes while they are read; most revisions have few."""
         few = [*islice(changes, FEW)]
         self.changes += len(few)
-        return few if len(few) < FEW else chain(few, self.many(changes))
+        return few if len(few) < FEW else chain(few, self._many(changes))
 
-    def many(self, changes: Iterator[tuple[str, str, str]]) -> Iterator[tuple[str, str, str]]:
+    def _many(self, changes: Iterator[_Line]) -> Iterator[_Line]:
         for change in changes:
             self.changes += 1
             yield change
 
-    def note(self, wrong: Wrong) -> None:
-        if len(self.wrong) < EXPLAINED:
-            self.wrong.append(wrong)
+    def _note(self, wrong: Wrong) -> None:
+        if len(self._wrong) < EXPLAINED:
+            self._wrong.append(wrong)
         else:
-            self.more = [*self.more[:1], wrong.link.number]
-            self.more_count += 1
+            self._more = [*self._more[:1], wrong.link.number]
+            self._more_count += 1
 
-    def check_order(self, link: Link) -> None:
-        number, add = link.number, self.report.add
+    def _check_order(self, link: Link) -> None:
+        number, add = link.number, self.check.report.add
         expected = 1 if self.last is None else self.last.number + 1
-        if number != expected:
-            missing = (
-                f"revision {expected} is"
-                if number == expected + 1
-                else (f"revisions {expected} to {number - 1} are")
-            )
-            # No revision is missing before a number below 1.
-            add(
-                min(number, expected),
-                "revision",
-                f"{missing} missing: a hole in the chain"
-                if number > expected
-                else f"a revision has the number {number}; they begin with 1",
-            )
+        if number < expected:
+            add(number, "revision", f"a revision has the number {number}; they begin with 1")
+        elif number > expected:
+            several = f"revisions {expected} to {number - 1} are"
+            missing = several if number > expected + 1 else f"revision {expected} is"
+            add(expected, "revision", f"{missing} missing: a hole in the chain")
         if link.form != FORM:
             add(number, "revision", f"form {link.form} is unknown: revisions have form {FORM}")
         if not link.is_readable:
-            add(number, "revision", "a time is not written as the library writes times")
+            add(number, "revision", "a time is not in the library's format")
         # Both hash as NULL does.
         if link.metadata.source in ("", "null"):
-            add(number, "revision", "an empty source is not written as the library writes it")
+            add(number, "revision", "an empty source is not NULL")
         # Texts of this form sort as the moments do.
         if self.last is not None and link.committed_at < self.last.committed_at:
             add(number, "revision", "it was committed before the revision before it")
@@ -463,16 +386,3 @@ def _more(count: int, last: int) -> str:
     if count == 1:
         return "this revision is not what was hashed, either"
     return f"{count} more revisions are not what was hashed, the last is {last}"
-
-
-def check_chain(
-    session: Session,
-    kb_id: int,
-    archived: int,
-    wanted: frozenset[int],
-    report: Report,
-    tick: Callable[[int], None],
-) -> Chain:
-    """Recompute all hashes, in constant memory."""
-    name = read_name(session, kb_id)
-    return _Pass(session, kb_id, name, archived, wanted, report, tick).run()

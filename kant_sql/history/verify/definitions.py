@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections import Counter, defaultdict
+from collections import defaultdict
 from collections.abc import Collection, Iterator, Sequence
 from math import inf
 from typing import Any
@@ -27,21 +27,18 @@ from ...knowledge.definitions import (
     formula_name,
 )
 from ...knowledge.trees import ParameterDefinition, Tree, TreeNode, TreeTerm
-from ...sql.dialects.base import Row, Session
+from ...sql.dialects.base import Row
 from ...sql.query import Query
 from ...sql.rows import KB, KIND_TABLES, RowsByTable
-from .findings import Report
 from .identities import (
     ObjectFunctions,
     document_fault,
     formula_fault,
-    in_order,
     is_decimal,
-    is_end,
     is_word,
     parameter_fault,
-    side,
 )
+from .sides import Check, differing, interval_fault
 
 _BINDERS = (kinds.FORALL, kinds.EXISTS, kinds.DERIVED)
 _LEAVES = (kinds.PREDICATE, kinds.FUNCTION, kinds.NUMBER, kinds.VARIABLE, kinds.TIME)
@@ -230,29 +227,17 @@ def _version_query(kind: str) -> Query:
 
 
 _VERSIONS = {kind: _version_query(kind) for kind in KINDS}
-_CHILDREN = {
-    kind: [(table, in_order(table, key=2)) for table in KIND_TABLES[kind].version.children]
-    for kind in KINDS
-}
+# The rows of each table of one version.
+_Rows = dict[Table, list[Row]]
 
 
 class DefinitionCheck:
     """Compares the text of every version of every definition with its rows."""
 
-    def __init__(
-        self,
-        session: Session,
-        kb_id: int,
-        names: Definitions,
-        object_functions: ObjectFunctions,
-        report: Report,
-    ) -> None:
-        """Make it."""
-        self._session = session
-        self._kb_id = kb_id
+    def __init__(self, check: Check, names: Definitions, object_functions: ObjectFunctions) -> None:
+        self._check = check
         self._names = names
         self._object_functions = object_functions
-        self._report = report
 
     def run(self) -> None:
         """Check all kinds."""
@@ -260,67 +245,44 @@ class DefinitionCheck:
             self._check_kind(kind)
 
     def _check_kind(self, kind: str) -> None:
-        version = KIND_TABLES[kind].version.table
-        sides = [
-            (table, side(self._session, self._kb_id, query, 2, self._stray(table, version)))
-            for table, query in _CHILDREN[kind]
-        ]
+        version = KIND_TABLES[kind].version
+        sides = {
+            child: self._check.side(child, version.table, width=2) for child in version.children
+        }
+        position = list(version.table.c.keys()).index("text") - 1
         before: Row | None = None
-        for row in self._session.stream(_VERSIONS[kind], kb=self._kb_id):
+        for row in self._check.stream(_VERSIONS[kind]):
             *own, name = row
-            self._check_interval(version, before, row)
-            children = [(table, [*child.take(row[:2])]) for table, child in sides]
-            fault = self._fault(kind, (version, tuple(own)), children, name)
-            if fault is not None:
-                self._report.add(row[1], version.name, f"{_shown(row, version)}: {fault}")
+            owner, since, until, *_ = own
+            rows = {version.table: [tuple(own)]}
+            rows |= {child: [*side.take((owner, since))] for child, side in sides.items()}
+            ended = before[2] if before is not None and before[0] == owner else 0
+            for fault in (interval_fault(ended, since, until), self._fault(kind, rows, name)):
+                if fault is not None:
+                    text = " ".join(str(row[position]).split())
+                    message = f"'{text:.200}' since revision {since}: {fault}"
+                    self._check.report.add(since, version.table.name, message)
             before = row
-        for _, child in sides:
-            child.end()
+        for side in sides.values():
+            side.end()
 
-    def _stray(self, table: Table, version: Table) -> Any:
-        def report(row: Row) -> None:
-            self._report.add(
-                row[1],
-                table.name,
-                f"a row of {table.name} is of element {row[0]} since revision {row[1]}, of which "
-                f"{version.name} has no row",
-            )
-
-        return report
-
-    def _check_interval(self, version: Table, before: Row | None, row: Row) -> None:
-        owner, since, until = row[:3]
-        if until is not None and not is_end(until, since):
-            message = f"{_shown(row, version)} ends before it begins, or in no revision"
-            self._report.add(until, version.name, message)
-        if before is not None and before[0] == owner and (before[2] is None or before[2] > since):
-            self._report.add(
-                since, version.name, f"{_shown(row, version)} overlaps the version before it"
-            )
-
-    def _fault(
-        self,
-        kind: str,
-        version: tuple[Table, Row],
-        children: list[tuple[Table, list[Row]]],
-        name: str | None,
-    ) -> str | None:
+    def _fault(self, kind: str, rows: _Rows, name: str | None) -> str | None:
         if name is None:
             return f"there is no row of {kind} for it"
+        version, *children = rows
+        ((id_, since, _, *own),) = rows[version]
         # Definitions are made of rows without the revisions.
-        table, own = version
-        rows = {table: [(own[0], name, *own[3:])]}
-        for child, given in children:
-            rows[child] = [(row[0], *row[2:]) for row in given]
+        plain: _Rows = {version: [(id_, name, *own)]}
+        plain |= {child: [(row[0], *row[2:]) for row in rows[child]] for child in children}
         try:
-            (definition,) = KIND_TABLES[kind].definitions(rows)
-            fault = self._meaning(definition, name, version[1][1])
+            (definition,) = KIND_TABLES[kind].definitions(plain)
+            fault = self._meaning(definition, name, since)
         except (*UNREADABLE, KantSqlError) as error:
             return f"its rows make no {kind}: {type(error).__name__}: {error}"
-        return fault or self._layout(kind, definition, version[1], children)
+        return fault or self._layout(kind, definition, since, rows)
 
     def _meaning(self, definition: Any, name: str, since: int) -> str | None:
-        """Compare what the rows say with the text."""
+        """Compare the rows with the text."""
         fault = self._own_fault(definition, name, since)
         if fault is not None:
             return fault
@@ -329,20 +291,21 @@ class DefinitionCheck:
 
     def _own_fault(self, definition: Any, name: str, since: int) -> str | None:
         """Find what the text leaves out."""
-        if isinstance(definition, FormulaDefinition):
-            if formula_name(definition.section, definition.text) != name:
-                return "its name is not the hash of its section and its text"
-            return formula_fault(definition) or self._tree_fault(definition.tree, (), since)
-        if isinstance(definition, DocumentDefinition):
-            expected = DOMAIN if definition.domain is None else PROBLEM
-            if name != expected:
-                return f"a {expected} is called {name!r}"
-            return document_fault(definition)
-        if isinstance(definition, ActionDefinition):
-            parameters = parameter_fault(definition.parameters)
-            return parameters or self._action_fault(definition, since)
-        if isinstance(definition, PredicateDefinition | FunctionDefinition):
-            return parameter_fault(definition.parameters)
+        match definition:
+            case FormulaDefinition():
+                if formula_name(definition.section, definition.text) != name:
+                    return "its name is not the hash of its section and its text"
+                return formula_fault(definition) or self._tree_fault(definition.tree, (), since)
+            case DocumentDefinition():
+                expected = DOMAIN if definition.domain is None else PROBLEM
+                if name != expected:
+                    return f"a {expected} is called {name!r}"
+                return document_fault(definition)
+            case ActionDefinition():
+                parameters = parameter_fault(definition.parameters)
+                return parameters or self._action_fault(definition, since)
+            case PredicateDefinition() | FunctionDefinition():
+                return parameter_fault(definition.parameters)
         return None
 
     def _action_fault(self, action: ActionDefinition, since: int) -> str | None:
@@ -357,27 +320,15 @@ class DefinitionCheck:
     def _tree_fault(self, tree: Any, parameters: Any, since: int) -> str | None:
         return tree_fault(tree, parameters, self._object_functions.at(since))
 
-    def _layout(
-        self, kind: str, definition: Any, version: Row, children: list[tuple[Table, list[Row]]]
-    ) -> str | None:
-        """Compare the rows with those that are written when it is saved."""
-        owner, since = version[:2]
-        given: Counter[Any] = Counter()
-        given[KIND_TABLES[kind].version.table.name, owner, since, None, *version[3:]] += 1
-        for table, rows in children:
-            given.update((table.name, *row) for row in rows)
+    def _layout(self, kind: str, definition: Any, since: int, rows: _Rows) -> str | None:
+        """Compare the rows with those that saving the definition writes."""
+        version = KIND_TABLES[kind].version.table
+        ((id_, _, _, *own),) = rows[version]
+        stored = {**rows, version: [(id_, since, None, *own)]}
         written: RowsByTable = defaultdict(list)
-        KIND_TABLES[kind].add_rows(written, self._kb_id, since, definition)
-        expected = Counter(
-            (table.name, *row[1:]) for table, rows in written.items() for row in rows
+        KIND_TABLES[kind].add_rows(written, self._check.kb_id, since, definition)
+        wrong = differing(
+            ((table.name, *row) for table, of_table in stored.items() for row in of_table),
+            ((table.name, *row[1:]) for table, of_table in written.items() for row in of_table),
         )
-        if given == expected:
-            return None
-        wrong = [key[0] for key in (given - expected) + (expected - given)]
-        return f"rows of {wrong[0]} are not those that it has"
-
-
-def _shown(row: Row, version: Table) -> str:
-    position = list(version.c.keys()).index("text") - 1
-    text = " ".join(str(row[position]).split())
-    return f"'{text:.200}' since revision {row[1]}"
+        return f"rows of {wrong[0]} differ from those of the definition" if wrong else None

@@ -1,4 +1,4 @@
-"""The identities of a knowledge base, and tables read side by side.
+"""The identities of a knowledge base, and the words that texts are made of.
 
 A name with a space in it would make one of two: the text of a fact about an object `rb1 wp1` is
 that of one about `rb1` and `wp1`. The library writes no such name: where one is, it was put there.
@@ -9,10 +9,8 @@ from __future__ import annotations
 import re
 from bisect import bisect_right
 from collections import defaultdict
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from decimal import Decimal, InvalidOperation
-from itertools import groupby
-from operator import itemgetter
 from typing import Any, NamedTuple
 
 from sqlalchemy import Select, Table, func, literal_column, select
@@ -32,68 +30,10 @@ from ...knowledge.definitions import (
     FormulaDefinition,
 )
 from ...knowledge.trees import PREDICATE, ParameterDefinition
-from ...sql.dialects.base import Row, Session
 from ...sql.query import Query
 from ...sql.rows import KB, KIND_TABLES, table_of
 from ...sql.tables import FunctionTypeRow, FunctionVersionRow
-from .findings import Report
-
-_END: Any = object()
-
-
-class Side:
-    """The rows of one table, to be taken key by key.
-
-    Keys are the first columns of a row, and must come in ascending order.
-    """
-
-    def __init__(self, rows: Iterator[Row], width: int, stray: Callable[[Row], None]) -> None:
-        """Make it."""
-        self._groups = groupby(rows, key=itemgetter(*range(width)))
-        self._stray = stray
-        self._key: Any = _END
-        self._rows: Iterator[Row] = iter(())
-        self._next()
-
-    def take(self, key: Any) -> Iterator[Row]:
-        """Return the rows of a key, which is larger than those that were asked for before."""
-        # A key that is NULL can be compared with none: that is an error, and not the end.
-        while self._key is not _END and self._key < key:
-            self._pass()
-        if self._key != key:
-            return iter(())
-        return self._taken()
-
-    def end(self) -> None:
-        """Report what is left as strays."""
-        while self._key is not _END:
-            self._pass()
-
-    def _taken(self) -> Iterator[Row]:
-        yield from self._rows
-        self._next()
-
-    def _pass(self) -> None:
-        for row in self._rows:
-            self._stray(row)
-        self._next()
-
-    def _next(self) -> None:
-        self._key, self._rows = next(self._groups, (_END, iter(())))
-
-
-def in_order(table: Table, *names: str, key: int) -> Query:
-    """Make the query that reads the rows of one knowledge base, ordered by the first columns."""
-    columns = [table.c[name] for name in names or [*table.c.keys()][1:]]
-    return Query(select(*columns).where(table.c.kb_id == KB).order_by(*columns[:key]))
-
-
-def side(
-    session: Session, kb_id: int, query: Query, width: int, stray: Callable[[Row], None]
-) -> Side:
-    """Begin to read a table."""
-    return Side(session.stream(query, kb=kb_id), width, stray)
-
+from .sides import Check
 
 # What separates the words of a text is in none of them.
 _WORD = r"[^\s()?]+"
@@ -106,7 +46,7 @@ _DOCUMENT_SECTIONS = _FORMULA_SECTIONS.union(_ELEMENTS)
 
 
 def is_word(text: str) -> bool:
-    """Return whether a text is one word: what is a name is one."""
+    """Return whether a text is one word, as each name is."""
     return _IS_WORD(text) is not None
 
 
@@ -118,19 +58,14 @@ def is_decimal(text: str | None) -> bool:
         return False
 
 
-def is_end(until: object, since: int) -> bool:
-    """Return whether something can end there."""
-    return isinstance(until, int) and until > since
-
-
 def parameter_fault(parameters: tuple[ParameterDefinition, ...]) -> str | None:
-    """Find a parameter that its text would not show as one."""
+    """Find a parameter whose name is not one word."""
     wrong = next((each.name for each in parameters if not is_word(each.name)), None)
     return None if wrong is None else f"no parameter can be called {wrong!r}"
 
 
 def formula_fault(formula: FormulaDefinition) -> str | None:
-    """Find what would make a formula look like something else in what a revision changed."""
+    """Find what would make the change line of a formula look like that of another element."""
     if formula.section not in _FORMULA_SECTIONS:
         return f"there is no section {formula.section!r}"
     root = formula.tree[0]
@@ -141,7 +76,7 @@ def formula_fault(formula: FormulaDefinition) -> str | None:
 
 
 def document_fault(document: DocumentDefinition) -> str | None:
-    """Find what a document's text would not show as what it is."""
+    """Find what would make a document's text ambiguous."""
     return next(_document_faults(document), None)
 
 
@@ -171,7 +106,7 @@ def _identities(kind: str) -> Query:
 
 
 def doubles(table: Table, *key: str) -> Select[Any]:
-    """Find identities that there are several of, where there should be one."""
+    """Select the first and last id of identities that are stored more than once."""
     return (
         select(func.min(table.c.id), func.max(table.c.id))
         .where(table.c.kb_id == KB)
@@ -207,7 +142,7 @@ _FUNCTIONS = Query(
 
 
 class _Named(NamedTuple):
-    """A definition of which only the name is known."""
+    """A definition reduced to its name."""
 
     id: int
     name: str
@@ -215,36 +150,30 @@ class _Named(NamedTuple):
 
 
 class NamesById(dict[int, str]):
-    """What the elements of one kind are called; what has no name is shown as such."""
+    """The names of one kind; an unknown id gives a text that is no name."""
 
     def __missing__(self, id_: int) -> str:
-        """Return what no name is."""
         return f"?{id_}"
 
 
 class IdentityNames(NamedTuple):
-    """What ids are called.
-
-    Attributes:
-        known: those of each kind.
-        held: definitions of which only names are known: of what has a version, for a definition
-            can refer to nothing else.
-    """
+    """The names of ids, by kind."""
 
     known: dict[str, NamesById]
-    held: Definitions
+    held: Definitions  # of elements with a version, which alone can be referred to; names only
 
 
-def check_names(session: Session, kb_id: int, report: Report) -> IdentityNames:
-    """Check the identities of all kinds, and give their names."""
+def check_names(check: Check) -> IdentityNames:
+    """Check the identities of all kinds, and return their names."""
+    report = check.report
     known: dict[str, NamesById] = {}
     made: list[Elements[Any]] = []
     for kind in KINDS:
-        for first, second, key in session.rows(_DOUBLES[kind], kb=kb_id):
+        for first, second, key in check.rows(_DOUBLES[kind]):
             report.add(None, kind, f"{kind} {key!r} has two rows, {first} and {second}")
         names = NamesById()
         base: dict[int, Any] = {}
-        for id_, name, key, is_held in session.stream(_IDENTITIES[kind], kb=kb_id):
+        for id_, name, key, is_held in check.stream(_IDENTITIES[kind]):
             if fold(name) != key:
                 report.add(None, kind, f"{kind} {id_}, {name!r}, has the key {key!r}")
             if kind == "document" and name not in (DOMAIN, PROBLEM):
@@ -260,12 +189,11 @@ def check_names(session: Session, kb_id: int, report: Report) -> IdentityNames:
 
 
 class ObjectFunctions:
-    """Tells which functions had objects for values."""
+    """The functions whose values are objects, by revision."""
 
-    def __init__(self, session: Session, kb_id: int) -> None:
-        """Read it."""
+    def __init__(self, check: Check) -> None:
         self._versions: defaultdict[int, list[tuple[int, bool]]] = defaultdict(list)
-        for id_, since, types in session.rows(_FUNCTIONS, kb=kb_id):
+        for id_, since, types in check.rows(_FUNCTIONS):
             self._versions[id_].append((since, bool(types)))
         self._sinces = sorted({since for id_ in self._versions for since, _ in self._versions[id_]})
         self._known: dict[int, frozenset[int]] = {}

@@ -12,12 +12,13 @@ from ...errors import InvalidArgumentError, NotADatabaseError, ReadOnlyError, St
 from ...sql.dialects.base import Session
 from ...store.store import Store
 from ..anchors import Anchor, AnchoredHead, check_anchor
-from .chain import Chain, check_chain
+from .chain import Chain
 from .definitions import DefinitionCheck
 from .facts import FactCheck, PlanCheck
 from .findings import Finding, Report
 from .head import Archive, check_head, check_rows_of, read_archived, read_archives, read_next_id
 from .identities import ObjectFunctions, check_names
+from .sides import Check
 from .structure import check_generated, check_indexes, check_strays, check_structure, check_types
 
 __all__ = ["Finding", "Progress", "Verification", "verify", "verify_session"]
@@ -90,35 +91,29 @@ def verify_session(
         if anchored is not None:
             report.add(1, "knowledge_base", f"there is no knowledge base {name!r} any more")
         return Verification(name, 0, 0, report.findings(), anchored=_number(anchored))
-    return _Verifier(session, kb_id, name, report, progress).run(anchored)
+    return _Verifier(Check(session, kb_id, report), name, progress).run(anchored)
 
 
 class _Verifier:
-    def __init__(
-        self,
-        session: Session,
-        kb_id: int,
-        name: str,
-        report: Report,
-        progress: Progress | None,
-    ) -> None:
-        self._session = session
-        self._kb_id = kb_id
+    def __init__(self, check: Check, name: str, progress: Progress | None) -> None:
+        self._check = check
         self._name = name
-        self._report = report
         self._progress = progress
-        self._last, self._ids = read_next_id(session, kb_id)
+        self._last, self._ids = read_next_id(check)
         self._told = 0
         self._archives: list[Archive] = []
-        self._chain = Chain(None, 0, 0, "", {})
+        self._chain = Chain(check, self._tell)
 
     def run(self, anchored: AnchoredHead | None) -> Verification:
-        session, report = self._session, self._report
+        check, report = self._check, self._check.report
         wanted = frozenset() if anchored is None else frozenset([anchored.revision])
-        _guarded(session, report, lambda: check_rows_of(session, self._kb_id, report))
-        _guarded(session, report, lambda: check_types(session, self._kb_id, report))
-        _guarded(session, report, lambda: self._check_chain(wanted))
-        _guarded(session, report, self._check_rows)
+        for part in (
+            partial(check_rows_of, check),
+            partial(check_types, check.session, check.kb_id, report),
+            partial(self._check_chain, wanted),
+            self._check_rows,
+        ):
+            _guarded(check.session, report, part)
         chain = self._chain
         if anchored is not None:
             _check_anchor(anchored, chain, report)
@@ -133,30 +128,24 @@ class _Verifier:
         )
 
     def _check_chain(self, wanted: frozenset[int]) -> None:
-        own = self._session, self._kb_id
-        archives = read_archives(*own)
-        archived = read_archived(*own, archives)
+        archives = read_archives(self._check)
+        archived = read_archived(self._check, archives)
         # An archive has the records of its own versions, which are complete there.
         self._archives = archives if archived else []
-        self._chain = check_chain(*own, archived, wanted, self._report, self._tick_chain)
-        check_head(*own, self._chain, archives, self._report)
+        chain = Chain(self._check, self._tell, archived, wanted)
+        chain.run()
+        self._chain = chain
+        check_head(self._check, chain, archives)
 
     def _check_rows(self) -> None:
-        own = self._session, self._kb_id
-        names = check_names(*own, self._report)
-        functions = ObjectFunctions(*own)
-        for check in (
-            DefinitionCheck(*own, names.held, functions, self._report),
-            FactCheck(*own, names, functions, self._report, self._tick_rows),
-            PlanCheck(*own, names, self._report),
+        check, names = self._check, check_names(self._check)
+        functions = ObjectFunctions(check)
+        for part in (
+            DefinitionCheck(check, names.held, functions),
+            FactCheck(check, names, functions, lambda id_: self._tell(self._last + id_)),
+            PlanCheck(check, names),
         ):
-            _guarded(self._session, self._report, check.run)
-
-    def _tick_chain(self, number: int) -> None:
-        self._tell(number)
-
-    def _tick_rows(self, id_: int) -> None:
-        self._tell(self._last + id_)
+            _guarded(check.session, check.report, part.run)
 
     def _tell(self, done: int) -> None:
         whole = self._last + self._ids
@@ -171,14 +160,14 @@ def _guarded(session: Session, report: Report, check: Callable[[], None]) -> Non
     try:
         check()
     except _WRONG_VALUES as error:
-        fault = f"a value is none that can stand there: {error}"
+        fault = f"a value cannot be read: {error}"
     except NotADatabaseError as error:
         fault = f"the file is damaged: {error}"
     except StoreError as error:
         # Subclasses are errors of the connection, not of what is stored.
         if type(error) is not StoreError:
             raise
-        fault = f"the tables cannot be read as they are: {error}"
+        fault = f"the tables cannot be read: {error}"
     # After the error is gone, and with it the cursors of its frames.
     if fault is None:
         session.release(savepoint)
@@ -215,6 +204,6 @@ def _check_anchor(anchored: AnchoredHead, chain: Chain, report: Report) -> None:
 def _archive_words(archive: Archive) -> str:
     return (
         f"{archive.versions} versions that ended up to revision {archive.revision} were moved to "
-        f"{archive.target} in revision {archive.since}: verify that store as well, for of what was "
-        "changed up to there this one has a part only"
+        f"{archive.target} in revision {archive.since}: verify that store as well, because this "
+        "one has only a part of the changes up to there"
     )

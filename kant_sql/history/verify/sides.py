@@ -1,0 +1,112 @@
+"""One knowledge base under verification: its tables, read side by side, and what is wrong."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator
+from functools import cache
+from itertools import groupby
+from operator import itemgetter
+from typing import Any, NamedTuple
+
+from sqlalchemy import Table, select
+
+from ...sql.dialects.base import Row, Session
+from ...sql.query import Query
+from ...sql.rows import KB
+from .findings import Report
+
+_END: Any = object()
+
+
+class Side:
+    """The rows of one table, to be taken key by key.
+
+    Keys are the first columns of a row, and must come in ascending order.
+    """
+
+    def __init__(self, rows: Iterator[Row], width: int, stray: Callable[[Row], None]) -> None:
+        """Make it."""
+        self._groups = groupby(rows, key=itemgetter(*range(width)))
+        self._stray = stray
+        self._key: Any = _END
+        self._rows: Iterator[Row] = iter(())
+        self._next()
+
+    def take(self, key: Any) -> Iterator[Row]:
+        """Return the rows of a key, which is larger than those that were asked for before."""
+        # A key that is NULL can be compared with none: that is an error, and not the end.
+        while self._key is not _END and self._key < key:
+            self._pass()
+        if self._key != key:
+            return iter(())
+        return self._taken()
+
+    def end(self) -> None:
+        """Report what is left as strays."""
+        while self._key is not _END:
+            self._pass()
+
+    def _taken(self) -> Iterator[Row]:
+        yield from self._rows
+        self._next()
+
+    def _pass(self) -> None:
+        for row in self._rows:
+            self._stray(row)
+        self._next()
+
+    def _next(self) -> None:
+        self._key, self._rows = next(self._groups, (_END, iter(())))
+
+
+@cache
+def in_order(table: Table, *names: str) -> Query:
+    """Build the query of the rows of one knowledge base, in the order of the primary key."""
+    columns = [table.c[name] for name in names or [*table.c.keys()][1:]]
+    _, *key = table.primary_key.columns
+    return Query(select(*columns).where(table.c.kb_id == KB).order_by(*key))
+
+
+class Check(NamedTuple):
+    """A knowledge base under verification, and where findings go."""
+
+    session: Session
+    kb_id: int
+    report: Report
+
+    def rows(self, query: Query) -> list[Row]:
+        """Read the rows of a query."""
+        return self.session.rows(query, kb=self.kb_id)
+
+    def stream(self, query: Query) -> Iterator[Row]:
+        """Read the rows of a query in constant memory."""
+        return self.session.stream(query, kb=self.kb_id)
+
+    def side(self, table: Table, of: Table, *names: str, width: int = 1) -> Side:
+        """Begin to read a table; report rows whose key, of one or two columns, `of` lacks."""
+
+        def stray(row: Row) -> None:
+            owner, since = f"{row[0]}", None
+            if width > 1:
+                owner, since = f"{row[0]} since revision {row[1]}", row[1]
+            self.report.add(
+                since,
+                table.name,
+                f"a row of {table.name} is of {owner}, of which {of.name} has no row",
+            )
+
+        return Side(self.stream(in_order(table, *names)), width, stray)
+
+
+def interval_fault(before: Any, since: Any, until: Any) -> str | None:
+    """Find what is wrong with an interval; `before` is the end of the one before it, or 0."""
+    if until is not None and not (isinstance(until, int) and until > since):
+        return "ends before it begins, or in no revision"
+    return "overlaps the version before it" if before is None or before > since else None
+
+
+def differing(given: Iterable[Row], expected: Iterable[Row]) -> list[str]:
+    """Return the tables whose rows differ; each row begins with the name of its table."""
+    left, right = Counter(given), Counter(expected)
+    return list(dict.fromkeys(row[0] for row in (left - right) + (right - left)))
