@@ -4,7 +4,7 @@ Another package adds a family by an entry point in the group `kant_sql.dao_famil
 name of the URL's dialect and refers to a `DaoFactory` class.
 """
 
-# What a family implements has no body here, and is not abstract to a type checker.
+# Required methods have no body, and are not abstract to a type checker.
 # mypy: disable-error-code="empty-body"
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from typing import Self, TypeVar
 from typing_extensions import override
 
 from .arguments import whole_number
+from .dao import interfaces as daos
 from .dao.action import SqlActionDao, SqlEventDao, SqlProcessDao
 from .dao.base import refuse_past
 from .dao.formula import (
@@ -32,25 +33,7 @@ from .dao.formula import (
 )
 from .dao.function import SqlFunctionDao
 from .dao.function_value import SqlFunctionValueDao
-from .dao.interfaces import (
-    ConstraintDao,
-    DerivedPredicateDao,
-    GoalDao,
-    InitialLiteralDao,
-    Interface,
-    MetricDao,
-    PddlActionDao,
-    PddlEventDao,
-    PddlFunctionDao,
-    PddlFunctionValueDao,
-    PddlObjectDao,
-    PddlPredicateDao,
-    PddlProcessDao,
-    PddlPropositionDao,
-    PddlTypeDao,
-    TimedInitialLiteralDao,
-    required,
-)
+from .dao.interfaces import Interface, required
 from .dao.object import SqlObjectDao
 from .dao.predicate import SqlPredicateDao
 from .dao.proposition import SqlPropositionDao
@@ -88,7 +71,7 @@ class Connection(Interface):
         it as one revision. An exception rolls it back. Other tasks, callbacks and copies of the
         context never join the block: in its thread, their writes are refused.
 
-        A nested block joins the outer one, whose metadata stand. An exception that leaves only the
+        A nested block joins the outer one and keeps its metadata. An exception that leaves only the
         nested block rolls back the nested block.
 
         Args:
@@ -177,67 +160,67 @@ class DaoFactory(Connection):
         """Open a knowledge base, as `create_dao_factory` describes."""
 
     @abstractmethod
-    def create_pddl_type_dao(self) -> PddlTypeDao:
+    def create_pddl_type_dao(self) -> daos.PddlTypeDao:
         """Create the DAO of types."""
 
     @abstractmethod
-    def create_pddl_object_dao(self) -> PddlObjectDao:
+    def create_pddl_object_dao(self) -> daos.PddlObjectDao:
         """Create the DAO of objects."""
 
     @abstractmethod
-    def create_pddl_predicate_dao(self) -> PddlPredicateDao:
+    def create_pddl_predicate_dao(self) -> daos.PddlPredicateDao:
         """Create the DAO of predicates."""
 
     @abstractmethod
-    def create_pddl_function_dao(self) -> PddlFunctionDao:
+    def create_pddl_function_dao(self) -> daos.PddlFunctionDao:
         """Create the DAO of functions."""
 
     @abstractmethod
-    def create_pddl_function_value_dao(self) -> PddlFunctionValueDao:
+    def create_pddl_function_value_dao(self) -> daos.PddlFunctionValueDao:
         """Create the DAO of function values."""
 
     @abstractmethod
-    def create_pddl_proposition_dao(self) -> PddlPropositionDao:
+    def create_pddl_proposition_dao(self) -> daos.PddlPropositionDao:
         """Create the DAO of facts and goals."""
 
     @abstractmethod
-    def create_pddl_action_dao(self) -> PddlActionDao:
+    def create_pddl_action_dao(self) -> daos.PddlActionDao:
         """Create the DAO of actions."""
 
     @abstractmethod
-    def create_pddl_process_dao(self) -> PddlProcessDao:
+    def create_pddl_process_dao(self) -> daos.PddlProcessDao:
         """Create the DAO of processes."""
 
     @abstractmethod
-    def create_pddl_event_dao(self) -> PddlEventDao:
+    def create_pddl_event_dao(self) -> daos.PddlEventDao:
         """Create the DAO of events."""
 
     @abstractmethod
-    def create_derived_predicate_dao(self) -> DerivedPredicateDao:
+    def create_derived_predicate_dao(self) -> daos.DerivedPredicateDao:
         """Create the DAO of the rules of derived predicates."""
 
     @abstractmethod
-    def create_timed_initial_literal_dao(self) -> TimedInitialLiteralDao:
+    def create_timed_initial_literal_dao(self) -> daos.TimedInitialLiteralDao:
         """Create the DAO of timed initial literals and values."""
 
     @abstractmethod
-    def create_initial_literal_dao(self) -> InitialLiteralDao:
+    def create_initial_literal_dao(self) -> daos.InitialLiteralDao:
         """Create the DAO of negative literals and equalities of the initial state."""
 
     @abstractmethod
-    def create_goal_dao(self) -> GoalDao:
+    def create_goal_dao(self) -> daos.GoalDao:
         """Create the DAO of goals of any form."""
 
     @abstractmethod
-    def create_constraint_dao(self) -> ConstraintDao:
+    def create_constraint_dao(self) -> daos.ConstraintDao:
         """Create the DAO of the problem's constraints."""
 
     @abstractmethod
-    def create_domain_constraint_dao(self) -> ConstraintDao:
+    def create_domain_constraint_dao(self) -> daos.ConstraintDao:
         """Create the DAO of the domain's constraints."""
 
     @abstractmethod
-    def create_metric_dao(self) -> MetricDao:
+    def create_metric_dao(self) -> daos.MetricDao:
         """Create the DAO of the metric."""
 
     @abstractmethod
@@ -246,11 +229,11 @@ class DaoFactory(Connection):
 
     @abstractmethod
     def create_exchange(self) -> Exchange:
-        """Create what loads and writes whole documents."""
+        """Create the part that loads and writes whole documents."""
 
     @abstractmethod
     def create_history(self) -> History:
-        """Create what reads the past."""
+        """Create the part that reads the past."""
 
 
 T = TypeVar("T")
@@ -278,7 +261,7 @@ class SqlDaoFactory(DaoFactory):
 
     @property
     def _store(self) -> Store:
-        """The store; raises if it was closed."""
+        """The store, unless it was closed."""
         self._open_store.backend.refuse_closed()
         return self._open_store
 
@@ -407,4 +390,4 @@ def _joined_family(name: str) -> type[DaoFactory]:
             )
         return family
     known = ", ".join(sorted({*FAMILIES, *found.names}))
-    raise InvalidUrlError(f"{name}: no DAO family answers to this URL; there are {known}")
+    raise InvalidUrlError(f"{name}: no DAO family supports this URL; there are {known}")

@@ -3,30 +3,13 @@
 from __future__ import annotations
 
 from datetime import datetime
-from types import TracebackType
 from typing import Self
 
 from typing_extensions import override
 
 from .arguments import expect
-from .dao.interfaces import (
-    ConstraintDao,
-    DerivedPredicateDao,
-    GoalDao,
-    InitialLiteralDao,
-    MetricDao,
-    PddlActionDao,
-    PddlEventDao,
-    PddlFunctionDao,
-    PddlFunctionValueDao,
-    PddlObjectDao,
-    PddlPredicateDao,
-    PddlProcessDao,
-    PddlPropositionDao,
-    PddlTypeDao,
-    TimedInitialLiteralDao,
-    forwarding,
-)
+from .dao import interfaces as daos
+from .dao.interfaces import forwarding
 from .documents.interfaces import Exchange
 from .errors import InvalidArgumentError
 from .factory import Connection, DaoFactory, create_dao_factory
@@ -61,22 +44,22 @@ class KnowledgeBase(Exchange, History, Connection):
         plans: the DAO of recorded plans.
     """
 
-    types: PddlTypeDao
-    objects: PddlObjectDao
-    predicates: PddlPredicateDao
-    functions: PddlFunctionDao
-    function_values: PddlFunctionValueDao
-    propositions: PddlPropositionDao
-    actions: PddlActionDao
-    processes: PddlProcessDao
-    events: PddlEventDao
-    derived_predicates: DerivedPredicateDao
-    timed_initial_literals: TimedInitialLiteralDao
-    initial_literals: InitialLiteralDao
-    goals: GoalDao
-    constraints: ConstraintDao
-    domain_constraints: ConstraintDao
-    metric: MetricDao
+    types: daos.PddlTypeDao
+    objects: daos.PddlObjectDao
+    predicates: daos.PddlPredicateDao
+    functions: daos.PddlFunctionDao
+    function_values: daos.PddlFunctionValueDao
+    propositions: daos.PddlPropositionDao
+    actions: daos.PddlActionDao
+    processes: daos.PddlProcessDao
+    events: daos.PddlEventDao
+    derived_predicates: daos.DerivedPredicateDao
+    timed_initial_literals: daos.TimedInitialLiteralDao
+    initial_literals: daos.InitialLiteralDao
+    goals: daos.GoalDao
+    constraints: daos.ConstraintDao
+    domain_constraints: daos.ConstraintDao
+    metric: daos.MetricDao
     plans: PlanDao
 
     def __init__(self, factory: DaoFactory) -> None:
@@ -113,12 +96,7 @@ class KnowledgeBase(Exchange, History, Connection):
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self.close()
 
 

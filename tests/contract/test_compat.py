@@ -274,7 +274,7 @@ def test_an_unknown_family_raises(family: Any) -> None:
 
 
 def test_a_uri_that_no_family_answers_to_raises() -> None:
-    with pytest.raises(InvalidUrlError, match=r"^mongodb: no DAO family answers to this URL"):
+    with pytest.raises(InvalidUrlError, match=r"^mongodb: no DAO family supports this URL"):
         DaoFactoryMethod().create_dao_factory(
             DaoFamilies.MONGO, uri="mongodb://localhost:27017/kant"
         )

@@ -92,7 +92,7 @@ def test_a_time_that_is_none_is_refused(kb: KnowledgeBase) -> None:
 def test_on_the_past_there_is_nothing_to_wait_for(kb: KnowledgeBase) -> None:
     save(kb, 1)
     save(kb, 2)
-    with pytest.raises(ReadOnlyError, match="nothing new comes"):
+    with pytest.raises(ReadOnlyError, match="which never changes"):
         kb.at(1).watch(timeout=0)
 
 
