@@ -43,6 +43,7 @@ from ..knowledge.definitions import (
     Definition,
     Definitions,
     DocumentDefinition,
+    FunctionDefinition,
     Item,
     TypeDefinition,
 )
@@ -74,8 +75,8 @@ def constant_ids(definitions: Definitions) -> set[int]:
 
 
 REQUIREMENT = "requirement"
-# It is there without being said: only an item, as of older versions, shows that the domain says it.
-_SAID_ROOT = Item("type", ROOT_TYPE)
+# The root type exists undeclared: only an item, as of older versions, shows that a domain has it.
+_ROOT_ITEM = Item("type", ROOT_TYPE)
 _OPEN = select(PropositionVersionRow.proposition_id).where(
     PropositionVersionRow.kb_id == KB, PropositionVersionRow.until.is_(None)
 )
@@ -88,14 +89,10 @@ _GOALS = Query(
 T = TypeVar("T")
 
 
-def find_document(definitions: Definitions, name: str) -> DocumentDefinition | None:
-    """Find what is known of a document."""
-    return definitions.documents.named(name)
-
-
-def check_title(stored: DocumentDefinition, title: str) -> None:
-    """Refuse to merge a document into one that is called something else."""
-    if fold(stored.title) != fold(title):
+def check_title(definitions: Definitions, name: str, title: str) -> None:
+    """Refuse to merge a document into one of another title."""
+    stored = definitions.documents.named(name)
+    if stored is not None and fold(stored.title) != fold(title):
         raise ConflictError(
             f"{stored.name} {stored.title!r} is stored, but the document is {stored.name} "
             f"{title!r}; load it with mode='replace'"
@@ -103,8 +100,8 @@ def check_title(stored: DocumentDefinition, title: str) -> None:
 
 
 def domain_title(definitions: Definitions, default_name: str) -> str:
-    """Find what the domain is called."""
-    domain, problem = (find_document(definitions, name) for name in (DOMAIN, PROBLEM))
+    """Find the name of the domain."""
+    domain, problem = (definitions.documents.named(name) for name in (DOMAIN, PROBLEM))
     if domain is not None:
         return domain.title
     return default_name if problem is None or problem.domain is None else problem.domain
@@ -139,13 +136,13 @@ def put_document(
     items: Iterable[Item],
     replace: bool,
 ) -> None:
-    """Store what a loaded document is called, and in which order it says what it says.
+    """Store the title of a loaded document, and the order of its declarations.
 
-    A merge writes nothing for what it adds: new elements follow the others in the order in which
-    they were first known. It writes a version only for what no element shows, and that version
-    lists only the sections whose order differs from that of the elements.
+    A merge writes nothing for new elements, which follow the others in the order of their first
+    assertion. It writes a version only for items that no element shows, and that version lists only
+    the sections whose order differs from that of the elements.
     """
-    stored = find_document(transaction.definitions, name)
+    stored = transaction.definitions.documents.named(name)
     if stored is not None and not replace:
         added = _unshown(stored, list(items))
         if not added and _is_same_domain(stored.domain, domain):
@@ -166,7 +163,7 @@ def _is_same_domain(stored: str | None, domain: str | None) -> bool:
 
 
 def _unshown(stored: DocumentDefinition, items: list[Item]) -> list[Item]:
-    """Find the new items that the elements alone would not show."""
+    """Find the new items that no element shows."""
     known, times = set(stored.items), Counter(items)
     return [
         item
@@ -176,14 +173,14 @@ def _unshown(stored: DocumentDefinition, items: list[Item]) -> list[Item]:
 
 
 def _needed(transaction: Transaction, stored: DocumentDefinition, added: list[Item]) -> list[Item]:
-    """Give the items of a document, without the sections that are in the order of the elements."""
+    """Return the items of a document, without sections in the order of the elements."""
     sections: dict[str, list[Item]] = {}
     for item in stored.items:
         sections.setdefault(item.section, []).append(item)
     changed = {item.section for item in added} | {REQUIREMENT}
     needed: list[Item] = []
     for section, items in sections.items():
-        is_needed = section in changed or _SAID_ROOT in items
+        is_needed = section in changed or _ROOT_ITEM in items
         if not is_needed:
             keys = _keys(transaction, section)
             is_needed = _placed(keys, [item.name for item in items]) != keys
@@ -200,7 +197,7 @@ def _keys(transaction: Transaction, section: str) -> list[str]:
         return [fold(each.name) for each in objects if (each.id in constants) == is_constant]
     if section in ("type", "predicate", "function", "action"):
         names = (fold(each.name) for each in definitions.elements(section))
-        return [name for name in names if Item(section, name) != _SAID_ROOT]
+        return [name for name in names if Item(section, name) != _ROOT_ITEM]
     formulas = [each.name for each in definitions.formulas if each.section == section]
     if section != GOAL:
         return formulas
@@ -213,69 +210,76 @@ def _keys(transaction: Transaction, section: str) -> list[str]:
 N = TypeVar("N", bound=Definition)
 
 
-class DomainBuilder:
-    """Builds a domain from definitions."""
+class _Builder:
+    """Builds a document from definitions."""
 
-    def __init__(self, definitions: Definitions) -> None:
-        """Make it."""
+    def __init__(self, definitions: Definitions, name: str) -> None:
         self._definitions = definitions
-        self._document = find_document(definitions, DOMAIN)
+        self._document = definitions.documents.named(name)
 
-    def build(self, default_name: str) -> Domain:
-        """Build the domain."""
-        definitions, document = self._definitions, self._document
-        ids = constant_ids(definitions)
-        constants = [object_ for object_ in definitions.objects if object_.id in ids]
-        return Domain(
-            domain_title(definitions, default_name),
-            () if document is None else tuple(document.names("requirement")),
-            tuple(self._type(each) for each in self._types()),
-            tuple(
-                self._typed(each.name, each.type_ids) for each in self._named("constant", constants)
-            ),
-            tuple(
-                Predicate(each.name, self._parameters(each.parameters))
-                for each in self._named("predicate", definitions.predicates)
-            ),
-            tuple(
-                Function(
-                    each.name,
-                    self._parameters(each.parameters),
-                    self._typed("", each.type_ids).types,
-                )
-                for each in self._named("function", definitions.functions)
-            ),
-            self._formulas(DOMAIN_CONSTRAINT),
-            self._formulas(DERIVED_PREDICATE),
-            tuple(self._action(each) for each in self._named("action", definitions.actions)),
-        )
-
-    def _types(self) -> list[TypeDefinition]:
-        named = {*self._document.names("type")} if self._document else set()
-        # `object` is there without being said, unless the domain says it.
-        types = [
-            each
-            for each in self._definitions.types
-            if fold(each.name) != ROOT_TYPE or ROOT_TYPE in named
-        ]
-        return self._named("type", types)
+    def _items(self, section: str) -> tuple[str, ...]:
+        return () if self._document is None else tuple(self._document.names(section))
 
     def _named(self, section: str, definitions: Iterable[N]) -> list[N]:
         return ordered(definitions, lambda each: fold(each.name), self._document, section)
 
-    def _type(self, type_: TypeDefinition) -> TypedName:
-        return (
-            self._typed(type_.name, type_.parent_ids) if type_.parent_ids else TypedName(type_.name)
-        )
+    def _section(self, section: str) -> tuple[Any, ...]:
+        """Read the formulas of a section."""
+        stored = read_formulas(self._definitions, section)
+        found = ordered(stored, lambda each: each.name, self._document, section)
+        return tuple(read_formula(self._definitions, each) for each in found)
 
-    def _typed(self, name: str, type_ids: Iterable[int]) -> TypedName:
+    def _typed(self, name: str, type_ids: Sequence[int]) -> TypedName:
         return typed_name(self._definitions, ParameterDefinition(name, tuple(type_ids)))
+
+    def _objects(self, section: str) -> tuple[TypedName, ...]:
+        """Build the objects that the domain declares, or the others."""
+        constants = constant_ids(self._definitions)
+        is_domain = section == "constant"
+        own = [each for each in self._definitions.objects if (each.id in constants) == is_domain]
+        return tuple(self._typed(each.name, each.type_ids) for each in self._named(section, own))
+
+
+class _DomainBuilder(_Builder):
+    """Builds a domain."""
+
+    def build(self, default_name: str) -> Domain:
+        definitions = self._definitions
+        domain = Domain(
+            domain_title(definitions, default_name),
+            self._items(REQUIREMENT),
+            tuple(map(self._type, self._types())),
+            self._objects("constant"),
+            tuple(
+                Predicate(each.name, self._parameters(each.parameters))
+                for each in self._named("predicate", definitions.predicates)
+            ),
+            tuple(map(self._function, self._named("function", definitions.functions))),
+            self._section(DOMAIN_CONSTRAINT),
+            self._section(DERIVED_PREDICATE),
+            tuple(map(self._action, self._named("action", definitions.actions))),
+        )
+        if self._document is not None:
+            return domain
+        # Without a loaded document, nobody has declared requirements.
+        return replace(domain, requirements=used_requirements(domain))
+
+    def _types(self) -> list[TypeDefinition]:
+        # The root type exists undeclared, unless the domain declares it.
+        has_root = ROOT_TYPE in self._items("type")
+        types = self._definitions.types
+        return self._named("type", [t for t in types if has_root or fold(t.name) != ROOT_TYPE])
+
+    def _type(self, type_: TypeDefinition) -> TypedName:
+        above = type_.parent_ids
+        return self._typed(type_.name, above) if above else TypedName(type_.name)
 
     def _parameters(self, parameters: Iterable[ParameterDefinition]) -> tuple[TypedName, ...]:
         return tuple(typed_name(self._definitions, parameter) for parameter in parameters)
 
-    def _formulas(self, section: str) -> tuple[Any, ...]:
-        return read_section(self._definitions, self._document, section)
+    def _function(self, function: FunctionDefinition) -> Function:
+        types = self._typed("", function.type_ids).types
+        return Function(function.name, self._parameters(function.parameters), types)
 
     def _action(self, action: ActionDefinition) -> Action:
         with reading_rows("action_version", f"action {action.id!r}"):
@@ -286,37 +290,17 @@ class DomainBuilder:
             return Action(action.kind, action.name, self._parameters(action.parameters), *parts)
 
 
-def read_section(
-    definitions: Definitions, document: DocumentDefinition | None, section: str
-) -> tuple[Any, ...]:
-    """Read the formulas of one section, in the order of a document."""
-    stored = read_formulas(definitions, section)
-    found = ordered(stored, lambda each: each.name, document, section)
-    return tuple(read_formula(definitions, each) for each in found)
-
-
 def build_domain(definitions: Definitions, default_name: str) -> Domain:
-    """Build the domain that is defined."""
-    domain = DomainBuilder(definitions).build(default_name)
-    if find_document(definitions, DOMAIN) is not None:
-        return domain
-    # Nobody has written any, and a reader has to know.
-    return replace(domain, requirements=used_requirements(domain))
+    """Build the domain from its definitions."""
+    return _DomainBuilder(definitions, DOMAIN).build(default_name)
 
 
 class Initial(NamedTuple):
-    """What held at one moment, as rows; each row begins with its id.
+    """The state of one moment, as rows; each row begins with its id."""
 
-    Attributes:
-        facts: id, predicate, arguments and text of each fact; for text alone, id and text matter.
-        goals: the same of each goal that is a ground atom.
-        values: id, function, arguments, number and object of the value of each fluent; for text
-            alone, id and text.
-    """
-
-    facts: list[Any]
-    goals: list[Any]
-    values: list[Any]
+    facts: list[Any]  # id, predicate, arguments (without them for text alone) and text
+    goals: list[Any]  # the same of each goal that is a ground atom
+    values: list[Any]  # id, function, arguments, number and object; for text alone, id and text
 
 
 def _held(version: Any, any_owner: Any) -> tuple[tuple[bool, Any], ...]:
@@ -330,7 +314,7 @@ def _propositions(held: Any, for_text: bool) -> Query:
     )
     arguments: Any = PropositionRow.arguments
     if for_text:
-        # Goals are built all the same, for the document knows their order.
+        # Goals are built in any case: the document determines their order.
         arguments = case((table_of(PropositionRow).c.is_goal, arguments))
     return Query(
         select(
@@ -362,7 +346,7 @@ _VALUE_TEXTS = {
 
 
 def read_initial(view: View, for_text: bool) -> Initial:
-    """Read what held at one moment, in two statements."""
+    """Read the state of one moment, in two statements."""
     if view.kb_id is None:
         return Initial([], [], [])
     is_past = view.at is not None
@@ -377,62 +361,44 @@ def read_initial(view: View, for_text: bool) -> Initial:
     return Initial(facts, goals, rows(_VALUE_TEXTS[is_past]) if for_text else ALL.rows(view))
 
 
-class ProblemBuilder:
-    """Builds a problem from definitions, and from what held."""
+class _ProblemBuilder(_Builder):
+    """Builds a problem from definitions and a state."""
 
     def __init__(self, definitions: Definitions, initial: Initial) -> None:
-        """Make it."""
-        self._definitions = definitions
+        super().__init__(definitions, PROBLEM)
         self._initial = initial
-        self._document = find_document(definitions, PROBLEM)
         self._constants: dict[int, Constant] = {}
 
     def build(self, default_name: str, domain: str, with_initial: bool = True) -> Problem:
-        """Build the problem."""
-        document, definitions = self._document, self._definitions
-        metrics = read_formulas(definitions, METRIC)
+        metrics = read_formulas(self._definitions, METRIC)
         return Problem(
-            default_name if document is None else document.title,
+            default_name if self._document is None else self._document.title,
             self._domain_name(domain),
-            () if document is None else tuple(document.names("requirement")),
-            tuple(self._objects()),
+            self._items(REQUIREMENT),
+            self._objects("object"),
             self._facts() if with_initial else (),
             self._literals(),
             self._values() if with_initial else (),
             self._section(TIMED),
             tuple(self._goals()),
             self._section(CONSTRAINT),
-            read_formula(definitions, metrics[0]) if metrics else None,  # type: ignore[arg-type]
+            read_formula(self._definitions, metrics[0]) if metrics else None,  # type: ignore[arg-type]
         )
 
     def _domain_name(self, domain: str) -> str:
-        """Spell the domain's name as the problem did, if the domain has it still."""
-        said = None if self._document is None else self._document.domain
-        return domain if said is None or fold(said) != fold(domain) else said
+        """Spell the domain's name as the problem does, unless it has changed."""
+        own = None if self._document is None else self._document.domain
+        return domain if own is None or fold(own) != fold(domain) else own
 
     def _literals(self) -> tuple[Not | Equal, ...]:
-        """Give the initial literals, apart from those that facts of later revisions contradict."""
+        """Return the initial literals that no fact of a later revision contradicts."""
         literals = self._section(INITIAL)
-        if not literals:
-            return ()
-        facts = {row[3] for row in self._initial.facts}
+        facts = {row[3] for row in self._initial.facts} if literals else ()
         return tuple(
             literal
             for literal in literals
             if isinstance(literal, Equal) or str(literal.formula) not in facts
         )
-
-    def _section(self, section: str) -> tuple[Any, ...]:
-        return read_section(self._definitions, self._document, section)
-
-    def _objects(self) -> list[TypedName]:
-        constants = constant_ids(self._definitions)
-        objects = [each for each in self._definitions.objects if each.id not in constants]
-        found = ordered(objects, lambda each: fold(each.name), self._document, "object")
-        return [
-            typed_name(self._definitions, ParameterDefinition(each.name, each.type_ids))
-            for each in found
-        ]
 
     def _facts(self) -> tuple[Atom, ...]:
         return tuple(each_readable("proposition", self._initial.facts, self._atom))
@@ -477,12 +443,12 @@ class ProblemBuilder:
 def build_problem(view: View, default_name: str, domain: str) -> Problem:
     """Build the problem of one moment."""
     initial = read_initial(view, for_text=False)
-    return ProblemBuilder(view.definitions, initial).build(default_name, domain)
+    return _ProblemBuilder(view.definitions, initial).build(default_name, domain)
 
 
 def problem_text(view: View, default_name: str, domain: str) -> str:
-    """Write the problem of one moment as PDDL, from the texts that the store has."""
+    """Write the problem of one moment as PDDL, from the stored texts."""
     initial = read_initial(view, for_text=True)
-    problem = ProblemBuilder(view.definitions, initial).build(default_name, domain, False)
+    problem = _ProblemBuilder(view.definitions, initial).build(default_name, domain, False)
     facts: Sequence[str] = [row[3] for row in initial.facts]
     return write_problem(problem, facts, [text for _, text in initial.values])

@@ -1,4 +1,4 @@
-"""Taking PDDL files in and giving them back: what the front door does with whole documents."""
+"""Loading PDDL files into an SQL store, and writing them from it."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from ..pddl.reader import without_collector
 from ..pddl.writer import write, write_domain
 from ..store.snapshot import View, read_revision
 from ..store.transaction import Transaction
-from .build import build_domain, build_problem, domain_title, find_document, problem_text
+from .build import build_domain, build_problem, domain_title, problem_text
 from .interfaces import Exchange, Loaded, Mode, State
 from .load import load_domain, load_problem
 
@@ -80,7 +80,7 @@ class SqlExchange(SqlDao, Exchange):
     @without_collector()
     def _load(self, domain: Domain, *, problem: Problem, mode: Mode) -> Loaded:
         replace = self._is_replacing(mode)
-        # Whoever made them, what is stored has passed the reader's checks.
+        # Documents from any maker pass the reader's checks before they are stored.
         checked = read_domain(write(domain))
         own = read_problem(write(problem), domain=checked)
 
@@ -155,9 +155,9 @@ class SqlExchange(SqlDao, Exchange):
         return None if committed is None else committed.number
 
     def _read_problem(self, source: Source, domain: Domain, strict: bool) -> Problem:
-        if self._store.read_definitions(self._has_domain):
+        if self._store.read_definitions(lambda known: known.documents.named(DOMAIN)) is not None:
             return read_problem(source, domain=domain, strict=strict)
-        # A domain that DAOs have made answers to any name.
+        # A domain that was made through DAOs fits any name.
         named = read_problem(source, strict=strict).domain
         try:
             own = dataclasses.replace(domain, name=named)
@@ -167,10 +167,6 @@ class SqlExchange(SqlDao, Exchange):
             remedy = f"no domain is loaded here: load the domain {named} first, with load_domain()"
             raise PddlError(*place, f"{error.expected}; {remedy}", error.nesting) from error
 
-    @staticmethod
-    def _has_domain(definitions: Definitions) -> bool:
-        return find_document(definitions, DOMAIN) is not None
-
     def _build_domain(self, definitions: Definitions) -> Domain:
         return build_domain(definitions, self._default_name)
 
@@ -179,7 +175,7 @@ class SqlExchange(SqlDao, Exchange):
 
     @property
     def _default_name(self) -> str:
-        """What a document is called that was never loaded: as the knowledge base, if PDDL can."""
+        """The name of a document that was never loaded: the knowledge base's, if PDDL allows it."""
         return self._store.name if is_name(self._store.name, "domain") else "default"
 
     @staticmethod

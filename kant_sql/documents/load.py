@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from operator import attrgetter
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 from ..dao.action import action_trees, put_action
 from ..dao.base import batches, identify
@@ -37,7 +38,6 @@ from ..knowledge.definitions import (
     TIMED,
     Definition,
     Definitions,
-    FormulaDefinition,
     FunctionDefinition,
     Item,
     ObjectDefinition,
@@ -49,41 +49,31 @@ from ..knowledge.trees import ParameterDefinition
 from ..pddl.document import Action, Domain, Function, FunctionValue, Predicate, Problem
 from ..store.caches import AtomKey, FluentKey, FluentValue, GroundAtom, HeldValue
 from ..store.transaction import Transaction
-from .build import check_title, constant_ids, find_document, put_document
+from .build import REQUIREMENT, check_title, constant_ids, put_document
 
+N = TypeVar("N", TypedName, Predicate, Function)
 _NAME = attrgetter("name")
 
 
-class _Head(NamedTuple):
-    """A predicate or a function: its id, and the name that its declaration gives it."""
+def _conflict(stored: str, declared: str) -> ConflictError:
+    return ConflictError(
+        f"{stored} is stored, but the document has {declared}; load it with mode='replace', or "
+        "make the two agree"
+    )
 
-    id: int
-    name: str
 
+class NamedAtoms(NamedTuple):
+    """Ground atoms with their keys."""
 
-class Named(NamedTuple):
-    """Ground atoms as the store knows them.
-
-    Attributes:
-        texts: what makes each the one that it is, with its canonical PDDL text.
-        old: those that may have been known before; the others mention what is new.
-    """
-
-    texts: dict[AtomKey, str]
-    old: list[AtomKey]
+    texts: dict[AtomKey, str]  # canonical PDDL texts
+    old: list[AtomKey]  # those that may be stored; the others mention new objects
 
 
 class NamedValues(NamedTuple):
-    """Fluents and their values as the store knows them.
+    """Fluents and their values."""
 
-    Attributes:
-        entries: what makes each fluent the one that it is, its canonical PDDL text without the
-            value, and the value.
-        old: those that may have been known before; the others mention what is new.
-    """
-
-    entries: list[tuple[FluentKey, str, FluentValue]]
-    old: list[FluentKey]
+    entries: list[tuple[FluentKey, str, FluentValue]]  # the text is that of the fluent alone
+    old: list[FluentKey]  # those that may be stored; the others mention new objects
 
 
 class NameResolver:
@@ -93,40 +83,40 @@ class NameResolver:
         """Make it for one problem, whose objects are defined by now."""
         definitions, next_id = transaction.definitions, transaction.head.next_id
         self._definitions: Definitions = definitions
-        self._predicates: dict[str, _Head] = {}
-        self._functions: dict[str, _Head] = {}
+        # By kind, the ids and stored names of predicates and functions.
+        self._heads: dict[str, dict[str, tuple[int, str]]] = {"predicate": {}, "function": {}}
         # By the address of a number, which the document keeps: equal numbers may be spelled apart.
         self._numbers: dict[int, FluentValue] = {}
         self._ids = {object_.name: str(object_.id) for object_ in definitions.objects}
-        # The objects of which nothing can be known yet, for they are new themselves.
+        # New objects, of which no atom can be stored.
         self._new: frozenset[str] = frozenset()
         if transaction.is_stateless:
             self._new = frozenset(id_ for id_ in self._ids.values() if int(id_) >= next_id)
 
-    def atoms(self, atoms: Iterable[Atom], is_goal: bool) -> Named:
-        """Find what makes ground atoms the ones that they are."""
+    def atoms(self, atoms: Iterable[Atom], is_goal: bool) -> NamedAtoms:
+        """Find the keys of ground atoms."""
         texts: dict[AtomKey, str] = {}
         old: list[AtomKey] = []
-        is_old, find = self._new.isdisjoint, self._arguments
+        is_old, find, known = self._new.isdisjoint, self._arguments, self._heads["predicate"]
         for atom in atoms:
-            head = self._predicates.get(atom.predicate) or self._predicate(atom.predicate)
+            id_, name = known.get(atom.predicate) or self._head("predicate", atom.predicate)
             ids, names = find(atom.terms)
-            key = AtomKey(is_goal, head.id, " ".join(ids))
-            texts[key] = f"({head.name} {' '.join(names)})" if names else f"({head.name})"
+            key = AtomKey(is_goal, id_, " ".join(ids))
+            texts[key] = f"({name} {' '.join(names)})" if names else f"({name})"
             # A document has each fact once, but maybe not each goal.
             if is_goal or is_old(ids):
                 old.append(key)
-        return Named(texts, old)
+        return NamedAtoms(texts, old)
 
     def values(self, values: Iterable[FunctionValue]) -> NamedValues:
-        """Find what makes fluents the ones that they are."""
-        made = NamedValues([], [])
+        """Find the keys of fluents."""
+        made, known = NamedValues([], []), self._heads["function"]
         for fluent, value in values:
-            head = self._functions.get(fluent.function) or self._function(fluent.function)
+            id_, name = known.get(fluent.function) or self._head("function", fluent.function)
             ids, names = self._arguments(fluent.terms)
-            text = f"({head.name} {' '.join(names)})" if names else f"({head.name})"
+            text = f"({name} {' '.join(names)})" if names else f"({name})"
             held = self._numbers.get(id(value)) or self._value(value)
-            key = FluentKey(head.id, " ".join(ids))
+            key = FluentKey(id_, " ".join(ids))
             made.entries.append((key, text, held))
             if self._new.isdisjoint(ids):
                 made.old.append(key)
@@ -138,35 +128,24 @@ class NameResolver:
             return [*map(self._ids.__getitem__, names)], names
         except KeyError:
             # The store had the object before, in another spelling.
-            found = [self._object(name) for name in names]
-            return [id_ for id_, _ in found], [name for _, name in found]
+            found = [self._find("object", name) for name in names]
+            return [str(id_) for id_, _ in found], [name for _, name in found]
 
-    def _object(self, name: str) -> tuple[str, str]:
-        object_ = self._definitions.objects.named(name)
-        assert object_ is not None
-        return str(object_.id), object_.name
+    def _find(self, kind: str, name: str) -> tuple[int, str]:
+        definition = self._definitions.elements(kind).named(name)
+        assert definition is not None
+        return definition.id, definition.name
 
-    def _predicate(self, name: str) -> _Head:
-        predicate = self._definitions.predicates.named(name)
-        assert predicate is not None
-        head = self._predicates[name] = _Head(predicate.id, predicate.name)
-        return head
-
-    def _function(self, name: str) -> _Head:
-        function = self._definitions.functions.named(name)
-        assert function is not None
-        head = self._functions[name] = _Head(function.id, function.name)
+    def _head(self, kind: str, name: str) -> tuple[int, str]:
+        head = self._heads[kind][name] = self._find(kind, name)
         return head
 
     def _value(self, value: Number | Constant) -> FluentValue:
         if isinstance(value, Constant):
-            id_, name = self._object(value.name)
-            return FluentValue(name, int(id_))
+            id_, name = self._find("object", value.name)
+            return FluentValue(name, id_)
         held = self._numbers[id(value)] = FluentValue(decimal_text(value.value))
         return held
-
-
-_REMEDY = "load it with mode='replace', or make the two agree"
 
 
 def refuse_contradictions(
@@ -175,7 +154,7 @@ def refuse_contradictions(
     problem: Problem,
     values: Collection[tuple[FluentKey, str, FluentValue]],
 ) -> None:
-    """Refuse a problem whose initial state contradicts what is stored."""
+    """Refuse a problem whose initial state contradicts the stored one."""
     _refuse_values(transaction, values)
     denied = [
         literal.formula
@@ -187,16 +166,12 @@ def refuse_contradictions(
     propositions.load(found.values())
     for atom in found.values():
         if propositions.holds(atom):
-            raise ConflictError(
-                f"{atom.text} is stored, but the document has (not {atom.text}); {_REMEDY}"
-            )
+            raise _conflict(atom.text, f"(not {atom.text})")
     formulas = transaction.definitions.formulas
     if any(formula.section == INITIAL for formula in formulas):
         for text in names.atoms(problem.facts, False).texts.values():
             if formulas.named(formula_name(INITIAL, f"(not {text})")) is not None:
-                raise ConflictError(
-                    f"(not {text}) is stored, but the document has {text}; {_REMEDY}"
-                )
+                raise _conflict(f"(not {text})", text)
 
 
 def _refuse_values(
@@ -208,20 +183,18 @@ def _refuse_values(
         fluent = found.get(key)
         now = None if fluent is None else transaction.values.value(fluent)
         if now is not None and not value.is_same(now):
-            raise ConflictError(
-                f"(= {text} {now.text}) is stored, but the document has (= {text} {value.text}); "
-                f"{_REMEDY}"
-            )
+            raise _conflict(f"(= {text} {now.text})", f"(= {text} {value.text})")
 
 
 _KINDS = ("type", "object", "predicate", "function")
 
 
 def retract_misfits(transaction: Transaction) -> None:
-    """Retract what does not fit the definitions as a transaction has changed them."""
+    """Retract what does not fit the definitions that a transaction has changed."""
     definitions = transaction.definitions
     if not any(_is_redefined(transaction, kind) for kind in _KINDS):
         return
+    predicates = definitions.predicates
     retract(
         transaction,
         [
@@ -229,19 +202,14 @@ def retract_misfits(transaction: Transaction) -> None:
             for atom in propositions_on(transaction, None)
             if not _fits(
                 definitions,
-                definitions.predicates.live(atom.key.predicate_id).parameters,
+                predicates.live(atom.key.predicate_id).parameters,
                 atom.key.arguments,
             )
         ],
     )
-    retract_function_values(
-        transaction,
-        [
-            held
-            for held in function_values_on(transaction, None)
-            if not _value_fits(definitions, held)
-        ],
-    )
+    values = function_values_on(transaction, None)
+    unfit = [held for held in values if not _value_fits(definitions, held)]
+    retract_function_values(transaction, unfit)
     for formula in list(definitions.formulas):
         if formula.section in PROBLEM_SECTIONS:
             try:
@@ -252,7 +220,7 @@ def retract_misfits(transaction: Transaction) -> None:
 
 
 def _is_redefined(transaction: Transaction, kind: str) -> bool:
-    """Return whether anything that was there before is another by now."""
+    """Return whether the transaction has redefined an element of a kind."""
     elements = transaction.definitions.elements(kind)
     return any(
         (before := elements.origin.get(id_)) is not None and before != now
@@ -284,12 +252,12 @@ def _fits(
     )
 
 
-# A caller is told so often how far a load has come.
+# Progress reports per load.
 _REPORTS = 200
 
 
 class Steps:
-    """Counts the elements that are stored, and reports about each percent of them."""
+    """Counts the elements that are stored, and reports progress."""
 
     def __init__(self, progress: Progress | None = None, whole: int = 0) -> None:
         self._progress, self._whole = progress, whole
@@ -304,57 +272,47 @@ class Steps:
 
 
 class Declaring:
-    """Defines what a document declares; the document is consistent in itself.
-
-    Attributes:
-        said: kind -> ids of what was declared.
-    """
+    """Defines what a document declares; the document is consistent in itself."""
 
     def __init__(self, transaction: Transaction, replace: bool) -> None:
         """Make it for one document."""
         self._transaction = transaction
         self._definitions = transaction.definitions
         self._replace = replace
-        self.said: dict[str, set[int]] = {}
+        # By kind, the ids of the declared elements.
+        self._said: defaultdict[str, set[int]] = defaultdict(set)
 
     def types(self, types: Sequence[TypedName]) -> None:
         """Declare types."""
-        ids = self._identities("type", [type_.name for type_ in types])
-        for type_ in types:
+        found = [*self._identified("type", types)]
+        for _, (id_, name) in found:
             # First without parents, which may come later in the list.
-            id_, name = ids[fold(type_.name)]
             if self._definitions.types.get(id_) is None:
                 self._transaction.define("type", TypeDefinition(id_, name, None, (), name))
-        for type_ in types:
-            id_, name = ids[fold(type_.name)]
+        for type_, identity in found:
             above = () if type_.types == (ROOT_TYPE,) else self.type_ids(type_.types)
             first = above[0] if above else None
-            self._define("type", TypeDefinition(id_, name, first, above[1:]))
+            self._define("type", TypeDefinition(*identity, first, above[1:]))
 
     def type_ids(self, names: Iterable[str]) -> tuple[int, ...]:
         """Find the types of a name; `object` is created on first use."""
         ids = []
         for name in names:
-            type_ = self._definitions.types.named(name)
-            if type_ is None:
+            if self._definitions.types.named(name) is None:
                 self.types([TypedName(name)])
-                type_ = self._definitions.types.named(name)
-                assert type_ is not None
+            type_ = self._definitions.types.named(name)
+            assert type_ is not None
             ids.append(type_.id)
         return tuple(dict.fromkeys(ids))
 
     def objects(self, objects: Sequence[TypedName], is_constant: bool) -> None:
         """Declare objects, or constants."""
-        ids = self._identities("object", [object_.name for object_ in objects])
-        found: dict[tuple[str, ...], tuple[int, ...]] = {}
-        for object_ in objects:
-            type_ids = found.get(object_.types)
-            if type_ids is None:
-                type_ids = found[object_.types] = self.type_ids(object_.types)
-            identity = ids[fold(object_.name)]
-            self._define(
-                "object", ObjectDefinition(*identity, type_ids[0], type_ids[1:], is_constant)
-            )
+        known: dict[tuple[str, ...], tuple[int, ...]] = {}
+        for object_, identity in self._identified("object", objects):
+            ids = known.get(object_.types)
+            if ids is None:
+                ids = known[object_.types] = self.type_ids(object_.types)
+            self._define("object", ObjectDefinition(*identity, ids[0], ids[1:], is_constant))
 
     def parameters(self, parameters: Iterable[TypedName]) -> tuple[ParameterDefinition, ...]:
         """Find the types of parameters."""
@@ -364,24 +322,27 @@ class Declaring:
 
     def predicates(self, predicates: Sequence[Predicate]) -> None:
         """Declare predicates."""
-        ids = self._identities("predicate", [predicate.name for predicate in predicates])
-        for predicate in predicates:
+        for predicate, identity in self._identified("predicate", predicates):
             own = self.parameters(predicate.parameters)
-            self._define("predicate", PredicateDefinition(*ids[fold(predicate.name)], own))
+            self._define("predicate", PredicateDefinition(*identity, own))
 
     def functions(self, functions: Sequence[Function]) -> None:
         """Declare functions."""
-        ids = self._identities("function", [function.name for function in functions])
-        for function in functions:
+        for function, identity in self._identified("function", functions):
             own, type_ids = self.parameters(function.parameters), self.type_ids(function.types)
-            identity = ids[fold(function.name)]
             self._define("function", FunctionDefinition(*identity, own, type_ids))
 
-    def _identities(self, kind: str, names: Sequence[str]) -> dict[str, tuple[int, str]]:
-        self._transaction.look_up(kind, names)
-        ids = {fold(name): identify(self._transaction, kind, name) for name in names}
-        self.said.setdefault(kind, set()).update(id_ for id_, _ in ids.values())
-        return ids
+    def unsaid(self, kind: str) -> set[int]:
+        """Return the stored elements of a kind that the document does not declare."""
+        return {each.id for each in self._definitions.elements(kind)} - self._said[kind]
+
+    def _identified(self, kind: str, declared: Sequence[N]) -> Iterator[tuple[N, tuple[int, str]]]:
+        """Yield declarations with the id and the stored spelling of their names."""
+        self._transaction.look_up(kind, [each.name for each in declared])
+        for each in declared:
+            identity = identify(self._transaction, kind, each.name)
+            self._said[kind].add(identity[0])
+            yield each, identity
 
     def _define(self, kind: str, made: Definition) -> None:
         definition: Any = with_text(self._definitions, made)
@@ -393,10 +354,7 @@ class Declaring:
         if stored is None or self._replace or before is None:
             self._transaction.define(kind, definition)
         elif stored != definition and not _says_the_same(stored, definition):
-            raise ConflictError(
-                f"{kind} {stored.text} is stored, but the document declares {definition.text}; "
-                "load it with mode='replace', or make the two agree"
-            )
+            raise _conflict(f"{kind} {stored.text}", definition.text)
 
 
 def _becomes_constant(stored: Any, definition: Any) -> bool:
@@ -416,13 +374,39 @@ def _says_the_same(stored: Any, definition: Any) -> bool:
     return False
 
 
+class Formulas:
+    """Stores the formulas of a document, and collects their ids and items."""
+
+    def __init__(self, transaction: Transaction) -> None:
+        self._transaction = transaction
+        self.ids: set[int] = set()
+        self.items: list[Item] = []
+
+    def put(self, section: str, nodes: Iterable[Node]) -> None:
+        """Store formulas of a section."""
+        for node in nodes:
+            formula = make_formula(self._transaction, section, node)
+            self._transaction.define("formula", formula)
+            self.ids.add(formula.id)
+            self.items.append(Item(section, formula.name))
+
+    def retract_others(self, sections: Collection[str]) -> None:
+        """Retract the other formulas of some sections."""
+        for formula in list(self._transaction.definitions.formulas):
+            if formula.section in sections and formula.id not in self.ids:
+                self._transaction.undefine("formula", formula.id)
+
+
+def _items(section: str, names: Iterable[str]) -> Iterator[Item]:
+    return (Item(section, name) for name in names)
+
+
 def load_domain(
     transaction: Transaction, domain: Domain, replace: bool, progress: Progress | None = None
 ) -> None:
     """Store a domain."""
-    stored = find_document(transaction.definitions, DOMAIN)
-    if stored is not None and not replace:
-        check_title(stored, domain.name)
+    if not replace:
+        check_title(transaction.definitions, DOMAIN, domain.name)
     declaring = Declaring(transaction, replace)
     declared = domain.types, domain.constants, domain.predicates, domain.functions
     steps = Steps(progress, sum(map(len, (*declared, domain.actions))))
@@ -431,39 +415,22 @@ def load_domain(
     declaring.predicates(domain.predicates)
     declaring.functions(domain.functions)
     steps.add(sum(map(len, declared)))
-    formulas = _put_formulas(transaction, domain)
+    formulas = Formulas(transaction)
+    formulas.put(DERIVED_PREDICATE, domain.derived)
+    formulas.put(DOMAIN_CONSTRAINT, domain.constraints)
     actions = _put_actions(transaction, domain.actions, declaring, replace, steps)
     if replace:
-        _retract_unsaid(transaction, declaring, {each.id for each in formulas}, actions)
+        formulas.retract_others(DOMAIN_SECTIONS)
+        _retract_unsaid(transaction, declaring, actions)
         retract_misfits(transaction)
-    put_document(transaction, DOMAIN, domain.name, None, _items(domain, formulas), replace)
-
-
-def _items(domain: Domain, formulas: Sequence[FormulaDefinition]) -> Iterator[Item]:
-    yield from (Item("requirement", name) for name in domain.requirements)
-    for section, named in (
-        ("type", domain.types),
-        ("constant", domain.constants),
-        ("predicate", domain.predicates),
-        ("function", domain.functions),
-        ("action", domain.actions),
-    ):
-        yield from (Item(section, fold(each.name)) for each in named)
-    yield from (Item(each.section, each.name) for each in formulas)
-
-
-def _put_formulas(transaction: Transaction, domain: Domain) -> list[FormulaDefinition]:
-    sections: tuple[tuple[str, Sequence[Node]], ...] = (
-        (DERIVED_PREDICATE, domain.derived),
-        (DOMAIN_CONSTRAINT, domain.constraints),
-    )
-    formulas = []
-    for section, nodes in sections:
-        for node in nodes:
-            formula = make_formula(transaction, section, node)
-            transaction.define("formula", formula)
-            formulas.append(formula)
-    return formulas
+    items = [*_items(REQUIREMENT, domain.requirements)]
+    items += _items("type", [fold(each.name) for each in domain.types])
+    items += _items("constant", [fold(each.name) for each in domain.constants])
+    items += _items("predicate", [fold(each.name) for each in domain.predicates])
+    items += _items("function", [fold(each.name) for each in domain.functions])
+    items += _items("action", [fold(each.name) for each in domain.actions])
+    items += formulas.items
+    put_document(transaction, DOMAIN, domain.name, None, items, replace)
 
 
 def _put_actions(
@@ -473,59 +440,49 @@ def _put_actions(
     replace: bool,
     steps: Steps,
 ) -> set[int]:
-    definitions = transaction.definitions
-    names = [action.name for action in actions]
-    transaction.look_up("action", names)
+    """Store actions; return their ids."""
+    stored_actions, ids = transaction.definitions.actions, set()
+    transaction.look_up("action", [action.name for action in actions])
     for action in actions:
-        stored = definitions.actions.named(action.name)
+        stored = stored_actions.named(action.name)
         parameters = declaring.parameters(action.parameters)
         if replace and stored is not None and stored.kind != action.kind:
             transaction.undefine("action", stored.id)
         said = (action.duration, action.condition, action.effect)
         trees = action_trees(transaction, action.kind, action.name, parameters, *said)
         put_action(transaction, action.kind, action.name, parameters, trees)
-        now = definitions.actions.named(action.name)
+        now = stored_actions.named(action.name)
+        assert now is not None
         if stored is not None and not replace and now != stored:
-            raise ConflictError(
-                f"action {stored.name!r} is stored with another definition than the document has; "
-                "load it with mode='replace', or make the two agree"
-            )
+            raise _conflict(f"action {stored.name!r}", "another definition of it")
+        ids.add(now.id)
         steps.add(1)
-    found = (definitions.actions.named(name) for name in names)
-    return {action.id for action in found if action is not None}
+    return ids
 
 
-def _retract_unsaid(
-    transaction: Transaction, declaring: Declaring, formulas: set[int], actions: set[int]
-) -> None:
+def _retract_unsaid(transaction: Transaction, declaring: Declaring, actions: set[int]) -> None:
     definitions = transaction.definitions
     for action in list(definitions.actions):
         if action.id not in actions:
             transaction.undefine("action", action.id)
-    for formula in list(definitions.formulas):
-        if formula.section in DOMAIN_SECTIONS and formula.id not in formulas:
-            transaction.undefine("formula", formula.id)
-    said = declaring.said
-
-    def unsaid(kind: str) -> set[int]:
-        return {each.id for each in definitions.elements(kind)} - said.get(kind, set())
-
-    types = {id_ for id_ in unsaid("type") if fold(definitions.types.live(id_).name) != ROOT_TYPE}
-    constants = {id_ for id_ in unsaid("object") if definitions.objects.live(id_).is_constant}
+    types = {
+        id_
+        for id_ in declaring.unsaid("type")
+        if fold(definitions.types.live(id_).name) != ROOT_TYPE
+    }
+    unsaid = declaring.unsaid("object")
+    constants = {id_ for id_ in unsaid if definitions.objects.live(id_).is_constant}
     objects = {each.id for each in definitions.objects if not types.isdisjoint(each.type_ids)}
-    delete_scope(
-        transaction,
-        Scope(types, constants | objects, unsaid("predicate"), unsaid("function")),
-    )
+    others = declaring.unsaid("predicate"), declaring.unsaid("function")
+    delete_scope(transaction, Scope(types, constants | objects, *others))
 
 
 def load_problem(
     transaction: Transaction, problem: Problem, replace: bool, progress: Progress | None = None
 ) -> None:
     """Store a problem, whose domain is stored."""
-    stored = find_document(transaction.definitions, PROBLEM)
-    if stored is not None and not replace:
-        check_title(stored, problem.name)
+    if not replace:
+        check_title(transaction.definitions, PROBLEM, problem.name)
     is_first = transaction.is_stateless and not transaction.head.revision
     before = _Before(transaction) if replace and not is_first else None
     declaring = Declaring(transaction, replace)
@@ -538,43 +495,40 @@ def load_problem(
         refuse_contradictions(transaction, names, problem, values)
     goals = [goal for goal in problem.goal if isinstance(goal, Atom) and is_ground(goal)]
     for atoms, is_goal in ((problem.facts, False), (goals, True)):
-        told = Steps() if is_goal else steps
-        _hold(transaction, names, atoms, is_goal, {} if before is None else before.atoms, told)
+        own = Steps() if is_goal else steps
+        _hold(transaction, names, atoms, is_goal, {} if before is None else before.atoms, own)
     transaction.values.set_many(values, old)
     steps.add(len(problem.values))
-    formulas = _Formulas(transaction, names, problem)
+    formulas = _put_problem_formulas(transaction, names, problem)
     if before is not None:
         before.retract(transaction, {key for key, _, _ in values})
     if replace:
-        _retract_unsaid_state(transaction, declaring, formulas.ids)
+        formulas.retract_others(PROBLEM_SECTIONS)
+        objects = declaring.unsaid("object") - constant_ids(transaction.definitions)
+        if objects:
+            delete_scope(transaction, Scope(objects=objects))
     _refuse_second_metric(transaction, formulas.ids)
-    put_document(
-        transaction,
-        PROBLEM,
-        problem.name,
-        problem.domain,
-        _problem_items(problem, formulas),
-        replace,
+    objects_in_order = [fold(object_.name) for object_ in problem.objects]
+    items = (
+        *_items(REQUIREMENT, problem.requirements),
+        *_items("object", objects_in_order),
+        *formulas.items,
     )
+    put_document(transaction, PROBLEM, problem.name, problem.domain, items, replace)
 
 
 class _Before:
-    """What held before a problem was loaded, as far as the problem has not said it again.
-
-    Attributes:
-        atoms: the facts and the goals.
-        values: the values of functions.
-    """
+    """The state before a problem was loaded."""
 
     def __init__(self, transaction: Transaction) -> None:
-        # Read before anything is added, for that need not be read back.
+        # Read before anything is added, which then need not be read back.
         self.atoms = {atom.key: atom for atom in propositions_on(transaction, None)}
-        self.values = function_values_on(transaction, None)
+        self._values = function_values_on(transaction, None)
 
-    def retract(self, transaction: Transaction, said: set[FluentKey]) -> None:
-        """Retract what was not said again; the atoms that were said are gone from here."""
+    def retract(self, transaction: Transaction, values: set[FluentKey]) -> None:
+        """Retract the atoms that are left, and all but some values."""
         retract(transaction, list(self.atoms.values()))
-        unsaid = [value for value in self.values if value.fluent.key not in said]
+        unsaid = [value for value in self._values if value.fluent.key not in values]
         retract_function_values(transaction, unsaid)
 
 
@@ -599,66 +553,25 @@ def _hold(
         steps.add(len(batch))
 
 
-class _Formulas:
-    """The formulas of a problem, as they are stored.
-
-    Attributes:
-        ids: the ids of those that the problem says.
-        items: their places in the document.
-    """
-
-    def __init__(self, transaction: Transaction, names: NameResolver, problem: Problem) -> None:
-        self._transaction = transaction
-        self.ids: set[int] = set()
-        self.items: list[Item] = []
-        for goal in problem.goal:
-            if isinstance(goal, Atom) and is_ground(goal):
-                (text,) = names.atoms((goal,), True).texts.values()
-                self.items.append(Item(GOAL, text))
-            else:
-                self._put(GOAL, goal)
-        sections: tuple[tuple[str, Sequence[Node]], ...] = (
-            (INITIAL, problem.literals),
-            (TIMED, problem.timed),
-            (CONSTRAINT, problem.constraints),
-        )
-        for section, nodes in sections:
-            for node in nodes:
-                self._put(section, node)
-        if problem.metric is not None:
-            self._put(METRIC, problem.metric)
-
-    def _put(self, section: str, node: Node) -> None:
-        formula = make_formula(self._transaction, section, node)
-        self._transaction.define("formula", formula)
-        self.ids.add(formula.id)
-        self.items.append(Item(section, formula.name))
+def _put_problem_formulas(
+    transaction: Transaction, names: NameResolver, problem: Problem
+) -> Formulas:
+    formulas = Formulas(transaction)
+    for goal in problem.goal:
+        if isinstance(goal, Atom) and is_ground(goal):
+            formulas.items += _items(GOAL, names.atoms((goal,), True).texts.values())
+        else:
+            formulas.put(GOAL, (goal,))
+    formulas.put(INITIAL, problem.literals)
+    formulas.put(TIMED, problem.timed)
+    formulas.put(CONSTRAINT, problem.constraints)
+    if problem.metric is not None:
+        formulas.put(METRIC, (problem.metric,))
+    return formulas
 
 
 def _refuse_second_metric(transaction: Transaction, ids: set[int]) -> None:
     metrics = read_formulas(transaction.definitions, METRIC)
     if len(metrics) > 1:
         before, now = sorted(metrics, key=lambda each: each.id in ids)
-        raise ConflictError(
-            f"{before.text} is stored, but the document has {now.text}; load it with "
-            "mode='replace', or make the two agree"
-        )
-
-
-def _problem_items(problem: Problem, formulas: _Formulas) -> Iterator[Item]:
-    yield from (Item("requirement", name) for name in problem.requirements)
-    yield from (Item("object", fold(object_.name)) for object_ in problem.objects)
-    yield from formulas.items
-
-
-def _retract_unsaid_state(
-    transaction: Transaction, declaring: Declaring, formulas: set[int]
-) -> None:
-    definitions = transaction.definitions
-    for formula in list(definitions.formulas):
-        if formula.section in PROBLEM_SECTIONS and formula.id not in formulas:
-            transaction.undefine("formula", formula.id)
-    kept = declaring.said.get("object", set()) | constant_ids(definitions)
-    objects = {object_.id for object_ in definitions.objects} - kept
-    if objects:
-        delete_scope(transaction, Scope(objects=objects))
+        raise _conflict(before.text, now.text)
