@@ -94,13 +94,13 @@ AsJson = Annotated[bool, option("One JSON document.", JSON_OPTION)]
 
 
 def split_url(words: Sequence[str], usage: str, example: str) -> tuple[str, list[str]]:
-    """Split words into the URL, given or of the environment, and the rest."""
+    """Split words into the URL, from them or from the environment, and the rest."""
     wanted = usage.split()
     default = os.environ.get(URL_VARIABLE)
     if default and words and "://" not in words[0]:
         words = [default, *words]
     is_right = len(words) == len(wanted) or (wanted[-1].endswith("...") and len(words) >= 2)
-    if not is_right or "://" not in words[0]:
+    if not is_right or "://" not in words[0] or not all(words):
         raise typer.BadParameter(
             f"give a URL (or set {URL_VARIABLE}) and {' '.join(wanted[1:])}, such as: {example}",
             param_hint=usage,

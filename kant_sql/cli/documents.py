@@ -102,17 +102,11 @@ def load(
 
 
 class Inputs(NamedTuple):
-    """The PDDL texts to load.
+    """The PDDL texts to load."""
 
-    Attributes:
-        domains: the texts that make up the domain.
-        problem: the problem's text, if there is one.
-        files: path and hash of each file, as JSON data.
-    """
-
-    domains: tuple[Text, ...]
+    domains: tuple[Text, ...]  # together, the domain
     problem: Text | None
-    files: tuple[dict[str, str], ...]
+    files: tuple[dict[str, str], ...]  # path and hash of each, as JSON data
 
 
 def read_inputs(paths: Sequence[str]) -> Inputs:
@@ -182,15 +176,14 @@ def _store(
     ):
         before = knowledge_base.revision
         if inputs.domains:
+            part = _part(progress, 0, size, whole)
             warnings += knowledge_base.load_domain(
-                *inputs.domains, mode=mode, strict=strict, progress=_part(progress, 0, size, whole)
+                *inputs.domains, mode=mode, strict=strict, progress=part
             )[1]
         if inputs.problem is not None:
+            part = _part(progress, size, whole, whole)
             warnings += knowledge_base.load_problem(
-                inputs.problem,
-                mode=mode,
-                strict=strict,
-                progress=_part(progress, size, whole, whole),
+                inputs.problem, mode=mode, strict=strict, progress=part
             )[1]
     made = knowledge_base.revisions(after=before, limit=1)
     # If nothing has changed, the next revision may be another writer's.

@@ -36,11 +36,7 @@ _OPTION = re.compile(r"([?&][^\s=&]*password[^\s=&]*=)[^\s&'\"]*", re.IGNORECASE
 
 
 class EndedEarlyError(Exception):
-    """The command ended early; the rest of its output is to be discarded.
-
-    Attributes:
-        code: the exit code.
-    """
+    """The command ended early; the rest of its output is discarded."""
 
     def __init__(self, code: int) -> None:
         super().__init__(code)

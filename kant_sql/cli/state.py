@@ -71,7 +71,7 @@ def show(
             elements = _read_part(state, Selection(facts, predicate, objects))
         committed_at = _committed_at(state)
         if not is_part:
-            elements = {section.name: section.read(state) for section in _SECTIONS}
+            elements = {section.name: section.elements(state) for section in _SECTIONS}
         if as_json:
             header = {"knowledge_base": name, "revision": state.revision}
             write_json({**header, "committed_at": committed_at, **_state_document(elements)})
@@ -89,21 +89,12 @@ def _committed_at(state: KnowledgeBase) -> str | None:
     return time_text(revision.committed_at)
 
 
-# Selecting a part
-
-
 class Selection(NamedTuple):
-    """Which elements of a state to show: those that all of these conditions apply to.
+    """Conditions on the elements to show, which must fulfil all of them."""
 
-    Attributes:
-        facts: only facts.
-        predicate: the name of the predicate of facts and goals.
-        objects: the folded names of objects, one of which an element names; None for any.
-    """
-
-    facts: bool = False
-    predicate: str | None = None
-    objects: frozenset[str] | None = None
+    facts: bool = False  # only facts
+    predicate: str | None = None  # facts and goals of this predicate
+    objects: frozenset[str] | None = None  # elements that name one of these objects, folded
 
 
 def _read_part(state: KnowledgeBase, selection: Selection) -> Elements:
@@ -175,9 +166,6 @@ def _find(kind: str, name: str, dtos: Sequence[NamedDto], kb: str) -> str:
     return names[fold(name)]
 
 
-# JSON
-
-
 def _type(dto: PddlTypeDto) -> Document:
     return {"name": dto.name, "parent": dto.parent.name if dto.parent else None}
 
@@ -186,32 +174,28 @@ def _object(dto: PddlObjectDto) -> Document:
     return {"name": dto.name, "type": dto.type.name, "is_constant": dto.is_constant}
 
 
+def _names(dtos: Iterable[NamedDto]) -> list[str]:
+    return [dto.name for dto in dtos]
+
+
 def _predicate(dto: PddlPredicateDto) -> Document:
-    return {"name": dto.name, "types": [type_.name for type_ in dto.types], "pddl": str(dto)}
+    return {"name": dto.name, "types": _names(dto.types), "pddl": str(dto)}
 
 
 def _function(dto: PddlFunctionDto) -> Document:
-    return {
-        "name": dto.name,
-        "types": [type_.name for type_ in dto.types],
-        "value_types": [type_.name for type_ in dto.value_types],
-        "pddl": str(dto),
-    }
+    types = {"types": _names(dto.types), "value_types": _names(dto.value_types)}
+    return {"name": dto.name, **types, "pddl": str(dto)}
 
 
 def _proposition(dto: PddlPropositionDto) -> Document:
-    return {
-        "predicate": dto.predicate.name,
-        "objects": [object_.name for object_ in dto.objects],
-        "pddl": str(dto),
-    }
+    return {"predicate": dto.predicate.name, "objects": _names(dto.objects), "pddl": str(dto)}
 
 
 def _function_value(dto: PddlFunctionValueDto) -> Document:
     value = dto.value
     return {
         "function": dto.function.name,
-        "objects": [object_.name for object_ in dto.objects],
+        "objects": _names(dto.objects),
         # As text, a number is exact in every JSON reader.
         "value": value.name if isinstance(value, PddlObjectDto) else number_text(value),
         "pddl": str(dto),
@@ -260,76 +244,53 @@ def _condition_effect(dto: PddlConditionEffectDto | Node) -> Document:
         return _node(dto)
     return {
         "predicate": dto.predicate.name,
-        "objects": [object_.name for object_ in dto.objects],
+        "objects": _names(dto.objects),
         "time": dto.time,
         "is_negative": dto.is_negative,
     }
 
 
-# The sections
-
-
 class Section(NamedTuple):
-    """A section of a state.
+    """A section of a state."""
 
-    Attributes:
-        name: its name, in JSON and, with spaces, as the title of its table.
-        column: the head of its first column.
-        read: reads its elements.
-        document: makes JSON data of an element.
-        second: the head of the second column and what makes its cells; the first then has the name.
-    """
-
-    name: str
-    column: str
-    read: Callable[[KnowledgeBase], Sequence[Any]]
-    document: Callable[[Any], object] = _node
+    name: str  # in JSON and, with spaces, as the title of its table
+    column: str  # the head of its first column
+    document: Callable[[Any], object] = _node  # makes JSON data of an element
+    # The head of a second column and the function that makes its cells; the first has the names.
     second: tuple[str, Callable[[Any], str]] | None = None
+    # By default, the elements are those of the DAO of this name.
+    read: Callable[[KnowledgeBase], Sequence[Any]] | None = None
+
+    def elements(self, state: KnowledgeBase) -> Sequence[Any]:
+        """Read its elements."""
+        found: Sequence[Any]
+        found = getattr(state, self.name).get_all() if self.read is None else self.read(state)
+        return found
 
 
 _SECTIONS = (
-    Section("requirements", "requirement", lambda state: state.domain().requirements, str),
+    Section("requirements", "requirement", str, read=lambda state: state.domain().requirements),
     Section(
         "types",
         "type",
-        lambda state: state.types.get_all(),
         _type,
         ("parent", lambda dto: dto.parent.name if dto.parent else ROOT_TYPE),
     ),
-    Section(
-        "objects",
-        "object",
-        lambda state: state.objects.get_all(),
-        _object,
-        ("type", lambda dto: dto.type.name),
-    ),
-    Section("predicates", "predicate", lambda state: state.predicates.get_all(), _predicate),
-    Section("functions", "function", lambda state: state.functions.get_all(), _function),
-    Section(
-        "derived_predicates", "derived predicate", lambda state: state.derived_predicates.get_all()
-    ),
-    Section("facts", "fact", lambda state: state.propositions.get_no_goals(), _proposition),
-    Section(
-        "function_values",
-        "function value",
-        lambda state: state.function_values.get_all(),
-        _function_value,
-    ),
-    Section("initial_literals", "initial literal", lambda state: state.initial_literals.get_all()),
-    Section(
-        "timed_initial_literals",
-        "timed initial literal",
-        lambda state: state.timed_initial_literals.get_all(),
-    ),
-    Section("goals", "goal", lambda state: state.goals.get_all(), _goal),
-    Section("constraints", "constraint", lambda state: state.constraints.get_all()),
-    Section(
-        "domain_constraints", "domain constraint", lambda state: state.domain_constraints.get_all()
-    ),
-    Section("metric", "metric", lambda state: [m for m in [state.metric.get()] if m], _metric),
-    Section("actions", "action", lambda state: state.actions.get_all(), _action),
-    Section("processes", "process", lambda state: state.processes.get_all(), _action),
-    Section("events", "event", lambda state: state.events.get_all(), _action),
+    Section("objects", "object", _object, ("type", lambda dto: dto.type.name)),
+    Section("predicates", "predicate", _predicate),
+    Section("functions", "function", _function),
+    Section("derived_predicates", "derived predicate"),
+    Section("facts", "fact", _proposition, read=lambda state: state.propositions.get_no_goals()),
+    Section("function_values", "function value", _function_value),
+    Section("initial_literals", "initial literal"),
+    Section("timed_initial_literals", "timed initial literal"),
+    Section("goals", "goal", _goal),
+    Section("constraints", "constraint"),
+    Section("domain_constraints", "domain constraint"),
+    Section("metric", "metric", _metric, read=lambda state: [*filter(None, [state.metric.get()])]),
+    Section("actions", "action", _action),
+    Section("processes", "process", _action),
+    Section("events", "event", _action),
 )
 # Sections that are shown to people even if they are empty.
 _SHOWN_IN_WHOLE = frozenset({"types", "objects", "predicates", "facts", "goals", "actions"})

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import os
 import sys
 from collections.abc import Mapping
 from pathlib import Path
@@ -16,7 +15,6 @@ from ..knowledge.canonical import time_text
 from .common import (
     DEFAULT_NAME,
     JSON_OPTION,
-    URL_VARIABLE,
     Actor,
     AsJson,
     Name,
@@ -28,6 +26,7 @@ from .common import (
     open_to_read,
     option,
     parse_when,
+    split_url,
     words_argument,
 )
 from .output import FAILED, Document, Printer, bar, plural, write_json
@@ -57,12 +56,15 @@ def upgrade(url: Url, as_json: AsJson = False) -> None:
     _write_version(url, as_json)
 
 
+_DOWNGRADE_USAGE = "[URL] REV"
+
+
 @db.command(context_settings={"ignore_unknown_options": True})
 def downgrade(
     words: Annotated[
         list[str],
         words_argument(
-            "[URL] REV",
+            _DOWNGRADE_USAGE,
             "the version to go back to: its number, -1 for one back, or base, which drops the "
             "tables and all that they hold.",
         ),
@@ -77,7 +79,7 @@ def downgrade(
     from ..sql import schema
     from ..sql.catalog import revision_counts
 
-    url, revision = _url_and_revision(words)
+    url, (revision,) = split_url(words, _DOWNGRADE_USAGE, "sqlite:///robot.db base")
     if schema.current(url) is None:
         # Raises the error that names the remedy.
         schema.check(url)
@@ -188,18 +190,6 @@ def _write_version(url: str, as_json: bool, more: Mapping[str, object] | None = 
         typer.echo(version or "none")
 
 
-def _url_and_revision(words: list[str]) -> tuple[str, str]:
-    url = os.environ.get(URL_VARIABLE)
-    if len(words) == 1 and url and "://" not in words[0]:
-        words = [url, *words]
-    if len(words) != 2 or not all(words):
-        raise typer.BadParameter(
-            f"give a URL (or set {URL_VARIABLE}) and a version, such as: sqlite:///robot.db base",
-            param_hint="[URL] REV",
-        )
-    return words[0], words[1]
-
-
 def kbs(url: Url, as_json: AsJson = False) -> None:
     """List the knowledge bases with their last revisions."""
     from ..sql.catalog import standings
@@ -296,7 +286,7 @@ def _verify(url: str, name: str, anchor: Anchor | None, structure: bool) -> Veri
         with connect(url, knowledge_base=name) as knowledge_base, bar(name) as progress:
             return knowledge_base.verify(anchor, progress=progress, structure=structure)
     except InvalidMetadataError as error:
-        # Not a name that the library gives; go on with the others.
+        # A name that the library never writes; the others are verified all the same.
         return Verification(name, 0, 0, (Finding(None, "knowledge_base", str(error)),))
 
 

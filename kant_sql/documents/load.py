@@ -397,10 +397,6 @@ class Formulas:
                 self._transaction.undefine("formula", formula.id)
 
 
-def _items(section: str, names: Iterable[str]) -> Iterator[Item]:
-    return (Item(section, name) for name in names)
-
-
 def load_domain(
     transaction: Transaction, domain: Domain, replace: bool, progress: Progress | None = None
 ) -> None:
@@ -423,14 +419,20 @@ def load_domain(
         formulas.retract_others(DOMAIN_SECTIONS)
         _retract_unsaid(transaction, declaring, actions)
         retract_misfits(transaction)
-    items = [*_items(REQUIREMENT, domain.requirements)]
-    items += _items("type", [fold(each.name) for each in domain.types])
-    items += _items("constant", [fold(each.name) for each in domain.constants])
-    items += _items("predicate", [fold(each.name) for each in domain.predicates])
-    items += _items("function", [fold(each.name) for each in domain.functions])
-    items += _items("action", [fold(each.name) for each in domain.actions])
-    items += formulas.items
-    put_document(transaction, DOMAIN, domain.name, None, items, replace)
+    put_document(transaction, DOMAIN, domain.name, None, _items(domain, formulas), replace)
+
+
+def _items(domain: Domain, formulas: Formulas) -> Iterator[Item]:
+    yield from (Item(REQUIREMENT, name) for name in domain.requirements)
+    for section, named in (
+        ("type", domain.types),
+        ("constant", domain.constants),
+        ("predicate", domain.predicates),
+        ("function", domain.functions),
+        ("action", domain.actions),
+    ):
+        yield from (Item(section, fold(each.name)) for each in named)
+    yield from formulas.items
 
 
 def _put_actions(
@@ -508,12 +510,11 @@ def load_problem(
         if objects:
             delete_scope(transaction, Scope(objects=objects))
     _refuse_second_metric(transaction, formulas.ids)
-    objects_in_order = [fold(object_.name) for object_ in problem.objects]
-    items = (
-        *_items(REQUIREMENT, problem.requirements),
-        *_items("object", objects_in_order),
+    items = [
+        *(Item(REQUIREMENT, name) for name in problem.requirements),
+        *(Item("object", fold(object_.name)) for object_ in problem.objects),
         *formulas.items,
-    )
+    ]
     put_document(transaction, PROBLEM, problem.name, problem.domain, items, replace)
 
 
@@ -559,7 +560,8 @@ def _put_problem_formulas(
     formulas = Formulas(transaction)
     for goal in problem.goal:
         if isinstance(goal, Atom) and is_ground(goal):
-            formulas.items += _items(GOAL, names.atoms((goal,), True).texts.values())
+            (text,) = names.atoms((goal,), True).texts.values()
+            formulas.items.append(Item(GOAL, text))
         else:
             formulas.put(GOAL, (goal,))
     formulas.put(INITIAL, problem.literals)

@@ -7,9 +7,9 @@ from collections.abc import Iterable
 from dataclasses import replace
 from decimal import Decimal
 from functools import partial
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-from sqlalchemy import BigInteger, bindparam, select
+from sqlalchemy import bindparam, select
 from typing_extensions import override
 
 from ..arguments import one_of, shown, whole_number
@@ -25,12 +25,12 @@ from ..history.versions import Version
 from ..knowledge.definitions import METRIC, ActionDefinition, Definitions, ObjectDefinition
 from ..pddl.document import ACTION, DURATIVE_ACTION
 from ..planning import Plan, PlanStep, problem_hash
+from ..sql import tables as t
 from ..sql.changes import ASSERTED, PLAN, PLAN_STEP, Change
 from ..sql.dialects.base import Row
 from ..sql.plans import PlanDefinition, Step, StepDefinition, plan_rows
-from ..sql.query import Query
-from ..sql.rows import KB
-from ..sql.tables import PlanRow, PlanStepRow, PlanStepVersionRow, RevisionPlanStepRow
+from ..sql.query import Query, integer
+from ..sql.rows import KB, table_of
 from ..store.snapshot import View
 from ..store.store import Store
 from ..store.transaction import Transaction
@@ -38,7 +38,7 @@ from .interfaces import Given, PlanDao, RecordedPlan, RecordedStep, StepStatus
 
 
 def check_steps(definitions: Definitions, revision: int, plan: Plan) -> tuple[StepDefinition, ...]:
-    """Find what the steps of a plan refer to, at the revision that it was made from."""
+    """Find the actions and objects of a plan's steps, at the revision of its state."""
     if not isinstance(plan.steps, tuple | list):
         raise PlanError(f"the plan has the steps {shown(plan.steps)}, expected a tuple")
     return tuple(
@@ -151,7 +151,7 @@ class _StepCheck:
         return text
 
 
-# What a step can come to from each status; None: it was not started.
+# The next statuses of each status; None: not started.
 _NEXT: dict[str | None, tuple[str, ...]] = {
     None: ("started", "aborted"),
     "started": ("succeeded", "failed", "aborted"),
@@ -205,7 +205,7 @@ def check_step(transaction: Transaction, step: RecordedStep) -> None:
     found = transaction.find_step(place_of(step))
     if found is None:
         raise PlanError(
-            f"{role} is not in knowledge base {transaction.name!r}: what recorded it was not "
+            f"{role} is not in knowledge base {transaction.name!r}: its transaction was not "
             "committed, or it is of another store; record the plan first"
         )
     if found != atom_text(step.action, step.arguments):
@@ -216,8 +216,8 @@ def check_step(transaction: Transaction, step: RecordedStep) -> None:
 
 
 _KEPT = Query(
-    select(PlanRow.domain_pddl, PlanRow.problem_pddl).where(
-        PlanRow.kb_id == KB, PlanRow.id == bindparam("plan")
+    select(t.PlanRow.domain_pddl, t.PlanRow.problem_pddl).where(
+        t.PlanRow.kb_id == KB, t.PlanRow.id == bindparam("plan")
     )
 )
 # The texts that a plan keeps of its domain and problem; None for what the store writes again.
@@ -245,7 +245,7 @@ def _read_kept(view: View, name: str, plan_id: int) -> Kept:
 
 
 def read_given(store: Store, plan: RecordedPlan) -> Given:
-    """Read what the planner of a recorded plan was given, and compare it with the plan's hash."""
+    """Read the texts that a planner was given, and compare them with the plan's hash."""
     kept = store.read_in_snapshot(lambda view: _read_kept(view, store.name, plan.id))
     if None in kept:
         given = _complete(kept, _write_given(store, state_at(store, plan.revision)))
@@ -253,67 +253,34 @@ def read_given(store: Store, plan: RecordedPlan) -> Given:
         given = Given(*kept)  # type: ignore[arg-type]
     if problem_hash(given.domain, problem=given.problem) != plan.problem_hash:
         raise PlanError(
-            f"plan {plan.id}: what the store holds of its problem, at revision {plan.revision}, is "
-            f"not what the planner was given: the SHA-256 is not {plan.problem_hash}; this version "
-            "of the library writes PDDL in another way, or the tables were changed by hand, which "
-            "verify() tells"
+            f"plan {plan.id}: the stored problem, at revision {plan.revision}, differs from what "
+            f"the planner was given: its SHA-256 is not {plan.problem_hash}; this version of the "
+            "library writes PDDL in another way, or the tables were changed: run verify()"
         )
     return given
 
 
-def _number(name: str) -> Any:
-    return bindparam(name, type_=BigInteger)
+def _of_plans(
+    mapped: type[t.Base], order: int, *names: str, known_from: str | None = "since"
+) -> Query:
+    """Read columns of some plans, sorted by the first ones, as of a revision."""
+    columns = table_of(mapped).c
+    read = [columns[name] for name in names]
+    known = [] if known_from is None else [columns[known_from] <= integer("at")]
+    wanted = read[0].between(integer("low"), integer("high"))
+    return Query(select(*read).where(columns.kb_id == KB, wanted, *known).order_by(*read[:order]))
 
 
-def _between(plan_id: Any) -> Any:
-    return plan_id.between(_number("low"), _number("high"))
-
-
-_PLANS = Query(
-    select(
-        PlanRow.id,
-        PlanRow.since,
-        PlanRow.revision,
-        PlanRow.problem_hash,
-        PlanRow.planner,
-        PlanRow.planner_version,
-        PlanRow.objective,
-        PlanRow.value,
-        PlanRow.status,
-    )
-    .where(PlanRow.kb_id == KB, _between(PlanRow.id), PlanRow.since <= _number("at"))
-    .order_by(PlanRow.id)
+_PLANS = _of_plans(t.PlanRow, 1, "id", "since", *PlanDefinition._fields[1:8])
+# The text has the names, exactly: to look up each of them takes longer than all the rest.
+_STEPS = _of_plans(
+    t.PlanStepRow, 2, "plan_id", "position", "start", "duration", "text", known_from=None
 )
-_STEPS = Query(
-    select(
-        PlanStepRow.plan_id,
-        PlanStepRow.position,
-        PlanStepRow.start,
-        PlanStepRow.duration,
-        # The names are in it, exactly: to look each of them up takes longer than all the rest.
-        PlanStepRow.text,
-    )
-    .where(PlanStepRow.kb_id == KB, _between(PlanStepRow.plan_id))
-    .order_by(PlanStepRow.plan_id, PlanStepRow.position)
+_READ_STATUSES = _of_plans(
+    t.PlanStepVersionRow, 3, "plan_id", "position", "since", "until", "status", "text"
 )
-_READ_STATUSES = Query(
-    select(
-        PlanStepVersionRow.plan_id,
-        PlanStepVersionRow.position,
-        PlanStepVersionRow.status,
-        PlanStepVersionRow.text,
-        PlanStepVersionRow.since,
-        PlanStepVersionRow.until,
-    )
-    .where(PlanStepVersionRow.kb_id == KB, _between(PlanStepVersionRow.plan_id))
-    .where(PlanStepVersionRow.since <= _number("at"))
-    .order_by(PlanStepVersionRow.plan_id, PlanStepVersionRow.position, PlanStepVersionRow.since)
-)
-_REVISIONS = Query(
-    select(RevisionPlanStepRow.plan_id, RevisionPlanStepRow.position, RevisionPlanStepRow.number)
-    .where(RevisionPlanStepRow.kb_id == KB, _between(RevisionPlanStepRow.plan_id))
-    .where(RevisionPlanStepRow.number <= _number("at"))
-    .order_by(RevisionPlanStepRow.plan_id, RevisionPlanStepRow.position, RevisionPlanStepRow.number)
+_REVISIONS = _of_plans(
+    t.RevisionPlanStepRow, 3, "plan_id", "position", "number", known_from="number"
 )
 
 
@@ -340,7 +307,7 @@ class _PlanReader:
             return []
         own = {"kb": self._kb_id, "low": plans[0][0], "high": plans[-1][0]}
         steps = self._steps(own)
-        return [recorded_plan(self._store, row, steps[row[0]]) for row in plans]
+        return [_recorded_plan(self._store, row, steps[row[0]]) for row in plans]
 
     def _steps(self, own: dict[str, int]) -> dict[int, list[RecordedStep]]:
         statuses = self._statuses(own)
@@ -352,7 +319,7 @@ class _PlanReader:
         for plan_id, position, *said in self._session.rows(_STEPS, **own):
             place = (plan_id, position)
             with reading_rows("plan_step", f"step {position!r} of plan {plan_id!r}"):
-                step = recorded_step(self._store, place, *said)
+                step = _recorded_step(self._store, place, *said)
             steps[plan_id].append(
                 replace(
                     step,
@@ -365,7 +332,7 @@ class _PlanReader:
 
     def _statuses(self, own: dict[str, int]) -> dict[Step, list[_Status]]:
         found: dict[Step, list[_Status]] = defaultdict(list)
-        for plan_id, position, status, text, since, until in self._session.rows(
+        for plan_id, position, since, until, status, text in self._session.rows(
             _READ_STATUSES, **own, at=self._at
         ):
             ended = None if until is None or until > self._at else until
@@ -386,26 +353,17 @@ class _PlanReader:
         return found
 
 
-def recorded_step(
+def _recorded_step(
     store: Store, place: Step, start: str | None, duration: str | None, text: str
 ) -> RecordedStep:
     """Make a step without outcomes of its texts; no name has a space or a parenthesis."""
     action, *arguments = text[1:-1].split(" ")
-    return RecordedStep(
-        *place,
-        _decimal(start),
-        action,
-        tuple(arguments),
-        _decimal(duration),
-        None,
-        (),
-        (),
-        store.name,
-    )
+    at, length = _decimal(start), _decimal(duration)
+    return RecordedStep(*place, at, action, tuple(arguments), length, None, (), (), store.name)
 
 
-def recorded_plan(store: Store, row: Row, steps: Iterable[RecordedStep]) -> RecordedPlan:
-    """Make a plan of the columns of `_PLANS`."""
+def _recorded_plan(store: Store, row: Row, steps: Iterable[RecordedStep]) -> RecordedPlan:
+    """Make a plan of a row of `_PLANS`."""
     id_, since, revision, digest, planner, version, objective, value, status = row
     with reading_rows("plan", f"plan {id_!r}"):
         said = (planner, version, objective, _decimal(value), status)
@@ -434,9 +392,9 @@ class SqlPlanDao(SqlDao, PlanDao):
     ) -> RecordedPlan:
         self._check_writable()
         if not isinstance(plan, Plan):
-            raise PlanError(f"what is recorded is a Plan of kant_sql, not {shown(plan)}")
+            raise PlanError(f"the plan is a Plan of kant_sql, not {shown(plan)}")
         revision = self._state_of(plan)
-        # What held at a revision never changes, so nobody has to wait while it is written.
+        # A past state never changes, so its text is written without a lock.
         digest, kept = self._compare(plan, revision, (domain_pddl, problem_pddl))
         metric, steps = self._store.read_definitions(
             lambda known: (_metric(known), check_steps(known, revision, plan)), revision
@@ -462,12 +420,12 @@ class SqlPlanDao(SqlDao, PlanDao):
         if revision == 0:
             raise PlanError(
                 f"the plan was made from knowledge base {self._store.name!r} before its first "
-                "revision; commit what the planner is to know, and plan again"
+                "revision; commit the knowledge that the planner needs, and plan again"
             )
         return revision
 
     def _compare(self, plan: Plan, revision: int, said: Kept) -> tuple[str, Kept]:
-        """Hash what the planner was given, and find which of its texts have to be kept."""
+        """Hash what the planner was given, and find which of its texts to store."""
         for text, role in zip(said, ("domain_pddl", "problem_pddl"), strict=True):
             check_text(text, role)
         written = _write_given(self._store, revision)
@@ -492,10 +450,10 @@ class SqlPlanDao(SqlDao, PlanDao):
         rows = plan_rows(transaction.kb_id, transaction.number, plan)
         transaction.records.add(Change(ASSERTED, PLAN, plan.text), rows)
         steps = [
-            recorded_step(self._store, (plan.id, position), step.start, step.duration, step.text)
+            _recorded_step(self._store, (plan.id, position), step.start, step.duration, step.text)
             for position, step in enumerate(plan.steps)
         ]
-        return recorded_plan(self._store, (plan.id, transaction.number, *plan[1:8]), steps)
+        return _recorded_plan(self._store, (plan.id, transaction.number, *plan[1:8]), steps)
 
     @override
     def get(self, id_: int) -> RecordedPlan | None:
