@@ -6,64 +6,9 @@ import logging
 from importlib import import_module
 from typing import TYPE_CHECKING
 
-from .dto import (
-    Dto,
-    PddlActionDto,
-    PddlConditionEffectDto,
-    PddlEitherTypeDto,
-    PddlEventDto,
-    PddlFunctionDto,
-    PddlFunctionValueDto,
-    PddlObjectDto,
-    PddlPredicateDto,
-    PddlProcessDto,
-    PddlPropositionDto,
-    PddlTypeDto,
-)
-from .errors import (
-    AnchorError,
-    ArchivedError,
-    ArityError,
-    AuthenticationError,
-    ClosedError,
-    ConflictError,
-    ConnectionLostError,
-    DependantsError,
-    ForkedError,
-    InvalidArgumentError,
-    InvalidKnowledgeError,
-    InvalidMetadataError,
-    InvalidNameError,
-    InvalidTimeoutError,
-    InvalidUrlError,
-    KantSqlError,
-    NoPlanError,
-    NotADatabaseError,
-    OutcomeUnknownError,
-    PddlError,
-    PlanError,
-    PlannerMissingError,
-    ReadOnlyError,
-    ReadOnlyStoreError,
-    SchemaError,
-    SchemaMissingError,
-    SchemaOutdatedError,
-    SchemaTooNewError,
-    SourceError,
-    SourceMissingError,
-    StaleRevisionError,
-    StoreBusyError,
-    StoreError,
-    StoreIntegrityError,
-    StoreReplacedError,
-    StoreUnreachableError,
-    TransactionCancelledError,
-    TransactionOpenError,
-    TypeCycleError,
-    TypeMismatchError,
-    UnknownRevisionError,
-    UnsupportedConstructError,
-)
+from . import dto, errors
+from .dto import *  # noqa: F403
+from .errors import *  # noqa: F403
 
 if TYPE_CHECKING:
     from .documents.interfaces import Loaded
@@ -86,75 +31,21 @@ __version__ = "0.1.0"
 
 __all__ = [
     "Anchor",
-    "AnchorError",
     "AnchoredHead",
     "Archived",
-    "ArchivedError",
-    "ArityError",
-    "AuthenticationError",
     "Change",
-    "ClosedError",
-    "ConflictError",
-    "ConnectionLostError",
     "DaoFactory",
-    "DependantsError",
-    "Dto",
     "Finding",
-    "ForkedError",
-    "InvalidArgumentError",
-    "InvalidKnowledgeError",
-    "InvalidMetadataError",
-    "InvalidNameError",
-    "InvalidTimeoutError",
-    "InvalidUrlError",
-    "KantSqlError",
     "KnowledgeBase",
     "Loaded",
     "LogEntry",
-    "NoPlanError",
-    "NotADatabaseError",
-    "OutcomeUnknownError",
-    "PddlActionDto",
-    "PddlConditionEffectDto",
-    "PddlEitherTypeDto",
-    "PddlError",
-    "PddlEventDto",
-    "PddlFunctionDto",
-    "PddlFunctionValueDto",
-    "PddlObjectDto",
-    "PddlPredicateDto",
-    "PddlProcessDto",
-    "PddlPropositionDto",
-    "PddlTypeDto",
     "Plan",
-    "PlanError",
     "PlanStep",
-    "PlannerMissingError",
     "PredicateView",
-    "ReadOnlyError",
-    "ReadOnlyStoreError",
     "RecordedPlan",
     "RecordedStep",
     "Revision",
     "Roles",
-    "SchemaError",
-    "SchemaMissingError",
-    "SchemaOutdatedError",
-    "SchemaTooNewError",
-    "SourceError",
-    "SourceMissingError",
-    "StaleRevisionError",
-    "StoreBusyError",
-    "StoreError",
-    "StoreIntegrityError",
-    "StoreReplacedError",
-    "StoreUnreachableError",
-    "TransactionCancelledError",
-    "TransactionOpenError",
-    "TypeCycleError",
-    "TypeMismatchError",
-    "UnknownRevisionError",
-    "UnsupportedConstructError",
     "Verification",
     "Version",
     "connect",
@@ -166,9 +57,11 @@ __all__ = [
     "update_views",
     "upgrade",
 ]
+__all__ += dto.__all__
+__all__ += errors.__all__
 
-# Where the names are that need SQLAlchemy. They are imported when they are first asked for: the
-# command line checks files and prints its help without it.
+# The modules of the names that need SQLAlchemy, imported on first use: the command line checks
+# files and prints its help without it.
 _HOMES = {
     name: module
     for module, names in {
@@ -196,9 +89,9 @@ _SUBPACKAGES = frozenset(
 )
 
 if not TYPE_CHECKING:
-    # Type checkers see the imports above, and refuse names that are not there.
+    # Type checkers see the imports above, and refuse unknown names.
     def __getattr__(name: str) -> object:
-        """Import a public name, or a subpackage, when it is first asked for."""
+        """Import a public name, or a subpackage, on first use."""
         if name in _HOMES:
             value = globals()[name] = getattr(import_module(_HOMES[name], __name__), name)
             return value
@@ -207,9 +100,9 @@ if not TYPE_CHECKING:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
     def __dir__() -> list[str]:
-        """List what is there, and what can be asked for."""
+        """List the names that are imported, and those that can be."""
         return sorted({*globals(), *__all__})
 
 
-# Whoever uses the library decides what becomes of its log; without a word, nothing.
+# The log goes nowhere unless a program configures it.
 logging.getLogger(__name__).addHandler(logging.NullHandler())

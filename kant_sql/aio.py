@@ -65,30 +65,30 @@ D = TypeVar("D", bound=Dto)
 N = TypeVar("N", bound=Node)
 
 POOL_SIZE = 8
-# Writers of one event loop queue for as long as threads do.
+# Seconds that writers of one event loop queue, as threads do.
 QUEUE_TIMEOUT = 20.0
-# A call that waits for news looks so often whether it was cancelled.
+# Seconds between checks whether a waiting call was cancelled.
 WATCH_SLICE = 0.5
 BATCH = 100
 
 
 def _contained(call: Callable[[], R]) -> R:
-    """Run a call: a `StopIteration` of the caller's own code cannot pass through a future."""
+    """Run a call; convert `StopIteration`, which a future cannot raise."""
     try:
         return call()
     except StopIteration as error:
-        raise RuntimeError("code that this call ran raised StopIteration") from error
+        raise RuntimeError("code within this call raised StopIteration") from error
 
 
 class _Lane:
-    """A thread for calls that belong together, which run one after the other in one context."""
+    """A thread that runs calls one after the other in one context."""
 
     def __init__(self) -> None:
         self._thread = ThreadPoolExecutor(1, "kant_sql")
         self._context = contextvars.copy_context()
 
     def submit(self, call: Callable[[], R]) -> Future[R]:
-        """Have a call run when those before it have ended."""
+        """Queue a call."""
         return self._thread.submit(self._context.run, _contained, call)
 
     def end(self, wait: bool = False) -> None:
@@ -97,7 +97,7 @@ class _Lane:
 
 
 async def _finish(future: Future[R]) -> asyncio.CancelledError | None:
-    """Wait for a call's end even when cancelled; give the cancellation that came meanwhile."""
+    """Wait for a call's end even when cancelled; return that cancellation, if any."""
     waiter = asyncio.ensure_future(asyncio.wrap_future(future))
     cancelled = None
     while not waiter.done():
@@ -106,12 +106,12 @@ async def _finish(future: Future[R]) -> asyncio.CancelledError | None:
         except asyncio.CancelledError as error:
             cancelled = error
     if not waiter.cancelled():
-        waiter.exception()  # The caller asks the future itself.
+        waiter.exception()  # Retrieved; the caller reads it from the future.
     return cancelled
 
 
 class _Block:
-    """A transaction that is open in its lane, and the task that may use it."""
+    """An open transaction in its lane, and the task that may use it."""
 
     def __init__(self, door: _Door, manager: AbstractContextManager[None]) -> None:
         self.door = door
@@ -122,7 +122,7 @@ class _Block:
         self.is_open = False
 
     async def run(self, call: Callable[[], R]) -> R:
-        """Run a call within the transaction; if it is cancelled, the block is to be rolled back."""
+        """Run a call within the transaction; a cancelled call marks the block for rollback."""
         self.door.refuse_closed()
         if self.is_broken:
             raise _cancelled()
@@ -135,13 +135,13 @@ class _Block:
     def leave(
         self, error: BaseException | None, traceback: TracebackType | None = None
     ) -> Future[bool | None]:
-        """Commit, or roll back for an error, when the calls that are under way have ended."""
+        """Commit, or roll back for an error, after the running calls."""
         self.is_open = False
         kind = None if error is None else type(error)
         return self.lane.submit(partial(self.manager.__exit__, kind, error, traceback))
 
     def abandon(self, entering: Future[None]) -> Future[None]:
-        """Roll back, once it has begun, what nobody waits for any more."""
+        """Roll back a transaction whose caller was cancelled while it began."""
 
         def roll_back() -> None:
             if not entering.cancelled() and entering.exception() is None:
@@ -154,8 +154,8 @@ class _Block:
 
 def _cancelled() -> TransactionCancelledError:
     return TransactionCancelledError(
-        "a call within this transaction was cancelled, so that nobody knows how much of it was "
-        "done: nothing of the transaction is written; begin it again"
+        "a call within this transaction was cancelled, so its effect is unknown: nothing of the "
+        "transaction is written; begin it again"
     )
 
 
@@ -163,7 +163,7 @@ _BLOCKS: ContextVar[tuple[_Block, ...]] = ContextVar("kant_sql_aio_blocks", defa
 
 
 class _Door:
-    """What all parts of one front door share: its threads, and who of a loop may write."""
+    """The threads of one front door, and the queue of writers of each event loop."""
 
     def __init__(self, kb: KnowledgeBase, has_one_connection: bool) -> None:
         self.kb = kb
@@ -183,7 +183,7 @@ class _Door:
             raise ClosedError("this knowledge base was closed; connect again to go on")
 
     def own_block(self) -> _Block | None:
-        """Find the block that the running task has open."""
+        """Find the open block of the running task."""
         task = asyncio.current_task()
         for block in reversed(_BLOCKS.get()):
             if block.door is self and block.is_open and block.task is task:
@@ -191,18 +191,18 @@ class _Door:
         return None
 
     def refuse_inherited(self) -> None:
-        """Refuse to wait for a block that may wait for this task: one that it was started in."""
+        """Refuse to wait for the block that this task was started in, which may wait for it."""
         for block in _BLOCKS.get():
             if block.door is self and block.is_open:
                 name = "a task" if block.task is None else f"task {block.task.get_name()!r}"
                 raise TransactionOpenError(
-                    f"this task was started within a transaction of {name} that is still open, "
-                    "which only that task may use and which may wait for this one; write in the "
-                    "task that opened it, or end the transaction first"
+                    f"this task was started within a transaction of {name} that is still open: "
+                    "only that task may use it, and it may wait for this one; write in the task "
+                    "that opened it, or end the transaction first"
                 )
 
     def queue(self) -> asyncio.Lock:
-        """Return the queue of those who write in the running event loop."""
+        """Return the queue of writers of the running event loop."""
         loop = asyncio.get_running_loop()
         with self._guard:
             return self._queues.setdefault(loop, asyncio.Lock())
@@ -221,7 +221,7 @@ class _Door:
         return queue
 
     async def read(self, call: Callable[[], R]) -> R:
-        """Run a call that writes nothing: in the task's transaction, or in the pool."""
+        """Run a call that only reads: in the task's transaction, or in the pool."""
         block = self.own_block()
         if block is not None:
             return await block.run(call)
@@ -243,7 +243,7 @@ class _Door:
         finally:
             queue.release()
         if cancelled is not None:
-            # What it did is done: a commit that is under way cannot be taken back.
+            # A running commit cannot be undone.
             raise cancelled
         return future.result()
 
@@ -258,7 +258,7 @@ class _Door:
         self.is_closed = True
         self.is_closing.set()
         error = ClosedError("this knowledge base was closed; nothing of the block was written")
-        # What is only about to begin is ended by who begins it.
+        # A block that is about to begin is ended by its own task.
         blocks = [block for block in self.blocks if block.is_open]
         leaving = [block.leave(error) for block in blocks]
         lane = _Lane()
@@ -323,7 +323,7 @@ class _Transaction(AbstractAsyncContextManager[None]):
         try:
             await asyncio.wrap_future(entering)
         except asyncio.CancelledError:
-            # BEGIN may wait for another process: its own thread ends what it has begun.
+            # BEGIN may wait for another process: the lane's thread rolls it back.
             loop = asyncio.get_running_loop()
             block.abandon(entering).add_done_callback(
                 lambda _: self._call_soon(loop, partial(self._end, block))
@@ -336,7 +336,7 @@ class _Transaction(AbstractAsyncContextManager[None]):
 
     @staticmethod
     def _call_soon(loop: asyncio.AbstractEventLoop, call: Callable[[], None]) -> None:
-        with suppress(RuntimeError):  # The loop was closed: nobody waits in it any more.
+        with suppress(RuntimeError):  # The loop was closed: no task waits in it.
             loop.call_soon_threadsafe(call)
 
     def _end(self, block: _Block) -> None:
@@ -382,7 +382,7 @@ class _Transaction(AbstractAsyncContextManager[None]):
         traceback: TracebackType | None,
     ) -> None:
         if not block.is_open:
-            # The front door was closed within.
+            # The front door was closed within the block.
             if error is None:
                 block.door.refuse_closed()
             return
@@ -398,7 +398,7 @@ class _Transaction(AbstractAsyncContextManager[None]):
 
 
 class _Entries(AsyncIterator[R]):
-    """Gives what an iterator of the store gives, read in batches in a thread."""
+    """The items of a store's iterator, read in batches in a thread."""
 
     def __init__(self, door: _Door, make: Callable[[], Iterator[R]]) -> None:
         self._door = door
@@ -421,7 +421,7 @@ class _Entries(AsyncIterator[R]):
         raise StopAsyncIteration
 
     def _fill(self) -> None:
-        # A read that was cancelled may still be at it: what it finds is not lost.
+        # A cancelled read may still run: its items are kept.
         with self._reading:
             try:
                 if self._iterator is None:
@@ -435,7 +435,7 @@ class _Entries(AsyncIterator[R]):
 
 
 class _Part:
-    """The front door, or one of its DAOs: a synchronous object whose calls run in threads."""
+    """A synchronous object, the front door or one of its DAOs, whose calls run in threads."""
 
     def __init__(self, door: _Door, *, of: object) -> None:
         self._door = door
@@ -443,7 +443,7 @@ class _Part:
 
 
 class _Call(Generic[P, R]):
-    """A method of the synchronous interface that `run` calls elsewhere, with the same arguments."""
+    """A method of the synchronous interface that `run` calls in a thread."""
 
     def __init__(
         self,
@@ -652,7 +652,7 @@ class AsyncKnowledgeBase(_Part):
         """Wait in slices, until the call is cancelled."""
         deadline = None if timeout is None else time.monotonic() + seconds(timeout)
         if after is None:
-            # What cannot be watched is refused at once.
+            # Refuse at once what cannot be watched.
             self._kb.watch(None, timeout=0)
             after = self._kb.revision
         while not is_cancelled.is_set():

@@ -29,12 +29,7 @@ from .dto import (
     PddlPropositionDto,
     PddlTypeDto,
 )
-from .errors import (
-    ConflictError,
-    DependantsError,
-    InvalidArgumentError,
-    InvalidKnowledgeError,
-)
+from .errors import ConflictError, DependantsError, InvalidArgumentError, InvalidKnowledgeError
 from .factory import DaoFactory as _SqlDaoFactory
 from .factory import create_dao_factory
 
@@ -74,63 +69,27 @@ class CompatDao(Generic[D]):
         self._dao = dao
 
     def get_all(self) -> list[D]:
-        """Read all elements of the kind.
-
-        Returns:
-            The elements.
-        """
+        """Read all elements of the kind."""
         return self._dao.get_all()
 
     def _save(self, dto: D) -> bool:
-        """Save an element that is not stored.
-
-        Args:
-            dto: the element.
-
-        Returns:
-            False when it is stored, or is ill-typed.
-        """
+        """Save an element; return False when it is stored already, or is ill-typed."""
         return _judged(self._dao.insert, dto)
 
     def _update(self, dto: D) -> bool:
-        """Save an element that is stored.
-
-        Args:
-            dto: the element.
-
-        Returns:
-            False when it is not stored, or is ill-typed.
-        """
+        """Save an element that is stored; return False when it is not, or is ill-typed."""
         return _judged(self._dao.update, dto)
 
     def save(self, dto: D) -> bool:
-        """Insert or update an element.
-
-        Args:
-            dto: the element.
-
-        Returns:
-            False when it is ill-typed.
-        """
+        """Insert or update an element; return False when it is ill-typed."""
         return _judged(self._dao.save, dto)
 
     def delete(self, dto: D) -> bool:
-        """Delete an element and everything that depends on it.
-
-        Args:
-            dto: the element.
-
-        Returns:
-            False when it is not stored.
-        """
+        """Delete an element and everything that depends on it; return False when it is absent."""
         return _judged(self._dao.delete, dto)
 
     def delete_all(self) -> bool:
-        """Delete all elements of the kind and everything that depends on them.
-
-        Returns:
-            True.
-        """
+        """Delete all elements of the kind and everything that depends on them; return True."""
         self._dao.delete_all()
         return True
 
@@ -143,14 +102,7 @@ class CompatNamedDao(CompatDao[D]):
         self._named = dao
 
     def get(self, name: str) -> D | None:
-        """Read one element.
-
-        Args:
-            name: its name, in any case.
-
-        Returns:
-            The element, or None.
-        """
+        """Read one element, by its name in any case; None if it is not stored."""
         return self._named.get(name)
 
 
@@ -162,30 +114,15 @@ class CompatPropositionDao(CompatDao[PddlPropositionDto]):
         self._propositions = dao
 
     def get_by_predicate(self, predicate_name: str) -> list[PddlPropositionDto]:
-        """Read the facts and the goals of one predicate.
-
-        Args:
-            predicate_name: the predicate's name, in any case.
-
-        Returns:
-            The propositions.
-        """
+        """Read the facts and the goals of one predicate."""
         return self._propositions.get_by_predicate(predicate_name)
 
     def get_goals(self) -> list[PddlPropositionDto]:
-        """Read the goals.
-
-        Returns:
-            The propositions with `is_goal`.
-        """
+        """Read the goals."""
         return self._propositions.get_goals()
 
     def get_no_goals(self) -> list[PddlPropositionDto]:
-        """Read the facts.
-
-        Returns:
-            The propositions without `is_goal`.
-        """
+        """Read the facts."""
         return self._propositions.get_no_goals()
 
 

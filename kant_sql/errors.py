@@ -12,6 +12,51 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any, TypeVar
 
+__all__ = [
+    "AnchorError",
+    "ArchivedError",
+    "ArityError",
+    "AuthenticationError",
+    "ClosedError",
+    "ConflictError",
+    "ConnectionLostError",
+    "DependantsError",
+    "ForkedError",
+    "InvalidArgumentError",
+    "InvalidKnowledgeError",
+    "InvalidMetadataError",
+    "InvalidNameError",
+    "InvalidTimeoutError",
+    "InvalidUrlError",
+    "KantSqlError",
+    "NoPlanError",
+    "NotADatabaseError",
+    "OutcomeUnknownError",
+    "PddlError",
+    "PlanError",
+    "PlannerMissingError",
+    "ReadOnlyError",
+    "ReadOnlyStoreError",
+    "SchemaError",
+    "SchemaMissingError",
+    "SchemaOutdatedError",
+    "SchemaTooNewError",
+    "SourceError",
+    "SourceMissingError",
+    "StaleRevisionError",
+    "StoreBusyError",
+    "StoreError",
+    "StoreIntegrityError",
+    "StoreReplacedError",
+    "StoreUnreachableError",
+    "TransactionCancelledError",
+    "TransactionOpenError",
+    "TypeCycleError",
+    "TypeMismatchError",
+    "UnknownRevisionError",
+    "UnsupportedConstructError",
+]
+
 T = TypeVar("T")
 R = TypeVar("R", bound=Sequence[Any])
 

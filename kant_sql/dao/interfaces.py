@@ -97,9 +97,6 @@ class Dao(ABC, Generic[D]):
     def save(self, dto: D) -> bool:
         """Insert or update an element, and insert the elements it refers to if they are missing.
 
-        Args:
-            dto: the element.
-
         Returns:
             True; an element that cannot be saved raises.
 
@@ -120,31 +117,22 @@ class Dao(ABC, Generic[D]):
     def insert(self, dto: D) -> bool:
         """Save an element that is not stored.
 
-        Args:
-            dto: the element.
-
         Returns:
             False when it is stored, with any definition; then nothing changes.
 
         Raises:
-            InvalidKnowledgeError: as `save`.
-            ConflictError: as `save`.
+            InvalidKnowledgeError, ConflictError: as `save`.
         """
 
     @abstractmethod
     def update(self, dto: D) -> bool:
         """Save an element that is stored.
 
-        Args:
-            dto: the element.
-
         Returns:
             False when it is not stored; then nothing changes.
 
         Raises:
-            InvalidKnowledgeError: as `save`.
-            ConflictError: as `save`.
-            DependantsError: as `save`.
+            InvalidKnowledgeError, ConflictError, DependantsError: as `save`.
         """
 
     @abstractmethod
@@ -159,9 +147,7 @@ class Dao(ABC, Generic[D]):
             The number of elements that changed something.
 
         Raises:
-            InvalidKnowledgeError: as `save`; none is saved.
-            ConflictError: as `save`; none is saved.
-            DependantsError: as `save`; none is saved.
+            InvalidKnowledgeError, ConflictError, DependantsError: as `save`; none is saved.
 
         Examples:
             >>> places = [PddlObjectDto(wp, f"wp{number}") for number in range(1, 1001)]
@@ -262,9 +248,7 @@ class RedefinableDao(NamedDao[D]):
             False when it is not stored; then nothing changes.
 
         Raises:
-            InvalidKnowledgeError: as `save`.
-            ConflictError: as `save`.
-            DependantsError: as `save`.
+            InvalidKnowledgeError, ConflictError, DependantsError: as `save`.
         """
 
 
@@ -445,11 +429,7 @@ class PddlFunctionValueDao(Dao[PddlFunctionValueDto]):
     def unset(
         self, function: FunctionReference, *, objects: Sequence[ObjectReference] = ()
     ) -> bool:
-        """Remove the value of a fluent.
-
-        Args:
-            function: the function.
-            objects: its arguments, in order.
+        """Remove the value of a fluent, given as for `get`.
 
         Returns:
             False when it has no value, or a name is not known.
@@ -459,12 +439,7 @@ class PddlFunctionValueDao(Dao[PddlFunctionValueDto]):
     def increase(
         self, function: FunctionReference, *, objects: Sequence[ObjectReference], by: Number
     ) -> Decimal:
-        """Add to a number, atomically.
-
-        Args:
-            function: the function.
-            objects: its arguments, in order.
-            by: the summand.
+        """Add `by` to the number that a fluent, given as for `get`, has; atomically.
 
         Returns:
             The new value: exact if 400 digits can express it, else rounded to 28 significant
@@ -484,55 +459,19 @@ class PddlFunctionValueDao(Dao[PddlFunctionValueDto]):
     def decrease(
         self, function: FunctionReference, *, objects: Sequence[ObjectReference], by: Number
     ) -> Decimal:
-        """Subtract from a number, atomically.
-
-        Args:
-            function: the function.
-            objects: its arguments, in order.
-            by: the subtrahend.
-
-        Returns:
-            The new value, as `increase`.
-
-        Raises:
-            InvalidKnowledgeError: as `increase`.
-        """
+        """Subtract `by` from a number, atomically; otherwise as `increase`."""
 
     @abstractmethod
     def scale_up(
         self, function: FunctionReference, *, objects: Sequence[ObjectReference], by: Number
     ) -> Decimal:
-        """Multiply a number, atomically.
-
-        Args:
-            function: the function.
-            objects: its arguments, in order.
-            by: the factor.
-
-        Returns:
-            The new value, as `increase`.
-
-        Raises:
-            InvalidKnowledgeError: as `increase`.
-        """
+        """Multiply a number by `by`, atomically; otherwise as `increase`."""
 
     @abstractmethod
     def scale_down(
         self, function: FunctionReference, *, objects: Sequence[ObjectReference], by: Number
     ) -> Decimal:
-        """Divide a number, atomically.
-
-        Args:
-            function: the function.
-            objects: its arguments, in order.
-            by: the divisor.
-
-        Returns:
-            The new value, as `increase`.
-
-        Raises:
-            InvalidKnowledgeError: as `increase`, or the divisor is 0.
-        """
+        """Divide a number by `by`, which is not 0, atomically; otherwise as `increase`."""
 
 
 N = TypeVar("N", bound=Node)
@@ -557,9 +496,6 @@ class FormulaDao(ABC, Generic[N]):
     def save(self, formula: N) -> bool:
         """Save a formula; a conjunction of goals or constraints is saved as its conjuncts.
 
-        Args:
-            formula: the formula.
-
         Returns:
             True; a formula that cannot be saved raises.
 
@@ -579,9 +515,6 @@ class FormulaDao(ABC, Generic[N]):
     def insert(self, formula: N) -> bool:
         """Save a formula that is not stored.
 
-        Args:
-            formula: the formula.
-
         Returns:
             False when it is stored; then nothing changes.
 
@@ -592,9 +525,6 @@ class FormulaDao(ABC, Generic[N]):
     @abstractmethod
     def save_all(self, formulas: Iterable[N]) -> int:
         """Save many formulas in one revision.
-
-        Args:
-            formulas: the formulas.
 
         Returns:
             The number of formulas that changed something.
