@@ -1,4 +1,4 @@
-"""Whatever is changed in the tables by hand, verification finds it."""
+"""Verification finds each change of the tables."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from tests.verify.mutations import Mutation, mutations
 pytestmark = pytest.mark.slow
 
 UNUSED = (
-    "a name that no version is of says nothing of any state; a revision that asserts a thing and "
-    "retracts it again may leave one, and so does an archive"
+    "a name without any version is part of no state; archives leave some, and so do revisions that "
+    "assert and retract one element"
 )
-# What cannot be told from what was written, and why; `docs/verify.md` has the same table.
+# Changes that verification cannot detect, and why; `docs/verify.md` has the same table.
 UNDETECTED = {
-    ("head", "next_id"): "any number beyond all ids that are given out does: some may be unused",
+    ("head", "next_id"): "any number above all assigned ids is valid, because some may be unused",
     ("proposition", "is_goal"): (
-        "of a proposition of which no version is left: an archive has them all, and what it says "
-        "of it"
+        "of a proposition without any version: all versions are in an archive, with the right "
+        "value"
     ),
     **{
         (table, "insert"): UNUSED
