@@ -252,7 +252,7 @@ class _Door:
         return self._pool.submit(contextvars.copy_context().run, _contained, call)
 
     async def close(self) -> None:
-        """Roll back what is open, close the store, and wait for the threads."""
+        """Roll back open transactions, close the store, and wait for the threads."""
         if self.is_closed:
             return
         self.is_closed = True

@@ -74,7 +74,10 @@ def load(
         str, typer.Option("--kb", metavar="NAME", help="The knowledge base to write to.")
     ] = DEFAULT_NAME,
     merge: Annotated[
-        bool, option("Keep what the files do not mention, instead of retracting it.", "--merge")
+        bool,
+        option(
+            "Keep elements that the files do not mention, instead of retracting them.", "--merge"
+        ),
     ] = False,
     strict: Annotated[
         bool, option("Refuse deviations from the standard, instead of warning.", "--strict")

@@ -92,7 +92,7 @@ def _write_changes(printer: Printer, changes: Iterable[Change], indent: str = ""
 
 
 def _write_version(printer: Printer, version: Version) -> None:
-    """Write what held, and which revisions asserted and retracted it."""
+    """Write a version, and the revisions that asserted and retracted it."""
     printer.line(f"{version.kind} {_indented(version.text, '')}", "bold")
     ends = [("asserted", version.since, "+"), ("retracted", version.until, "-")]
     for what, revision, sign in ends:

@@ -69,7 +69,7 @@ def downgrade(
             "tables and all that they hold.",
         ),
     ],
-    yes: Annotated[bool, option("Do not ask before revisions are lost for ever.", "--yes")] = False,
+    yes: Annotated[bool, option("Do not ask before revisions are lost.", "--yes")] = False,
     as_json: AsJson = False,
 ) -> None:
     """Migrate the tables back to an earlier version.
@@ -83,7 +83,7 @@ def downgrade(
     if schema.current(url) is None:
         # Raises the error that names the remedy.
         schema.check(url)
-    # Refuse what cannot be done before asking.
+    # Refuse an unknown version before asking.
     target = schema.earlier_version(url, revision)
     lost = revision_counts(url) if target == schema.BASE else {}
     if lost and not yes:
@@ -238,7 +238,7 @@ def anchor(
 _AnchorFile = Annotated[
     Path | None,
     option(
-        "Output of 'kant-sql anchor': detects what was cut off or rewritten since.",
+        "Output of 'kant-sql anchor': detects removed and rewritten revisions.",
         metavar="FILE",
         exists=True,
         dir_okay=False,
@@ -254,7 +254,7 @@ def verify(
     anchor: _AnchorFile = None,
     as_json: Annotated[bool, json_lines("knowledge base")] = False,
 ) -> int:
-    """Verify that the history is what was written.
+    """Verify that the history is intact.
 
     Recomputes every hash from the tables, compares columns with texts, indexes with their tables,
     and the structure with what the migrations create. Reports findings by revision. Exits with 0

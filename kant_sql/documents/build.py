@@ -261,7 +261,7 @@ class _DomainBuilder(_Builder):
         )
         if self._document is not None:
             return domain
-        # Without a loaded document, nobody has declared requirements.
+        # Without a loaded document, no requirements are declared.
         return replace(domain, requirements=used_requirements(domain))
 
     def _types(self) -> list[TypeDefinition]:

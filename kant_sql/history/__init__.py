@@ -1,4 +1,4 @@
-"""The past: revisions, what each of them changed, and whether they are what was written."""
+"""The past: revisions, their changes, and their verification."""
 
 from __future__ import annotations
 

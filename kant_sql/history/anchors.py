@@ -1,4 +1,4 @@
-"""Anchors: the heads of a store, to keep where those who can change the store cannot."""
+"""Anchors: the heads of a store, to be kept where a writer of the store has no access."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _HEADS = Query(
 
 
 class AnchoredHead(NamedTuple):
-    """Where a knowledge base stood.
+    """The head of a knowledge base.
 
     Attributes:
         knowledge_base: its name.
@@ -49,11 +49,11 @@ class AnchoredHead(NamedTuple):
 
 
 class Anchor(NamedTuple):
-    """Where the knowledge bases of a store stood.
+    """The heads of the knowledge bases of a store.
 
     Attributes:
         heads: those that have a revision, the oldest knowledge base first.
-        made_at: when that was read, by the store's clock, `2026-01-31T09:30:00.000000Z`.
+        made_at: when they were read, by the store's clock, `2026-01-31T09:30:00.000000Z`.
     """
 
     heads: tuple[AnchoredHead, ...]
@@ -66,12 +66,12 @@ class Anchor(NamedTuple):
             knowledge_base: its name.
 
         Returns:
-            Where it stood; None when it is not in the anchor.
+            Its head; None when it is not in the anchor.
         """
         return next((head for head in self.heads if head.knowledge_base == knowledge_base), None)
 
     def text(self) -> str:
-        """Write it down as one small JSON document, for `parse_anchor` to read.
+        """Write one small JSON document, which `parse_anchor` reads.
 
         Returns:
             The document, a line for each knowledge base.
@@ -91,8 +91,7 @@ def read_anchor(store: Store) -> Anchor:
             if number is None:
                 raise StoreIntegrityError(
                     f"{session.backend.label}: the head of knowledge base {name!r} is at a "
-                    "revision that there is not; run verify to see what else is not as it was "
-                    "written"
+                    "revision that does not exist; run verify for more"
                 )
             with reading_rows("revision", f"revision {number!r} of {name!r}"):
                 time = time_text(session.to_time(moment))
@@ -103,7 +102,7 @@ def read_anchor(store: Store) -> Anchor:
 
 
 def parse_anchor(text: str | bytes) -> Anchor:
-    """Read an anchor that was written down.
+    """Parse the text of an anchor.
 
     Args:
         text: the JSON document.
@@ -118,10 +117,10 @@ def parse_anchor(text: str | bytes) -> Anchor:
     try:
         document = json.loads(text)
     except (ValueError, RecursionError) as error:
-        raise AnchorError(f"this is no anchor but something else than JSON: {error}") from error
+        raise AnchorError(f"this is no anchor, because it is not JSON: {error}") from error
     given = document.get("format") if isinstance(document, dict) else None
     if given is None or not isinstance(document.get("heads"), list):
-        raise AnchorError("this JSON document is no anchor; give what `kant-sql anchor` printed")
+        raise AnchorError("this JSON document is no anchor; give the output of `kant-sql anchor`")
     if given != FORMAT:
         raise AnchorError(
             f"this anchor is of format {shown(given)}, and this version of kant_sql reads "
@@ -132,7 +131,7 @@ def parse_anchor(text: str | bytes) -> Anchor:
     double = next((name for name, count in Counter(names).items() if count > 1), None)
     if double is not None:
         raise AnchorError(
-            f"this anchor has two heads of knowledge base {shown(double)}; anchor anew"
+            f"this anchor has two heads of knowledge base {shown(double)}; write a new anchor"
         )
     return Anchor(heads, str(document.get("made_at", "")))
 

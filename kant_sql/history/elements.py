@@ -177,7 +177,7 @@ def _of_formula(words: list[str]) -> Iterator[Sought]:
         yield _applied((FACT, GOAL, VALUE), inner[0], inner[1:])
     if not is_flat or inner[0] in RESERVED["predicate"]:
         yield Written(comparable(" ".join(words)))
-    # `(= (fuel t1) 7)`: what the fluent is, and perhaps a goal.
+    # `(= (fuel t1) 7)`: the fluent, and perhaps a goal.
     if inner[:2] == ["=", "("] and inner.index(")") == len(inner) - 2:
         fluent = inner[2:-2]
         if fluent and "(" not in fluent and all(map(is_word, fluent)):
@@ -281,7 +281,7 @@ def _interned(arguments: int) -> ColumnElement[str]:
 
 
 class Owner(NamedTuple):
-    """An identity, and the key of `SOURCES` that says where its versions are."""
+    """An identity, and the key of `SOURCES` of its versions."""
 
     source: str
     id: int

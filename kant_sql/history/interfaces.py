@@ -182,7 +182,7 @@ class History(Interface):
 
     @required
     def blame(self, element: Element) -> Version | None:
-        """Show who asserted what holds now, when and why.
+        """Show who asserted an element that holds now, when and why.
 
         Args:
             element: as for `history`.

@@ -55,7 +55,7 @@ def restore(store: Store, revision: int, reason: str | None, actor: str | None) 
         if revision < transaction.head.archived_revision:
             # It was archived after the caller's check.
             refuse_archived(store, revision)
-        # The statements below see what the transaction changed so far.
+        # The statements below read the transaction's own changes from the tables.
         transaction.flush()
         _restore_definitions(transaction, revision)
         _restore_propositions(transaction, revision, not is_part)
@@ -76,7 +76,7 @@ def _restore_definitions(transaction: Transaction, at: int) -> None:
 
 
 def _restore_propositions(transaction: Transaction, at: int, is_new: bool) -> None:
-    """Restore propositions. A new transaction has no pending ones: the tables say what holds."""
+    """Restore propositions; a new transaction has no pending ones, so the tables are current."""
     propositions = transaction.propositions
     moved = transaction.session.stream(_MOVED_PROPOSITIONS, kb=transaction.kb_id, at=at)
     # By proposition id: the revision since which its version holds; None without one.

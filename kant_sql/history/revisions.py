@@ -208,6 +208,5 @@ def collect(
 def missing_revision(session: Session, number: int) -> StoreIntegrityError:
     """Build the error for a missing revision."""
     return StoreIntegrityError(
-        f"{session.backend.label}: revision {number} is missing; run verify to see what else is "
-        "not as it was written"
+        f"{session.backend.label}: revision {number} is missing; run verify for more"
     )

@@ -1,4 +1,4 @@
-"""The versions of an element: what held from which revision until which."""
+"""The versions of an element, each from one revision until another."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def _all_of(lookups: tuple[Lookup, ...]) -> Query:
 
 @lru_cache(maxsize=64)
 def _held_of(lookups: tuple[Lookup, ...], is_now: bool) -> Query:
-    """Build the query of what holds, or held last, with the revisions that asserted it."""
+    """Build the query of the versions that hold, or held last, with their first revisions."""
     if is_now:
         # The live version of an identity has a unique index.
         parts = [_versions_of(each, lambda version: version.until.is_(None)) for each in lookups]

@@ -1,4 +1,4 @@
-"""Recorded plans: what was planned from which state, and the outcome of each step."""
+"""Recorded plans: the state that each was made from, its steps and their outcomes."""
 
 from __future__ import annotations
 

@@ -48,7 +48,7 @@ def check_steps(definitions: Definitions, revision: int, plan: Plan) -> tuple[St
 
 
 def check_text(text: str | None, role: str) -> str | None:
-    """Check that a database can store a text as it is."""
+    """Check that a database can store a text unchanged."""
     if text is None:
         return None
     if not isinstance(text, str):
@@ -220,7 +220,7 @@ _KEPT = Query(
         t.PlanRow.kb_id == KB, t.PlanRow.id == bindparam("plan")
     )
 )
-# The texts that a plan keeps of its domain and problem; None for what the store writes again.
+# The stored texts of a plan's domain and problem; None for those that can be written again.
 Kept = tuple[str | None, str | None]
 
 
@@ -425,7 +425,7 @@ class SqlPlanDao(SqlDao, PlanDao):
         return revision
 
     def _compare(self, plan: Plan, revision: int, said: Kept) -> tuple[str, Kept]:
-        """Hash what the planner was given, and find which of its texts to store."""
+        """Hash the planner's input, and find which of its texts to store."""
         for text, role in zip(said, ("domain_pddl", "problem_pddl"), strict=True):
             check_text(text, role)
         written = _write_given(self._store, revision)
@@ -433,11 +433,10 @@ class SqlPlanDao(SqlDao, PlanDao):
         digest = problem_hash(given.domain, problem=given.problem)
         if plan.problem_hash not in (None, digest):
             raise PlanError(
-                f"the planner was not given the state of revision {revision}, but what an open "
-                "transaction had made of it; give domain_pddl and problem_pddl as they were then"
+                f"the planner was given the uncommitted state of a transaction, not revision "
+                f"{revision}; pass its input as domain_pddl and problem_pddl"
                 if said == (None, None)
-                else "domain_pddl and problem_pddl are not what the planner was given, by its "
-                "SHA-256"
+                else "domain_pddl and problem_pddl differ from the planner's input, by its SHA-256"
             )
         domain, problem = (a if a != b else None for a, b in zip(given, written, strict=True))
         return digest, (domain, problem)

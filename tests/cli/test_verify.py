@@ -135,7 +135,7 @@ def test_a_knowledge_base_that_is_anchored_and_gone_is_a_finding(
     file.write_text(file.read_text().replace('"tiago"', '"pepper"'))
     result = run("verify", own_file, "--anchor", str(file), *words)
     assert result.exit_code == 1
-    assert "there is no knowledge base 'pepper' any more" in result.stdout
+    assert "knowledge base 'pepper' is missing" in result.stdout
 
 
 def test_what_an_anchor_says_nothing_of_is_said(own_file: str, tmp_path: Path) -> None:
@@ -173,8 +173,8 @@ def test_an_empty_store_has_an_empty_anchor(new_url: str, tmp_path: Path) -> Non
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        (b"", "no anchor but something else than JSON"),
-        (b"\xff\xfe\xfd", "no anchor but something else than JSON"),
+        (b"", "no anchor, because it is not JSON"),
+        (b"\xff\xfe\xfd", "no anchor, because it is not JSON"),
         (b"[]", "this JSON document is no anchor"),
         (b'{"format": 1}', "this JSON document is no anchor"),
         (b'{"format": 7, "heads": []}', "is of format 7, and this version of kant_sql reads 1"),

@@ -126,7 +126,7 @@ def test_a_plan_knows_what_it_was_made_from(fresh_kb: KnowledgeBase) -> None:
     made = fresh_kb.plans.record(plan)
     assert (made.revision, given_to(made)) == (1, texts)
     assert fresh_kb.at(1).plan().problem_hash == made.problem_hash
-    with pytest.raises(PlanError, match="are not what the planner was given, by its SHA-256"):
+    with pytest.raises(PlanError, match="differ from the planner's input, by its SHA-256"):
         fresh_kb.plans.record(plan, problem_pddl=FOREIGN)
 
 
@@ -138,7 +138,9 @@ def test_a_plan_of_what_is_not_committed_is_recorded_with_its_texts(
     with fresh_kb.transaction():
         arrive(fresh_kb, "wp2")
         plan, texts = fresh_kb.plan(), texts_of(fresh_kb)
-        with pytest.raises(PlanError, match="was not given the state of revision 1, but what an"):
+        with pytest.raises(
+            PlanError, match="the uncommitted state of a transaction, not revision 1"
+        ):
             fresh_kb.plans.record(plan)
         made = fresh_kb.plans.record(plan, domain_pddl=texts[0], problem_pddl=texts[1])
     assert (made.revision, given_to(made)) == (1, texts)

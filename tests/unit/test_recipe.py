@@ -35,7 +35,6 @@ OF_FUNCTIONS = {
 }
 # What a function has beyond a named element: why each other module mentions one.
 BEYOND = {
-    "__init__.py": "public names",
     "cli/state.py": "the command that sets a value",
     "dao/__init__.py": "public names",
     "dao/base.py": "a result of values builds the DTOs of their functions",

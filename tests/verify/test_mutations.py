@@ -19,8 +19,7 @@ UNUSED = (
 UNDETECTED = {
     ("head", "next_id"): "any number above all assigned ids is valid, because some may be unused",
     ("proposition", "is_goal"): (
-        "of a proposition without any version: all versions are in an archive, with the right "
-        "value"
+        "of a proposition without any version: all versions are in an archive, with the right value"
     ),
     **{
         (table, "insert"): UNUSED

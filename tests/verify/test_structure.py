@@ -288,7 +288,7 @@ def test_a_view_in_place_of_a_table_is_a_finding(filled: str, table: str) -> Non
         f"ALTER TABLE {table} RENAME TO hidden",
         f"CREATE VIEW {table} AS SELECT * FROM hidden",
     )
-    assert f"{table}: table {table} is missing: the migrations make it" in messages(filled)
+    assert f"{table}: table {table} is missing: the migrations create it" in messages(filled)
 
 
 @pytest.mark.parametrize("value", ["500.5", "9e999", "'many'", "x'00'", "NULL"])

@@ -124,7 +124,7 @@ def seal_from(bare: Bare, low: int) -> None:
         (
             "UPDATE revision SET actor = NULL WHERE number = 15",
             15,
-            "what the tables say of revision 15 is not what was hashed: its actor, reason",
+            "revision 15 differs from what was hashed: its actor, reason",
         ),
         (
             "UPDATE revision SET form = 2 WHERE number = 21",
@@ -168,7 +168,7 @@ def seal_from(bare: Bare, low: int) -> None:
         (
             "UPDATE proposition_argument SET kb_id = 7",
             None,
-            "proposition_argument has rows of a knowledge base that there is not",
+            "proposition_argument has rows of a missing knowledge base",
         ),
     ],
 )
@@ -206,7 +206,7 @@ def test_an_archive_cannot_be_made_up_to_hide_what_was_changed(bare: Bare, since
 def test_two_terms_of_one_name_are_not_taken_for_each_other(bare: Bare) -> None:
     """The text is the same, whichever of two variables of one name is meant."""
     bare.run("UPDATE formula_variable SET name = 'q' WHERE name = 'p'")
-    assert any("is not what its name means there" in each.message for each in bare.findings())
+    assert any("is not bound as its name is" in each.message for each in bare.findings())
 
 
 @pytest.mark.parametrize(
@@ -286,5 +286,6 @@ def test_many_wrong_revisions_are_counted(bare: Bare, monkeypatch: pytest.Monkey
     bare.run("UPDATE knowledge_base SET name = 'elsewhere'")
     messages = [each.message for each in bare.findings()]
     assert (
-        f"{LAST - ARCHIVED - 2} more revisions are not what was hashed, the last is 24" in messages
+        f"{LAST - ARCHIVED - 2} more revisions differ from what was hashed, the last is 24"
+        in messages
     )

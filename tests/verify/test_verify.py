@@ -76,4 +76,4 @@ def test_an_anchor_names_all_knowledge_bases(shared_url: str, connect: Connect) 
     assert gone.verify(anchor).is_intact
     absent = anchor._replace(heads=(anchor.heads[0]._replace(knowledge_base="nao"),))
     (finding,) = gone.verify(absent).findings
-    assert finding.message == "there is no knowledge base 'nao' any more"
+    assert finding.message == "knowledge base 'nao' is missing"

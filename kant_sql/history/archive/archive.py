@@ -32,7 +32,7 @@ _TICK = timedelta(microseconds=1)
 
 
 class Archived(NamedTuple):
-    """What was moved, or would be.
+    """The result of archiving, or of a dry run.
 
     Attributes:
         upto: the versions that ended up to this revision.
@@ -113,7 +113,7 @@ def _replicate(store: Store, target: Target, upto: int, progress: Progress | Non
 def _move_all(
     store: Store, target: Target, upto: int, actor: str | None, reason: str | None
 ) -> tuple[dict[str, int], str, int | None]:
-    """Remove what the target has; return the versions, the target and the last revision."""
+    """Remove the copied versions; return them, the target and the last revision."""
     moved: Counter[str] = Counter()
     revision, is_over = None, False
     while not is_over:
@@ -128,11 +128,7 @@ def _move_all(
 def _move(
     store: Store, target: Target, upto: int, actor: str | None, reason: str | None
 ) -> tuple[int | None, Leaving]:
-    """Remove some of what the target has.
-
-    Returns the revision, None when there was nothing to remove or another process removed it; and
-    the versions to remove.
-    """
+    """Remove some copied versions; return the revision, if any was made, and these versions."""
     # The target's lock comes first, and is held until its copy is the only one.
     with target.locked() as (session, target_kb, head):
 

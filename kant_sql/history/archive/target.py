@@ -83,9 +83,9 @@ def check_same(source: Session, source_kb: int, target: Session, target_kb: int,
     label = target.backend.label
     if at and hash_of(source, source_kb, at) != hash_of(target, target_kb, at):
         raise ConflictError(
-            f"{label}: the knowledge base of this name there is another one, or somebody has "
-            f"written to it: its revision {at} is not the one of {source.backend.label}; archive "
-            "into another store, or into a copy that nobody has written to"
+            f"{label}: it has another knowledge base of this name, or one that was written to: its "
+            f"revision {at} is not the one of {source.backend.label}; archive into another store, "
+            "or into an unchanged copy"
         )
     archived = read_archived_revision(source, source_kb)
     if archived > at:

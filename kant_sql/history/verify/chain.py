@@ -162,9 +162,8 @@ EFFORT = 8_000_000
 
 _SAID = ("actor", "reason", "source", "observed_at", "plan_step")
 _UNEXPLAINED = (
-    "what the tables say of revision {number} is not what was hashed: its actor, reason, source or "
-    "a time, the name of the knowledge base, or one of its {count} changes was altered, removed or "
-    "added"
+    "revision {number} differs from what was hashed: its actor, reason, source or a time, the name "
+    "of the knowledge base, or one of its {count} changes was altered, removed or added"
 )
 
 
@@ -213,7 +212,7 @@ class _Explainer:
                 yield each
 
     def _explain(self, wrong: Wrong, lines: list[_Line]) -> bool:
-        """Report what was added to a revision; return whether that was found."""
+        """Report metadata or a change added to a revision; return whether there is any."""
         number, add = wrong.link.number, self._check.report.add
         said = self._added_metadata(wrong, lines)
         if said is not None:
@@ -384,5 +383,5 @@ class Chain:
 
 def _more(count: int, last: int) -> str:
     if count == 1:
-        return "this revision is not what was hashed, either"
-    return f"{count} more revisions are not what was hashed, the last is {last}"
+        return "this revision differs from what was hashed, too"
+    return f"{count} more revisions differ from what was hashed, the last is {last}"

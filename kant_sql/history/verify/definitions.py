@@ -1,4 +1,4 @@
-"""Definitions: the text that was hashed against the rows that the library reads."""
+"""Compares the hashed text of each definition with its rows."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ _PARTS: dict[str, tuple[float, float]] = {
 
 
 class _Shape:
-    """One tree, with what is above and below each of its nodes."""
+    """One tree, with the binders above and the parts below each node."""
 
     def __init__(
         self,
@@ -80,7 +80,7 @@ class _Shape:
         self._binders: dict[str, list[int]] = {}
 
     def faults(self) -> Iterator[str]:
-        """Yield what is wrong, as far as it goes: the next may rest on what came before."""
+        """Yield faults; after the first, others may be its consequences."""
         fault = self._order()
         if fault is not None:
             yield fault
@@ -145,7 +145,7 @@ class _Shape:
         if node.operator == kinds.DERIVED:
             count = len(node.variables)
             head = tuple(TreeTerm(quantifier=0, variable=each) for each in range(count))
-            return None if parts[0].terms == head else "its head is not what it binds"
+            return None if parts[0].terms == head else "its head differs from its parameters"
         if node.operator in COMPARISONS and not node.terms:
             wrong = any(self._is_object(part) for part in parts)
             return "it compares objects as numbers" if wrong else None
@@ -179,7 +179,7 @@ class _Shape:
                     return f"term {number} is a number"
                 last = term.child
             if not self._is_bound(term):
-                return f"term {number} is not what its name means there"
+                return f"term {number} is not bound as its name is"
         return None
 
     def _is_bound(self, term: TreeTerm) -> bool:
@@ -211,7 +211,7 @@ class _Shape:
 def tree_fault(
     tree: Tree, parameters: Sequence[ParameterDefinition], object_functions: Collection[int]
 ) -> str | None:
-    """Find what is wrong with the rows of a tree."""
+    """Find a fault of the rows of a tree."""
     return next(_Shape(tree, parameters, object_functions).faults(), None)
 
 
@@ -290,7 +290,7 @@ class DefinitionCheck:
         return None if text == definition.text else f"its rows say '{' '.join(text.split()):.200}'"
 
     def _own_fault(self, definition: Any, name: str, since: int) -> str | None:
-        """Find what the text leaves out."""
+        """Find a fault that the text does not show."""
         match definition:
             case FormulaDefinition():
                 if formula_name(definition.section, definition.text) != name:

@@ -64,7 +64,7 @@ _FLUENTS = _atoms(
 
 
 class FactCheck:
-    """Compares interned propositions, fluents and their versions with what they refer to."""
+    """Compares interned propositions, fluents and their versions with their names and arguments."""
 
     def __init__(
         self,
@@ -151,7 +151,7 @@ class FactCheck:
         return value_text(row[3], value) == text and _is_nearest(number, value)
 
 
-# What a version has that its identity or its text contradicts, by what the identity is of.
+# The fault of a version that contradicts its identity or its text, by kind.
 _DIFFERS = {
     "predicate": "has another predicate_id or is_goal than its proposition",
     "function": "has another function_id than its fluent, or a value, number or object that its "

@@ -18,7 +18,7 @@ _KB = table_of(t.KnowledgeBaseRow).c
 
 
 class _HeadRow(NamedTuple):
-    """A row of `head`; its values are checked here, so they may be of any type."""
+    """A row of `head`; unchecked, so of any type."""
 
     revision: Any
     definition_revision: Any
@@ -29,7 +29,7 @@ class _HeadRow(NamedTuple):
 
 
 _READ_HEAD = Query(select(*(_HEAD[name] for name in _HeadRow._fields)).where(_HEAD.kb_id == KB))
-# Read before any check: a damaged value in another column must not be in its way.
+# Read before any check, without the columns that may be damaged.
 _HOW_FAR = Query(select(_HEAD.revision, _HEAD.next_id).where(_HEAD.kb_id == KB))
 _SELF = table_of(t.KnowledgeBaseRow).alias("self").c
 _NAMES_OF_IT = select(_SELF.name).where(_SELF.id == KB)
@@ -118,7 +118,7 @@ def read_next_id(check: Check) -> tuple[int, int]:
 
 
 def check_head(check: Check, chain: Chain, archives: list[Archive]) -> None:
-    """Compare the head with the chain, and archives with what is left."""
+    """Compare the head with the chain, and the archives with the rest of their revisions."""
     head, add = _read_head(check), check.report.add
     if head is None:
         return

@@ -1,7 +1,7 @@
 """The identities of a knowledge base, and the words that texts are made of.
 
-A name with a space in it would make one of two: the text of a fact about an object `rb1 wp1` is
-that of one about `rb1` and `wp1`. The library writes no such name: where one is, it was put there.
+A name with a space makes a text ambiguous: a fact about an object `rb1 wp1` reads like one about
+`rb1` and `wp1`. The library never writes such a name.
 """
 
 from __future__ import annotations
@@ -87,7 +87,7 @@ def _document_faults(document: DocumentDefinition) -> Iterator[str]:
     for section, name in document.items:
         if section not in _DOCUMENT_SECTIONS:
             yield f"there is no section {section!r}"
-        # Older versions took a requirement with a question mark: it is one word all the same.
+        # Older versions accepted a requirement with a question mark, which is one word, too.
         if (_IS_REQUIREMENT if section == "requirement" else _IS_ITEM)(name) is None:
             yield f"{name!r} is no item of it"
 

@@ -1,4 +1,4 @@
-"""One knowledge base under verification: its tables, read side by side, and what is wrong."""
+"""One knowledge base under verification, with its tables read side by side."""
 
 from __future__ import annotations
 
@@ -34,8 +34,8 @@ class Side:
         self._next()
 
     def take(self, key: Any) -> Iterator[Row]:
-        """Return the rows of a key, which is larger than those that were asked for before."""
-        # A key that is NULL can be compared with none: that is an error, and not the end.
+        """Return the rows of a key; keys are taken in ascending order."""
+        # Comparing a key with NULL raises: an error, and not the end.
         while self._key is not _END and self._key < key:
             self._pass()
         if self._key != key:
@@ -43,7 +43,7 @@ class Side:
         return self._taken()
 
     def end(self) -> None:
-        """Report what is left as strays."""
+        """Report the remaining rows as strays."""
         while self._key is not _END:
             self._pass()
 
@@ -100,7 +100,7 @@ class Check(NamedTuple):
 
 
 def interval_fault(before: Any, since: Any, until: Any) -> str | None:
-    """Find what is wrong with an interval; `before` is the end of the one before it, or 0."""
+    """Find the fault of an interval; `before` is the end of the one before it, or 0."""
     if until is not None and not (isinstance(until, int) and until > since):
         return "ends before it begins, or in no revision"
     return "overlaps the version before it" if before is None or before > since else None

@@ -1,6 +1,6 @@
 """Checks that indexes, constraints and views are those of the migrations, and finds stray rows.
 
-A change of these makes the library, or an auditor, read something else than the tables hold.
+With other indexes or views, the library or an auditor reads data that differs from the tables.
 """
 
 from __future__ import annotations
@@ -47,11 +47,11 @@ def check_structure(session: Session, report: Report) -> None:
             live[each.head].append(each)
     for head, made in expected.items():
         if head not in live:
-            report.add(None, made.relation, f"{_shown(head)} is missing: the migrations make it")
+            report.add(None, made.relation, f"{_shown(head)} is missing: the migrations create it")
     for head, found in live.items():
         for each in found if head not in expected else found[1:]:
             what = each.text if head.startswith("CREATE") else head.removeprefix("-- ")
-            message = f"there is something that the migrations do not make: {_shortened(what)}"
+            message = f"the migrations do not create this: {_shortened(what)}"
             report.add(None, each.relation, message)
         if head in expected and found[0].text != expected[head].text:
             message = _difference(expected[head].text, found[0].text)
@@ -64,8 +64,8 @@ def check_generated(session: Session, report: Report) -> None:
         report.add(
             None,
             view,
-            f"view {view} is not what 'kant-sql views' made; drop it with 'kant-sql views --drop', "
-            "and make it again with 'kant-sql views'",
+            f"view {view} differs from the one that 'kant-sql views' created; drop it with "
+            "'kant-sql views --drop', and create it again with 'kant-sql views'",
         )
 
 
@@ -91,7 +91,7 @@ def _difference(expected: str, found: str) -> str:
         next((line.strip(" ,;") for line in lines if line not in others), "the same in other order")
         for lines, others in ((made, {*there}), (there, {*made}))
     ]
-    return f"{_shortened(instead[0])!r} was made, and {_shortened(instead[1])!r} is there"
+    return f"expected {_shortened(instead[0])!r}, found {_shortened(instead[1])!r}"
 
 
 _KB = table_of(KnowledgeBaseRow).c
@@ -138,7 +138,7 @@ def check_strays(session: Session, kb_id: int | None, report: Report) -> None:
     for bounds in ranges:
         query = _STRAYS[bounds[0] is not None, bounds[1] is not None]
         for (table,) in session.rows(query, low=bounds[0], high=bounds[1]):
-            report.add(None, table, f"{table} has rows of a knowledge base that there is not")
+            report.add(None, table, f"{table} has rows of a missing knowledge base")
 
 
 def check_types(session: Session, kb_id: int, report: Report) -> None:

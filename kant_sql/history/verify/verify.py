@@ -29,14 +29,14 @@ _REPORTS = 200
 
 
 class Verification(NamedTuple):
-    """What was checked, and what is wrong.
+    """The result of a verification.
 
     Attributes:
         knowledge_base: the name.
         revisions: how many revisions were checked.
         changes: how many changes were hashed.
-        findings: what is wrong, the first revision first.
-        archives: what was moved elsewhere, and where to, in words.
+        findings: the faults, by revision.
+        archives: the archives and their contents, in words.
         anchored: the revision that was compared with an anchor; None when none was.
     """
 
@@ -59,8 +59,8 @@ def verify(
     """Verify a knowledge base; see `History.verify`."""
     if store.current() is not None:
         raise ReadOnlyError(
-            f"a transaction of knowledge base {store.name!r} is open, and only what is committed "
-            "can be verified; end it first"
+            f"a transaction of knowledge base {store.name!r} is open, and verification reads "
+            "committed revisions; end it first"
         )
     optional_call(progress, "progress")
     flag(structure, "structure", InvalidArgumentError)
@@ -89,7 +89,7 @@ def verify_session(
     _guarded(session, report, lambda: check_strays(session, kb_id, report))
     if kb_id is None:
         if anchored is not None:
-            report.add(1, "knowledge_base", f"there is no knowledge base {name!r} any more")
+            report.add(1, "knowledge_base", f"knowledge base {name!r} is missing")
         return Verification(name, 0, 0, report.findings(), anchored=_number(anchored))
     return _Verifier(Check(session, kb_id, report), name, progress).run(anchored)
 
@@ -164,7 +164,7 @@ def _guarded(session: Session, report: Report, check: Callable[[], None]) -> Non
     except NotADatabaseError as error:
         fault = f"the file is damaged: {error}"
     except StoreError as error:
-        # Subclasses are errors of the connection, not of what is stored.
+        # Subclasses are errors of the connection, not of the tables.
         if type(error) is not StoreError:
             raise
         fault = f"the tables cannot be read: {error}"
