@@ -80,7 +80,6 @@ class NameResolver:
     """From names in a consistent document to ids; a document has each name in one spelling."""
 
     def __init__(self, transaction: Transaction) -> None:
-        """Make it for one problem, whose objects are defined by now."""
         definitions, next_id = transaction.definitions, transaction.head.next_id
         self._definitions: Definitions = definitions
         # By kind, the ids and stored names of predicates and functions.
@@ -275,7 +274,6 @@ class Declaring:
     """Defines what a document declares; the document is consistent in itself."""
 
     def __init__(self, transaction: Transaction, replace: bool) -> None:
-        """Make it for one document."""
         self._transaction = transaction
         self._definitions = transaction.definitions
         self._replace = replace

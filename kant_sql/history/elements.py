@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator
-from functools import cache
+from collections.abc import Iterable, Iterator, Sequence
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 from sqlalchemy import (
@@ -34,7 +34,7 @@ from ..dto.lexical import RESERVED, fold, is_word
 from ..errors import InvalidKnowledgeError
 from ..pddl.lexer import tokenize
 from ..sql.dialects.base import Session
-from ..sql.query import Query, in_list
+from ..sql.query import Query
 from ..sql.rows import FACT, GOAL, KB, KIND_TABLES, PROPOSITION, SOURCES, VALUE
 
 NAMED_KINDS = ("type", "object", "predicate", "function", "action", "document")
@@ -202,33 +202,42 @@ def _parts(words: list[str]) -> Iterator[str]:
         words = words[end:]
 
 
-# Each number of arguments is a statement of its own.
-MOST_ARGUMENTS = 8
+# Lookups per statement: SQLite combines at most 500 queries, and a lookup may be split in two.
+MOST_LOOKUPS = 200
 
 
 class Lookup(NamedTuple):
-    """How identities are found by the names in a question."""
+    """How one part of a question finds identities by names."""
 
     source: str  # a key of `SOURCES`
+    part: int  # the position of the part in the question, which its parameters have
     arguments: int | None = None  # how many objects something is applied to; None for a name
     is_goal: tuple[bool, ...] = ()  # of a proposition: True, False, or both
 
 
-def lookups(wanted: list[Sought]) -> tuple[Lookup, ...] | None:
-    """Return the lookups that find an element; None where one statement cannot."""
-    match wanted:
-        case [Named(kinds, name)]:
-            return tuple(map(Lookup, kinds)) if is_word(name) else ()
-        case [Applied(kinds, name, arguments)] if len(arguments) <= MOST_ARGUMENTS:
-            return _lookups(kinds, len(arguments)) if all(map(is_word, (name, *arguments))) else ()
-    return None
+def lookups(wanted: Sequence[Sought]) -> tuple[Lookup, ...]:
+    """Return the lookups that find all elements but formulas."""
+    return tuple(
+        lookup
+        for part, each in enumerate(wanted)
+        if not isinstance(each, Written) and all(map(is_word, _names_in(each)))
+        for lookup in _lookups(part, each)
+    )
 
 
-@cache
-def _lookups(kinds: frozenset[str], arguments: int) -> tuple[Lookup, ...]:
-    is_goal = tuple(kind == GOAL for kind in (FACT, GOAL) if kind in kinds)
-    of_propositions = [Lookup(PROPOSITION, arguments, is_goal)] if is_goal else []
-    return (*of_propositions, *([Lookup(VALUE, arguments)] if VALUE in kinds else []))
+def _names_in(wanted: Named | Applied) -> tuple[str, ...]:
+    return (wanted.name, *wanted.arguments) if isinstance(wanted, Applied) else (wanted.name,)
+
+
+def _lookups(part: int, wanted: Named | Applied) -> Iterator[Lookup]:
+    if isinstance(wanted, Named):
+        yield from (Lookup(kind, part) for kind in wanted.kinds)
+        return
+    count, kinds = len(wanted.arguments), wanted.kinds
+    if is_goal := tuple(kind == GOAL for kind in (FACT, GOAL) if kind in kinds):
+        yield Lookup(PROPOSITION, part, count, is_goal)
+    if VALUE in kinds:
+        yield Lookup(VALUE, part, count)
 
 
 def split_goals(lookup: Lookup) -> list[Lookup]:
@@ -236,32 +245,38 @@ def split_goals(lookup: Lookup) -> list[Lookup]:
     return [lookup._replace(is_goal=(each,)) for each in lookup.is_goal] or [lookup]
 
 
-def parameters(wanted: list[Sought]) -> dict[str, str]:
-    """Return the parameters of `identities_of`."""
-    match wanted:
-        case [Named(_, name)]:
-            return {"name": name}
-        case [Applied(_, name, arguments)]:
-            given = {f"argument{number}": argument for number, argument in enumerate(arguments)}
-            return {"name": name, **given}
-    return {}
+def parameters(wanted: Sequence[Sought], found: Iterable[Lookup]) -> dict[str, str]:
+    """Return the parameters of lookups."""
+    return {
+        _parameter(part, number): name
+        for part in {lookup.part for lookup in found}
+        for number, name in enumerate(_names_in(wanted[part]))  # type: ignore[arg-type]
+    }
+
+
+def _parameter(part: int, number: int) -> str:
+    return f"name{part}_{number}"
 
 
 def identities_of(lookup: Lookup) -> Select[Any]:
     """Select the ids of the identities that a lookup finds."""
     identity = SOURCES[lookup.source].identity
     ids: Select[Any] = select(identity.id).where(identity.kb_id == KB)
+    name = _parameter(lookup.part, 0)
     if lookup.arguments is None:
-        return ids.where(identity.key == bindparam("name"))
-    interned = identity.arguments == _interned(lookup.arguments)
+        return ids.where(identity.key == bindparam(name))
+    objects = range(1, lookup.arguments + 1)
+    interned = identity.arguments == _interned(
+        [cast(_id_of("object", _parameter(lookup.part, number)), Text) for number in objects]
+    )
     if lookup.source == VALUE:
-        return ids.where(identity.function_id == _named("function", "name"), interned)
+        return ids.where(identity.function_id == _id_of("function", name), interned)
     goals: list[Any] = [literal_column("TRUE" if each else "FALSE") for each in lookup.is_goal]
     is_goal = identity.is_goal == goals[0] if len(goals) == 1 else identity.is_goal.in_(goals)
-    return ids.where(is_goal, identity.predicate_id == _named("predicate", "name"), interned)
+    return ids.where(is_goal, identity.predicate_id == _id_of("predicate", name), interned)
 
 
-def _named(kind: str, parameter: str) -> ColumnElement[int]:
+def _id_of(kind: str, parameter: str) -> ColumnElement[int]:
     identity = KIND_TABLES[kind].identity.c
     return (
         select(identity.id)
@@ -271,13 +286,13 @@ def _named(kind: str, parameter: str) -> ColumnElement[int]:
     )
 
 
-def _interned(arguments: int) -> ColumnElement[str]:
+def _interned(ids: Sequence[ColumnElement[str]]) -> ColumnElement[str]:
     """Write the key that arguments are interned by; NULL when an object is unknown."""
-    text: Any = literal_column("''")
-    for number in range(arguments):
-        id_ = cast(_named("object", f"argument{number}"), Text)
-        text = text.concat(literal_column("' '")).concat(id_) if number else id_
-    return text  # type: ignore[no-any-return]
+    if len(ids) < 2:
+        return ids[0] if ids else literal_column("''")
+    # By halves: databases limit the depth of an expression.
+    left, right = _interned(ids[: len(ids) // 2]), _interned(ids[len(ids) // 2 :])
+    return left.concat(literal_column("' '")).concat(right)
 
 
 class Owner(NamedTuple):
@@ -287,89 +302,28 @@ class Owner(NamedTuple):
     id: int
 
 
-def _identities(kind: str) -> Any:
-    identity = KIND_TABLES[kind].identity.c
-    name: Any = literal_column(f"'{kind}'")
-    return select(name, identity.key, identity.id).where(
-        identity.kb_id == KB, in_list(identity.key, "keys")
+@lru_cache(maxsize=64)
+def _owners_of(found: tuple[Lookup, ...]) -> Query:
+    columns = (
+        identities_of(lookup).add_columns(literal_column(f"'{lookup.source}'")) for lookup in found
     )
+    return Query(union_all(*columns))
 
 
-def _applications(kind: str) -> Any:
-    identity = SOURCES[VALUE if kind == VALUE else PROPOSITION].identity
-    owner = identity.function_id if kind == VALUE else identity.predicate_id
-    rows = select(literal_column(f"'{kind}'"), identity.id, owner, identity.arguments).where(
-        identity.kb_id == KB, in_list(owner, "applied"), in_list(identity.arguments, "arguments")
-    )
-    # The first column of the one index.
-    return rows if kind == VALUE else rows.where(identity.is_goal == bindparam(kind))
-
-
-_IDENTITIES = Query(union_all(*map(_identities, NAMED_KINDS)))
-_INTERNED = Query(union_all(*map(_applications, (FACT, GOAL, VALUE))))
 _VERSION = SOURCES["formula"].version
 _FORMULAS = Query(select(_VERSION.formula_id, _VERSION.text).where(_VERSION.kb_id == KB).distinct())
-_Ids = dict[tuple[str, str], int]
 
 
-def find_owners(session: Session, kb_id: int, wanted: list[Sought]) -> list[Owner]:
-    """Find identities, in three statements at most."""
-    keys = sorted({key for each in wanted for key in _keys(each) if is_word(key)})
-    ids: _Ids = {}
-    if keys:
-        rows = session.rows(_IDENTITIES, kb=kb_id, keys=session.list_value(keys))
-        ids = {(kind, key): id_ for kind, key, id_ in rows}
-    found = [
-        Owner(kind, ids[kind, each.name])
-        for each in wanted
-        if isinstance(each, Named)
-        for kind in each.kinds
-        if (kind, each.name) in ids
-    ]
-    applied = [each for each in wanted if isinstance(each, Applied)]
-    found += _interned_ids(session, kb_id, applied, ids)
+def find_owners(session: Session, kb_id: int, wanted: Sequence[Sought]) -> list[Owner]:
+    """Find identities: in one statement for names, and one for formulas."""
+    owners: list[Owner] = []
+    found = lookups(wanted)
+    for start in range(0, len(found), MOST_LOOKUPS):
+        some = found[start : start + MOST_LOOKUPS]
+        rows = session.rows(_owners_of(some), kb=kb_id, **parameters(wanted, some))
+        owners += [Owner(source, id_) for id_, source in rows]
     texts = {each.words for each in wanted if isinstance(each, Written)}
     if texts:
-        rows_of_formulas = session.stream(_FORMULAS, kb=kb_id)
-        found += [
-            Owner("formula", id_) for id_, text in rows_of_formulas if comparable(text) in texts
-        ]
-    return list(dict.fromkeys(found))
-
-
-def _keys(wanted: Sought) -> tuple[str, ...]:
-    if isinstance(wanted, Written):
-        return ()
-    return (wanted.name, *wanted.arguments) if isinstance(wanted, Applied) else (wanted.name,)
-
-
-def _interned_ids(
-    session: Session, kb_id: int, applied: Iterable[Applied], ids: _Ids
-) -> Iterator[Owner]:
-    """Find ground atoms and fluents."""
-    wanted = {key for each in applied for key in _interned_keys(each, ids)}
-    if not wanted:
-        return
-    rows = session.rows(
-        _INTERNED,
-        kb=kb_id,
-        fact=False,
-        goal=True,
-        applied=session.list_value(sorted({id_ for _, id_, _ in wanted})),
-        arguments=session.list_value(sorted({arguments for _, _, arguments in wanted})),
-    )
-    for kind, id_, applied_id, arguments in rows:
-        if (kind, applied_id, arguments) in wanted:
-            yield Owner(VALUE if kind == VALUE else PROPOSITION, id_)
-
-
-def _interned_keys(applied: Applied, ids: _Ids) -> Iterator[tuple[str, int, str]]:
-    """Yield kind, predicate or function, and interned arguments, where all names are known."""
-    objects = [ids.get(("object", name)) for name in applied.arguments]
-    if None in objects:
-        return
-    arguments = " ".join(map(str, objects))
-    for kind in applied.kinds:
-        id_ = ids.get(("function" if kind == VALUE else "predicate", applied.name))
-        if id_ is not None:
-            yield kind, id_, arguments
+        formulas = session.stream(_FORMULAS, kb=kb_id)
+        owners += [Owner("formula", id_) for id_, text in formulas if comparable(text) in texts]
+    return list(dict.fromkeys(owners))

@@ -18,8 +18,10 @@ from ..sql.query import Query, first_rows, in_list, in_rows
 from ..sql.rows import FACT, GOAL, KB, SOURCES, THEN, Source
 from ..store.store import Store
 from .elements import (
+    MOST_LOOKUPS,
     Lookup,
     Sought,
+    Written,
     find_owners,
     identities_of,
     lookups,
@@ -104,14 +106,14 @@ def _of_owners(names: tuple[str, ...]) -> Query:
 def read_versions(store: Store, element: Dto | Node | str, upto: int | None) -> list[Version]:
     """Read the versions of an element."""
     wanted, at = sought(element), _last_known(store, upto)
-    found = lookups(wanted)
+    found = _in_one_statement(wanted)
     if found is None:
         return store.query_in_snapshot(partial(_of_identities, wanted=wanted, at=at))
 
     def work(session: Session, kb_id: int | None) -> list[Version]:
         if kb_id is None or not found:
             return []
-        rows = session.rows(_all_of(found), kb=kb_id, at=at, **parameters(wanted))
+        rows = session.rows(_all_of(found), kb=kb_id, at=at, **parameters(wanted, found))
         return _make(session, kb_id, rows, at)
 
     # Revisions never change: both statements need no common transaction.
@@ -140,9 +142,16 @@ def _last_known(store: Store, upto: int | None) -> int:
     return transaction.head.revision
 
 
+def _in_one_statement(wanted: list[Sought]) -> tuple[Lookup, ...] | None:
+    """Return the lookups of a question of names alone, if one statement can ask it."""
+    found = lookups(wanted)
+    has_formulas = any(isinstance(each, Written) for each in wanted)
+    return None if has_formulas or len(found) > MOST_LOOKUPS else found
+
+
 def _held(store: Store, wanted: list[Sought], at: int) -> list[Version]:
     """Read the versions that hold, in one statement where names suffice."""
-    found, is_now = lookups(wanted), at == LARGEST
+    found, is_now = _in_one_statement(wanted), at == LARGEST
     if found is None:
         versions = store.query_in_snapshot(partial(_of_identities, wanted=wanted, at=at))
         return [version for version in versions if version.until is None]
@@ -152,7 +161,7 @@ def _held(store: Store, wanted: list[Sought], at: int) -> list[Version]:
             return []
         begun = {} if is_now else {"at": at}
         query = _held_of(found, is_now)
-        rows = session.rows(query, kb=kb_id, **begun, **parameters(wanted))
+        rows = session.rows(query, kb=kb_id, **begun, **parameters(wanted, found))
         return [
             Version(row[0], row[1], make_revision(session, row[4:]), None)
             for row in rows
@@ -180,7 +189,8 @@ def _of_identities(
 def _make(session: Session, kb_id: int, rows: Iterable[Row], at: int) -> list[Version]:
     """Build versions from rows, oldest first; one that ends after `at` holds there."""
     known = []
-    for kind, text, since, until in rows:
+    # Parts of a question may name one element.
+    for kind, text, since, until in dict.fromkeys(rows):
         for number in (since, until or 0):
             check_integer(f"of the versions of each {kind}", repr(text), "since or until", number)
         ended = until if until is not None and until <= at else None

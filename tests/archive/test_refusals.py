@@ -77,7 +77,7 @@ def test_another_knowledge_base_of_the_name_is_left_alone(
     with connect(archive_url, knowledge_base="tiago") as other:
         counter.start(other)
     before = rows_of(archive_url)
-    with pytest.raises(ConflictError, match="another one"):
+    with pytest.raises(ConflictError, match="has another knowledge base"):
         file_kb.archive(5, to=archive_url)
     assert rows_of(archive_url) == before
     assert file_kb.revision == 6
@@ -90,7 +90,7 @@ def test_an_archive_that_was_written_to_is_left_alone(
     file_kb.archive(4, to=archive_url)
     with connect(archive_url, knowledge_base="tiago") as archive:
         archive.objects.save(PddlObjectDto(RB1.type, "rb2"))
-    with pytest.raises(ConflictError, match="written to it"):
+    with pytest.raises(ConflictError, match="was written to"):
         file_kb.archive(6, to=archive_url)
     assert file_kb.revision == 7
 

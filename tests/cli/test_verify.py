@@ -56,7 +56,7 @@ def test_findings_are_a_line_each_and_the_exit_code(own_store: str) -> None:
     done = child("verify", own_store)
     assert (done.returncode, done.stderr) == (1, "")
     first, last = done.stdout.splitlines()
-    assert first.startswith("tiago: revision 2: what the tables say of revision 2 is not what was")
+    assert first.startswith("tiago: revision 2: its contents differ from what was hashed")
     assert last == "tiago: 1 finding (3 revisions, 13 changes)"
 
 

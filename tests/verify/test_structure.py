@@ -171,7 +171,7 @@ COMMON = {
     "DROP INDEX ix_proposition_version_now": (
         "proposition_version: index ix_proposition_version_now is missing"
     ),
-    "CREATE INDEX more ON proposition (kb_id)": "proposition: there is something that the migra",
+    "CREATE INDEX more ON proposition (kb_id)": "proposition: the migrations do not create this",
     "DROP VIEW audit_goal": "audit_goal: view audit_goal is missing",
     "DROP VIEW audit_goal; CREATE VIEW audit_goal AS SELECT * FROM audit_fact WHERE kind = 'goal'"
     " AND text <> '(x)'": "audit_goal: view audit_goal was changed",

@@ -124,7 +124,7 @@ def seal_from(bare: Bare, low: int) -> None:
         (
             "UPDATE revision SET actor = NULL WHERE number = 15",
             15,
-            "revision 15 differs from what was hashed: its actor, reason",
+            "its contents differ from what was hashed: actor, reason",
         ),
         (
             "UPDATE revision SET form = 2 WHERE number = 21",

@@ -162,8 +162,8 @@ EFFORT = 8_000_000
 
 _SAID = ("actor", "reason", "source", "observed_at", "plan_step")
 _UNEXPLAINED = (
-    "revision {number} differs from what was hashed: its actor, reason, source or a time, the name "
-    "of the knowledge base, or one of its {count} changes was altered, removed or added"
+    "its contents differ from what was hashed: actor, reason, source, a time, the name of the "
+    "knowledge base, or one of its {count} changes was altered, removed or added"
 )
 
 
@@ -233,7 +233,7 @@ class _Explainer:
             message += str(self._slipped_in[line])
         else:
             count = len(lines) if lines is not None else sum(1 for _ in self._changes(number))
-            message = _UNEXPLAINED.format(number=number, count=count)
+            message = _UNEXPLAINED.format(count=count)
         self._check.report.add(number, None, message)
 
     def _changes(self, number: int) -> Iterator[_Line]:

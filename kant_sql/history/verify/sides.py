@@ -26,7 +26,6 @@ class Side:
     """
 
     def __init__(self, rows: Iterator[Row], width: int, stray: Callable[[Row], None]) -> None:
-        """Make it."""
         self._groups = groupby(rows, key=itemgetter(*range(width)))
         self._stray = stray
         self._key: Any = _END
