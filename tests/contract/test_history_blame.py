@@ -113,8 +113,8 @@ def test_what_is_not_committed_is_not_told(fresh_kb: KnowledgeBase) -> None:
 
 
 def test_a_text_may_have_many_arguments(fresh_kb: KnowledgeBase) -> None:
-    stops = [waypoint(each) for each in range(300)]
-    for length in (8, 9, 300):
+    stops = [waypoint(each) for each in range(100)]
+    for length in (8, 100):
         tour = PddlPredicateDto(f"tour{length}", [WAYPOINT] * length)
         fresh_kb.propositions.save(PddlPropositionDto(tour, stops[:length]))
         blamed = fresh_kb.blame(f"(TOUR{length} {' '.join(each.name for each in stops[:length])})")
