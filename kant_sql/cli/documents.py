@@ -45,7 +45,7 @@ from .output import (
 if TYPE_CHECKING:
     from ..dao.interfaces import Progress
     from ..documents.interfaces import Mode
-    from ..history.revisions import LogEntry, Revision
+    from ..history.revisions import Revision
     from ..knowledge_base import KnowledgeBase
 
 _USAGE = "[URL] FILE..."
@@ -201,9 +201,8 @@ def _write_load(name: str, knowledge_base: KnowledgeBase, made: Revision | None)
         printer.line(f"knowledge base {name}, revision {number}: nothing has changed", "bold")
         return
     printer.line(f"knowledge base {name}, revision {made.number}", "bold")
-    (entry,) = knowledge_base.at(made.number).log(limit=1)
-    for sign, style in (("+", "green"), ("-", "red")):
-        counts = _counts(entry, sign)
+    asserted, retracted = _counts(knowledge_base, made)
+    for sign, style, counts in (("+", "green", asserted), ("-", "red", retracted)):
         if counts:
             summary = ", ".join(plural(count, label) for label, count in counts.items())
             printer.line(f"{sign} {summary}", style)
@@ -216,10 +215,7 @@ def _load_document(
     warnings: Iterable[PddlWarning],
 ) -> Document:
     """Return the result of a load as JSON data."""
-    asserted, retracted = {}, {}
-    if made is not None:
-        (entry,) = knowledge_base.at(made.number).log(limit=1)
-        asserted, retracted = _counts(entry, "+"), _counts(entry, "-")
+    asserted, retracted = _counts(knowledge_base, made)
     return {
         "knowledge_base": name,
         "revision": None if made is None else made.number,
@@ -230,9 +226,15 @@ def _load_document(
     }
 
 
-def _counts(entry: LogEntry, sign: str) -> dict[str, int]:
-    kinds = (change.kind for change in entry.changes if change.sign == sign)
-    return dict(sorted(Counter(_LABELS.get(kind, kind) for kind in kinds).items()))
+def _counts(knowledge_base: KnowledgeBase, made: Revision | None) -> list[dict[str, int]]:
+    """Count the elements that a revision asserted and retracted, by kind."""
+    if made is None:
+        return [{}, {}]
+    (entry,) = knowledge_base.at(made.number).log(limit=1)
+    kinds = [(change.sign, _LABELS.get(change.kind, change.kind)) for change in entry.changes]
+    return [
+        dict(sorted(Counter(kind for of, kind in kinds if of == sign).items())) for sign in "+-"
+    ]
 
 
 def _part(progress: Progress | None, begin: int, end: int, whole: int) -> Progress | None:

@@ -126,9 +126,11 @@ def parse_anchor(text: str | bytes) -> Anchor:
             f"this anchor is of format {shown(given)}, and this version of kant_sql reads "
             f"{FORMAT}; use the version that wrote it, or a later one"
         )
-    heads = tuple(_head(position, head) for position, head in enumerate(document["heads"]))
-    names = [head.knowledge_base for head in heads]
-    double = next((name for name, count in Counter(names).items() if count > 1), None)
+    heads = tuple(
+        _checked_head(position, _head(head)) for position, head in enumerate(document["heads"])
+    )
+    counts = Counter(head.knowledge_base for head in heads)
+    double = next((name for name, count in counts.items() if count > 1), None)
     if double is not None:
         raise AnchorError(
             f"this anchor has two heads of knowledge base {shown(double)}; write a new anchor"
@@ -136,33 +138,25 @@ def parse_anchor(text: str | bytes) -> Anchor:
     return Anchor(heads, str(document.get("made_at", "")))
 
 
-def _head(position: int, given: object) -> AnchoredHead:
+def _head(given: object) -> AnchoredHead:
     values = given if isinstance(given, dict) else {}
-    head = AnchoredHead(*(values.get(field) for field in AnchoredHead._fields))  # type: ignore[arg-type]
-    return _checked_head(position, head)
+    return AnchoredHead(*(values.get(field) for field in AnchoredHead._fields))  # type: ignore[arg-type]
 
 
 def check_anchor(anchor: Anchor) -> Anchor:
     """Check an anchor that a caller built without `parse_anchor`."""
     expect(anchor, Anchor, "the anchor", AnchorError)
-    for position, head in enumerate(
-        expect(anchor.heads, tuple, "heads of the anchor", AnchorError)
-    ):
+    heads = expect(anchor.heads, tuple, "heads of the anchor", AnchorError)
+    for position, head in enumerate(heads):
         _checked_head(position, expect(head, AnchoredHead, "a head of the anchor", AnchorError))
     return anchor
 
 
 def _checked_head(position: int, head: AnchoredHead) -> AnchoredHead:
-    is_right = (
-        isinstance(head.knowledge_base, str)
-        and isinstance(head.revision, int)
-        and not isinstance(head.revision, bool)
-        and head.revision > 0
-        and isinstance(head.hash, str)
-        and _HASH.fullmatch(head.hash) is not None
-        and isinstance(head.committed_at, str)
-    )
-    if not is_right:
+    name, revision, digest, time = head
+    has_texts = all(isinstance(text, str) for text in (name, digest, time))
+    is_number = isinstance(revision, int) and not isinstance(revision, bool)
+    if not (has_texts and is_number and revision > 0 and _HASH.fullmatch(digest)):
         raise AnchorError(
             f"head {position} of this anchor lacks {', '.join(AnchoredHead._fields)}, or one of "
             "them is damaged; take another copy of it"

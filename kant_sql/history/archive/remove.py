@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from functools import cache
 from hashlib import sha256
 from typing import Any, NamedTuple
@@ -114,23 +113,23 @@ class _Statement(NamedTuple):
     booleans: tuple[int, ...]
 
 
+def _leaving(part: IntervalTable) -> dict[Table, tuple[ColumnElement[bool], ...]]:
+    """Return the conditions of the rows to remove, by table, parents first."""
+    ended = in_range(part.version.c.until)
+    children = {child: children_of(part, child, ended) for child in part.children}
+    return {part.version: _ended(part), **children}
+
+
 @cache
 def _statements(part: IntervalTable) -> tuple[tuple[Table, _Statement], ...]:
-    """Return the queries of the rows to remove, by table."""
-    found = [(part.version, _read(part.version, *_ended(part)))]
-    ended = in_range(part.version.c.until)
-    found += [(child, _read(child, *children_of(part, child, ended))) for child in part.children]
+    """Return the queries of the rows to compare, by table."""
+    leaving = _leaving(part)
     if part.atoms is not None:
-        found += list(_atom_statements(part, part.atoms))
-    return tuple(found)
-
-
-def _atom_statements(part: IntervalTable, atoms: AtomTables) -> Iterator[tuple[Table, _Statement]]:
-    version = part.version.c
-    owners = select(version[part.owner[0]]).where(*_ended(part))
-    yield atoms.identity, _read(atoms.identity, in_rows(atoms.identity.c.id, owners))
-    owner = atoms.arguments.c[part.owner[0]]
-    yield atoms.arguments, _read(atoms.arguments, in_rows(owner, owners))
+        identity, arguments, _ = part.atoms
+        owners = select(part.version.c[part.owner[0]]).where(*_ended(part))
+        leaving[identity] = (in_rows(identity.c.id, owners),)
+        leaving[arguments] = (in_rows(arguments.c[part.owner[0]], owners),)
+    return tuple((table, _read(table, *which)) for table, which in leaving.items())
 
 
 def _read(table: Table, *condition: ColumnElement[bool]) -> _Statement:
@@ -183,12 +182,8 @@ _GONE_OBJECTS = Query(select(ObjectRow.id).where(ObjectRow.kb_id == KB, ~_OBJECT
 @cache
 def _ended_ids(part: IntervalTable) -> tuple[Query, ...]:
     """Build the statements that delete ended versions, children first."""
-    ended = in_range(part.version.c.until)
-    below = (
-        delete(child).where(*children_of(part, child, ended)) for child in reversed(part.children)
-    )
-    versions = delete(part.version).where(part.version.c.kb_id == KB, ended)
-    return tuple(map(Query, (*below, versions)))
+    leaving = reversed(_leaving(part).items())
+    return tuple(Query(delete(table).where(*which)) for table, which in leaving)
 
 
 @cache
