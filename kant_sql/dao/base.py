@@ -154,6 +154,9 @@ class DtoBuilder:
     def type(self, id_: int) -> PddlTypeDto:
         """Build a type, with the types above it."""
         types = self._types
+        definition = self._definitions.types.live(id_)
+        if definition.parent_id is None:
+            return types.setdefault(id_, trusted_type(definition.name, None))
         pending = [] if id_ in types else [id_]
         opened: set[int] = set()
         # Those above come first, on a stack that is not the interpreter's.
@@ -183,8 +186,10 @@ class DtoBuilder:
         dto = self._objects.get(id_)
         if dto is None:
             definition = self._definitions.objects.live(id_)
-            of = self.types(definition.type_ids)
-            dto = trusted_object(of, definition.name, definition.is_constant)
+            of = None if definition.other_type_ids else self._types.get(definition.type_id)
+            dto = trusted_object(
+                of or self.types(definition.type_ids), definition.name, definition.is_constant
+            )
             self._objects[id_] = dto
         return dto
 
