@@ -1,7 +1,7 @@
-"""Every error of the library: one tree under `KantSqlError`.
+"""The errors of the library, all under `KantSqlError`.
 
-A message names the element, the reason and the remedy. Errors of the database are raised `from` the
-driver's, and never contain a password.
+A message names the element, the reason and the remedy, and never contains a password. Errors of the
+database are raised `from` the driver's.
 """
 
 from __future__ import annotations
@@ -66,14 +66,7 @@ _CONTROLS = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u20
 
 
 def printable(text: str) -> str:
-    """Escape characters that could end a line or control a terminal.
-
-    Args:
-        text: any text.
-
-    Returns:
-        The same text on one line, with these characters as JSON escapes them.
-    """
+    """Escape characters that could end a line or control a terminal, as JSON does."""
     return _CONTROLS.sub(lambda match: json.dumps(match[0])[1:-1], text)
 
 
@@ -82,7 +75,7 @@ class KantSqlError(Exception):
 
 
 class InvalidKnowledgeError(KantSqlError, ValueError):
-    """The given knowledge is not well-formed PDDL; nothing of it was stored."""
+    """The given knowledge is not well-formed PDDL; none of it was stored."""
 
 
 class InvalidNameError(InvalidKnowledgeError):
@@ -338,16 +331,7 @@ UNREADABLE = (
 
 
 def unreadable(table: str, key: object, error: Exception) -> StoreIntegrityError:
-    """Make the error for unreadable rows.
-
-    Args:
-        table: the table.
-        key: the key of the rows.
-        error: the error they caused.
-
-    Returns:
-        The error to raise `from` it.
-    """
+    """Make the error for rows that raised another error when they were read."""
     return StoreIntegrityError(
         f"table {table}, {key}: the rows cannot be read ({type(error).__name__}: "
         f"{printable(str(error))}); they were damaged, or changed by hand: 'kant-sql verify' shows "
@@ -357,15 +341,7 @@ def unreadable(table: str, key: object, error: Exception) -> StoreIntegrityError
 
 @contextmanager
 def reading_rows(table: str, key: object) -> Iterator[None]:
-    """Raise errors of the block as an error that names the rows.
-
-    Args:
-        table: the table.
-        key: what names the rows there.
-
-    Raises:
-        StoreIntegrityError: the block failed on the content of the rows.
-    """
+    """Raise `StoreIntegrityError`, which names the rows, when the block fails on their content."""
     try:
         yield
     except InvalidKnowledgeError as error:
@@ -378,19 +354,7 @@ def reading_rows(table: str, key: object) -> Iterator[None]:
 
 
 def all_readable(table: str, rows: Sequence[R], make: Callable[[Sequence[R]], list[T]]) -> list[T]:
-    """Convert rows, and find the one that fails.
-
-    Args:
-        table: the table.
-        rows: the rows, each with its id first.
-        make: converts rows; if it fails, it is called again for each row.
-
-    Returns:
-        The converted rows.
-
-    Raises:
-        StoreIntegrityError: a row is unreadable; the message names it.
-    """
+    """Convert rows, which begin with their id; name the one that fails in the error."""
     try:
         return make(rows)
     except UNREADABLE:
@@ -401,33 +365,11 @@ def all_readable(table: str, rows: Sequence[R], make: Callable[[Sequence[R]], li
 
 
 def each_readable(table: str, rows: Sequence[R], make: Callable[[R], T]) -> list[T]:
-    """Convert each row, and find the one that fails.
-
-    Args:
-        table: the table.
-        rows: the rows, each with its id first.
-        make: converts a row.
-
-    Returns:
-        The converted rows.
-
-    Raises:
-        StoreIntegrityError: a row is unreadable; the message names it.
-    """
+    """Convert each row, which begins with its id; name the one that fails in the error."""
     return all_readable(table, rows, lambda some: [make(row) for row in some])
 
 
 def check_integer(table: str, key: object, column: str, value: object) -> None:
-    """Check an integer; a column of SQLite stores any type.
-
-    Args:
-        table: the table.
-        key: the key of the row.
-        column: the column.
-        value: its value.
-
-    Raises:
-        StoreIntegrityError: the value is not an integer.
-    """
+    """Check that a column has an integer: SQLite stores any type."""
     if not isinstance(value, int):
         raise unreadable(table, key, TypeError(f"column {column} has {value!r}, no integer"))

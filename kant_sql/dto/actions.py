@@ -34,9 +34,6 @@ class PddlConditionEffectDto(AtomDto):
     time: str | None
     is_negative: bool
 
-    _predicate_role: ClassVar[str] = "the predicate of a PddlConditionEffectDto"
-    _objects_role: ClassVar[str] = "the objects of a PddlConditionEffectDto"
-
     def __init__(
         self,
         predicate: PddlPredicateDto,
@@ -74,8 +71,8 @@ class PddlConditionEffectDto(AtomDto):
         """Write the literal.
 
         Args:
-            parameters: the folded names of the action's parameters; any other term is a constant
-                and gets no question mark. `None` when the action is not known: all are variables.
+            parameters: the folded names of the action's parameters; other terms are constants and
+                get no question mark. `None` for an unknown action: all terms are variables.
 
         Returns:
             The PDDL text.
@@ -118,18 +115,18 @@ def trusted_literal(
 
 @dataclass(init=False, eq=False)
 class PddlActionDto(NamedDto):
-    """An action: what it needs, what it changes, and for a durative one how long it takes.
+    """An action: its conditions, its effects, and for a durative action its duration.
 
     Equal by name. Its text is a `:durative-action`, or an `:action`.
 
     Attributes:
         name: the action's name.
         parameters: the parameters, in order.
-        conditions: what must hold, in order: literals, and nodes of formulas.
-        effects: what it brings about, in order: literals, and nodes of effects.
+        conditions: the conditions, in order: literals, and nodes of formulas.
+        effects: the effects, in order: literals, and nodes of effects.
         durative: whether it is a durative action (PDDL 2.1, section 5).
-        duration: how long a durative action takes, in the planner's units of time: a number, or
-            the constraints on `Variable("duration")`; not used otherwise.
+        duration: the duration of a durative action, in the planner's units of time: a number, or
+            the constraints on `Variable("duration")`; ignored otherwise.
     """
 
     name: str
@@ -160,7 +157,7 @@ class PddlActionDto(NamedDto):
 
     @property
     def keyword(self) -> str:
-        """What it is, as PDDL says it: `action` or `durative-action`."""
+        """Its PDDL keyword: `action` or `durative-action`."""
         return "durative-action" if self.durative else "action"
 
     def get_parameters(self) -> list[PddlObjectDto]:
@@ -216,7 +213,7 @@ class PddlActionDto(NamedDto):
 
 
 class _InstantDto(PddlActionDto):
-    """What is written as an action, and is never durative."""
+    """A process or an event: an action in PDDL's syntax that is never durative."""
 
     def __init__(
         self,
@@ -229,26 +226,26 @@ class _InstantDto(PddlActionDto):
 
 
 class PddlProcessDto(_InstantDto):
-    """A process: what changes continuously while its condition holds (PDDL+, section 3).
+    """A process: continuous change while its condition holds (PDDL+, section 3).
 
-    As an action that is not durative; its text is a `:process`.
+    It has the fields of an action that is not durative; its text is a `:process`.
     """
 
     @property
     def keyword(self) -> str:
-        """What it is, as PDDL says it: `process`."""
+        """Its PDDL keyword: `process`."""
         return "process"
 
 
 class PddlEventDto(_InstantDto):
-    """An event: what happens as soon as its condition holds (PDDL+, section 3).
+    """An event: it occurs as soon as its condition holds (PDDL+, section 3).
 
-    As an action that is not durative; its text is an `:event`.
+    It has the fields of an action that is not durative; its text is an `:event`.
     """
 
     @property
     def keyword(self) -> str:
-        """What it is, as PDDL says it: `event`."""
+        """Its PDDL keyword: `event`."""
         return "event"
 
 

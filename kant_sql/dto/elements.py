@@ -24,8 +24,8 @@ from .lexical import (
 
 def _malformed(dto: Dto) -> InvalidKnowledgeError:
     return InvalidKnowledgeError(
-        f"a field of this {type(dto).__name__} was overwritten with what cannot be there; "
-        "make it again with its constructor, which says what is wrong"
+        f"a field of this {type(dto).__name__} was overwritten with an invalid value; make it "
+        "again with its constructor, which names the fault"
     )
 
 
@@ -35,14 +35,11 @@ def _checked_text(text: Callable[[Dto], str]) -> Callable[[Dto], str]:
     @wraps(text)
     def checked(self: Dto) -> str:
         try:
-            found: object = text(self)
+            return expect(text(self), str, "the text")
         except KantSqlError:
             raise
         except Exception as error:
             raise _malformed(self) from error
-        if not isinstance(found, str):
-            raise _malformed(self)
-        return found
 
     return checked
 
@@ -50,18 +47,22 @@ def _checked_text(text: Callable[[Dto], str]) -> Callable[[Dto], str]:
 class Dto:
     """A PDDL element as plain data; `str()` of it is its PDDL text.
 
-    Two DTOs are equal when they denote the same element, whatever their other fields. Fields may be
-    assigned without checks: a DTO with a field of a wrong type equals only itself, and its text and
+    Two DTOs are equal when they denote the same element, whatever their other fields. Assignments
+    to fields are unchecked: a DTO with a field of a wrong type equals only itself, and its text and
     its hash raise `InvalidKnowledgeError`.
     """
 
+    # Messages name the class; a field's role is made once, because DTOs are made in bulk.
+    _roles: ClassVar[dict[str, str]]
+
     def __init_subclass__(cls) -> None:
         super().__init_subclass__()
+        cls._roles = {name: f"the {name} of a {cls.__name__}" for name in ("predicate", "objects")}
         if "__str__" in vars(cls):
             cls.__str__ = _checked_text(cls.__str__)  # type: ignore[method-assign,assignment]
 
     def _identity(self) -> tuple[object, ...]:
-        """Return what identifies this element, in a hashable form."""
+        """Return a hashable key that identifies this element."""
         raise NotImplementedError
 
     def __eq__(self, other: object) -> bool:
@@ -115,8 +116,8 @@ class PddlTypeDto(NamedDto):
 
     Attributes:
         name: the type's name.
-        parent: the type right above it. `None` means the root type `object` when this DTO is
-            saved itself, and "not said" when another element merely refers to it.
+        parent: the supertype. `None` means the root type `object` when this DTO is saved itself,
+            and "not stated" in a reference from another element.
     """
 
     name: str
@@ -181,10 +182,10 @@ def trusted_type(name: str, parent: PddlTypeDto | None) -> PddlTypeDto:
 
 @dataclass(init=False, eq=False)
 class PddlEitherTypeDto(PddlTypeDto):
-    """The type of a parameter, or an object, that is of one of several types (PDDL 1.2).
+    """The type of a parameter or an object that is of one of several types (PDDL 1.2).
 
-    It stands wherever a type does, but is none of its own: it cannot be saved. Its name and its
-    text are `(either robot human)`.
+    It can stand for a type in a reference, but cannot be saved. Its name and its text are
+    `(either robot human)`.
 
     Attributes:
         types: the types, in order.
@@ -221,8 +222,7 @@ class PddlObjectDto(NamedDto):
     Attributes:
         type: the object's type.
         name: the object's name; a parameter's is written without its question mark.
-        is_constant: whether the domain declares it, not the problem; when another element refers
-            to it, it does not count.
+        is_constant: whether the domain declares it, not the problem; ignored in references.
     """
 
     type: PddlTypeDto
@@ -270,7 +270,6 @@ class DeclarationDto(NamedDto):
 
     types: list[PddlTypeDto]
     parameter_names: list[str] | None
-    _called: ClassVar[str]
 
     def get_types(self) -> list[PddlTypeDto]:
         """Return the types of the parameters."""
@@ -278,7 +277,7 @@ class DeclarationDto(NamedDto):
 
     def set_types(self, types: Iterable[PddlTypeDto] | None) -> None:
         """Set the types of the parameters."""
-        self.types = items(types, PddlTypeDto, f"the types of {self._called}")
+        self.types = items(types, PddlTypeDto, f"the types of a {type(self).__name__}")
 
     def get_parameter_names(self) -> list[str] | None:
         """Return the names of the parameters."""
@@ -286,21 +285,22 @@ class DeclarationDto(NamedDto):
 
     def set_parameter_names(self, parameter_names: Iterable[str] | None) -> None:
         """Set the names of the parameters."""
-        self.parameter_names = checked_parameter_names(parameter_names, self._called)
+        owner = f"a {type(self).__name__}"
+        self.parameter_names = checked_parameter_names(parameter_names, owner)
 
 
 @dataclass(init=False, eq=False)
 class PddlPredicateDto(DeclarationDto):
     """A predicate and its parameters.
 
-    Equal by name. Its text is `(robot_at ?r0 - robot ?w1 - wp)`: a parameter that was given no name
-    has the first letter of its type and the position.
+    Equal by name. Its text is `(robot_at ?r0 - robot ?w1 - wp)`: the default name of a parameter is
+    the first letter of its type with the position.
 
     Attributes:
         name: the predicate's name.
         types: the type of each parameter, in order; empty for a predicate without parameters.
         parameter_names: the name of each parameter, in order, without question marks; they may
-            repeat. `None` means "not said": what is stored keeps its names.
+            repeat. `None` means "not stated": stored names are kept.
     """
 
     name: str
@@ -308,7 +308,6 @@ class PddlPredicateDto(DeclarationDto):
     parameter_names: list[str] | None
 
     _kind: ClassVar[str] = "predicate"
-    _called: ClassVar[str] = "a PddlPredicateDto"
 
     def __init__(
         self,
@@ -338,7 +337,6 @@ class AppliedDto(Dto):
     """A predicate or a function with the terms that it is applied to."""
 
     objects: list[PddlObjectDto]
-    _objects_role: ClassVar[str]
 
     def get_objects(self) -> list[PddlObjectDto]:
         """Return the terms."""
@@ -346,7 +344,7 @@ class AppliedDto(Dto):
 
     def set_objects(self, objects: Iterable[PddlObjectDto] | None) -> None:
         """Set the terms."""
-        self.objects = items(objects, PddlObjectDto, self._objects_role)
+        self.objects = items(objects, PddlObjectDto, self._roles["objects"])
 
     def _folded_objects(self) -> tuple[str, ...]:
         return tuple(fold(object_.name) for object_ in self.objects)
@@ -364,13 +362,11 @@ class AtomDto(AppliedDto):
     predicate: PddlPredicateDto
     objects: list[PddlObjectDto]
 
-    _predicate_role: ClassVar[str]
-
     def __init__(
         self, predicate: PddlPredicateDto, objects: Iterable[PddlObjectDto] | None = None
     ) -> None:
-        self.predicate = expect(predicate, PddlPredicateDto, self._predicate_role)
-        self.objects = items(objects, PddlObjectDto, self._objects_role)
+        self.set_predicate(predicate)
+        self.set_objects(objects)
 
     def get_predicate(self) -> PddlPredicateDto:
         """Return the predicate."""
@@ -378,7 +374,7 @@ class AtomDto(AppliedDto):
 
     def set_predicate(self, predicate: PddlPredicateDto) -> None:
         """Set the predicate."""
-        self.predicate = expect(predicate, PddlPredicateDto, self._predicate_role)
+        self.predicate = expect(predicate, PddlPredicateDto, self._roles["predicate"])
 
 
 def atom_text(predicate: str, terms: Iterable[str]) -> str:
@@ -390,8 +386,8 @@ def atom_text(predicate: str, terms: Iterable[str]) -> str:
 class PddlPropositionDto(AtomDto):
     """A predicate applied to objects: a fact of the present state, or a goal.
 
-    Equal by predicate, objects and `is_goal`: a proposition may be a fact and a goal at once, and
-    then it is two elements. Its text is `(robot_at rb1 wp1)`.
+    Equal by predicate, objects and `is_goal`: a fact and a goal of the same atom are two elements.
+    Its text is `(robot_at rb1 wp1)`.
 
     Attributes:
         predicate: the predicate.
@@ -401,9 +397,6 @@ class PddlPropositionDto(AtomDto):
 
     is_goal: bool
 
-    _predicate_role: ClassVar[str] = "the predicate of a PddlPropositionDto"
-    _objects_role: ClassVar[str] = "the objects of a PddlPropositionDto"
-
     def __init__(
         self,
         predicate: PddlPredicateDto,
@@ -411,7 +404,7 @@ class PddlPropositionDto(AtomDto):
         is_goal: bool = False,
     ) -> None:
         super().__init__(predicate, objects)
-        self.is_goal = flag(is_goal, "is_goal of a PddlPropositionDto")
+        self.set_is_goal(is_goal)
 
     def get_is_goal(self) -> bool:
         """Return whether it is a goal."""
@@ -442,20 +435,18 @@ def trusted_proposition(
 
 @dataclass(init=False, eq=False)
 class PddlFunctionDto(DeclarationDto):
-    """A function, its parameters and what its values are.
+    """A function, its parameters and the type of its values.
 
-    Numbers are PDDL 2.1's numeric fluents (section 3), objects PDDL 3.1's object fluents.
-
-    Equal by name. Its text is `(distance ?w0 - wp ?w1 - wp)`, and `(loc ?t0 - truck) - place` when
-    its values are objects.
+    Its values are numbers (numeric fluents, PDDL 2.1, section 3) or objects (object fluents, PDDL
+    3.1). Equal by name. Its text is `(distance ?w0 - wp ?w1 - wp)`, or `(loc ?t0 - truck) - place`
+    with objects as values.
 
     Attributes:
         name: the function's name.
         types: the type of each parameter, in order; empty for a function without parameters.
-        value_types: the types of its values: empty for numbers, several when a value is of one of
-            them.
+        value_types: the types of its values: empty for numbers, several for an `either`.
         parameter_names: the name of each parameter, in order, without question marks; they may
-            repeat. `None` means "not said": what is stored keeps its names.
+            repeat. `None` means "not stated": stored names are kept.
     """
 
     name: str
@@ -464,7 +455,6 @@ class PddlFunctionDto(DeclarationDto):
     parameter_names: list[str] | None
 
     _kind: ClassVar[str] = "function"
-    _called: ClassVar[str] = "a PddlFunctionDto"
 
     def __init__(
         self,
@@ -514,10 +504,9 @@ Value = int | float | Decimal | PddlObjectDto
 
 @dataclass(init=False, eq=False)
 class PddlFunctionValueDto(AppliedDto):
-    """A function applied to objects, and the number or the object that it is there.
+    """A function applied to objects, and its value there.
 
-    Equal by function and objects: another value of them is the same element. Its text is
-    `(= (distance wp1 wp2) 10)`.
+    Equal by function and objects, whatever the value. Its text is `(= (distance wp1 wp2) 10)`.
 
     Attributes:
         function: the function.
@@ -528,8 +517,6 @@ class PddlFunctionValueDto(AppliedDto):
     function: PddlFunctionDto
     objects: list[PddlObjectDto]
     value: Value
-
-    _objects_role: ClassVar[str] = "the objects of a PddlFunctionValueDto"
 
     def __init__(
         self,

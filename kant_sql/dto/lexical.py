@@ -2,9 +2,9 @@
 
 PDDL is case-insensitive (Fox and Long, PDDL 2.1, 2003, section 2 and appendix A), and its names are
 a letter followed by letters, digits, `-` and `_`. Real files start names with digits and use other
-signs, and people name things in their own language, so a name here is any run of characters that
-PDDL text can carry without ambiguity, wherever a name of its kind stands. This is the only rule:
-DAOs, the reader and the writer ask here. `docs/names.md` gives the rules and their reasons.
+characters, and users name things in their own language. So a name here is any sequence of
+characters that PDDL text can express without ambiguity, wherever a name of its kind may stand.
+DAOs, reader and writer share this rule; `docs/names.md` explains it.
 """
 
 from __future__ import annotations
@@ -17,43 +17,43 @@ from functools import lru_cache
 from math import isfinite
 from typing import Any
 
-from ..arguments import items, refusal, shown
+from ..arguments import items, refusal
 from ..errors import InvalidKnowledgeError, InvalidNameError
 
 MAX_NAME_LENGTH = 255
 ROOT_TYPE = "object"
 
-# What the reader takes for a number.
+# Numbers that the reader accepts.
 NUMBER = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]{1,4})?")
 _STANDARD = re.compile(r"[A-Za-z][A-Za-z0-9_-]{0,254}")
 _FORBIDDEN = frozenset("();?\"'`")
 _FORBIDDEN_CATEGORIES = frozenset({"Cc", "Cf", "Cs", "Co", "Cn", "Zs", "Zl", "Zp"})
-# Default_Ignorable_Code_Point (Unicode Character Database, DerivedCoreProperties.txt) beside the
-# categories Cf and Cn, and three that have no ink either: the Khitan filler, the blank Braille
-# pattern and the null notehead.
+# Default_Ignorable_Code_Point (Unicode Character Database, DerivedCoreProperties.txt) outside the
+# categories Cf and Cn, and three other blank ones: the Khitan filler, the blank Braille pattern and
+# the null notehead.
 _INVISIBLE = re.compile(
     "[\u034f\u115f\u1160\u17b4\u17b5\u180b-\u180d\u180f\u2800\u3164\ufe00-\ufe0f\uffa0"
     "\U00016fe4\U0001d159\U000e0100-\U000e01ef]"
 )
 _COMPARISONS = frozenset({"<", "<=", "=", ">=", ">"})
 _OPERATORS = _COMPARISONS | {"and", "or", "not", "imply", "forall", "exists", "when"}
-# Folded words that begin something else where a name of the kind stands.
+# Folded words with another meaning where a name of the kind may stand.
 RESERVED: dict[str, frozenset[str]] = {
     "predicate": _OPERATORS,
     "function": _OPERATORS | {"+", "-", "*", "/", "is-violated"},
-    # In a metric, `(total-time)` may be of a function of that name, but of no other.
+    # In a metric, `(total-time)` may be a declared function, but only one without parameters.
     "function of objects": _OPERATORS | {"+", "-", "*", "/", "is-violated", "total-time"},
     "type": frozenset({"either"}),
     "variable of a durative action": frozenset({"duration"}),
 }
-# What stands in typed lists and among terms, without a sign of its own.
+# Kinds of names in typed lists and among terms, without a prefix.
 _BARE = frozenset({"type", "object", "constant"})
 
 
 def fold(name: str) -> str:
-    """Return the form of a name under which lookup and uniqueness compare it."""
+    """Return the case-insensitive key of a name, for lookup and uniqueness."""
     if not isinstance(name, str):
-        raise InvalidNameError(f"a name is a string, not {type(name).__name__}: {shown(name)}")
+        raise refusal("a name", "a string", name, InvalidNameError)
     if name.isascii():
         return name.lower()
     # The Unicode Standard, section 3.13, D145: case folding is of decomposed text.
@@ -66,7 +66,7 @@ def _called(character: str) -> str:
 
 @lru_cache(maxsize=4096)
 def _word_fault(name: str) -> str | None:
-    """Find why a string cannot be one word of PDDL text."""
+    """Return why a string cannot be one word of PDDL text."""
     if not name:
         return "it is empty"
     if len(name) > MAX_NAME_LENGTH:
@@ -85,7 +85,7 @@ def _word_fault(name: str) -> str | None:
 
 @lru_cache(maxsize=4096)
 def _fault(kind: str, name: str) -> str | None:
-    """Find why a string cannot name something of a kind."""
+    """Return why a string cannot be a name of a kind."""
     fault = _word_fault(name)
     if fault is not None:
         return fault
@@ -108,16 +108,16 @@ def _fault(kind: str, name: str) -> str | None:
 
 
 def is_word(name: str) -> bool:
-    """Return whether a string is one word of PDDL text: what is none was never a name in a store.
+    """Return whether a string is one word of PDDL text.
 
-    Stores keep names that older versions accepted, so whoever looks one up asks this.
+    This check suits lookups: stores may have names that `is_name` of an older version accepted.
     """
     return _word_fault(name) is None
 
 
 def is_name(name: str, kind: str) -> bool:
-    """Return whether PDDL text can carry a name, wherever a name of its kind stands."""
-    # Most names are standard, and there may be a million of them.
+    """Return whether PDDL text can express a name, wherever a name of its kind may stand."""
+    # The fast path: there may be a million names, most of them standard.
     if _STANDARD.fullmatch(name) is not None and kind not in RESERVED:
         return True
     return _fault(kind, name) is None
@@ -134,11 +134,9 @@ def function_kind(parameters: Sized, types: Sized) -> str:
 
 
 def check_name(kind: str, name: str) -> None:
-    """Refuse a name that PDDL text could not carry."""
+    """Refuse a name that PDDL text cannot express."""
     if not isinstance(name, str):
-        raise InvalidNameError(
-            f"a name of {kind} is a string, not {type(name).__name__}: {shown(name)}"
-        )
+        raise refusal(f"a name of {kind}", "a string", name, InvalidNameError)
     if is_name(name, kind):
         return
     short = name if len(name) <= 60 else name[:57] + "..."
@@ -148,15 +146,15 @@ def check_name(kind: str, name: str) -> None:
     )
 
 
-# So many digits carry any double exactly written out, and no text grows beyond bounds.
+# Enough digits for the exact value of any double; bounds the length of texts.
 MAX_DIGITS = 400
 _NUMBERS = (int, float, Decimal)
 
 
 def check_number(value: Any, role: str) -> Decimal:
-    """Check a number that knowledge can have."""
+    """Check and convert a number."""
     kind = type(value)
-    # Decided by the class for most: a load checks hundreds of thousands.
+    # The fast path: a load checks hundreds of thousands of numbers.
     if kind is float and isfinite(value):
         # A double has at most 340 digits.
         return Decimal(repr(value))
@@ -177,7 +175,7 @@ def decimal_text(number: Decimal) -> str:
     """Write an exact number."""
     if not _is_writable(number):
         raise InvalidKnowledgeError(
-            f"{str(number)[:60]} is no number that PDDL text carries; give a finite number of at "
+            f"PDDL text cannot express the number {str(number)[:60]}; give a finite number of at "
             f"most {MAX_DIGITS} digits"
         )
     # Zero has no sign.
@@ -187,7 +185,7 @@ def decimal_text(number: Decimal) -> str:
 def number_text(number: int | float | Decimal) -> str:
     """Write a number."""
     if isinstance(number, float):
-        # The point tells a float from an int when it is read back; the sum has no negative zero.
+        # The point distinguishes a float from an int; the sum turns -0.0 into 0.0.
         text = decimal_text(Decimal(repr(float(number) + 0.0)))
         return text if "." in text else f"{text}.0"
     return decimal_text(Decimal(number))
@@ -197,13 +195,13 @@ _EITHER = "(either "
 
 
 def either_text(type_names: Iterable[str]) -> str:
-    """Write a type, or several of which one is meant."""
+    """Write a type, or an `either` of several."""
     names = list(type_names)
     return names[0] if len(names) == 1 else f"{_EITHER}{' '.join(names)})"
 
 
 def variable_name(type_name: str, position: int) -> str:
-    """Name a parameter that was given no name."""
+    """Return the default name of a parameter."""
     return f"{type_name.removeprefix(_EITHER)[:1]}{position}"
 
 

@@ -1,7 +1,7 @@
 """Canonical text, the canonical form of a revision, and its hash; `docs/hash.md` specifies them.
 
-The form is one JSON document as RFC 8785 (JSON Canonicalization Scheme) writes it, so that anyone
-can recompute a hash from the tables in any language.
+The form is one JSON document in RFC 8785 (JSON Canonicalization Scheme): a program in any language
+can recompute a hash from the tables.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ import rfc8785
 from ..arguments import shown
 from ..dto.actions import action_text, duration_text
 from ..dto.elements import function_text
-from ..dto.formulas import Derived, Metric, Node, TimedLiteral, variables_text
+from ..dto.formulas import Derived, Metric, Node, TimedLiteral, skeleton_text
 from ..dto.lexical import declaration_text, either_text
 from ..errors import InvalidMetadataError
 from ..pddl.writer import node_text
@@ -41,7 +41,7 @@ D = TypeVar("D", bound=Definition)
 
 
 def canonical_text(definitions: Definitions, definition: Definition) -> str:
-    """Write a definition, with the names that other definitions give to what it refers to."""
+    """Write a definition, with the names of the elements it refers to."""
     return _TEXTS[type(definition)](definitions, definition)
 
 
@@ -54,7 +54,7 @@ def with_text(definitions: Definitions, definition: D) -> D:
 
 
 def type_text(definitions: Definitions, type_ids: Sequence[int]) -> str:
-    """Write a type, or the types of which one is meant."""
+    """Write a type, or an `either`."""
     live = definitions.types.live
     if len(type_ids) == 1:
         return live(type_ids[0]).name
@@ -62,14 +62,14 @@ def type_text(definitions: Definitions, type_ids: Sequence[int]) -> str:
 
 
 def formula_text(node: Node) -> str:
-    """Write a formula as `str()` does, but without recursion."""
+    """Write a formula, a rule, the metric or a timed literal."""
     if isinstance(node, TimedLiteral):
         return str(node)
     if isinstance(node, Metric):
         return f"(:metric {node.optimization} {node_text(node.expression)})"
     if isinstance(node, Derived):
-        head = " ".join(part for part in (node.predicate, variables_text(node.variables)) if part)
-        return f"(:derived ({head}) {node_text(node.formula)})"
+        head = skeleton_text(node.predicate, node.variables)
+        return f"(:derived {head} {node_text(node.formula)})"
     return node_text(node)
 
 
@@ -140,7 +140,7 @@ _TEXTS: dict[type[Any], Callable[[Definitions, Any], str]] = {
 }
 
 
-# The number of this form, which each revision stores and hashes.
+# The version of this form; each revision stores and hashes it.
 FORM = 1
 _BATCH = 1_000
 # NUL and the surrogates, which UTF-8 does not carry.
@@ -148,14 +148,12 @@ _UNSTORABLE = re.compile("[\0\ud800-\udfff]")
 
 
 class Metadata(NamedTuple):
-    """What a writer says of its revision.
+    """Metadata of a revision.
 
     Attributes:
-        actor: the component that writes.
-        reason: why.
-        source: a JSON document in canonical form, or None.
-        observed_at: when what it says was sensed, in UTC.
-        plan_step: the step that is running: the id of its plan, and its position.
+        source: a JSON document in canonical form.
+        observed_at: the time of the observation, in UTC.
+        plan_step: the running step: the id of its plan, and its position.
     """
 
     actor: str | None
@@ -166,7 +164,7 @@ class Metadata(NamedTuple):
 
 
 def time_text(moment: datetime) -> str:
-    """Write a moment the way that SQLite stores it and that the hash covers."""
+    """Write a time as SQLite stores it and as the hash covers it."""
     if moment.tzinfo is not UTC:
         moment = moment.astimezone(UTC)
     return moment.isoformat(timespec="microseconds")[:26] + "Z"
@@ -179,7 +177,7 @@ def make_metadata(
     observed_at: datetime | None = None,
     plan_step: tuple[int, int] | None = None,
 ) -> Metadata:
-    """Check what a writer says of its revision, and bring it into canonical form."""
+    """Check metadata, and convert it to canonical form."""
     own = (_observed(observed_at), plan_step)
     for name, value in (("actor", actor), ("reason", reason)):
         if value is None:
@@ -221,7 +219,7 @@ def revision_hash(
     changes: Iterable[tuple[str, str, str]],
     form: int = FORM,
 ) -> str:
-    """Hash a revision, chained to the one before. Memory does not grow with the changes."""
+    """Hash a revision, chained to the previous one, in constant memory."""
     digest = sha256(f'{{"actor":{_json(metadata.actor)},"changes":['.encode())
     separator = ""
     batch: list[str] = []

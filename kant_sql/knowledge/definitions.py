@@ -1,4 +1,4 @@
-"""All that is defined at one revision, in memory; found by id and by name."""
+"""The definitions at one revision, in memory; found by id and by name."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ class Definition(Protocol):
 
     @property
     def id(self) -> int:
-        """The identity's id."""
+        """The id of the identity."""
 
     @property
     def name(self) -> str:
-        """The name, in its first spelling."""
+        """The first spelling of the name."""
 
     @property
     def text(self) -> str:
@@ -36,7 +36,7 @@ D = TypeVar("D", bound=Definition)
 
 
 class Elements(Generic[D]):
-    """The live definitions of one kind of element, and every id that is known of the kind.
+    """The live definitions of one kind of element, and all known ids of the kind.
 
     A snapshot that threads share: `evolve` makes the next one. It keeps recent changes apart from
     the bulk, so that one change in a large knowledge base does not copy it.
@@ -56,13 +56,13 @@ class Elements(Generic[D]):
         self._delta: dict[int, D | None] = delta or {}
 
     def get(self, id_: int | None) -> D | None:
-        """Find a live definition by id."""
+        """Return a live definition, by id."""
         if id_ in self._delta:
             return self._delta[id_]
         return self._base.get(id_)  # type: ignore[arg-type]
 
     def live(self, id_: int) -> D:
-        """Return a definition that something live refers to."""
+        """Return the definition that a live reference has."""
         definition = self.get(id_)
         if definition is None:
             raise StoreIntegrityError(
@@ -71,7 +71,7 @@ class Elements(Generic[D]):
         return definition
 
     def named(self, name: str) -> D | None:
-        """Find a live definition by name, in any spelling."""
+        """Return a live definition, by name in any spelling."""
         return self.get(self.ids.get(fold(name)))
 
     def __iter__(self) -> Iterator[D]:
@@ -106,7 +106,7 @@ class Elements(Generic[D]):
 
 
 class PendingElements(Elements[D]):
-    """The definitions as a transaction has changed them so far, over those that it began with."""
+    """The definitions within a transaction: its changes over those at its start."""
 
     __slots__ = ("changes", "interned", "origin", "unwritten")
 
@@ -114,10 +114,10 @@ class PendingElements(Elements[D]):
         self.ids, self._base, self._delta = origin.ids, origin._base, origin._delta
         self.origin = origin
         self.changes: dict[int, D | None] = {}
-        # Folded name -> id and first spelling of what the transaction looked up or gave out, None
-        # for a name that nothing ever had. An id that it gives out is nobody's if it rolls back.
+        # Folded name -> id and first spelling of identities that the transaction looked up or
+        # allocated; None for a name without identity. A rollback frees allocated ids.
         self.interned: dict[str, tuple[int, str] | None] = {}
-        # Id -> name, of the identities that have no row yet.
+        # Id -> name of identities without a row.
         self.unwritten: dict[int, str] = {}
 
     def get(self, id_: int | None) -> D | None:
@@ -132,7 +132,7 @@ class PendingElements(Elements[D]):
         return self.get(self.id_of(name))
 
     def id_of(self, name: str) -> int | None:
-        """Find the id of an element that is, was, or is about to be known."""
+        """Return the id of an element, also of a past or a pending one."""
         key = fold(name)
         id_ = self.ids.get(key)
         if id_ is None and (identity := self.interned.get(key)) is not None:
@@ -160,14 +160,11 @@ class PendingElements(Elements[D]):
 
 
 class TypeDefinition(NamedTuple):
-    """A type and the type above it.
+    """A type and its parents.
 
     Attributes:
-        id: the identity's id.
-        name: the name, in its first spelling.
-        parent_id: the type above it; None right under the root.
+        parent_id: its parent; None directly under the root.
         other_parent_ids: further parents, when the parent is declared with `either`.
-        text: the canonical PDDL text.
     """
 
     id: int
@@ -178,7 +175,7 @@ class TypeDefinition(NamedTuple):
 
     @property
     def parent_ids(self) -> tuple[int, ...]:
-        """All types right above it; none right under the root."""
+        """All its parents; none directly under the root."""
         return () if self.parent_id is None else (self.parent_id, *self.other_parent_ids)
 
 
@@ -186,12 +183,9 @@ class ObjectDefinition(NamedTuple):
     """An object and its type.
 
     Attributes:
-        id: the identity's id.
-        name: the name, in its first spelling.
         type_id: its type.
         other_type_ids: further types, when it is declared with `either`.
         is_constant: whether the domain declares it, not the problem.
-        text: the canonical PDDL text.
     """
 
     id: int
@@ -208,14 +202,7 @@ class ObjectDefinition(NamedTuple):
 
 
 class PredicateDefinition(NamedTuple):
-    """A predicate and its parameters.
-
-    Attributes:
-        id: the identity's id.
-        name: the name, in its first spelling.
-        parameters: the parameters, in order.
-        text: the canonical PDDL text.
-    """
+    """A predicate and its parameters, in order."""
 
     id: int
     name: str
@@ -227,11 +214,7 @@ class FunctionDefinition(NamedTuple):
     """A function, its parameters and its values.
 
     Attributes:
-        id: the identity's id.
-        name: the name, in its first spelling.
-        parameters: the parameters, in order.
-        type_ids: the types of its values; none for numbers.
-        text: the canonical PDDL text.
+        type_ids: the types of its values; empty for numbers.
     """
 
     id: int
@@ -248,14 +231,10 @@ class ActionDefinition(NamedTuple):
     """An action, a process or an event.
 
     Attributes:
-        id: the identity's id.
-        name: the name, in its first spelling.
         kind: `action`, `durative-action`, `process` or `event`.
-        parameters: the parameters, in order.
-        duration: the conjunction of the constraints on the duration; empty when there is none.
-        condition: the conjunction of what must hold.
-        effect: the conjunction of what it brings about.
-        text: the canonical PDDL text.
+        duration: the conjunction of the constraints on the duration; empty without any.
+        condition: the conjunction of the conditions.
+        effect: the conjunction of the effects.
     """
 
     id: int
@@ -280,14 +259,11 @@ PROBLEM_SECTIONS = (INITIAL, TIMED, GOAL, CONSTRAINT, METRIC)
 
 
 class FormulaDefinition(NamedTuple):
-    """A derived predicate's rule, a goal, a constraint, the metric ...
+    """A formula of the domain or the problem: a rule, a goal, a constraint, the metric ...
 
     Attributes:
-        id: the identity's id.
-        name: what interns it: the SHA-256 of section and text.
-        section: the part of the domain or the problem that it stands in.
-        tree: the formula.
-        text: the canonical PDDL text.
+        name: its key, the SHA-256 of section and text.
+        section: the part of the domain or the problem that has it.
     """
 
     id: int
@@ -298,7 +274,7 @@ class FormulaDefinition(NamedTuple):
 
 
 def formula_name(section: str, text: str) -> str:
-    """Return what interns a formula."""
+    """Return the key of a formula."""
     return hashlib.sha256(f"{section}\n{text}".encode()).hexdigest()
 
 
@@ -306,12 +282,7 @@ DOMAIN, PROBLEM = "domain", "problem"
 
 
 class Item(NamedTuple):
-    """A place in a document.
-
-    Attributes:
-        section: the part of the document.
-        name: the element's name; for a goal that is a ground atom, its text.
-    """
+    """A place in a document: its section, and the element's name or a goal's ground atom."""
 
     section: str
     name: str
@@ -321,12 +292,11 @@ class DocumentDefinition(NamedTuple):
     """The domain, or the problem.
 
     Attributes:
-        id: the identity's id.
         name: `domain` or `problem`.
-        title: what it is called.
+        title: its name in PDDL.
         domain: the name of a problem's domain.
         items: its places, in order within each section.
-        text: all of it on one line.
+        text: the whole document on one line.
     """
 
     id: int
@@ -347,13 +317,11 @@ _ATTRIBUTES = tuple(f"{kind}s" for kind in KINDS)
 
 
 class LiteralTemplate(NamedTuple):
-    """A literal of an action: all of it that says the same in every result.
+    """A literal of an action, without the DTOs that differ by result.
 
     Attributes:
-        predicate_id: its predicate.
-        terms: its terms in order: the id of an object, or the complement of a parameter's place.
-        time: when it has to hold, or comes about; None in an action that is not durative.
-        is_negative: whether it is negated.
+        terms: for each term the id of an object, or the complement of a parameter's position.
+        time: the time of the literal; None in an action that is not durative.
     """
 
     predicate_id: int
@@ -363,14 +331,7 @@ class LiteralTemplate(NamedTuple):
 
 
 class ActionTemplate(NamedTuple):
-    """What the trees of an action say: to read them takes ten times as long as to copy this.
-
-    Attributes:
-        definition: the action.
-        duration: its duration: a number, or constraints.
-        conditions: the conditions: literals, and nodes of formulas.
-        effects: the effects: literals, and nodes of effects.
-    """
+    """The content of an action's trees: reading them takes ten times as long as copying this."""
 
     definition: ActionDefinition
     duration: int | float | Decimal | tuple[Node, ...]
@@ -382,14 +343,7 @@ class Definitions:
     """The definitions of one revision, as a snapshot that threads share.
 
     Attributes:
-        types: the types.
-        objects: the objects.
-        predicates: the predicates.
-        functions: the functions.
-        actions: the actions, processes and events.
-        formulas: the formulas that stand on their own.
-        documents: the domain and the problem.
-        templates: what was read of actions' trees, by id, shared with the snapshots that follow.
+        templates: cache of the templates of actions by id, shared with later snapshots.
     """
 
     __slots__ = (
@@ -414,7 +368,6 @@ class Definitions:
     documents: Elements[DocumentDefinition]
 
     def __init__(self, *elements: Elements[Any]) -> None:
-        """Make it."""
         self._ancestry: Ancestry[int] | None = None
         self.templates: dict[int, ActionTemplate] = {}
         given: Iterable[Elements[Any]] = elements or [Elements() for _ in KINDS]
@@ -423,12 +376,12 @@ class Definitions:
             setattr(self, name, of_kind)
 
     def elements(self, kind: str) -> Elements[Any]:
-        """Find the elements of one kind."""
+        """Return the elements of one kind."""
         elements: Elements[Any] = self._by_kind[kind]
         return elements
 
     def arguments(self, names: Iterable[str]) -> str | None:
-        """Return what interns the arguments of a proposition or a fluent."""
+        """Return the key of the arguments of a proposition or a fluent."""
         ids = []
         for name in names:
             object_ = self.objects.named(name)
@@ -438,7 +391,7 @@ class Definitions:
         return " ".join(ids)
 
     def ancestry(self, type_id: int) -> Iterator[TypeDefinition]:
-        """Yield a type and all types above it."""
+        """Yield a type and all its supertypes."""
         pending, seen = [type_id], {type_id}
         while pending:
             definition = self.types.get(pending.pop(0))
@@ -449,21 +402,19 @@ class Definitions:
                 pending += above
 
     def is_root(self, type_id: int) -> bool:
-        """Tell whether a type is `object`, above all types (PDDL 2.1, appendix A), said or not."""
+        """Return whether a type is `object`, the root of all types (PDDL 2.1, appendix A)."""
         definition = self.types.get(type_id)
         return definition is not None and fold(definition.name) == ROOT_TYPE
 
     def fits(self, type_id: int, allowed: Iterable[int]) -> bool:
         """Return whether an object of a type fits a parameter."""
-        for wanted in allowed:
-            if type_id == wanted or self.is_root(wanted):
-                return True
-            if self._hierarchy().is_below(type_id, wanted):
-                return True
-        return False
+        return any(
+            type_id == wanted or self.is_root(wanted) or self._hierarchy().is_below(type_id, wanted)
+            for wanted in allowed
+        )
 
     def _hierarchy(self) -> Ancestry[int]:
-        """Return what knows which types are above which."""
+        """Return the index of the type hierarchy."""
         found = self._ancestry
         if found is None:
             # Snapshots share it, so it holds the types alone.
@@ -471,11 +422,11 @@ class Definitions:
         return found
 
     def any_fits(self, type_ids: Iterable[int], allowed: Iterable[int]) -> bool:
-        """Return whether what is of one of some types fits a parameter."""
+        """Return whether one of some types fits a parameter."""
         return any(self.fits(type_id, allowed) for type_id in type_ids)
 
     def subtypes(self, *type_ids: int) -> set[int]:
-        """Return types and all types below them."""
+        """Return types and all their subtypes."""
         children: dict[int, list[int]] = {}
         for definition in self.types:
             for parent_id in definition.parent_ids:
@@ -496,10 +447,10 @@ def _parents(types: Elements[TypeDefinition], type_id: int) -> tuple[int, ...]:
 
 
 class PendingDefinitions(Definitions):
-    """The definitions as a transaction has changed them so far.
+    """The definitions within a transaction.
 
     Attributes:
-        origin: those that it began with.
+        origin: the definitions at its start.
     """
 
     __slots__ = ("origin",)
@@ -525,19 +476,19 @@ class PendingDefinitions(Definitions):
         return self.elements(name[:-1])
 
     def current(self) -> Definitions:
-        """Return what holds as changed so far, to be read at once: a later change is not in it."""
+        """Return the present definitions for immediate use: they may lack later changes."""
         return self if self._by_kind else self.origin
 
     def changed(self) -> list[tuple[str, PendingElements[Any]]]:
-        """Return the kinds of which a definition was set, even to what it was."""
+        """Return the kinds with a definition that was set, even to the same value."""
         return [(kind, elements) for kind, elements in self.used() if elements.changes]
 
     def used(self) -> list[tuple[str, PendingElements[Any]]]:
-        """Return the kinds that were asked for so far: of the others, nothing has changed."""
+        """Return the kinds that were accessed; the others are unchanged."""
         return [(kind, self._by_kind[kind]) for kind in KINDS if kind in self._by_kind]
 
     def elements(self, kind: str) -> PendingElements[Any]:
-        """Find the elements of one kind, with what has changed of them."""
+        """Return the elements of one kind, with their changes."""
         elements: PendingElements[Any] | None = self._by_kind.get(kind)
         if elements is None:
             elements = self._by_kind[kind] = PendingElements(self.origin.elements(kind))
@@ -545,12 +496,12 @@ class PendingDefinitions(Definitions):
         return elements
 
     def _hierarchy(self) -> Ancestry[int]:
-        """Return what knows which types are above which: as it was while no type has changed."""
+        """Return the index of the type hierarchy: the origin's until a type changes."""
         types = self._by_kind.get("type")
         return super()._hierarchy() if types and types.changes else self.origin._hierarchy()
 
     def reshape(self, new_type: int | None = None) -> None:
-        """Tell checks that the type hierarchy is about to change."""
+        """Invalidate the index of the type hierarchy before a change."""
         if self._ancestry is not None and new_type is not None:
             self._ancestry.forget(new_type)
         else:

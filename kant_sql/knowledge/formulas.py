@@ -1,4 +1,4 @@
-"""From trees, which refer to what they mention, back to formulas, which name it."""
+"""Expression trees, which refer to elements by id, read as formulas, which name them."""
 
 from __future__ import annotations
 
@@ -7,17 +7,29 @@ from decimal import Decimal
 from typing import Any
 
 from ..dto import formulas as f
-from ..dto.formulas import Node as Formula
 from ..dto.formulas import Term as FormulaTerm
 from . import trees as kinds
 from .definitions import Definitions
 from .trees import ParameterDefinition, Tree, TreeNode, TreeTerm, children
 
-_OF_MANY: dict[str, Callable[..., Any]] = {kinds.AND: f.And, kinds.OR: f.Or}
-_OF_PARTS: dict[str, Callable[..., Any]] = {
-    kinds.NOT: f.Not,
-    kinds.IMPLY: f.Imply,
-    kinds.WHEN: f.When,
+_Build = Callable[[TreeNode, tuple[Any, ...]], Any]
+# Operators that need only the node and its parts.
+_BUILDERS: dict[str, _Build] = {
+    kinds.NUMBER: lambda node, _: f.Number(Decimal(node.value or "")),
+    kinds.VARIABLE: lambda node, _: f.Variable((node.value or "")[1:]),
+    kinds.TIME: lambda *_: f.ContinuousTime(),
+    kinds.IS_VIOLATED: lambda node, _: f.IsViolated(node.value or ""),
+    kinds.AND: lambda _, parts: f.And(parts),
+    kinds.OR: lambda _, parts: f.Or(parts),
+    kinds.NOT: lambda _, parts: f.Not(*parts),
+    kinds.IMPLY: lambda _, parts: f.Imply(*parts),
+    kinds.WHEN: lambda _, parts: f.When(*parts),
+    kinds.PREFERENCE: lambda node, parts: f.Preference(node.value, *parts),
+    kinds.AT: lambda node, parts: f.TimedLiteral(f.Number(Decimal(node.value or 0)), *parts),
+    **dict.fromkeys(f.COMPARISONS, lambda node, parts: f.Comparison(node.operator, *parts)),
+    **dict.fromkeys(f.ARITHMETIC, lambda node, parts: f.Arithmetic(node.operator, parts)),
+    **dict.fromkeys(f.TIMES, lambda node, parts: f.Timed(node.operator, *parts)),
+    **dict.fromkeys(kinds.OPTIMIZATIONS, lambda node, parts: f.Metric(node.operator, *parts)),
 }
 
 
@@ -33,7 +45,6 @@ class TreeReader:
     def __init__(
         self, definitions: Definitions, tree: Tree, parameters: Sequence[ParameterDefinition] = ()
     ) -> None:
-        """Make it."""
         self._definitions = definitions
         self._tree = tree
         self._parameters = parameters
@@ -42,7 +53,7 @@ class TreeReader:
     def formula(self) -> Any:
         """Read the tree as a formula."""
         below = children(self._tree)
-        # In preorder, what is below a node comes after it; so no depth is too much.
+        # Descendants follow their node in preorder, so this needs no recursion.
         for node in reversed(self._tree):
             # Function nodes that are the values of terms are read where the terms are.
             values = {term.child for term in node.terms}
@@ -69,45 +80,22 @@ class TreeReader:
         if operator == kinds.FUNCTION:
             function = self._definitions.functions.live(node.function_id or 0)
             return f.Fluent(function.name, self._terms(node))
-        if operator in (kinds.NUMBER, kinds.VARIABLE, kinds.TIME, kinds.IS_VIOLATED):
-            return _leaf(node)
         if operator == kinds.EQUAL and node.terms:
             return f.Equal(*self._terms(node))
-        if operator in f.COMPARISONS:
-            return f.Comparison(operator, *parts)
-        if operator in f.ARITHMETIC:
-            return f.Arithmetic(operator, parts)
         if operator in f.ASSIGNMENTS:
             return f.Assign(operator, *parts, *self._terms(node))
-        if operator in f.TIMES:
-            return f.Timed(operator, *parts)
         if operator in f.MODALS:
             numbers = f.MODALS[operator][0]
             return f.Modal(operator, parts[:numbers], parts[numbers:])
-        return self._special(node, parts)
-
-    def _special(self, node: TreeNode, parts: tuple[Any, ...]) -> Any:
-        if node.operator in _OF_MANY:
-            return _OF_MANY[node.operator](parts)
-        if node.operator in _OF_PARTS:
-            return _OF_PARTS[node.operator](*parts)
+        if operator in _BUILDERS:
+            return _BUILDERS[operator](node, parts)
         variables = tuple(typed_name(self._definitions, bound) for bound in node.variables)
-        match node.operator:
-            case kinds.FORALL:
-                return f.Forall(variables, *parts)
-            case kinds.EXISTS:
-                return f.Exists(variables, *parts)
-            case kinds.PREFERENCE:
-                return f.Preference(node.value, *parts)
-            case kinds.DERIVED:
-                return f.Derived(parts[0].predicate, variables, parts[1])
-            case kinds.AT:
-                return f.TimedLiteral(f.Number(Decimal(node.value or 0)), *parts)
-            case "minimize" | "maximize":
-                return f.Metric(node.operator, *parts)
-            case _:
-                # What is declared nowhere, as `total-time`, is its own operator.
-                return f.Fluent(node.operator)
+        if operator in (kinds.FORALL, kinds.EXISTS):
+            return (f.Forall if operator == kinds.FORALL else f.Exists)(variables, *parts)
+        if operator == kinds.DERIVED:
+            return f.Derived(parts[0].predicate, variables, parts[1])
+        # An undeclared function, such as `total-time`, is its own operator.
+        return f.Fluent(operator)
 
     def _terms(self, node: TreeNode) -> tuple[FormulaTerm, ...]:
         return tuple(self._term(term) for term in node.terms)
@@ -121,14 +109,3 @@ class TreeReader:
             return f.Variable(self._tree[term.quantifier].variables[term.variable or 0].name)
         fluent: f.Fluent = self._read[term.child or 0]
         return fluent
-
-
-def _leaf(node: TreeNode) -> Formula:
-    value = node.value or ""
-    if node.operator == kinds.NUMBER:
-        return f.Number(Decimal(value))
-    if node.operator == kinds.VARIABLE:
-        return f.Variable(value[1:])
-    if node.operator == kinds.IS_VIOLATED:
-        return f.IsViolated(value)
-    return f.ContinuousTime()

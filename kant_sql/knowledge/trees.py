@@ -14,26 +14,20 @@ OPTIMIZATIONS = ("minimize", "maximize")
 
 
 class ParameterDefinition(NamedTuple):
-    """A parameter of a predicate or of an action.
-
-    Attributes:
-        name: its name, without the question mark.
-        type_ids: the types that it allows: one, or several for `either`.
-    """
+    """A parameter: its name without question mark, and its types (several for `either`)."""
 
     name: str
     type_ids: tuple[int, ...]
 
 
 class TreeTerm(NamedTuple):
-    """A term of a node: just one of the four.
+    """A term of a node: a parameter, a constant, a variable or a function's value.
 
     Attributes:
         parameter: the position of the owner's parameter.
-        object_id: the constant.
         quantifier: the position of the node that binds the variable.
-        variable: which of its variables it is.
-        child: the position of the function node whose value it is.
+        variable: the position of the variable there.
+        child: the position of the function node.
     """
 
     parameter: int | None = None
@@ -49,12 +43,8 @@ class TreeNode(NamedTuple):
     Attributes:
         position: its place in preorder, from 0.
         parent: the position of the node above; None for the root.
-        operator: what it does to its children, or what kind of leaf it is.
-        predicate_id: the predicate of a predicate node.
-        function_id: the function of a function node.
-        value: the text of a number, a variable's or a preference's name.
-        terms: the terms, in order.
-        variables: the variables that it binds, in order.
+        operator: the operation on its children, or the kind of leaf.
+        value: the text of a number, or the name of a variable or a preference.
     """
 
     position: int
@@ -79,14 +69,7 @@ def children(tree: Tree) -> dict[int | None, list[TreeNode]]:
 
 
 class Mentioned(NamedTuple):
-    """A set of definitions that an element may mention.
-
-    Attributes:
-        types: ids of types.
-        objects: ids of objects.
-        predicates: ids of predicates.
-        functions: ids of functions.
-    """
+    """The ids of definitions that an element may mention."""
 
     types: Collection[int] = ()
     objects: Collection[int] = ()

@@ -1,16 +1,17 @@
-"""Domains and problems as documents: all that a PDDL file says, apart from its layout.
+"""Domains and problems as documents: the content of PDDL files without their layout.
 
-A document is immutable, and compares with `==`: two are equal when they say the same in the same
-spelling and the same order. Only the order of the initial state does not count: it is a set.
+A document is immutable. Two are equal (`==`) when their content, spelling and order are equal; the
+initial state is a set and has no order.
 
-Names that refer to something are in the spelling of its declaration. A name without a type is of
-type `object`. A conjunction at the top of a goal, a condition, an effect or a constraint is the
-list of its conjuncts.
+References have the spelling of the declaration. A name without a type has the type `object`. A
+conjunction at the top of a goal, a condition, an effect or a constraint is the tuple of its
+conjuncts.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Iterator
+from dataclasses import dataclass, field, fields
 from typing import NamedTuple
 
 from ..arguments import expect
@@ -23,23 +24,25 @@ from ..dto.formulas import (
     Fluent,
     Formula,
     Metric,
+    Node,
     Not,
     Number,
     TimedLiteral,
     TypedName,
+    walk,
 )
 
 ACTION, DURATIVE_ACTION, PROCESS, EVENT = "action", "durative-action", "process", "event"
 
 
 class PddlWarning(NamedTuple):
-    """Something that violates the standard, and was read in the one way that makes sense.
+    """A violation of the standard in a text with only one sensible reading.
 
     Attributes:
         source: the file's path, or `<string>`.
         line: the line, from 1.
         column: the column, from 1.
-        message: what was found, and how it was read.
+        message: what the text has, and how it is read.
     """
 
     source: str
@@ -114,7 +117,7 @@ class Domain(Checked):
         constraints: the conjuncts of its constraints.
         derived: the rules for derived predicates.
         actions: actions, durative actions, processes and events, in the order of the file.
-        warnings: what violates the standard; does not count in a comparison.
+        warnings: violations of the standard; ignored by `==`.
     """
 
     name: str
@@ -130,7 +133,7 @@ class Domain(Checked):
 
 
 class FunctionValue(NamedTuple):
-    """What a fluent is at first.
+    """The initial value of a fluent.
 
     Attributes:
         fluent: the function, applied to constants.
@@ -139,6 +142,10 @@ class FunctionValue(NamedTuple):
 
     fluent: Fluent
     value: Number | Constant
+
+
+# The initial state is a set.
+_UNORDERED = frozenset({"facts", "literals", "values", "timed"})
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,14 +157,14 @@ class Problem(Checked):
         domain: its domain's name.
         requirements: the requirements as written, each with its colon.
         objects: the objects.
-        facts: what holds at first.
-        literals: what else is written of the initial state: negative literals and equality.
-        values: what the fluents are at first.
+        facts: the atoms of the initial state.
+        literals: the negative literals and equalities of the initial state.
+        values: the initial values of fluents.
         timed: timed initial literals and values.
         goal: the conjuncts of the goal.
         constraints: the conjuncts of the constraints.
-        metric: what a plan is measured by, if anything.
-        warnings: what violates the standard; does not count in a comparison.
+        metric: the metric, if there is one.
+        warnings: violations of the standard; ignored by `==`.
     """
 
     name: str
@@ -179,25 +186,35 @@ class Problem(Checked):
             expect(value.fluent, Fluent, "the fluent of a FunctionValue")
             expect(value.value, (Number, Constant), "the value of a FunctionValue")
 
-    def _said(self) -> tuple[object, ...]:
-        return (
-            self.name,
-            self.domain,
-            self.requirements,
-            self.objects,
-            frozenset(self.facts),
-            frozenset(self.literals),
-            frozenset(self.values),
-            frozenset(self.timed),
-            self.goal,
-            self.constraints,
-            self.metric,
-        )
+    def _content(self) -> tuple[object, ...]:
+        own = ((one.name, getattr(self, one.name)) for one in fields(self) if one.compare)
+        return tuple(frozenset(each) if name in _UNORDERED else each for name, each in own)
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Problem):
             return NotImplemented
-        return self._said() == other._said()
+        return self._content() == other._content()
 
     def __hash__(self) -> int:
         return hash((self.name, self.domain, self.goal))
+
+
+def formulas(
+    domain: Domain, problem: Problem | None = None, *, durations: bool = True
+) -> Iterator[Node]:
+    """Yield the constraints, rules, parts of actions and goals of documents."""
+    yield from (*domain.constraints, *domain.derived)
+    for action in domain.actions:
+        yield from (*(action.duration if durations else ()), *action.condition, *action.effect)
+    if problem is not None:
+        yield from (*problem.goal, *problem.constraints)
+
+
+def typed_names(domain: Domain, problem: Problem | None = None) -> Iterator[TypedName]:
+    """Yield the constants, objects, parameters and variables of documents."""
+    yield from (*domain.constants, *(problem.objects if problem else ()))
+    for declarations in (domain.predicates, domain.functions, domain.actions):
+        for declaration in declarations:
+            yield from declaration.parameters
+    for node in walk(*formulas(domain, problem)):
+        yield from getattr(node, "variables", ())

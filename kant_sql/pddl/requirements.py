@@ -14,7 +14,6 @@ Kovacs (section 1.3). The docstrings number them as there.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from itertools import chain
 
 from ..arguments import expect
 from ..dto import formulas as f
@@ -28,6 +27,8 @@ from .document import (
     Domain,
     FunctionValue,
     Problem,
+    formulas,
+    typed_names,
 )
 
 NUMERIC_FLUENTS, ACTION_COSTS = ":numeric-fluents", ":action-costs"
@@ -63,24 +64,15 @@ def _numeric_effects(domain: Domain) -> list[f.Assign]:
     ]
 
 
-def _nodes(domain: Domain, problem: Problem | None, durations: bool) -> Iterator[f.Node]:
-    """Iterate over the nodes of all formulas, with or without those of durations."""
-    roots: list[f.Node] = [*domain.constraints, *domain.derived]
-    for action in domain.actions:
-        roots += [*(action.duration if durations else ()), *action.condition, *action.effect]
-    if problem is not None:
-        roots += [*problem.goal, *problem.constraints]
-    return f.walk(*roots)
-
-
 def _needs_numbers(domain: Domain, problem: Problem | None) -> bool:
     """Return whether numbers decide what is possible, or change over time (rule 1)."""
     timed = () if problem is None else problem.timed
     effects = [each.effect for each in timed if isinstance(each.effect, f.Assign)]
     durations = f.walk(*(formula for action in domain.actions for formula in action.duration))
+    others = f.walk(*formulas(domain, problem, durations=False))
     return (
         any(not isinstance(effect.value, f.Constant) for effect in effects)
-        or any(isinstance(node, f.Comparison) for node in _nodes(domain, problem, durations=False))
+        or any(isinstance(node, f.Comparison) for node in others)
         or any(
             isinstance(node, f.Fluent | f.Arithmetic)
             or (isinstance(node, f.Variable) and fold(node.name) != f.DURATION)
@@ -193,9 +185,10 @@ def used_requirements(domain: Domain, *, problem: Problem | None = None) -> tupl
     used = {":strips", numeric_requirement(domain, problem), *_of_domain(domain)}
     if problem is not None:
         used.update(_of_problem(problem))
-    if _is_typed(domain, problem):
+    names = typed_names(domain, problem)
+    if domain.types or any(name.types != (ROOT_TYPE,) for name in names):
         used.add(":typing")
-    if any(map(_takes_fluent, _nodes(domain, problem, durations=True))):
+    if any(map(_takes_fluent, f.walk(*formulas(domain, problem)))):
         used.add(":object-fluents")
     return tuple(requirement for requirement in REQUIREMENTS if requirement in used)
 
@@ -298,12 +291,3 @@ def _takes_fluent(node: f.Node) -> bool:
     return isinstance(node, f.Atom | f.Equal | f.Fluent) and any(
         isinstance(term, f.Fluent) for term in f.children(node)
     )
-
-
-def _is_typed(domain: Domain, problem: Problem | None) -> bool:
-    names: list[f.TypedName] = [*domain.constants, *(problem.objects if problem else ())]
-    for declared in (domain.predicates, domain.functions, domain.actions):
-        names += chain.from_iterable(one.parameters for one in declared)
-    for node in _nodes(domain, problem, durations=True):
-        names += getattr(node, "variables", ())
-    return bool(domain.types) or any(name.types != (ROOT_TYPE,) for name in names)

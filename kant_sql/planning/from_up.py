@@ -22,6 +22,7 @@ from ..pddl.document import (
     FunctionValue,
     Predicate,
     Problem,
+    formulas,
 )
 from ..pddl.requirements import used_requirements
 from . import names as n
@@ -338,7 +339,8 @@ class PddlDocuments(PddlActions):
         """Return the domain and the problem."""
         name = n.pddl_name("problem", self._problem.name or "problem")
         domain = self._domain(f"{name}-domain")
-        constants = {part.name for part in _constants(domain)}
+        nodes = f.walk(*formulas(domain))
+        constants = {node.name for node in nodes if isinstance(node, f.Constant)}
         objects = [
             f.TypedName(self.names.of(n.OBJECT, item.name), self._type(item.type))
             for item in self._problem.all_objects
@@ -517,13 +519,6 @@ class PddlDocuments(PddlActions):
                 reason = "atoms that are not listed are false; give it a default initial value"
                 raise self.unsupported(f"unknown values of {fluent.name}", reason)
         yield from explicit.items()
-
-
-def _constants(domain: Domain) -> Iterator[f.Constant]:
-    for action in domain.actions:
-        for node in f.walk(*action.duration, *action.condition, *action.effect):
-            if isinstance(node, f.Constant):
-                yield node
 
 
 def _types(problem: up.Problem) -> Iterator[up.Type]:

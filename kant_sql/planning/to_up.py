@@ -179,7 +179,6 @@ class UpConversion:
     def _constraint(
         self, node: f.Formula, variables: tuple[UpVariable, ...], scope: Bindings
     ) -> None:
-        manager = self.context.environment.expression_manager
         match node:
             case f.And(parts):
                 for part in parts:
@@ -189,14 +188,10 @@ class UpConversion:
                     self._constraint(inner, variables + bound, within)
             case f.Timed(time, inner) if time == f.AT_END:
                 goal = self._formulas.formula(inner, scope)
-                self.context.problem.add_goal(
-                    manager.Forall(goal, *variables) if variables else goal
-                )
+                self.context.problem.add_goal(self._formulas.quantified(goal, variables))
             case f.Modal():
-                constraint = self._modal(node, scope)
-                self.context.problem.add_trajectory_constraint(
-                    manager.Forall(constraint, *variables) if variables else constraint
-                )
+                constraint = self._formulas.quantified(self._modal(node, scope), variables)
+                self.context.problem.add_trajectory_constraint(constraint)
             case _:
                 raise self.context.unsupported(node, "it is no constraint on the trajectory there")
 
@@ -254,31 +249,34 @@ def convert(
 def to_unified_planning(
     domain: Domain, *, problem: Problem, environment: Environment | None = None
 ) -> UpProblem:
-    """Make a problem of unified-planning that means what the documents mean.
+    """Convert documents to a problem of unified-planning of the same meaning.
 
-    Names stay as they are, but where unified-planning takes no two elements of one name: then
-    predicates, functions and types have their category appended (`move_predicate`). Predicates
-    are false at first unless the problem says else. Some constructs are rewritten, exactly:
-    an `either` in a parameter becomes one action for each type, a derived predicate that does not
-    rest on itself is replaced by what it follows from, `scale-up` and `scale-down` become
-    assignments, `(at end ...)` among the constraints a goal, `?duration` the duration's value
-    where that is fixed, and preferences in the goal that the metric counts, and nothing else, an
-    oversubscription metric. Preferences that no metric counts are left out, for they change
-    neither what is a plan nor how good it is.
+    Names stay as they are, except where unified-planning requires different names: there,
+    predicates, functions and types get their category appended (`move_predicate`). Predicates are
+    initially false unless the problem states otherwise. Some constructs are rewritten, exactly:
+
+    - `either` in a parameter: one action for each type;
+    - a derived predicate that does not depend on itself: the formula it follows from;
+    - `scale-up` and `scale-down`: assignments;
+    - `(at end ...)` among the constraints: a goal;
+    - `?duration`: the value of the duration, where that is fixed;
+    - preferences in the goal, if the metric counts only these: an oversubscription metric.
+
+    Preferences that no metric counts are left out: they affect neither which plans are valid nor
+    their quality.
 
     Args:
         domain: the domain.
         problem: the problem.
-        environment: unified-planning's environment; by default its global one, as everywhere in
-            unified-planning.
+        environment: unified-planning's environment; by default its global one.
 
     Returns:
         The problem.
 
     Raises:
         PlannerMissingError: unified-planning is not installed.
-        UnsupportedConstructError: something has no exact counterpart; the message names it and
-            says where it is.
+        UnsupportedConstructError: a construct has no exact counterpart; the message names it and
+            its place.
     """
     check_documents(domain, problem)
     require_unified_planning()

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING
 
 from ..dto import formulas as f
 from ..dto.lexical import fold
-from ..pddl.document import DURATIVE_ACTION, EVENT, PROCESS, Action
+from ..pddl.document import ACTION, DURATIVE_ACTION, EVENT, PROCESS, Action
+from .names import ACTION_CLASSES
 from .up_formulas import Bindings, ConversionContext, UpFormulas, UpPreferences
 
 if TYPE_CHECKING:
@@ -319,15 +320,9 @@ class UpActions:
     def _add(self, action: Action, name: str, types: list[Type]) -> None:
         from unified_planning import model
 
-        classes = {
-            DURATIVE_ACTION: model.DurativeAction,
-            PROCESS: model.Process,
-            EVENT: model.Event,
-        }
+        class_ = ACTION_CLASSES.get(action.kind, ACTION_CLASSES[ACTION])
         named = zip((part.name for part in action.parameters), types, strict=True)
-        made = classes.get(action.kind, model.InstantaneousAction)(
-            name, OrderedDict(named), self._context.environment
-        )
+        made = getattr(model, class_)(name, OrderedDict(named), self._context.environment)
         scope = Bindings()
         for parameter in made.parameters:
             node = self._context.environment.expression_manager.ParameterExp(parameter)
@@ -376,8 +371,7 @@ class UpActions:
             case f.Forall(names, inner):
                 for variables, within in self._formulas.variables(names, scope):
                     for time, node in self._timed(inner, within):
-                        quantify = self._context.environment.expression_manager.Forall
-                        yield time, quantify(node, *variables) if variables else node
+                        yield time, self._formulas.quantified(node, variables)
             case f.Timed(time, inner):
                 yield time, self._formulas.formula(inner, scope)
             case _:

@@ -13,8 +13,16 @@ from typing import TYPE_CHECKING
 from ..dto import formulas as f
 from ..dto.lexical import ROOT_TYPE, fold
 from ..errors import UnsupportedConstructError
-from ..pddl.document import Domain, Problem
-from .names import FUNCTION, PREDICATE, TYPE, UpNames, unsupported
+from ..pddl.document import Domain, Problem, typed_names
+from .names import (
+    FUNCTION,
+    PREDICATE,
+    TYPE,
+    UP_ARITHMETIC,
+    UP_COMPARISONS,
+    UpNames,
+    unsupported,
+)
 
 if TYPE_CHECKING:
     from unified_planning.environment import Environment
@@ -43,7 +51,8 @@ class UpTypes:
             self._spelling[fold(part.name)] = part.name
             self._above[fold(part.name)] = tuple(map(fold, part.types))
         self._above[ROOT_TYPE] = ()
-        used = list(_typed_names(domain, problem))
+        values = (f.TypedName(one.name, one.types) for one in domain.functions if one.types)
+        used = [*typed_names(domain, problem), *values]
         for name in chain.from_iterable(part.types for part in (*domain.types, *used)):
             self._spelling.setdefault(fold(name), name)
             self._above.setdefault(fold(name), (ROOT_TYPE,))
@@ -101,26 +110,6 @@ class UpTypes:
         return near[0] if near else None
 
 
-def _typed_names(domain: Domain, problem: Problem) -> Iterator[f.TypedName]:
-    yield from (*domain.constants, *problem.objects)
-    for predicate in domain.predicates:
-        yield from predicate.parameters
-    for function in domain.functions:
-        yield from function.parameters
-        if function.types:
-            yield f.TypedName(function.name, function.types)
-    nodes = [*domain.constraints, *problem.goal, *problem.constraints]
-    for rule in domain.derived:
-        yield from rule.variables
-        nodes.append(rule.formula)
-    for action in domain.actions:
-        yield from action.parameters
-        nodes.extend((*action.condition, *action.effect))
-    for node in f.walk(*nodes):
-        if isinstance(node, f.Forall | f.Exists):
-            yield from node.variables
-
-
 @dataclass(frozen=True, slots=True)
 class Bindings:
     """The variables that a formula may mention.
@@ -142,14 +131,12 @@ class Bindings:
 
     def bind(self, name: str, node: FNode) -> Bindings:
         """Bind a variable to a value."""
-        taken = self.names | {variable.name for variable in _variables(node)}
-        return Bindings({**self.bound, fold(name): node}, taken)
-
-
-def _variables(node: FNode) -> list[UpVariable]:
-    if node.is_parameter_exp():
-        return [node.parameter()]
-    return [node.variable()] if node.is_variable_exp() else []
+        taken = set(self.names)
+        if node.is_parameter_exp():
+            taken.add(node.parameter().name)
+        elif node.is_variable_exp():
+            taken.add(node.variable().name)
+        return Bindings({**self.bound, fold(name): node}, frozenset(taken))
 
 
 @dataclass
@@ -290,14 +277,18 @@ class UpFormulas:
     def _quantified(
         self, universal: bool, names: Sequence[f.TypedName], inner: f.Formula, scope: Bindings
     ) -> FNode:
-        parts = []
-        for variables, within in self.variables(names, scope):
-            part = self.formula(inner, within)
-            if variables:
-                quantifier = self._manager.Forall if universal else self._manager.Exists
-                part = quantifier(part, *variables)
-            parts.append(part)
+        parts = [
+            self.quantified(self.formula(inner, within), variables, universal)
+            for variables, within in self.variables(names, scope)
+        ]
         return self._manager.And(parts) if universal else self._manager.Or(parts)
+
+    def quantified(
+        self, node: FNode, variables: Sequence[UpVariable], universal: bool = True
+    ) -> FNode:
+        """Quantify a formula over variables, if there are any."""
+        quantifier = self._manager.Forall if universal else self._manager.Exists
+        return quantifier(node, *variables) if variables else node
 
     def _equal(self, node: f.Equal, left: FNode, right: FNode) -> FNode:
         if not (left.type.is_user_type() and right.type.is_user_type()):
@@ -308,13 +299,7 @@ class UpFormulas:
         return self._manager.Equals(left, right)
 
     def _comparison(self, node: f.Comparison, scope: Bindings) -> FNode:
-        compare = {
-            "<": self._manager.LT,
-            "<=": self._manager.LE,
-            "=": self._manager.Equals,
-            ">=": self._manager.GE,
-            ">": self._manager.GT,
-        }[node.operator]
+        compare = getattr(self._manager, UP_COMPARISONS[node.operator])
         return compare(self.expression(node.left, scope), self.expression(node.right, scope))
 
     def _arithmetic(self, node: f.Arithmetic, scope: Bindings) -> FNode:
@@ -325,10 +310,8 @@ class UpFormulas:
             divisor.is_constant() and divisor.constant_value() == 0 for divisor in operands[1:]
         ):
             raise self._context.unsupported(node, "it divides by zero")
-        if node.operator in {"+", "*"}:
-            join = self._manager.Plus if node.operator == "+" else self._manager.Times
-            return join(operands)
-        return reduce(self._manager.Minus if node.operator == "-" else self._manager.Div, operands)
+        join = getattr(self._manager, UP_ARITHMETIC[node.operator])
+        return join(operands) if node.operator in {"+", "*"} else reduce(join, operands)
 
     def _atom(self, node: f.Atom, scope: Bindings) -> FNode:
         if fold(node.predicate) in self._context.rules:

@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING
 
 from ..dto.formulas import Arithmetic, Assign, ContinuousTime, Node, Number, walk
 from ..errors import KantSqlError, PlannerMissingError, UnsupportedConstructError
-from ..pddl.document import Domain, Problem
+from ..pddl.document import Domain, Problem, formulas
 from .plan import Plan, PlanStep
 
 if TYPE_CHECKING:
@@ -128,11 +128,8 @@ def missing_features(problem: UpProblem, engine: str, environment: Environment) 
 
 def numbers_are_integers(domain: Domain, problem: Problem) -> bool:
     """Return whether all numbers stay integers in any plan."""
-    nodes: list[Node] = [*problem.goal, *problem.constraints, *domain.constraints, *problem.timed]
-    for action in domain.actions:
-        nodes.extend((*action.duration, *action.condition, *action.effect))
-    nodes.extend(rule.formula for rule in domain.derived)
-    nodes.extend(value.value for value in problem.values)
+    values = [value.value for value in problem.values]
+    nodes: list[Node] = [*formulas(domain, problem), *problem.timed, *values]
     for node in walk(*nodes):
         match node:
             case Number(value) if value != value.to_integral_value():
