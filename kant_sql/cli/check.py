@@ -13,7 +13,7 @@ import typer
 from ..errors import KantSqlError, SourceError, printable
 from ..pddl.forms import DOMAIN
 from ..pddl.lexer import read_file
-from ..pddl.reader import Checked, Finding, Report
+from ..pddl.reader import CheckedDocument, Finding, Report
 from ..pddl.reader import check as check_files
 from .common import AsJson, option
 from .output import Document, Printer, plural, write_json
@@ -85,7 +85,7 @@ def _write_report(report: Report, strict: bool) -> None:
             printer.line(printable(f"{', '.join(checked.sources)}: {_result(checked)}"))
 
 
-def _result(checked: Checked) -> str:
+def _result(checked: CheckedDocument) -> str:
     text = f"{checked.kind} {checked.name}"
     if checked.kind == DOMAIN:
         return text

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 
 from ..dao.interfaces import Interface, Progress, required
 from ..pddl.document import Domain, PddlWarning, Problem
-from ..pddl.lexer import Source
+from ..pddl.lexer import PddlSource
 from ..pddl.writer import write
 from ..planning import Plan, from_unified_planning, problem_hash, solve, to_unified_planning
 
@@ -60,7 +60,7 @@ class Exchange(Interface):
     @required
     def load_domain(
         self,
-        *sources: Source,
+        *sources: PddlSource,
         mode: Mode = "replace",
         strict: bool = False,
         progress: Progress | None = None,
@@ -98,7 +98,7 @@ class Exchange(Interface):
     @required
     def load_problem(
         self,
-        source: Source,
+        source: PddlSource,
         *,
         mode: Mode = "replace",
         strict: bool = False,

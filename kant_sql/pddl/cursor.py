@@ -23,8 +23,8 @@ OBJECTS, VARIABLES = "name", "variable"
 MAX_SUGGESTIONS = 20
 
 _STANDARD_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]{0,254}")
-_SHOWN = 60
-# No reader looks further ahead than this without checking.
+_MAX_QUOTED = 60
+# Readers look this far ahead without a check.
 _ENDS = ["", "", ""]
 
 
@@ -33,7 +33,6 @@ class Section:
     """A section of a definition: from its parenthesis to the next section.
 
     Attributes:
-        text: the text that contains it.
         keyword: its keyword in lower case, such as `:action`; `define` for a head, and empty
             outside of definitions.
         start: the offset of its beginning in the code.
@@ -50,7 +49,7 @@ class Section:
 
     @property
     def tokens(self) -> list[str]:
-        """The tokens, followed by empty ones for the end."""
+        """The tokens, with empty ones after the end."""
         if self._tokens is None:
             self._tokens = tokenize(self.text.code[self.start : self.end])
             self._tokens += _ENDS
@@ -66,10 +65,10 @@ class Diagnostics:
 
     Attributes:
         strict: whether a violation of the standard is an error.
-        standard_names: names of typed lists that need no further check.
+        standard_names: names of typed lists that were checked.
         standard_variables: the same for variables, with their question marks.
-        odd_names: other names that have their warning already.
-        suggestions: the number of names that may still be suggested.
+        odd_names: other names that already have a warning.
+        suggestions: how many warnings may still suggest a name.
     """
 
     def __init__(self, strict: bool) -> None:
@@ -84,7 +83,7 @@ class Diagnostics:
     def deviate(
         self, section: Section, index: int, found: str, expected: str, read_as: str, nesting: str
     ) -> None:
-        """Warn about a violation of the standard; when strict, refuse it."""
+        """Warn about a violation of the standard; refuse it when strict."""
         if self.strict:
             self.refuse(section, index, found, expected, nesting)
         within = f"in {nesting}: " if nesting else ""
@@ -125,7 +124,7 @@ class Diagnostics:
         return tuple(sorted(found, key=lambda one: (order.get(one.source, -1), one[1], one[2])))
 
     def _noted_by_source(self) -> Iterable[list[tuple[int, Text, list[str]]]]:
-        """Return the warnings of each source: offset in its code, text, messages."""
+        """Return for each source the offsets in its code, the text and the messages of warnings."""
         sources: dict[int, list[tuple[int, Text, list[str]]]] = {}
         for section in sorted(self._noted, key=lambda section: section.start):
             noted, text = self._noted[section], section.text
@@ -141,7 +140,7 @@ class Diagnostics:
         return sources.values()
 
     def hint(self, name: str, known: Callable[[], list[str]]) -> str:
-        """Suggest a similar name in a warning, up to a number of warnings."""
+        """Suggest a similar name in a warning, for the first warnings only."""
         if not self.suggestions:
             return ""
         self.suggestions -= 1
@@ -149,8 +148,8 @@ class Diagnostics:
 
 
 def hint(name: str, known: list[str]) -> str:
-    """Suggest a known name that is similar to an unknown one."""
-    if len(name) > _SHOWN:
+    """Suggest a known name similar to an unknown one."""
+    if len(name) > _MAX_QUOTED:
         return ""
     spelled = {fold(one): one for one in known[:5000]}
     close = get_close_matches(fold(name), spelled, n=1)
@@ -158,11 +157,10 @@ def hint(name: str, known: list[str]) -> str:
 
 
 class Group(NamedTuple):
-    """Names of one type in a typed list, as written.
+    """Names of one type in a typed list, as written; variables have their question marks.
 
     Attributes:
-        words: the names, in order; variables with their question marks.
-        types: their types; empty when none are given.
+        types: their types; empty without any.
         at: the index of the first name's token.
         types_at: the index of the token after the names.
     """
@@ -174,18 +172,16 @@ class Group(NamedTuple):
 
 
 class Cursor:
-    """A position in the tokens of a section, and what all readers read there.
+    """A position in the tokens of a section, with the methods that all readers share.
 
     Attributes:
-        diagnostics: the warnings of this reading.
-        section: the section.
-        tokens: its tokens, or a block of them.
+        tokens: the tokens of the section, or a block of them.
         at: the index of the next token.
         base: the number of tokens of the section before `tokens`.
-        nesting: what is being read, for messages.
+        nesting: the enclosing construct, for messages.
     """
 
-    # The token after which types were last looked for, and the token where one was found.
+    # The token after which a type was last searched, and the token of that type.
     _found = (-1, -1)
 
     def __init__(self, diagnostics: Diagnostics, section: Section, nesting: str = "") -> None:
@@ -203,7 +199,7 @@ class Cursor:
     def fail(self, expected: str, found: str | None = None, at: int | None = None) -> NoReturn:
         """Refuse the token here."""
         index = self.at if at is None else at
-        found = self.shown(index) if found is None else found
+        found = self.quoted(index) if found is None else found
         self.diagnostics.refuse(self.section, self.base + index, found, expected, self.nesting)
 
     def deviate(
@@ -211,29 +207,29 @@ class Cursor:
     ) -> None:
         """Warn that the token here violates the standard."""
         index = self.at if at is None else at
-        found = self.shown(index) if found is None else found
+        found = self.quoted(index) if found is None else found
         self.diagnostics.deviate(
             self.section, self.base + index, found, expected, read_as, self.nesting
         )
 
-    def shown(self, index: int) -> str:
-        """Return a token for a message."""
+    def quoted(self, index: int) -> str:
+        """Quote a token for a message, shortened."""
         token = self.tokens[index]
         if token == "(":
             following = self.tokens[index + 1]
             token += following if following not in ("(", ")") else ""
         if not token:
             return END
-        return f"'{token}'" if len(token) <= _SHOWN else f"'{token[:_SHOWN]}...'"
+        return f"'{token}'" if len(token) <= _MAX_QUOTED else f"'{token[:_MAX_QUOTED]}...'"
 
     def expect(self, token: str, expected: str | None = None) -> None:
-        """Pass the given token."""
+        """Consume the given token."""
         if self.tokens[self.at] != token:
             self.fail(expected or f"'{token}'")
         self.at += 1
 
     def word(self, expected: str) -> str:
-        """Pass a word."""
+        """Consume a word."""
         token = self.tokens[self.at]
         if token in ("(", ")", ""):
             self.fail(expected)
@@ -241,7 +237,7 @@ class Cursor:
         return token
 
     def skip(self) -> None:
-        """Pass a word, or a list with all its parts."""
+        """Consume a word, or a whole list."""
         depth, at, tokens = 0, self.at, self.tokens
         while True:
             token = tokens[at]
@@ -286,7 +282,7 @@ class Cursor:
     def type_behind(self, kind: str, token: str, count: int) -> Types:
         """Read a dash and the type of the names before it."""
         if not count and token != "-":
-            # It is a name rather than a type that nothing has.
+            # It is rather a name than a type without names.
             self.fail(f"a {kind}, which does not begin with '-'")
         if not count:
             self.deviate(f"a {kind} before the type", "the type left out")
@@ -312,7 +308,7 @@ class Cursor:
         self.deviate(expected, "taken as it is")
 
     def declared_name(self, kind: str) -> str:
-        """Pass the name of a declaration, outside of typed lists."""
+        """Consume the name of a declaration outside of typed lists."""
         name = self.word(f"the name of the {kind}")
         self.at -= 1
         if not is_name(name, kind):
@@ -325,7 +321,7 @@ class Cursor:
         return name
 
     def after_dash(self, token: str) -> Types:
-        """Read a dash and a type, which may be written without a space between them."""
+        """Read a dash and a type, with or without a space between them."""
         if token == "-":
             self.at += 1
             return self.type_expression()
@@ -338,7 +334,7 @@ class Cursor:
         if self.tokens[self.at] != "(":
             return (self.word("a type"),)
         types: dict[str, str] = {}
-        # The number of open lists, and whether the innermost has a type: its types count for all.
+        # The number of open lists, and whether the innermost has a type; all count.
         opened, filled = 0, False
         while True:
             token = self.tokens[self.at]
@@ -360,7 +356,7 @@ class Cursor:
                 filled = True
 
     def _open_either(self) -> None:
-        """Pass the beginning of a list of types."""
+        """Consume the beginning of a list of types."""
         self.at += 1
         if self.tokens[self.at].lower() == "either":
             self.at += 1
@@ -392,8 +388,8 @@ class Cursor:
         return known
 
     def _token_of(self, name: str, at: int) -> int:
-        """The index of a type's own token, when it is one of those after the dash."""
-        # Types are looked up in order, so the search goes on where the last one ended.
+        """Return the index of a type's own token, if it is one of those after the dash."""
+        # Types are resolved in order, so the search continues where the last one ended.
         start = self._found[1] if self._found[0] == at else at
         for index in range(start, self.at):
             if self.tokens[index] in (name, f"-{name}"):

@@ -1,8 +1,8 @@
-"""The forms of a text, `(define ...)`, and their sections: found without reading their contents.
+"""The forms of a text, `(define ...)`, and their sections, found without reading their contents.
 
-Declarations may follow their uses, so the sections are found before any of them is read. A section
-is found by its `(:keyword` and by counting parentheses. That costs little, and it also finds the
-section in which a parenthesis is missing.
+Declarations may follow their uses, so all sections are found before any of them is read. A section
+starts with its `(:keyword` at the right depth of parentheses: this is cheap, and it finds the
+section with a missing parenthesis.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ PROBLEM_ORDER = (
 STRUCTURES = (":action", ":durative-action", ":process", ":event", ":derived")
 _SECTIONS = frozenset(DOMAIN_ORDER + PROBLEM_ORDER + STRUCTURES)
 
-# Sections of older and other languages: no message should take them for mistyped.
+# Sections of older and other languages, which messages name.
 _FOREIGN = {
     ":axiom": "PDDL 1.2; use (:derived ...)",
     ":domain-variables": "PDDL 1.2",
@@ -93,7 +93,7 @@ class Form:
 
     @property
     def nesting(self) -> str:
-        """The form, for messages."""
+        """Kind and name, for messages."""
         return f"{self.kind} {self.name}"
 
 
@@ -145,26 +145,27 @@ class Scanner:
             start, keyword = found.start(), (found[1] or HEAD).lower()
             depth += self._code.count("(", seen, start) - self._code.count(")", seen, start)
             seen = start
-            if depth == (keyword != HEAD) or self._begins(before, start, keyword, depth):
-                before.end = start
-                if not before.keyword:
-                    skip_foreign(Cursor(self._diagnostics, before))
-                before = self._begin(start, keyword)
+            if depth != (keyword != HEAD):
+                self._check_nested(before, start, keyword, depth)
+                continue
+            before.end = start
+            if not before.keyword:
+                skip_foreign(Cursor(self._diagnostics, before))
+            before = self._begin(start, keyword)
         before.end = len(self._code)
         depth += self._code.count("(", seen) - self._code.count(")", seen)
         if depth > 0:
             expected = f"')' that closes {self._called(before)}"
             self._refuse(len(self._code.rstrip()), END, expected)
 
-    def _begins(self, before: Section, start: int, keyword: str, depth: int) -> bool:
-        """Refuse a section or a form at a wrong depth; return False for a nested keyword."""
+    def _check_nested(self, before: Section, start: int, keyword: str, depth: int) -> None:
+        """Refuse a section or a form at a wrong depth; accept a nested keyword."""
         level = 0 if keyword == HEAD else 1
         if depth < level:
             outside = f"'({keyword}' outside of a definition: a ')' before it is too many"
             self._refuse(start, outside, "(define")
         if keyword in _SECTIONS or keyword == HEAD:
             self._refuse(start, f"'({keyword}'", f"')' that closes {self._called(before)}")
-        return False
 
     def _called(self, section: Section) -> str:
         """Name a section that is not closed."""
@@ -208,7 +209,7 @@ def finish(cursor: Cursor) -> None:
 
 
 def skip_foreign(cursor: Cursor) -> None:
-    """Pass the text outside of definitions, with warnings."""
+    """Skip the text outside of definitions, with warnings."""
     while cursor.tokens[cursor.at]:
         if cursor.tokens[cursor.at] == ")":
             cursor.deviate("the end of the text", "left out", "')' that closes nothing")
@@ -255,7 +256,7 @@ def _rename(
     known: list[str],
     aliases: dict[str, str],
 ) -> None:
-    """Warn about a section under another name; refuse an unknown one."""
+    """Rename a section with an alias, with a warning; refuse an unknown one."""
     keyword = section.keyword
     alias = aliases.get(keyword)
     if alias is not None:

@@ -1,4 +1,4 @@
-"""The hierarchy of types: which are below which."""
+"""The hierarchy of types: the subtype relation, and cycles."""
 
 from __future__ import annotations
 
@@ -14,32 +14,31 @@ class Fit(Enum):
     """Whether an argument of some types fits a parameter of some types."""
 
     YES = "yes"
-    # The argument's type is above the parameter's: some of its objects fit.
+    # The argument's type is a supertype of the parameter's: some of its objects fit.
     PERHAPS = "perhaps"
     NO = "no"
 
 
 class _Place(NamedTuple, Generic[K]):
-    """Where a type is: how far below a root along first parents, and what is above it."""
+    """The place of a type: its distance from a root along first parents, and its ancestors."""
 
     depth: int
     parent: K | None
-    # A type further above, chosen so that any level is reached in logarithmically many steps.
+    # An ancestor, chosen to make each level reachable in logarithmically many steps.
     jump: K
     # The nearest type with several parents along first parents, itself included.
     fork: K | None
 
 
 class Ancestry(Generic[K]):
-    """Which types are above which, at a cost that does not grow with the levels between them.
+    """The subtype relation; the cost of a check is logarithmic in the levels between two types.
 
-    Each type knows its parent and a jump further up (E. W. Myers, An applicative random-access
-    stack, 1983). A type with several parents continues at each of them, so a check costs a step
-    for each of those above a type.
+    Each type knows its parent and a jump to an ancestor (E. W. Myers, An applicative random-access
+    stack, 1983). A type with several parents continues at each of them, so a check costs a step for
+    each such ancestor.
 
     Args:
-        parents: gives the types right above one; those of a type that was asked for stay as they
-            are.
+        parents: returns the parents of a type, which must not change after the first call.
     """
 
     __slots__ = ("_parents", "_places")
@@ -49,7 +48,7 @@ class Ancestry(Generic[K]):
         self._places: dict[K, _Place[K]] = {}
 
     def is_below(self, lower: K, upper: K) -> bool:
-        """Return whether a type is another, or below it."""
+        """Return whether a type equals another or is a subtype of it."""
         depth = self._place(upper).depth
         pending, seen = [lower], {lower}
         while pending:
@@ -69,7 +68,7 @@ class Ancestry(Generic[K]):
         return False
 
     def forget(self, type_: K) -> None:
-        """Look up a type that was just declared, with nothing below it."""
+        """Forget the place of a new type, which has no subtypes yet."""
         self._places.pop(type_, None)
 
     def _is_on_path(self, type_: K, upper: K, depth: int) -> bool:
@@ -92,7 +91,7 @@ class Ancestry(Generic[K]):
         current: K | None = type_
         while current is not None and current not in self._places:
             above = path[current] = self._parents(current)
-            # Only in tables that were changed by hand is a type above itself.
+            # Only damaged tables have cycles.
             current = above[0] if above and above[0] not in path else None
         for one in reversed(path):
             self._places[one] = self._below(one, current, path[one])
@@ -110,7 +109,7 @@ class Ancestry(Generic[K]):
 
 
 def find_cycle(parents: Mapping[str, Types]) -> str | None:
-    """Find a type that is above itself."""
+    """Return a type that is its own ancestor, if there is one."""
     children: dict[str, list[str]] = {}
     waiting = {type_: sum(1 for one in above if one in parents) for type_, above in parents.items()}
     for type_, above in parents.items():

@@ -1,7 +1,7 @@
-"""The lexer: PDDL text without its comments, its tokens, and where each of them is.
+"""The lexer: PDDL text without its comments, its tokens, and their positions.
 
-Reading must be fast and errors must be exact. So tokens are plain strings, without positions: where
-one is gets found by going through the text again, when an error or a warning needs it.
+Reading must be fast and errors must be exact. So tokens are plain strings; the position of one is
+computed from the text only for an error or a warning.
 """
 
 from __future__ import annotations
@@ -19,25 +19,20 @@ from ..arguments import expect, refusal
 from ..errors import InvalidArgumentError, PddlError, SourceError, SourceMissingError
 
 STRING = "<string>"
-# A text with more parentheses that have no counterpart is refused before it is looked into.
+# A text with more unmatched parentheses is refused at once.
 MAX_UNMATCHED = 150
 
 _COMMENT = re.compile(r";[^\n]*")
 _TOKEN = re.compile(r"[()]|[^\s()]+")
 _UNDECODABLE = re.compile(r"[\udc80-\udcff]")
 _BLOCK = 1 << 15
-# What a string begins with, or has in it, that is text and no path.
+# Beginnings or contents of strings that are text, not paths.
 _TEXT = re.compile(r"\ufeff?\s*(?:[(;]|\Z)|[^\r\n\0]*[\r\n\0]")
 _DEFINE = re.compile(r"\(\s*define\b|\A\s*define\s*\(", re.IGNORECASE)
 
 
 class Position(NamedTuple):
-    """A place in a source.
-
-    Attributes:
-        line: the line, from 1.
-        column: the column, from 1, in characters.
-    """
+    """A place in a source: line and column, in characters, both from 1."""
 
     line: int
     column: int
@@ -49,7 +44,7 @@ class Text:
     Attributes:
         name: the source's name: a path, or `<string>`.
         code: the text without its comments.
-        undecodable: where a comment first holds what is not UTF-8, if one does.
+        undecodable: the place of the first comment that is not UTF-8, if any.
     """
 
     def __init__(self, name: str, *, whole: str) -> None:
@@ -81,7 +76,7 @@ class Text:
 
     @property
     def source(self) -> int:
-        """What tells its source from others: `without` leaves it as it is."""
+        """The identity of its source, which `without` keeps."""
         return id(self._whole)
 
     def _at(self, offset: int) -> Position:
@@ -89,7 +84,7 @@ class Text:
         return Position(self._whole.count("\n", 0, offset) + 1, offset - line_start + 1)
 
     def without(self, parts: Iterable[tuple[int, int]]) -> Text:
-        """Leave out parts; all else keeps its place."""
+        """Blank out parts; the rest keeps its position."""
         pieces, seen = [], 0
         for start, end in parts:
             pieces += [self.code[seen:start], " " * (end - start)]
@@ -99,7 +94,7 @@ class Text:
         return rest
 
     def locate(self, offsets: Iterable[int]) -> list[Position]:
-        """Return where places in the code are in the text."""
+        """Return the positions in the text of ascending offsets in the code."""
         comments = _COMMENT.finditer(self._whole)
         comment = next(comments, None)
         removed, line, line_start, seen = 0, 1, 0, 0
@@ -116,7 +111,7 @@ class Text:
         return positions
 
     def offsets(self, start: int, *, indexes: Iterable[int]) -> Iterator[int]:
-        """Return where tokens are in the code."""
+        """Yield the offsets in the code of tokens."""
         tokens = enumerate(_TOKEN.finditer(self.code, start))
         place = (-1, start)
         for index in indexes:
@@ -127,7 +122,7 @@ class Text:
 
 
 # A path, a text that begins with `(`, or a text with the name of its source.
-Source = str | os.PathLike[str] | Text
+PddlSource = str | os.PathLike[str] | Text
 
 
 def tokenize(text: str) -> list[str]:
@@ -136,12 +131,12 @@ def tokenize(text: str) -> list[str]:
 
 
 class Blocks:
-    """The tokens of a list in blocks that a processor's cache holds, each of whole elements.
+    """The tokens of a list in blocks of whole elements, small enough for a processor's cache.
 
     Args:
         code: PDDL text without comments.
         start: the offset of the parenthesis that opens the list.
-        end: the offset where the blocks end, at or behind the one that closes it.
+        end: the offset of the end of the blocks, at or after the closing parenthesis.
     """
 
     def __init__(self, code: str, start: int, end: int) -> None:
@@ -165,18 +160,18 @@ class Blocks:
         return tokenize(self._code[start : self._next])
 
     def rest(self) -> list[str]:
-        """Return all that no block had so far."""
+        """Return the tokens after the last block."""
         start, self._next = self._next, self._end
         return tokenize(self._code[start : self._end])
 
 
 def end_of_tokens(text: str, count: int) -> int:
-    """Return where the first tokens of a text end, which may be huge."""
+    """Return the offset of the end of the first tokens, without splitting the whole text."""
     return max((found.end() for found in islice(_TOKEN.finditer(text), count)), default=0)
 
 
 def unmatched(code: str) -> tuple[int, int] | None:
-    """Count the parentheses without counterpart, if these are more than `MAX_UNMATCHED`."""
+    """Return place and number of unmatched parentheses, if more than `MAX_UNMATCHED`."""
     missing = code.count("(") - code.count(")")
     if missing > MAX_UNMATCHED:
         return len(code.rstrip()), missing
@@ -196,25 +191,25 @@ def unmatched(code: str) -> tuple[int, int] | None:
 
 
 def is_text(source: str) -> bool:
-    """Return whether a string is PDDL text, and not a path.
+    """Return whether a string is PDDL text, not a path.
 
-    Text begins with `(` or `;`, after white space; or it has several lines, or `(define` in it.
-    A path that looks so is given as a `pathlib.Path`.
+    Text begins with `(` or `;`, after white space, or has several lines, or contains `(define`. A
+    path that looks like text can be passed as a `pathlib.Path`.
     """
     return _TEXT.match(source) is not None or _DEFINE.search(source) is not None
 
 
 def read_file(path: str | os.PathLike[str]) -> bytes:
-    """Read a file; all that reads PDDL from files does it here."""
+    """Read a regular file."""
     name = os.fsdecode(path)
     try:
-        # A pipe without a writer would not even open.
+        # Opening a pipe without a writer would block.
         with open(path, "rb", opener=_open_at_once) as file:
             if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
-                raise OSError(errno.EINVAL, "it is no regular file; copy what it gives to one")
+                raise OSError(errno.EINVAL, "it is no regular file; copy its content to one")
             return file.read()
     except (FileNotFoundError, ValueError) as error:
-        # No file can have a name with a NUL character or half a character in it.
+        # ValueError: the name has a NUL character or a lone surrogate.
         reason = os.strerror(errno.ENOENT)
         raise SourceMissingError(errno.ENOENT, reason, name) from error
     except OSError as error:
@@ -226,8 +221,8 @@ def _open_at_once(path: str, flags: int) -> int:
     return os.open(path, flags | getattr(os, "O_NONBLOCK", 0))
 
 
-def load(source: Source) -> Text:
-    """Take the text of a source."""
+def load(source: PddlSource) -> Text:
+    """Return the text of a source."""
     if isinstance(source, Text):
         return source
     # A number would be opened as a file descriptor.
@@ -243,5 +238,5 @@ def load(source: Source) -> Text:
 
 
 def decode(name: str, data: bytes) -> Text:
-    """Take the text of what a file holds."""
+    """Return the text of a file's content."""
     return Text(name, whole=data.decode("utf-8", "surrogateescape"))

@@ -14,19 +14,19 @@ from ..arguments import expect
 from ..dto.lexical import fold
 from ..errors import InvalidArgumentError, PddlError, SourceError
 from .cursor import Cursor, Diagnostics
-from .document import Domain, PddlWarning, Problem
+from .document import Domain, Problem
 from .domain import DomainReader
 from .forms import DOMAIN, PROBLEM, Form, Scanner
-from .lexer import Source, decode, load, read_file
+from .lexer import PddlSource, decode, load, read_file
 from .problem import ProblemReader
 
 
 @contextmanager
 def without_collector() -> Iterator[None]:
-    """Pause the cyclic garbage collector: documents have no cycles, and it goes through them.
+    """Pause the cyclic garbage collector: documents have no cycles, but it traverses them.
 
-    Reading 200,000 facts takes 2.5 times as long with it, and loading them into a store a fifth
-    longer. Threads that do so at the same time leave it as the first of them found it, or end the
+    Without the pause, reading 200,000 facts takes 2.5 times as long, and loading them into a store
+    a fifth longer. Threads that overlap here restore the state that the first one found, or end the
     pause early.
     """
     enabled = gc.isenabled()
@@ -42,21 +42,21 @@ Document = TypeVar("Document", Domain, Problem)
 
 
 @without_collector()
-def read_domain(*sources: Source, strict: bool = False) -> Domain:
-    """Read a domain, which may be spread over several sources.
+def read_domain(*sources: PddlSource, strict: bool = False) -> Domain:
+    """Read a domain from one or several sources.
 
-    What several sources say alike is one; where they contradict each other they are refused.
+    Repetitions in several sources are merged; contradictions are refused.
 
     Args:
-        sources: each a path, or a string with PDDL text, which begins with `(`.
-        strict: whether to refuse what violates the standard but can be read in one way only.
+        sources: paths, or strings with PDDL text, which begin with `(`.
+        strict: whether to refuse violations of the standard that have only one sensible reading.
 
     Returns:
-        The domain, with warnings about what violates the standard.
+        The domain, with warnings about violations of the standard.
 
     Raises:
-        PddlError: a source cannot be read as PDDL, or contradicts itself or another.
-        SourceMissingError: there is no such file; it is a `FileNotFoundError`, too.
+        PddlError: a source is not PDDL, or contradicts itself or another source.
+        SourceMissingError: a file does not exist; also a `FileNotFoundError`.
         SourceError: a file cannot be read.
     """
     diagnostics = Diagnostics(strict)
@@ -69,20 +69,22 @@ def read_domain(*sources: Source, strict: bool = False) -> Domain:
 
 
 @without_collector()
-def read_problem(source: Source, *, domain: Domain | None = None, strict: bool = False) -> Problem:
+def read_problem(
+    source: PddlSource, *, domain: Domain | None = None, strict: bool = False
+) -> Problem:
     """Read a problem.
 
     Args:
         source: a path, or a string with PDDL text, which begins with `(`.
-        domain: its domain. Without it, what the problem uses is not checked against a domain.
-        strict: whether to refuse what violates the standard but can be read in one way only.
+        domain: its domain. Without it, references to the domain are not checked.
+        strict: whether to refuse violations of the standard that have only one sensible reading.
 
     Returns:
-        The problem, with warnings about what violates the standard.
+        The problem, with warnings about violations of the standard.
 
     Raises:
-        PddlError: the source cannot be read as PDDL, or does not suit the domain.
-        SourceMissingError: there is no such file; it is a `FileNotFoundError`, too.
+        PddlError: the source is not PDDL, or contradicts itself or the domain.
+        SourceMissingError: the file does not exist; also a `FileNotFoundError`.
         SourceError: the file cannot be read.
     """
     if domain is not None:
@@ -95,21 +97,21 @@ def read_problem(source: Source, *, domain: Domain | None = None, strict: bool =
 
 
 @without_collector()
-def read(source: Source, *, strict: bool = False) -> list[Domain | Problem]:
-    """Read all that a source defines.
+def read(source: PddlSource, *, strict: bool = False) -> list[Domain | Problem]:
+    """Read all domains and problems of a source.
 
-    A problem is checked against its domain when that is in the source, too.
+    A problem is checked against its domain if the source contains it.
 
     Args:
         source: a path, or a string with PDDL text, which begins with `(`.
-        strict: whether to refuse what violates the standard but can be read in one way only.
+        strict: whether to refuse violations of the standard that have only one sensible reading.
 
     Returns:
-        The domains and problems, in order; the warnings of each are its own.
+        The domains and problems, in order, each with its own warnings.
 
     Raises:
-        PddlError: the source cannot be read as PDDL.
-        SourceMissingError: there is no such file; it is a `FileNotFoundError`, too.
+        PddlError: the source is not PDDL.
+        SourceMissingError: the file does not exist; also a `FileNotFoundError`.
         SourceError: the file cannot be read.
     """
     scanning = Diagnostics(strict)
@@ -140,7 +142,7 @@ def _with_warnings(document: Document, diagnostics: Diagnostics) -> Document:
 
 
 def _of_kind(diagnostics: Diagnostics, forms: list[Form], kind: str) -> list[Form]:
-    """Choose the forms of a kind, and note that there are others."""
+    """Return the forms of a kind; warn about others."""
     chosen = [form for form in forms if form.kind == kind]
     if not chosen:
         Cursor(diagnostics, forms[0].head).fail(kind, at=3)
@@ -152,15 +154,7 @@ def _of_kind(diagnostics: Diagnostics, forms: list[Form], kind: str) -> list[For
 
 
 class Finding(NamedTuple):
-    """Something that is wrong with a file.
-
-    Attributes:
-        source: the file's path.
-        line: the line, from 1; None when the file cannot be read at all.
-        column: the column, from 1; None likewise.
-        is_error: whether the file is refused; else it violates the standard, but can be read.
-        message: what was found, and what was expected.
-    """
+    """An error or a warning about a file; without a place if the file cannot be read at all."""
 
     source: str
     line: int | None
@@ -169,15 +163,14 @@ class Finding(NamedTuple):
     message: str
 
 
-class Checked(NamedTuple):
+class CheckedDocument(NamedTuple):
     """A domain or a problem that was checked.
 
     Attributes:
         kind: `domain` or `problem`.
-        name: its name.
-        sources: the files that it is in.
+        sources: the files that contain it.
         is_read: whether it can be read.
-        domain: the name of the domain that a problem was checked against; None without one.
+        domain: the name of the domain that a problem was checked against, if any.
     """
 
     kind: str
@@ -188,24 +181,19 @@ class Checked(NamedTuple):
 
 
 class Report(NamedTuple):
-    """What came of checking.
+    """The result of a check, in the order of the files, and of the places in them."""
 
-    Attributes:
-        documents: the domains and problems, in the order of the files.
-        findings: what is wrong, in the order of the files and of the places in them.
-    """
-
-    documents: tuple[Checked, ...]
+    documents: tuple[CheckedDocument, ...]
     findings: tuple[Finding, ...]
 
 
 def check(files: Iterable[Path | tuple[str, bytes]]) -> Report:
     """Check files.
 
-    Domains of one name that follow each other in one folder are one domain. A problem is checked
-    against the domain of its name that is the last before it, or else the first behind it. If there
-    are domains, but none of its name, that is an error; if there are none at all, or its domain
-    cannot be read, the problem is checked as far as that is possible without.
+    Consecutive domains of one name and one folder are one domain. A problem is checked against the
+    last domain of its name before it, or else the first one after it. If there are domains but none
+    of its name, that is an error. Without any domain, or if its domain cannot be read, a problem is
+    checked without one.
     """
     checker = _Checker()
     for file in files:
@@ -215,57 +203,53 @@ def check(files: Iterable[Path | tuple[str, bytes]]) -> Report:
 
 @dataclass(eq=False)
 class _Definition:
-    """A domain, which may be spread over several forms, or a problem."""
+    """A domain of one or several forms, or a problem."""
 
     forms: list[Form]
     is_read: bool = False
     domain: Domain | None = None
 
-    @property
-    def kind(self) -> str:
-        return self.forms[0].kind
+    def __post_init__(self) -> None:
+        self.kind, self.name = self.forms[0].kind, self.forms[0].name
+        self.place = Path(self.forms[0].head.text.name).parent, fold(self.name)
 
-    @property
-    def name(self) -> str:
-        return self.forms[0].name
-
-    @property
-    def sources(self) -> tuple[str, ...]:
-        return tuple(dict.fromkeys(form.head.text.name for form in self.forms))
-
-    @property
-    def place(self) -> tuple[Path, str]:
-        return Path(self.sources[0]).parent, fold(self.name)
-
-    def checked(self) -> Checked:
-        """What is reported of it."""
+    def checked(self) -> CheckedDocument:
+        """Return the entry for the report."""
+        sources = dict.fromkeys(form.head.text.name for form in self.forms)
         domain = None if self.domain is None or self.kind == DOMAIN else self.domain.name
-        return Checked(self.kind, self.name, self.sources, self.is_read, domain)
+        return CheckedDocument(self.kind, self.name, tuple(sources), self.is_read, domain)
 
 
 class _Checker:
-    """What has been found so far."""
+    """A check in progress."""
 
     def __init__(self) -> None:
         self._definitions: list[_Definition] = []
         self._findings: list[Finding] = []
         self._order: dict[str, int] = {}
 
-    def add(self, name: str, data: bytes | None) -> None:
-        """Find the definitions of a file; without data, it is read."""
-        self._order.setdefault(name, len(self._order))
+    @contextmanager
+    def _reading(self) -> Iterator[Diagnostics]:
+        """Turn the warnings and the errors of a reading into findings."""
         diagnostics = Diagnostics(strict=False)
-        forms: list[Form] = []
         try:
-            data = read_file(name) if data is None else data
-            forms = Scanner(diagnostics, decode(name, data)).scan()
+            yield diagnostics
         except PddlError as error:
-            self._refuse(error)
+            place = error.source, error.line, error.column
+            message = str(error).removeprefix("{}:{}:{}: ".format(*place))
+            self._findings.append(Finding(*place, True, message))
         except SourceError as error:
-            self._findings.append(Finding(name, None, None, True, error.strerror or ""))
-        self._warn(diagnostics.warnings())
-        for form in forms:
-            self._add(_Definition([form]))
+            self._findings.append(Finding(error.filename, None, None, True, error.strerror or ""))
+        for source, line, column, message in diagnostics.warnings():
+            self._findings.append(Finding(source, line, column, False, message))
+
+    def add(self, name: str, data: bytes | None) -> None:
+        """Scan the definitions of a file, which is read unless its data is given."""
+        self._order.setdefault(name, len(self._order))
+        with self._reading() as diagnostics:
+            data = read_file(name) if data is None else data
+            for form in Scanner(diagnostics, decode(name, data)).scan():
+                self._add(_Definition([form]))
 
     def _add(self, definition: _Definition) -> None:
         last = self._definitions[-1] if self._definitions else None
@@ -275,52 +259,31 @@ class _Checker:
             self._definitions.append(definition)
 
     def report(self) -> Report:
-        """Read the definitions, and tell what is wrong with them."""
+        """Read the definitions, and report the findings."""
         domains = [one for one in enumerate(self._definitions) if one[1].kind == DOMAIN]
         named: dict[str, list[tuple[int, _Definition]]] = {}
         for position, definition in domains:
-            self._check_domain(definition)
+            with self._reading() as diagnostics:
+                definition.domain = DomainReader(diagnostics).read(definition.forms)
+                definition.is_read = True
             named.setdefault(fold(definition.name), []).append((position, definition))
         for position, definition in enumerate(self._definitions):
-            if definition.kind != DOMAIN:
-                candidates = named.get(fold(definition.forms[0].domain), domains)
-                self._check_problem(definition, _nearest(candidates, position))
+            if definition.kind == DOMAIN:
+                continue
+            [form] = definition.forms
+            domain = _nearest(named.get(fold(form.domain), domains), position)
+            with self._reading() as diagnostics:
+                ProblemReader(diagnostics, form, domain).read()
+                definition.is_read, definition.domain = True, domain
         found = sorted(
             self._findings,
             key=lambda one: (self._order[one.source], one.line or 0, one.column or 0),
         )
         return Report(tuple(one.checked() for one in self._definitions), tuple(found))
 
-    def _check_domain(self, definition: _Definition) -> None:
-        diagnostics = Diagnostics(strict=False)
-        try:
-            definition.domain = DomainReader(diagnostics).read(definition.forms)
-            definition.is_read = True
-        except PddlError as error:
-            self._refuse(error)
-        self._warn(diagnostics.warnings())
-
-    def _check_problem(self, definition: _Definition, domain: Domain | None) -> None:
-        diagnostics = Diagnostics(strict=False)
-        try:
-            ProblemReader(diagnostics, definition.forms[0], domain).read()
-            definition.is_read, definition.domain = True, domain
-        except PddlError as error:
-            self._refuse(error)
-        self._warn(diagnostics.warnings())
-
-    def _refuse(self, error: PddlError) -> None:
-        place = f"{error.source}:{error.line}:{error.column}: "
-        message = str(error).removeprefix(place)
-        self._findings.append(Finding(error.source, error.line, error.column, True, message))
-
-    def _warn(self, warnings: Iterable[PddlWarning]) -> None:
-        for source, line, column, message in warnings:
-            self._findings.append(Finding(source, line, column, False, message))
-
 
 def _nearest(domains: Sequence[tuple[int, _Definition]], position: int) -> Domain | None:
-    """Choose the last domain before a place, or else the first behind it."""
+    """Return the last domain before a position, or else the first one after it."""
     if not domains:
         return None
     before = bisect(domains, position, key=lambda one: one[0])

@@ -1,14 +1,13 @@
-"""The symbol table: the names that formulas may use, and what each stands for."""
+"""The symbol table: the names that formulas may use, and their meaning."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Iterable
-from itertools import chain
 from typing import Any, NamedTuple
 
 from ..dto.formulas import Atom, Constant, Formula, Preference, Term, TypedName, Variable, walk
 from ..dto.lexical import ROOT_TYPE, fold, is_name
-from .document import Domain, Function, Predicate
+from .document import Domain, Function, Predicate, formulas
 from .hierarchy import Ancestry, Fit, Types
 
 # A term and the types of the object that it denotes.
@@ -17,10 +16,9 @@ ANY: Types = (ROOT_TYPE,)
 
 
 class Signature:
-    """The parameters of a predicate or a function, as readers need them.
+    """A predicate or a function, as readers need it.
 
     Attributes:
-        name: its name, as declared.
         parameters: the types of its parameters; None when they are unknown.
         accepted: for each parameter, its types, and the types of arguments that fit it.
         types: the types of a function's values; empty for numbers and for a predicate.
@@ -83,20 +81,14 @@ class Signatures:
 
 
 class BoundVariable(NamedTuple):
-    """A variable that is bound.
-
-    Attributes:
-        declared: the variable with its types.
-        key: its folded name, with its question mark.
-        entity: the term that formulas have for it, with its types.
-    """
+    """A variable in scope: its declaration, its folded name with `?`, and its entity."""
 
     declared: TypedName
     key: str
     entity: Entity
 
 
-# What follows a parenthesis: a predicate, or the reader's method for an operator.
+# The meaning of the word after a parenthesis: a predicate, or the reader's method for an operator.
 Head = Signature | Callable[..., Formula | Generator[Any, Any, Formula]]
 
 
@@ -104,17 +96,14 @@ class SymbolTable:
     """The names that formulas may use.
 
     Attributes:
-        unknown_domain: whether there is no domain, so that undeclared names are accepted.
-        grows: whether undeclared types are added, as while a domain is read.
+        unknown_domain: whether there is no domain, so undeclared names are accepted.
+        grows: whether undeclared types are added, as in a domain.
         types: the declared spelling of each type, by folded name.
-        resolved: cache of lists of types: the declared spelling of each list that was met.
+        resolved: cache of the declared spelling of each list of types.
         parents: the supertypes of each type.
-        predicates: the signatures of the predicates.
-        functions: the signatures of the functions.
-        objects: cache of constants and objects, by the spellings that were met.
-        preferences: the names of the preferences that were read, by folded name.
-        heads: cache of what begins a condition, by the spellings that were met.
-        effect_heads: the same for effects.
+        objects: cache of constants and objects, by spelling.
+        preferences: the names of preferences, by folded name.
+        heads: cache of the heads of conditions, by spelling; `effect_heads` those of effects.
     """
 
     def __init__(self, unknown_domain: bool = False) -> None:
@@ -175,9 +164,8 @@ class SymbolTable:
         """Look up a preference."""
         found = self.preferences.get(fold(name))
         if found is None and self._domain is not None:
-            conditions = [action.condition for action in self._domain.actions]
-            nodes = walk(*chain(self._domain.constraints, *conditions))
             # Only a metric needs the preferences of the domain, so they are found on demand.
+            nodes = walk(*formulas(self._domain))
             self._domain = None
             for node in nodes:
                 if isinstance(node, Preference) and node.name is not None:
@@ -221,7 +209,7 @@ class SymbolTable:
         return found
 
     def _is_below(self, lower: Types, upper: Types) -> bool:
-        """Return whether one of some types is one of others, or a subtype of it."""
+        """Return whether one of some types equals one of others or is a subtype of it."""
         is_below = self._ancestry.is_below
         if not set(lower).isdisjoint(upper):
             return True
