@@ -66,7 +66,7 @@ def downgrade(
         words_argument(
             _DOWNGRADE_USAGE,
             "the version to go back to: its number, -1 for one back, or base, which drops the "
-            "tables and all that they hold.",
+            "tables with all data.",
         ),
     ],
     yes: Annotated[bool, option("Do not ask before revisions are lost.", "--yes")] = False,
@@ -338,8 +338,8 @@ def _verification_document(verification: Verification) -> Document:
 _Before = Annotated[
     str,
     option(
-        "Move what ended before this: a time in ISO 8601 (UTC unless a zone is given), such as "
-        "'90 days ago', or a revision's number.",
+        "Move versions that ended before this: a time in ISO 8601 (UTC unless a zone is given), "
+        "such as '90 days ago', or a revision's number.",
         metavar="REV|TIME",
     ),
 ]
@@ -358,9 +358,9 @@ def archive(
     reason: Reason = None,
     as_json: AsJson = False,
 ) -> None:
-    """Move what ended before a time to another store.
+    """Move versions that ended before a time to another store.
 
-    That store then answers for it.
+    That store then answers questions about them.
     """
     when = parse_when(before, "--before")
     with (

@@ -216,7 +216,7 @@ def _small_page(
     changes = few_changes(session, kb_id, low, high, low <= redefined)
     if changes is None:
         return None
-    # After the changes: reports archives from before they were read.
+    # Read after the changes: it includes each archive made before they were read.
     rows = session.rows(_NEWEST_FIRST, kb=kb_id, low=low, high=high)
     _refuse_holes(session, rows, high, high - low + 1)
     entries = [LogEntry(make_revision(session, row), changes.get(row[0], ())) for row in rows]

@@ -129,7 +129,7 @@ def blame(store: Store, element: Dto | Node | str, at: int | None) -> Version | 
     if len(held) > 1:
         several = ", ".join(f"{version.kind} {version.text}" for version in held)
         raise InvalidKnowledgeError(
-            f"{shown(element)} stands for several things: {several}; give a DTO of the one"
+            f"{shown(element)} matches several elements: {several}; give a DTO of one of them"
         )
     return held[0] if held else None
 

@@ -77,8 +77,8 @@ def test_what_stands_for_several_things_is_refused(fresh_kb: KnowledgeBase) -> N
     fresh_kb.functions.save(PddlFunctionDto("home", [ROBOT]))
     with pytest.raises(
         InvalidKnowledgeError,
-        match=r"^'home' stands for several things: type home, function \(home \?r0 - robot\); "
-        r"give a DTO of the one$",
+        match=r"^'home' matches several elements: type home, function \(home \?r0 - robot\); "
+        r"give a DTO of one of them$",
     ):
         fresh_kb.blame("home")
     fresh_kb.types.delete(PddlTypeDto("home"))

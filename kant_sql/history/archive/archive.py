@@ -59,8 +59,8 @@ def archive(
     """Move versions that ended before a time into another store; see `History.archive`."""
     if store.current() is not None:
         raise ReadOnlyError(
-            f"knowledge base {store.name!r} has a transaction open in this task or thread: "
-            "archive when it has ended"
+            f"knowledge base {store.name!r} has a transaction open in this task or thread; end it "
+            "first"
         )
     optional_call(progress, "progress")
     flag(dry_run, "dry_run", InvalidArgumentError)

@@ -73,7 +73,7 @@ class AtomTables(NamedTuple):
     key: tuple[str, ...]  # the columns that identify one; the last holds its arguments
 
 
-class IntervalTable(NamedTuple):
+class ArchivedTable(NamedTuple):
     """A table of versions, each of which holds from one revision until another."""
 
     version: Table
@@ -92,16 +92,16 @@ FLUENTS = AtomTables(
     table_of(t.FunctionValueRow), table_of(t.FunctionValueArgumentRow), ("function_id", "arguments")
 )
 ATOMS = {atoms.identity: atoms for atoms in (FACTS, FLUENTS)}
-INTERVAL_TABLES = (
+ARCHIVED_TABLES = (
     *(
-        IntervalTable(
+        ArchivedTable(
             kind.version.table, (f"{name}_id",), kind.version.children, is_definition=True
         )
         for name, kind in KIND_TABLES.items()
     ),
-    IntervalTable(table_of(t.PropositionVersionRow), ("proposition_id",), atoms=FACTS),
-    IntervalTable(table_of(t.FunctionValueVersionRow), ("function_value_id",), atoms=FLUENTS),
-    IntervalTable(table_of(t.PlanStepVersionRow), ("plan_id", "position")),
+    ArchivedTable(table_of(t.PropositionVersionRow), ("proposition_id",), atoms=FACTS),
+    ArchivedTable(table_of(t.FunctionValueVersionRow), ("function_value_id",), atoms=FLUENTS),
+    ArchivedTable(table_of(t.PlanStepVersionRow), ("plan_id", "position")),
 )
 IDENTITIES = {*(kind.identity for kind in KIND_TABLES.values()), *ATOMS}
 PLAN, ARCHIVE = table_of(t.PlanRow), table_of(t.ArchiveRow)
@@ -109,7 +109,7 @@ BELOW_PLANS = table_of(t.PlanStepRow), table_of(t.PlanStepArgumentRow)
 
 
 def children_of(
-    part: IntervalTable, child: Table, held: ColumnElement[bool]
+    part: ArchivedTable, child: Table, held: ColumnElement[bool]
 ) -> tuple[ColumnElement[bool], ...]:
     """Write the condition that a row belongs to a version for which `held` is true."""
     version, (owner,) = part.version, part.owner
@@ -297,7 +297,7 @@ def _asserted(table: Table) -> Query:
 
 
 @cache
-def _closed(part: IntervalTable) -> Query:
+def _closed(part: ArchivedTable) -> Query:
     """Select the versions that the range retracted and earlier revisions asserted."""
     version = part.version.c
     owner = (version[name] for name in part.owner)
@@ -309,7 +309,7 @@ def _closed(part: IntervalTable) -> Query:
 
 
 @cache
-def _close(part: IntervalTable) -> Query:
+def _close(part: ArchivedTable) -> Query:
     version = part.version.c
     owner = (version[name] == bindparam(f"own_{name}") for name in part.owner)
     since, until = map(integer, ("own_since", "own_until"))
@@ -324,7 +324,7 @@ def _close(part: IntervalTable) -> Query:
 
 
 @cache
-def _children(part: IntervalTable, child: Table) -> Query:
+def _children(part: ArchivedTable, child: Table) -> Query:
     held = children_of(part, child, in_range(part.version.c.since))
     return _all_of(child, *held[1:], in_range(child.c.since))
 
@@ -355,18 +355,18 @@ class Copy:
     def run(self) -> Copied:
         """Copy the range."""
         self._insert(_REVISION, _REVISIONS)
-        for part in INTERVAL_TABLES[:-1]:
+        for part in ARCHIVED_TABLES[:-1]:
             self._copy_part(part)
         if self._insert(PLAN, _asserted(PLAN)):
             for table in BELOW_PLANS:
                 self._insert(table, _below_plans(table))
-        self._copy_part(INTERVAL_TABLES[-1])
+        self._copy_part(ARCHIVED_TABLES[-1])
         self._insert(_PLAN_STEP, _STEPS)
         self._insert(ARCHIVE, _asserted(ARCHIVE))
         largest = max(self._largest, self._identities.largest)
         return Copied(self._rows, self._definition_revision, largest)
 
-    def _copy_part(self, part: IntervalTable) -> None:
+    def _copy_part(self, part: ArchivedTable) -> None:
         # First: at most one version of an element is open.
         closed = self._close(part)
         inserted = self._insert(part.version, _asserted(part.version), part)
@@ -375,7 +375,7 @@ class Copy:
                 self._insert(child, _children(part, child))
         self._rows += inserted + closed
 
-    def _insert(self, table: Table, query: Query, part: IntervalTable | None = None) -> int:
+    def _insert(self, table: Table, query: Query, part: ArchivedTable | None = None) -> int:
         target, target_kb = self._stores.target, self._stores.target_kb
         adapt = self._adapter(table)
         count = 0
@@ -415,7 +415,7 @@ class Copy:
 
         return adapt
 
-    def _close(self, part: IntervalTable) -> int:
+    def _close(self, part: ArchivedTable) -> int:
         """Close versions that earlier revisions asserted."""
         names = [f"own_{name}" for name in (*part.owner, "since", "until")]
         target, target_kb = self._stores.target, self._stores.target_kb
@@ -428,15 +428,15 @@ class Copy:
                     row["own_fork"] = fork(row["own_since"], row["own_until"])
             if target.run_many(_close(part), closing) != len(closing):
                 raise ConflictError(
-                    f"{target.backend.label}: rows of {part.version.name} are missing there that "
-                    "it was given before; archive into a copy of it that is whole"
+                    f"{target.backend.label}: rows of {part.version.name} are missing that an "
+                    "earlier archive wrote; archive into a complete copy"
                 )
             count += len(rows)
             if part.is_definition:
                 self._see(row[-1] for row in rows)
         return count
 
-    def _with_own_ids(self, part: IntervalTable, rows: list[Row]) -> list[Row]:
+    def _with_own_ids(self, part: ArchivedTable, rows: list[Row]) -> list[Row]:
         """Replace the ids that rows begin with by those in the target."""
         if part.atoms is None:
             return rows

@@ -28,10 +28,10 @@ from ...sql.query import Query, in_list, in_rows, integer
 from ...sql.rows import KB
 from ...sql.tables import HeadRow, ObjectRow, ObjectVersionRow
 from .copy import (
+    ARCHIVED_TABLES,
     ATOMS,
-    INTERVAL_TABLES,
+    ArchivedTable,
     AtomTables,
-    IntervalTable,
     children_of,
     converted,
     references,
@@ -54,7 +54,7 @@ class Leaving(NamedTuple):
         return sum(self.versions.values())
 
 
-def _ended(part: IntervalTable) -> tuple[ColumnElement[bool], ...]:
+def _ended(part: ArchivedTable) -> tuple[ColumnElement[bool], ...]:
     return part.version.c.kb_id == KB, in_range(part.version.c.until)
 
 
@@ -62,7 +62,7 @@ _COUNT = Query(
     union_all(
         *(
             select(literal_column(f"'{part.version.name}'"), func.count()).where(*_ended(part))
-            for part in INTERVAL_TABLES
+            for part in ARCHIVED_TABLES
         )
     )
 )
@@ -72,7 +72,7 @@ def count(session: Session, kb_id: int, low: int, high: int) -> Leaving:
     """Count the versions that ended in a range of revisions, in one statement."""
     rows = session.rows(_COUNT, kb=kb_id, low=low, high=high)
     counts: dict[str, int] = dict(rows)
-    found = {part.version.name: counts[part.version.name] for part in INTERVAL_TABLES}
+    found = {part.version.name: counts[part.version.name] for part in ARCHIVED_TABLES}
     return Leaving(low, high, {name: number for name, number in found.items() if number})
 
 
@@ -92,7 +92,7 @@ def first_of(session: Session, kb_id: int, leaving: Leaving, most: int) -> Leavi
 
 def compare(leaving: Leaving, source: tuple[Session, int], target: tuple[Session, int]) -> None:
     """Check that the target has all rows to remove, column by column."""
-    for part in INTERVAL_TABLES:
+    for part in ARCHIVED_TABLES:
         if part.version.name not in leaving.versions:
             continue
         for table, statement in _statements(part):
@@ -101,9 +101,9 @@ def compare(leaving: Leaving, source: tuple[Session, int], target: tuple[Session
             )
             if here != there:
                 raise ConflictError(
-                    f"{target[0].backend.label}: {there[0]} rows of {table.name} that ended in "
-                    f"revisions {leaving.low} to {leaving.high} are there, and not the {here[0]} "
-                    f"of {source[0].backend.label}; nothing was removed: verify both stores, and "
+                    f"{target[0].backend.label}: its {there[0]} rows of {table.name} that ended in "
+                    f"revisions {leaving.low} to {leaving.high} differ from the {here[0]} of "
+                    f"{source[0].backend.label}; nothing was removed: verify both stores, and "
                     "archive into another one"
                 )
 
@@ -113,7 +113,7 @@ class _Statement(NamedTuple):
     booleans: tuple[int, ...]
 
 
-def _leaving(part: IntervalTable) -> dict[Table, tuple[ColumnElement[bool], ...]]:
+def _leaving(part: ArchivedTable) -> dict[Table, tuple[ColumnElement[bool], ...]]:
     """Return the conditions of the rows to remove, by table, parents first."""
     ended = in_range(part.version.c.until)
     children = {child: children_of(part, child, ended) for child in part.children}
@@ -121,7 +121,7 @@ def _leaving(part: IntervalTable) -> dict[Table, tuple[ColumnElement[bool], ...]
 
 
 @cache
-def _statements(part: IntervalTable) -> tuple[tuple[Table, _Statement], ...]:
+def _statements(part: ArchivedTable) -> tuple[tuple[Table, _Statement], ...]:
     """Return the queries of the rows to compare, by table."""
     leaving = _leaving(part)
     if part.atoms is not None:
@@ -180,14 +180,14 @@ _GONE_OBJECTS = Query(select(ObjectRow.id).where(ObjectRow.kb_id == KB, ~_OBJECT
 
 
 @cache
-def _ended_ids(part: IntervalTable) -> tuple[Query, ...]:
+def _ended_ids(part: ArchivedTable) -> tuple[Query, ...]:
     """Build the statements that delete ended versions, children first."""
     leaving = reversed(_leaving(part).items())
     return tuple(Query(delete(table).where(*which)) for table, which in leaving)
 
 
 @cache
-def _without_version(part: IntervalTable, atoms: AtomTables) -> Query:
+def _without_version(part: ArchivedTable, atoms: AtomTables) -> Query:
     """Select the atoms that mention some objects and have no version."""
     version, argument = part.version.c, atoms.arguments.c
     (name,) = part.owner
@@ -204,7 +204,7 @@ def _without_version(part: IntervalTable, atoms: AtomTables) -> Query:
 
 
 @cache
-def _remove_atoms(part: IntervalTable, atoms: AtomTables) -> tuple[Query, ...]:
+def _remove_atoms(part: ArchivedTable, atoms: AtomTables) -> tuple[Query, ...]:
     owners = (atoms.arguments.c[part.owner[0]], atoms.identity.c.id)
     return tuple(
         Query(delete(owner.table).where(owner.table.c.kb_id == KB, in_list(owner, "ids")))
@@ -225,7 +225,7 @@ def remove(session: Session, kb_id: int, leaving: Leaving) -> None:
     """
     session.replan()
     parameters = {"kb": kb_id, "low": leaving.low, "high": leaving.high}
-    for part in INTERVAL_TABLES:
+    for part in ARCHIVED_TABLES:
         wanted = leaving.versions.get(part.version.name, 0)
         if wanted:
             *below, versions = _ended_ids(part)
@@ -234,19 +234,20 @@ def remove(session: Session, kb_id: int, leaving: Leaving) -> None:
             removed = session.run(versions, **parameters)
             if removed != wanted:
                 raise StoreError(
-                    f"{session.backend.label}: {removed} of {wanted} rows of {part.version.name} "
-                    "could be removed; nothing was: connect as the owner of the tables"
+                    f"{session.backend.label}: only {removed} of {wanted} rows of "
+                    f"{part.version.name} can be removed; nothing was removed: connect as the "
+                    "owner of the tables"
                 )
     for rows in batches(session.stream(_GONE_OBJECTS, kb=kb_id), _OBJECTS):
         objects = session.list_value([id_ for (id_,) in rows])
-        for part in INTERVAL_TABLES:
+        for part in ARCHIVED_TABLES:
             if part.atoms is not None:
                 _remove_atoms_of(session, kb_id, part, part.atoms, objects)
     session.run(_SET, kb=kb_id, upto=leaving.high)
 
 
 def _remove_atoms_of(
-    session: Session, kb_id: int, part: IntervalTable, atoms: AtomTables, objects: Any
+    session: Session, kb_id: int, part: ArchivedTable, atoms: AtomTables, objects: Any
 ) -> None:
     rows = session.rows(_without_version(part, atoms), kb=kb_id, objects=objects)
     if rows:

@@ -61,12 +61,12 @@ def open_target(url: str, name: str, source: Backend) -> Iterator[Target]:
         place = _place(backend)
         if not place:
             raise ConflictError(
-                f"{backend.label}: an archive in memory would be gone with this process; "
+                f"{backend.label}: an archive in memory ends with this process; "
                 "name a file or a server"
             )
         if place == _place(source):
             raise ConflictError(
-                f"{backend.label}: this is the store that is to be archived; name another one"
+                f"{backend.label}: this is the archived store itself; name another one"
             )
         ensure_schema(backend)
         yield Target(backend, name)
@@ -91,9 +91,8 @@ def check_same(source: Session, source_kb: int, target: Session, target_kb: int,
     if archived > at:
         last = source.first(_LAST_TARGET, kb=source_kb)
         raise ConflictError(
-            f"{label}: what ended up to revision {archived} was moved to "
-            f"{last[0] if last else 'an archive'} before, and is not there: archive into that "
-            "store, or into a copy of it"
+            f"{label}: it lacks the versions that ended up to revision {archived}, which were "
+            f"moved to {last[0] if last else 'an archive'}; archive into that store, or a copy"
         )
 
 

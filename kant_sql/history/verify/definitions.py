@@ -44,7 +44,7 @@ _BINDERS = (kinds.FORALL, kinds.EXISTS, kinds.DERIVED)
 _LEAVES = (kinds.PREDICATE, kinds.FUNCTION, kinds.NUMBER, kinds.VARIABLE, kinds.TIME)
 _NUMBERS = (kinds.NUMBER, kinds.AT)
 _DURATION = "?duration"
-# There, the text of each assignment is that of an equality.
+# At a time, an assignment has the text of an equality.
 _AT_A_TIME = (kinds.PREDICATE, kinds.NOT, ASSIGNMENTS[0])
 # How many parts a node has: at least, and at most.
 _PARTS: dict[str, tuple[float, float]] = {

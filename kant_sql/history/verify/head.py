@@ -139,8 +139,8 @@ def check_head(check: Check, chain: Chain, archives: list[Archive]) -> None:
         add(
             None,
             "archive",
-            f"what is left of the revisions up to {archived} is not what was left when the others "
-            f"were moved to {archives[-1].target}: a revision, or what it changed, was altered, "
+            f"the rest of the revisions up to {archived} differs from that when versions were "
+            f"moved to {archives[-1].target}: a revision, or one of its changes, was altered, "
             "removed or added",
         )
 

@@ -35,7 +35,7 @@ from ...sql.rows import KB, KIND_TABLES, table_of
 from ...sql.tables import FunctionTypeRow, FunctionVersionRow
 from .sides import Check
 
-# What separates the words of a text is in none of them.
+# A word has none of the characters that separate words.
 _WORD = r"[^\s()?]+"
 _IS_WORD = re.compile(_WORD).fullmatch
 _IS_ITEM = re.compile(rf"{_WORD}|\({_WORD}( {_WORD})*\)").fullmatch
@@ -65,7 +65,7 @@ def parameter_fault(parameters: tuple[ParameterDefinition, ...]) -> str | None:
 
 
 def formula_fault(formula: FormulaDefinition) -> str | None:
-    """Find what would make the change line of a formula look like that of another element."""
+    """Find what makes the change line of a formula look like that of another element."""
     if formula.section not in _FORMULA_SECTIONS:
         return f"there is no section {formula.section!r}"
     root = formula.tree[0]
@@ -76,7 +76,7 @@ def formula_fault(formula: FormulaDefinition) -> str | None:
 
 
 def document_fault(document: DocumentDefinition) -> str | None:
-    """Find what would make a document's text ambiguous."""
+    """Find what makes a document's text ambiguous."""
     return next(_document_faults(document), None)
 
 
