@@ -355,20 +355,10 @@ def create_dao_factory(
 ) -> DaoFactory:
     """Create the factory of the DAO family that supports a database URL.
 
-    Args:
-        url: the database URL, for example `sqlite:///robot.db`.
-        knowledge_base: the knowledge base's name; the first write creates it.
-        actor: who writes, by default.
+    Arguments and errors are those of `kant_sql.connect`.
 
     Returns:
         The factory. A new SQLite file, or a store in memory, is created.
-
-    Raises:
-        InvalidUrlError: the URL is not valid, or no family supports it.
-        SchemaMissingError: the database has no kant_sql tables.
-        SchemaOutdatedError: migrations are pending.
-        SchemaTooNewError: the tables are of a newer version of the library.
-        StoreError: the database cannot be opened.
 
     Examples:
         >>> factory = create_dao_factory("sqlite://")

@@ -15,7 +15,7 @@ from .output import Document, Printer, write_json
 
 if TYPE_CHECKING:
     from ..knowledge_base import KnowledgeBase
-    from ..plans.interfaces import RecordedPlan
+    from ..plans.interfaces import RecordedPlan, RecordedStep
 
 _NOT_STARTED = "not started"
 
@@ -100,7 +100,7 @@ def _plan_document(found: Plan, recorded: RecordedPlan | None) -> Document:
     return document
 
 
-def _step_document(step: PlanStep) -> Document:
+def _step_document(step: PlanStep | RecordedStep) -> Document:
     return {
         "start": _number(step.start),
         "action": step.action,
@@ -186,10 +186,7 @@ def _recorded_document(one: RecordedPlan) -> Document:
         "steps": [
             {
                 "position": step.position,
-                "start": _number(step.start),
-                "action": step.action,
-                "arguments": list(step.arguments),
-                "duration": _number(step.duration),
+                **_step_document(step),
                 "status": step.status,
                 "revisions": list(step.revisions),
             }

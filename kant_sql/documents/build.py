@@ -27,26 +27,8 @@ from ..dto.formulas import (
 )
 from ..dto.lexical import ROOT_TYPE, fold
 from ..errors import ConflictError, each_readable, reading_rows
+from ..knowledge import definitions as d
 from ..knowledge.canonical import with_text
-from ..knowledge.definitions import (
-    CONSTRAINT,
-    DERIVED_PREDICATE,
-    DOMAIN,
-    DOMAIN_CONSTRAINT,
-    DOMAIN_SECTIONS,
-    GOAL,
-    INITIAL,
-    METRIC,
-    PROBLEM,
-    TIMED,
-    ActionDefinition,
-    Definition,
-    Definitions,
-    DocumentDefinition,
-    FunctionDefinition,
-    Item,
-    TypeDefinition,
-)
 from ..knowledge.formulas import TreeReader, typed_name
 from ..knowledge.trees import ParameterDefinition
 from ..pddl import used_requirements
@@ -61,11 +43,11 @@ from ..store.snapshot import View
 from ..store.transaction import Transaction
 
 
-def constant_ids(definitions: Definitions) -> set[int]:
+def constant_ids(definitions: d.Definitions) -> set[int]:
     """Find the objects that the domain has to declare."""
     found = {object_.id for object_ in definitions.objects if object_.is_constant}
     trees = [tree for action in definitions.actions for tree in action.trees]
-    trees += [each.tree for each in definitions.formulas if each.section in DOMAIN_SECTIONS]
+    trees += [each.tree for each in definitions.formulas if each.section in d.DOMAIN_SECTIONS]
     for tree in trees:
         for node in tree:
             for term in node.terms:
@@ -76,7 +58,7 @@ def constant_ids(definitions: Definitions) -> set[int]:
 
 REQUIREMENT = "requirement"
 # The root type exists undeclared: only an item, as of older versions, shows that a domain has it.
-_ROOT_ITEM = Item("type", ROOT_TYPE)
+_ROOT_ITEM = d.Item("type", ROOT_TYPE)
 _OPEN = select(PropositionVersionRow.proposition_id).where(
     PropositionVersionRow.kb_id == KB, PropositionVersionRow.until.is_(None)
 )
@@ -89,7 +71,7 @@ _GOALS = Query(
 T = TypeVar("T")
 
 
-def check_title(definitions: Definitions, name: str, title: str) -> None:
+def check_title(definitions: d.Definitions, name: str, title: str) -> None:
     """Refuse to merge a document into one of another title."""
     stored = definitions.documents.named(name)
     if stored is not None and fold(stored.title) != fold(title):
@@ -99,9 +81,9 @@ def check_title(definitions: Definitions, name: str, title: str) -> None:
         )
 
 
-def domain_title(definitions: Definitions, default_name: str) -> str:
+def domain_title(definitions: d.Definitions, default_name: str) -> str:
     """Find the name of the domain."""
-    domain, problem = (definitions.documents.named(name) for name in (DOMAIN, PROBLEM))
+    domain, problem = (definitions.documents.named(name) for name in (d.DOMAIN, d.PROBLEM))
     if domain is not None:
         return domain.title
     return default_name if problem is None or problem.domain is None else problem.domain
@@ -110,7 +92,7 @@ def domain_title(definitions: Definitions, default_name: str) -> str:
 def ordered(
     things: Iterable[T],
     key: Callable[[T], str],
-    document: DocumentDefinition | None,
+    document: d.DocumentDefinition | None,
     section: str,
 ) -> list[T]:
     """Put things in the order of a document."""
@@ -133,7 +115,7 @@ def put_document(
     name: str,
     title: str,
     domain: str | None,
-    items: Iterable[Item],
+    items: Iterable[d.Item],
     replace: bool,
 ) -> None:
     """Store the title of a loaded document, and the order of its declarations.
@@ -153,7 +135,7 @@ def put_document(
     # The tables keep the order within a section; the sections' own order is that of their names.
     places = tuple(sorted(items, key=lambda item: item.section))
     identity = identify(transaction, "document", name)
-    definition = DocumentDefinition(*identity, title, domain, places)
+    definition = d.DocumentDefinition(*identity, title, domain, places)
     transaction.define("document", with_text(transaction.definitions, definition))
 
 
@@ -162,7 +144,7 @@ def _is_same_domain(stored: str | None, domain: str | None) -> bool:
     return fold(stored or "") == fold(domain or "")
 
 
-def _unshown(stored: DocumentDefinition, items: list[Item]) -> list[Item]:
+def _unshown(stored: d.DocumentDefinition, items: list[d.Item]) -> list[d.Item]:
     """Find the new items that no element shows."""
     known, times = set(stored.items), Counter(items)
     return [
@@ -172,13 +154,15 @@ def _unshown(stored: DocumentDefinition, items: list[Item]) -> list[Item]:
     ]
 
 
-def _needed(transaction: Transaction, stored: DocumentDefinition, added: list[Item]) -> list[Item]:
+def _needed(
+    transaction: Transaction, stored: d.DocumentDefinition, added: list[d.Item]
+) -> list[d.Item]:
     """Return the items of a document, without sections in the order of the elements."""
-    sections: dict[str, list[Item]] = {}
+    sections: dict[str, list[d.Item]] = {}
     for item in stored.items:
         sections.setdefault(item.section, []).append(item)
     changed = {item.section for item in added} | {REQUIREMENT}
-    needed: list[Item] = []
+    needed: list[d.Item] = []
     for section, items in sections.items():
         is_needed = section in changed or _ROOT_ITEM in items
         if not is_needed:
@@ -197,9 +181,9 @@ def _keys(transaction: Transaction, section: str) -> list[str]:
         return [fold(each.name) for each in objects if (each.id in constants) == is_constant]
     if section in ("type", "predicate", "function", "action"):
         names = (fold(each.name) for each in definitions.elements(section))
-        return [name for name in names if Item(section, name) != _ROOT_ITEM]
+        return [name for name in names if d.Item(section, name) != _ROOT_ITEM]
     formulas = [each.name for each in definitions.formulas if each.section == section]
-    if section != GOAL:
+    if section != d.GOAL:
         return formulas
     # Those that are atoms come first.
     transaction.flush()
@@ -207,13 +191,13 @@ def _keys(transaction: Transaction, section: str) -> list[str]:
     return [*(text for _, text in sorted(goals)), *formulas]
 
 
-N = TypeVar("N", bound=Definition)
+N = TypeVar("N", bound=d.Definition)
 
 
 class _Builder:
     """Builds a document from definitions."""
 
-    def __init__(self, definitions: Definitions, name: str) -> None:
+    def __init__(self, definitions: d.Definitions, name: str) -> None:
         self._definitions = definitions
         self._document = definitions.documents.named(name)
 
@@ -255,8 +239,8 @@ class _DomainBuilder(_Builder):
                 for each in self._named("predicate", definitions.predicates)
             ),
             tuple(map(self._function, self._named("function", definitions.functions))),
-            self._section(DOMAIN_CONSTRAINT),
-            self._section(DERIVED_PREDICATE),
+            self._section(d.DOMAIN_CONSTRAINT),
+            self._section(d.DERIVED_PREDICATE),
             tuple(map(self._action, self._named("action", definitions.actions))),
         )
         if self._document is not None:
@@ -264,24 +248,24 @@ class _DomainBuilder(_Builder):
         # Without a loaded document, no requirements are declared.
         return replace(domain, requirements=used_requirements(domain))
 
-    def _types(self) -> list[TypeDefinition]:
+    def _types(self) -> list[d.TypeDefinition]:
         # The root type exists undeclared, unless the domain declares it.
         has_root = ROOT_TYPE in self._items("type")
         types = self._definitions.types
         return self._named("type", [t for t in types if has_root or fold(t.name) != ROOT_TYPE])
 
-    def _type(self, type_: TypeDefinition) -> TypedName:
+    def _type(self, type_: d.TypeDefinition) -> TypedName:
         above = type_.parent_ids
         return self._typed(type_.name, above) if above else TypedName(type_.name)
 
     def _parameters(self, parameters: Iterable[ParameterDefinition]) -> tuple[TypedName, ...]:
         return tuple(typed_name(self._definitions, parameter) for parameter in parameters)
 
-    def _function(self, function: FunctionDefinition) -> Function:
+    def _function(self, function: d.FunctionDefinition) -> Function:
         types = self._typed("", function.type_ids).types
         return Function(function.name, self._parameters(function.parameters), types)
 
-    def _action(self, action: ActionDefinition) -> Action:
+    def _action(self, action: d.ActionDefinition) -> Action:
         with reading_rows("action_version", f"action {action.id!r}"):
             parts = (
                 TreeReader(self._definitions, tree, action.parameters).conjuncts()
@@ -290,9 +274,9 @@ class _DomainBuilder(_Builder):
             return Action(action.kind, action.name, self._parameters(action.parameters), *parts)
 
 
-def build_domain(definitions: Definitions, default_name: str) -> Domain:
+def build_domain(definitions: d.Definitions, default_name: str) -> Domain:
     """Build the domain from its definitions."""
-    return _DomainBuilder(definitions, DOMAIN).build(default_name)
+    return _DomainBuilder(definitions, d.DOMAIN).build(default_name)
 
 
 class Initial(NamedTuple):
@@ -364,13 +348,13 @@ def read_initial(view: View, for_text: bool) -> Initial:
 class _ProblemBuilder(_Builder):
     """Builds a problem from definitions and a state."""
 
-    def __init__(self, definitions: Definitions, initial: Initial) -> None:
-        super().__init__(definitions, PROBLEM)
+    def __init__(self, definitions: d.Definitions, initial: Initial) -> None:
+        super().__init__(definitions, d.PROBLEM)
         self._initial = initial
         self._constants: dict[int, Constant] = {}
 
     def build(self, default_name: str, domain: str, with_initial: bool = True) -> Problem:
-        metrics = read_formulas(self._definitions, METRIC)
+        metrics = read_formulas(self._definitions, d.METRIC)
         return Problem(
             default_name if self._document is None else self._document.title,
             self._domain_name(domain),
@@ -379,9 +363,9 @@ class _ProblemBuilder(_Builder):
             self._facts() if with_initial else (),
             self._literals(),
             self._values() if with_initial else (),
-            self._section(TIMED),
+            self._section(d.TIMED),
             tuple(self._goals()),
-            self._section(CONSTRAINT),
+            self._section(d.CONSTRAINT),
             read_formula(self._definitions, metrics[0]) if metrics else None,  # type: ignore[arg-type]
         )
 
@@ -392,7 +376,7 @@ class _ProblemBuilder(_Builder):
 
     def _literals(self) -> tuple[Not | Equal, ...]:
         """Return the initial literals that no fact of a later revision contradicts."""
-        literals = self._section(INITIAL)
+        literals = self._section(d.INITIAL)
         facts = {row[3] for row in self._initial.facts} if literals else ()
         return tuple(
             literal
@@ -420,9 +404,9 @@ class _ProblemBuilder(_Builder):
         )
         formulas: list[tuple[str, Any]] = [
             (formula.name, read_formula(self._definitions, formula))
-            for formula in read_formulas(self._definitions, GOAL)
+            for formula in read_formulas(self._definitions, d.GOAL)
         ]
-        goals = ordered([*atoms, *formulas], lambda goal: goal[0], self._document, GOAL)
+        goals = ordered([*atoms, *formulas], lambda goal: goal[0], self._document, d.GOAL)
         return [goal for _, goal in goals]
 
     def _atom(self, row: Any) -> Atom:

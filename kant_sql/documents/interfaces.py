@@ -109,9 +109,8 @@ class Exchange(Interface):
         Args:
             source: a path, or a text that begins with `(`.
             mode: `replace` retracts what the problem does not declare, `merge` keeps it.
-            strict: refuse deviations from the standard, instead of warning.
-            progress: called with the number of elements written, and the number in total; they
-                are not committed yet.
+            strict: as `load_domain`.
+            progress: as `load_domain`.
 
         Returns:
             The revision, and the warnings with their positions.

@@ -23,28 +23,8 @@ from ..dao.predicate import same_types
 from ..dto.formulas import Atom, Constant, Node, Not, Number, TypedName
 from ..dto.lexical import ROOT_TYPE, decimal_text, fold
 from ..errors import ConflictError, InvalidKnowledgeError
+from ..knowledge import definitions as d
 from ..knowledge.canonical import with_text
-from ..knowledge.definitions import (
-    CONSTRAINT,
-    DERIVED_PREDICATE,
-    DOMAIN,
-    DOMAIN_CONSTRAINT,
-    DOMAIN_SECTIONS,
-    GOAL,
-    INITIAL,
-    METRIC,
-    PROBLEM,
-    PROBLEM_SECTIONS,
-    TIMED,
-    Definition,
-    Definitions,
-    FunctionDefinition,
-    Item,
-    ObjectDefinition,
-    PredicateDefinition,
-    TypeDefinition,
-    formula_name,
-)
 from ..knowledge.trees import ParameterDefinition
 from ..pddl.document import Action, Domain, Function, FunctionValue, Predicate, Problem
 from ..store.caches import AtomKey, FluentKey, FluentValue, GroundAtom, HeldValue
@@ -81,7 +61,7 @@ class NameResolver:
 
     def __init__(self, transaction: Transaction) -> None:
         definitions, next_id = transaction.definitions, transaction.head.next_id
-        self._definitions: Definitions = definitions
+        self._definitions: d.Definitions = definitions
         # By kind, the ids and stored names of predicates and functions.
         self._heads: dict[str, dict[str, tuple[int, str]]] = {"predicate": {}, "function": {}}
         # By the address of a number, which the document keeps: equal numbers may be spelled apart.
@@ -167,9 +147,9 @@ def refuse_contradictions(
         if propositions.holds(atom):
             raise _conflict(atom.text, f"(not {atom.text})")
     formulas = transaction.definitions.formulas
-    if any(formula.section == INITIAL for formula in formulas):
+    if any(formula.section == d.INITIAL for formula in formulas):
         for text in names.atoms(problem.facts, False).texts.values():
-            if formulas.named(formula_name(INITIAL, f"(not {text})")) is not None:
+            if formulas.named(d.formula_name(d.INITIAL, f"(not {text})")) is not None:
                 raise _conflict(f"(not {text})", text)
 
 
@@ -210,7 +190,7 @@ def retract_misfits(transaction: Transaction) -> None:
     unfit = [held for held in values if not _value_fits(definitions, held)]
     retract_function_values(transaction, unfit)
     for formula in list(definitions.formulas):
-        if formula.section in PROBLEM_SECTIONS:
+        if formula.section in d.PROBLEM_SECTIONS:
             try:
                 node = read_formula(definitions, formula)
                 transaction.define("formula", make_formula(transaction, formula.section, node))
@@ -227,7 +207,7 @@ def _is_redefined(transaction: Transaction, kind: str) -> bool:
     )
 
 
-def _value_fits(definitions: Definitions, held: HeldValue) -> bool:
+def _value_fits(definitions: d.Definitions, held: HeldValue) -> bool:
     function = definitions.functions.live(held.fluent.key.function_id)
     value = held.value.object_id
     if value is None or not function.type_ids:
@@ -239,7 +219,7 @@ def _value_fits(definitions: Definitions, held: HeldValue) -> bool:
 
 
 def _fits(
-    definitions: Definitions, parameters: tuple[ParameterDefinition, ...], arguments: str
+    definitions: d.Definitions, parameters: tuple[ParameterDefinition, ...], arguments: str
 ) -> bool:
     ids = arguments.split()
     if len(ids) != len(parameters):
@@ -286,11 +266,11 @@ class Declaring:
         for _, (id_, name) in found:
             # First without parents, which may come later in the list.
             if self._definitions.types.get(id_) is None:
-                self._transaction.define("type", TypeDefinition(id_, name, None, (), name))
+                self._transaction.define("type", d.TypeDefinition(id_, name, None, (), name))
         for type_, identity in found:
             above = () if type_.types == (ROOT_TYPE,) else self.type_ids(type_.types)
             first = above[0] if above else None
-            self._define("type", TypeDefinition(*identity, first, above[1:]))
+            self._define("type", d.TypeDefinition(*identity, first, above[1:]))
 
     def type_ids(self, names: Iterable[str]) -> tuple[int, ...]:
         """Find the types of a name; `object` is created on first use."""
@@ -310,7 +290,7 @@ class Declaring:
             ids = known.get(object_.types)
             if ids is None:
                 ids = known[object_.types] = self.type_ids(object_.types)
-            self._define("object", ObjectDefinition(*identity, ids[0], ids[1:], is_constant))
+            self._define("object", d.ObjectDefinition(*identity, ids[0], ids[1:], is_constant))
 
     def parameters(self, parameters: Iterable[TypedName]) -> tuple[ParameterDefinition, ...]:
         """Find the types of parameters."""
@@ -322,13 +302,13 @@ class Declaring:
         """Declare predicates."""
         for predicate, identity in self._identified("predicate", predicates):
             own = self.parameters(predicate.parameters)
-            self._define("predicate", PredicateDefinition(*identity, own))
+            self._define("predicate", d.PredicateDefinition(*identity, own))
 
     def functions(self, functions: Sequence[Function]) -> None:
         """Declare functions."""
         for function, identity in self._identified("function", functions):
             own, type_ids = self.parameters(function.parameters), self.type_ids(function.types)
-            self._define("function", FunctionDefinition(*identity, own, type_ids))
+            self._define("function", d.FunctionDefinition(*identity, own, type_ids))
 
     def unsaid(self, kind: str) -> set[int]:
         """Return the stored elements of a kind that the document does not declare."""
@@ -342,7 +322,7 @@ class Declaring:
             self._said[kind].add(identity[0])
             yield each, identity
 
-    def _define(self, kind: str, made: Definition) -> None:
+    def _define(self, kind: str, made: d.Definition) -> None:
         definition: Any = with_text(self._definitions, made)
         elements = self._definitions.elements(kind)
         stored, before = elements.get(definition.id), elements.origin.get(definition.id)
@@ -358,7 +338,7 @@ class Declaring:
 def _becomes_constant(stored: Any, definition: Any) -> bool:
     """Return whether an object becomes a constant, and nothing else."""
     return (
-        isinstance(stored, ObjectDefinition)
+        isinstance(stored, d.ObjectDefinition)
         and stored.type_ids == definition.type_ids
         and definition.is_constant
     )
@@ -366,7 +346,7 @@ def _becomes_constant(stored: Any, definition: Any) -> bool:
 
 def _says_the_same(stored: Any, definition: Any) -> bool:
     """Return whether two definitions differ in the names of parameters alone."""
-    if isinstance(stored, PredicateDefinition | FunctionDefinition):
+    if isinstance(stored, d.PredicateDefinition | d.FunctionDefinition):
         values = getattr(stored, "type_ids", ()) == getattr(definition, "type_ids", ())
         return values and same_types(stored.parameters, definition.parameters)
     return False
@@ -378,7 +358,7 @@ class Formulas:
     def __init__(self, transaction: Transaction) -> None:
         self._transaction = transaction
         self.ids: set[int] = set()
-        self.items: list[Item] = []
+        self.items: list[d.Item] = []
 
     def put(self, section: str, nodes: Iterable[Node]) -> None:
         """Store formulas of a section."""
@@ -386,7 +366,7 @@ class Formulas:
             formula = make_formula(self._transaction, section, node)
             self._transaction.define("formula", formula)
             self.ids.add(formula.id)
-            self.items.append(Item(section, formula.name))
+            self.items.append(d.Item(section, formula.name))
 
     def retract_others(self, sections: Collection[str]) -> None:
         """Retract the other formulas of some sections."""
@@ -400,7 +380,7 @@ def load_domain(
 ) -> None:
     """Store a domain."""
     if not replace:
-        check_title(transaction.definitions, DOMAIN, domain.name)
+        check_title(transaction.definitions, d.DOMAIN, domain.name)
     declaring = Declaring(transaction, replace)
     declared = domain.types, domain.constants, domain.predicates, domain.functions
     steps = Steps(progress, sum(map(len, (*declared, domain.actions))))
@@ -410,18 +390,18 @@ def load_domain(
     declaring.functions(domain.functions)
     steps.add(sum(map(len, declared)))
     formulas = Formulas(transaction)
-    formulas.put(DERIVED_PREDICATE, domain.derived)
-    formulas.put(DOMAIN_CONSTRAINT, domain.constraints)
+    formulas.put(d.DERIVED_PREDICATE, domain.derived)
+    formulas.put(d.DOMAIN_CONSTRAINT, domain.constraints)
     actions = _put_actions(transaction, domain.actions, declaring, replace, steps)
     if replace:
-        formulas.retract_others(DOMAIN_SECTIONS)
+        formulas.retract_others(d.DOMAIN_SECTIONS)
         _retract_unsaid(transaction, declaring, actions)
         retract_misfits(transaction)
-    put_document(transaction, DOMAIN, domain.name, None, _items(domain, formulas), replace)
+    put_document(transaction, d.DOMAIN, domain.name, None, _items(domain, formulas), replace)
 
 
-def _items(domain: Domain, formulas: Formulas) -> Iterator[Item]:
-    yield from (Item(REQUIREMENT, name) for name in domain.requirements)
+def _items(domain: Domain, formulas: Formulas) -> Iterator[d.Item]:
+    yield from (d.Item(REQUIREMENT, name) for name in domain.requirements)
     for section, named in (
         ("type", domain.types),
         ("constant", domain.constants),
@@ -429,7 +409,7 @@ def _items(domain: Domain, formulas: Formulas) -> Iterator[Item]:
         ("function", domain.functions),
         ("action", domain.actions),
     ):
-        yield from (Item(section, fold(each.name)) for each in named)
+        yield from (d.Item(section, fold(each.name)) for each in named)
     yield from formulas.items
 
 
@@ -482,7 +462,7 @@ def load_problem(
 ) -> None:
     """Store a problem, whose domain is stored."""
     if not replace:
-        check_title(transaction.definitions, PROBLEM, problem.name)
+        check_title(transaction.definitions, d.PROBLEM, problem.name)
     is_first = transaction.is_stateless and not transaction.head.revision
     before = _Before(transaction) if replace and not is_first else None
     declaring = Declaring(transaction, replace)
@@ -503,17 +483,17 @@ def load_problem(
     if before is not None:
         before.retract(transaction, {key for key, _, _ in values})
     if replace:
-        formulas.retract_others(PROBLEM_SECTIONS)
+        formulas.retract_others(d.PROBLEM_SECTIONS)
         objects = declaring.unsaid("object") - constant_ids(transaction.definitions)
         if objects:
             delete_scope(transaction, Scope(objects=objects))
     _refuse_second_metric(transaction, formulas.ids)
     items = [
-        *(Item(REQUIREMENT, name) for name in problem.requirements),
-        *(Item("object", fold(object_.name)) for object_ in problem.objects),
+        *(d.Item(REQUIREMENT, name) for name in problem.requirements),
+        *(d.Item("object", fold(object_.name)) for object_ in problem.objects),
         *formulas.items,
     ]
-    put_document(transaction, PROBLEM, problem.name, problem.domain, items, replace)
+    put_document(transaction, d.PROBLEM, problem.name, problem.domain, items, replace)
 
 
 class _Before:
@@ -559,19 +539,19 @@ def _put_problem_formulas(
     for goal in problem.goal:
         if isinstance(goal, Atom) and is_ground(goal):
             (text,) = names.atoms((goal,), True).texts.values()
-            formulas.items.append(Item(GOAL, text))
+            formulas.items.append(d.Item(d.GOAL, text))
         else:
-            formulas.put(GOAL, (goal,))
-    formulas.put(INITIAL, problem.literals)
-    formulas.put(TIMED, problem.timed)
-    formulas.put(CONSTRAINT, problem.constraints)
+            formulas.put(d.GOAL, (goal,))
+    formulas.put(d.INITIAL, problem.literals)
+    formulas.put(d.TIMED, problem.timed)
+    formulas.put(d.CONSTRAINT, problem.constraints)
     if problem.metric is not None:
-        formulas.put(METRIC, (problem.metric,))
+        formulas.put(d.METRIC, (problem.metric,))
     return formulas
 
 
 def _refuse_second_metric(transaction: Transaction, ids: set[int]) -> None:
-    metrics = read_formulas(transaction.definitions, METRIC)
+    metrics = read_formulas(transaction.definitions, d.METRIC)
     if len(metrics) > 1:
         before, now = sorted(metrics, key=lambda each: each.id in ids)
         raise _conflict(before.text, now.text)
