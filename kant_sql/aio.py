@@ -34,12 +34,7 @@ from .dao.interfaces import (
 )
 from .dto import Dto, PddlFunctionValueDto, PddlPropositionDto
 from .dto.formulas import Node
-from .errors import (
-    ClosedError,
-    StoreBusyError,
-    TransactionCancelledError,
-    TransactionOpenError,
-)
+from .errors import ClosedError, StoreBusyError, TransactionCancelledError, TransactionOpenError
 from .knowledge_base import KnowledgeBase
 from .plans.interfaces import PlanDao
 
@@ -446,9 +441,7 @@ class _Call(Generic[P, R]):
     """A method of the synchronous interface that `run` calls in a thread."""
 
     def __init__(
-        self,
-        method: Callable[Concatenate[S, P], T],
-        run: Callable[[_Door, Callable[[], T]], R],
+        self, method: Callable[Concatenate[S, P], T], run: Callable[[_Door, Callable[[], T]], R]
     ) -> None:
         self._name: str = method.__name__
         self._run: Callable[[_Door, Callable[[], T]], R] = run

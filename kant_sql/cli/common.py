@@ -80,9 +80,7 @@ Url = Annotated[
 Name = Annotated[
     str | None,
     option(
-        f"The knowledge base; default: the only one, or '{DEFAULT_NAME}'.",
-        "--kb",
-        metavar="NAME",
+        f"The knowledge base; default: the only one, or '{DEFAULT_NAME}'.", "--kb", metavar="NAME"
     ),
 ]
 At = Annotated[str | None, option(f"The state at {_MOMENT}", metavar="REV|TIME")]

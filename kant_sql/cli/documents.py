@@ -32,15 +32,7 @@ from .common import (
     split_url,
     words_argument,
 )
-from .output import (
-    Document,
-    Printer,
-    bar,
-    is_terminal,
-    plural,
-    printable_lines,
-    write_json,
-)
+from .output import Document, Printer, bar, is_terminal, plural, printable_lines, write_json
 
 if TYPE_CHECKING:
     from ..dao.interfaces import Progress
@@ -209,10 +201,7 @@ def _write_load(name: str, knowledge_base: KnowledgeBase, made: Revision | None)
 
 
 def _load_document(
-    name: str,
-    knowledge_base: KnowledgeBase,
-    made: Revision | None,
-    warnings: Iterable[PddlWarning],
+    name: str, knowledge_base: KnowledgeBase, made: Revision | None, warnings: Iterable[PddlWarning]
 ) -> Document:
     """Return the result of a load as JSON data."""
     asserted, retracted = _counts(knowledge_base, made)

@@ -226,12 +226,7 @@ def history(
             _write_version(printer, version)
 
 
-def blame(
-    words: _Words,
-    kb: Name = None,
-    at: At = None,
-    as_json: AsJson = False,
-) -> None:
+def blame(words: _Words, kb: Name = None, at: At = None, as_json: AsJson = False) -> None:
     """Show who asserted a fact or another element, when and why."""
     url, (element,) = split_url(words, _USAGE, _EXAMPLE)
     with open_state(url, kb, at) as (name, state):
@@ -280,8 +275,7 @@ def restore(
     words: Annotated[
         list[str],
         words_argument(
-            _RESTORE_USAGE,
-            "a revision's number, a time in ISO 8601, or such as '2 hours ago'.",
+            _RESTORE_USAGE, "a revision's number, a time in ISO 8601, or such as '2 hours ago'."
         ),
     ],
     kb: Name = None,

@@ -271,10 +271,7 @@ class Section(NamedTuple):
 _SECTIONS = (
     Section("requirements", "requirement", str, read=lambda state: state.domain().requirements),
     Section(
-        "types",
-        "type",
-        _type,
-        ("parent", lambda dto: dto.parent.name if dto.parent else ROOT_TYPE),
+        "types", "type", _type, ("parent", lambda dto: dto.parent.name if dto.parent else ROOT_TYPE)
     ),
     Section("objects", "object", _object, ("type", lambda dto: dto.type.name)),
     Section("predicates", "predicate", _predicate),

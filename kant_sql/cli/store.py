@@ -219,8 +219,7 @@ def kbs(url: Url, as_json: AsJson = False) -> None:
 
 
 def anchor(
-    url: Url,
-    as_json: Annotated[bool, option("The same: one JSON document.", JSON_OPTION)] = False,
+    url: Url, as_json: Annotated[bool, option("The same: one JSON document.", JSON_OPTION)] = False
 ) -> None:
     """Write the head of every knowledge base, to keep elsewhere.
 

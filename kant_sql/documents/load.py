@@ -180,9 +180,7 @@ def retract_misfits(transaction: Transaction) -> None:
             atom
             for atom in propositions_on(transaction, None)
             if not _fits(
-                definitions,
-                predicates.live(atom.key.predicate_id).parameters,
-                atom.key.arguments,
+                definitions, predicates.live(atom.key.predicate_id).parameters, atom.key.arguments
             )
         ],
     )

@@ -24,8 +24,7 @@ _HEADS = Query(
     select(KnowledgeBaseRow.name, RevisionRow.number, RevisionRow.hash, RevisionRow.committed_at)
     .join(HeadRow, HeadRow.kb_id == KnowledgeBaseRow.id)
     .outerjoin(
-        RevisionRow,
-        (RevisionRow.kb_id == HeadRow.kb_id) & (RevisionRow.number == HeadRow.revision),
+        RevisionRow, (RevisionRow.kb_id == HeadRow.kb_id) & (RevisionRow.number == HeadRow.revision)
     )
     .where(HeadRow.revision.is_distinct_from(literal_column("0")))
     .order_by(KnowledgeBaseRow.id)

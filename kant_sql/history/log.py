@@ -262,10 +262,7 @@ def _refuse_holes(session: Session, rows: list[Row], high: int, count: int) -> N
 
 
 def _pages_of(
-    store: Store,
-    changed: Iterator[tuple[int, tuple[Change, ...]]],
-    actor: str | None,
-    limit: int,
+    store: Store, changed: Iterator[tuple[int, tuple[Change, ...]]], actor: str | None, limit: int
 ) -> Iterator[_Page]:
     size = min(LOG_PAGE, limit) if actor is None else LOG_PAGE
     while changes := dict(islice(changed, size)):

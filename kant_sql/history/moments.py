@@ -178,10 +178,7 @@ class Bounds(NamedTuple):
 
 
 def find_bounds(
-    store: Store,
-    since: int | datetime | None,
-    until: int | datetime | None,
-    upto: int | None,
+    store: Store, since: int | datetime | None, until: int | datetime | None, upto: int | None
 ) -> Bounds:
     """Find the first and last revision of a range, with one statement at most."""
     after = _moment_before(since)

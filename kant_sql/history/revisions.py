@@ -119,10 +119,7 @@ def revision_of(number: ColumnElement[int]) -> tuple[ColumnElement[Any], ...]:
         .where(of.kb_id == KB, of.number == number)
         .correlate_except(of)
         .scalar_subquery()
-        for of, columns in (
-            (RevisionRow, OWN_COLUMNS),
-            (RevisionPlanStepRow, STEP_COLUMNS),
-        )
+        for of, columns in ((RevisionRow, OWN_COLUMNS), (RevisionPlanStepRow, STEP_COLUMNS))
         for column in columns
     )
 
