@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from math import inf
-from typing import Any
+from typing import Any, NamedTuple
 
 from sqlalchemy import Table, select
 
@@ -40,26 +40,42 @@ from .identities import (
 )
 from .sides import Check, differing, interval_fault
 
-_BINDERS = (kinds.FORALL, kinds.EXISTS, kinds.DERIVED)
-_LEAVES = (kinds.PREDICATE, kinds.FUNCTION, kinds.NUMBER, kinds.VARIABLE, kinds.TIME)
-_NUMBERS = (kinds.NUMBER, kinds.AT)
-_DURATION = "?duration"
 # At a time, an assignment has the text of an equality.
 _AT_A_TIME = (kinds.PREDICATE, kinds.NOT, ASSIGNMENTS[0])
-# How many parts a node has: at least, and at most.
-_PARTS: dict[str, tuple[float, float]] = {
-    **dict.fromkeys((*_LEAVES, kinds.IS_VIOLATED, "total-time"), (0, 0)),
-    **dict.fromkeys(COMPARISONS, (2, 2)),
-    **dict.fromkeys(ARITHMETIC, (2, inf)),
-    "-": (1, 2),
-    "/": (2, 2),
-    **dict.fromkeys(ASSIGNMENTS, (2, 2)),
-    **dict.fromkeys(TIMES, (1, 1)),
-    **{operator: (sum(counts),) * 2 for operator, counts in MODALS.items()},
-    **dict.fromkeys((kinds.AND, kinds.OR), (0, inf)),
-    **dict.fromkeys((kinds.NOT, kinds.FORALL, kinds.EXISTS, kinds.PREFERENCE, kinds.AT), (1, 1)),
-    **dict.fromkeys((kinds.IMPLY, kinds.WHEN, kinds.DERIVED), (2, 2)),
-    **dict.fromkeys(kinds.OPTIMIZATIONS, (1, 1)),
+
+
+class _Allowed(NamedTuple):
+    """What a node of one operator may have."""
+
+    least: float = 0  # parts
+    most: float = 0  # parts
+    terms: float = 0
+    refers: str | None = None  # the column that it refers to a definition by
+    value: Callable[[str | None], bool] = lambda value: value is None
+    binds: bool = False
+
+
+_ALLOWED: dict[str, _Allowed] = {
+    kinds.PREDICATE: _Allowed(terms=inf, refers="predicate_id"),
+    kinds.FUNCTION: _Allowed(terms=inf, refers="function_id"),
+    kinds.NUMBER: _Allowed(value=is_decimal),
+    kinds.VARIABLE: _Allowed(value=lambda value: fold(value or "") == "?duration"),
+    kinds.IS_VIOLATED: _Allowed(value=lambda value: is_word(value or "")),
+    **dict.fromkeys((kinds.TIME, "total-time"), _Allowed()),
+    **dict.fromkeys(COMPARISONS, _Allowed(2, 2)),
+    kinds.EQUAL: _Allowed(2, 2, terms=2),
+    **dict.fromkeys(ARITHMETIC, _Allowed(2, inf)),
+    "-": _Allowed(1, 2),
+    "/": _Allowed(2, 2),
+    **dict.fromkeys(ASSIGNMENTS, _Allowed(2, 2, terms=1)),
+    **{operator: _Allowed(sum(counts), sum(counts)) for operator, counts in MODALS.items()},
+    **dict.fromkeys((kinds.AND, kinds.OR), _Allowed(0, inf)),
+    **dict.fromkeys((*TIMES, kinds.NOT, *kinds.OPTIMIZATIONS), _Allowed(1, 1)),
+    **dict.fromkeys((kinds.IMPLY, kinds.WHEN), _Allowed(2, 2)),
+    **dict.fromkeys((kinds.FORALL, kinds.EXISTS), _Allowed(1, 1, binds=True)),
+    kinds.DERIVED: _Allowed(2, 2, binds=True),
+    kinds.PREFERENCE: _Allowed(1, 1, value=lambda value: value is None or is_word(value)),
+    kinds.AT: _Allowed(1, 1, value=is_decimal),
 }
 
 
@@ -110,31 +126,23 @@ class _Shape:
         return None
 
     def _columns(self, node: TreeNode) -> str | None:
-        operator, value = node.operator, node.value
-        if operator not in _PARTS:
-            return f"there is no operator {operator!r}"
-        if (node.predicate_id is not None) != (operator == kinds.PREDICATE):
-            return f"{operator} and predicate_id {node.predicate_id} do not go together"
-        if (node.function_id is not None) != (operator == kinds.FUNCTION):
-            return f"{operator} and function_id {node.function_id} do not go together"
-        if node.variables and operator not in _BINDERS:
-            return f"{operator} binds no variables"
-        if operator in _NUMBERS:
-            return None if is_decimal(value) else f"{value!r} is no number"
-        if operator == kinds.VARIABLE:
-            return None if value is not None and fold(value) == _DURATION else "it is no ?duration"
-        if operator == kinds.IS_VIOLATED:
-            return None if value and is_word(value) else f"{value!r} is no preference"
-        if value is not None and operator != kinds.PREFERENCE:
-            return f"{operator} has no value"
-        if value is not None and not is_word(value):
-            return f"no preference can be called {value!r}"
+        allowed = _ALLOWED.get(node.operator)
+        if allowed is None:
+            return f"there is no operator {node.operator!r}"
+        for column in ("predicate_id", "function_id"):
+            id_ = getattr(node, column)
+            if (id_ is not None) != (column == allowed.refers):
+                return f"{node.operator} and {column} {id_} do not go together"
+        if node.variables and not allowed.binds:
+            return f"{node.operator} binds no variables"
+        if not allowed.value(node.value):
+            return f"{node.operator} cannot have the value {node.value!r}"
         return parameter_fault(node.variables)
 
     def _parts(self, node: TreeNode) -> str | None:
         values = {term.child for term in node.terms}
         parts = [each for each in self._below.get(node.position, ()) if each.position not in values]
-        least, most = _PARTS[node.operator]
+        least, most, *_ = _ALLOWED[node.operator]
         given = len(parts)
         if node.terms and node.operator in ("=", *ASSIGNMENTS):
             given += len(node.terms)
@@ -157,17 +165,9 @@ class _Shape:
         return node.function_id in self._object_functions
 
     def _terms(self, node: TreeNode) -> str | None:
-        allowed = (
-            inf
-            if node.operator in (kinds.PREDICATE, kinds.FUNCTION)
-            else 2
-            if node.operator == kinds.EQUAL
-            else 1
-            if node.operator in ASSIGNMENTS
-            else 0
-        )
-        if len(node.terms) > allowed or (node.operator == kinds.EQUAL and len(node.terms) == 1):
-            return f"{node.operator} has {len(node.terms)} terms"
+        count = len(node.terms)
+        if count > _ALLOWED[node.operator].terms or (node.operator == kinds.EQUAL and count == 1):
+            return f"{node.operator} has {count} terms"
         below = {each.position: each for each in self._below.get(node.position, ())}
         last = -1
         for number, term in enumerate(node.terms):
