@@ -91,14 +91,16 @@ Reason = Annotated[str | None, option("The reason for the revision.", metavar="T
 AsJson = Annotated[bool, option("One JSON document.", JSON_OPTION)]
 
 
-def split_url(words: Sequence[str], usage: str, example: str) -> tuple[str, list[str]]:
+def split_url(
+    words: Sequence[str], usage: str, example: str, needs_scheme: bool = True
+) -> tuple[str, list[str]]:
     """Split words into the URL, from them or from the environment, and the rest."""
     wanted = usage.split()
     default = os.environ.get(URL_VARIABLE)
     if default and words and "://" not in words[0]:
         words = [default, *words]
     is_right = len(words) == len(wanted) or (wanted[-1].endswith("...") and len(words) >= 2)
-    if not is_right or "://" not in words[0] or not all(words):
+    if not (is_right and all(words)) or (needs_scheme and "://" not in words[0]):
         raise typer.BadParameter(
             f"give a URL (or set {URL_VARIABLE}) and {' '.join(wanted[1:])}, such as: {example}",
             param_hint=usage,

@@ -56,7 +56,7 @@ def upgrade(url: Url, as_json: AsJson = False) -> None:
     _write_version(url, as_json)
 
 
-_DOWNGRADE_USAGE = "[URL] REV"
+_DOWNGRADE_USAGE, _DOWNGRADE_EXAMPLE = "[URL] REV", "sqlite:///robot.db base"
 
 
 @db.command(context_settings={"ignore_unknown_options": True})
@@ -79,7 +79,7 @@ def downgrade(
     from ..sql import schema
     from ..sql.catalog import revision_counts
 
-    url, (revision,) = split_url(words, _DOWNGRADE_USAGE, "sqlite:///robot.db base")
+    url, (revision,) = split_url(words, _DOWNGRADE_USAGE, _DOWNGRADE_EXAMPLE, needs_scheme=False)
     if schema.current(url) is None:
         # Raises the error that names the remedy.
         schema.check(url)

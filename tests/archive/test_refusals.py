@@ -100,7 +100,7 @@ def test_what_was_moved_before_must_be_where_the_rest_goes(
 ) -> None:
     count(file_kb, 6)
     file_kb.archive(4, to=archive_url)
-    with pytest.raises(ConflictError, match="what ended up to revision 3 was moved to"):
+    with pytest.raises(ConflictError, match="it lacks the versions that ended up to revision 3"):
         file_kb.archive(6, to=target_url(tmp_path, "another.db"))
     assert file_kb.archive(6, to=archive_url).upto == 5
 

@@ -70,9 +70,7 @@ def archive(
         return Archived(upto, leaving.versions, _label(to), None)
     _refuse_without_right(store)
     with open_target(to, store.name, store.backend) as target:
-        kb_id = store.query_in_snapshot(lambda _, kb_id: kb_id)
-        assert kb_id is not None
-        replicate(store.backend, kb_id, target, upto, progress)
+        _replicate(store, target, upto, progress)
         return Archived(upto, *_move_all(store, target, upto, actor, reason))
 
 
@@ -104,6 +102,12 @@ def _refuse_without_right(store: Store) -> None:
             refuse_without_right(session)
         finally:
             session.rollback()
+
+
+def _replicate(store: Store, target: Target, upto: int, progress: Progress | None) -> None:
+    kb_id = store.query_in_snapshot(lambda _, kb_id: kb_id)
+    assert kb_id is not None
+    replicate(store.backend, kb_id, target, upto, progress)
 
 
 def _move_all(
