@@ -49,7 +49,7 @@ class ActionReader(FormulaReader):
         return Action(kind, name, self._parameters, *parts), 2
 
     def _find_parameters(self) -> None:
-        """Read the parameters first, wherever they stand: conditions and effects need them."""
+        """Read the parameters first, wherever they stand: other parts refer to them."""
         start = self.at
         if self.tokens[start].lower() == ":parameters":
             return
@@ -64,7 +64,7 @@ class ActionReader(FormulaReader):
         self.at = start
 
     def _key(self) -> str:
-        """Pass the keyword of a part."""
+        """Consume the keyword of a part."""
         key = self.tokens[self.at].lower()
         if key not in _KEYS or (key == ":duration" and self._kind != DURATIVE_ACTION):
             self.fail(f"a part of an action, such as :effect{hint(key, list(_KEYS))}")
@@ -145,7 +145,7 @@ class RuleReader(FormulaReader):
     """A reader of rules for derived predicates, one after another."""
 
     def head(self, section: Section) -> Predicate:
-        """Read only the head of a rule, as the declaration of its predicate."""
+        """Read the head of a rule, as the declaration of its predicate."""
         self.open(section, section.keyword)
         self.at = 3
         name = self.declared_name("predicate")
@@ -173,7 +173,7 @@ class RuleReader(FormulaReader):
         return Derived(signature.name, variables, formula)
 
     def _check_variables(self, groups: list[Group], parameters: tuple[Types, ...]) -> None:
-        """Check the types of variables; those without one get the predicate's."""
+        """Check the types of variables; untyped ones get those of the predicate."""
         wanted = iter(parameters)
         for group in groups:
             for number, word in enumerate(group.words):

@@ -1,4 +1,4 @@
-"""Declarations in sections of a domain or a problem: how they are read, and what repeats."""
+"""Declarations of a domain or a problem: reading them, and merging repetitions."""
 
 from __future__ import annotations
 
@@ -16,11 +16,7 @@ NUMBER_TYPE = "number"
 
 
 class DeclarationReader(Cursor):
-    """A reader of one section of declarations.
-
-    Attributes:
-        symbols: the names that are declared; the reader adds to them.
-    """
+    """A reader of one section of declarations."""
 
     def __init__(self, diagnostics: Diagnostics, section: Section, symbols: SymbolTable) -> None:
         super().__init__(diagnostics, section, section.keyword)
@@ -125,7 +121,7 @@ class Declarations(Generic[Element]):
 
     Args:
         kind: the kind of the elements, for messages.
-        meaning: returns what two declarations of one name must agree in.
+        meaning: returns the part that two declarations of one name must have in common.
     """
 
     def __init__(self, kind: str, meaning: Callable[[Element], Hashable]) -> None:
@@ -162,7 +158,7 @@ class _Entry(NamedTuple):
 
 
 class TypedNames:
-    """Names with types, which are resolved when all types are known; `kind` is for messages."""
+    """Names with types, which `resolve` replaces by declared types; `kind` is for messages."""
 
     def __init__(self, kind: str) -> None:
         self._kind = kind
@@ -193,7 +189,7 @@ class TypedNames:
         return False
 
     def _united(self, known: _Entry, name: str, types: Types, cursor: Cursor, at: int) -> Types:
-        """Return the types of a name that is declared twice."""
+        """Return the union of the types of a name that is declared twice."""
         first = {fold(one): one for one in known.types}
         second = {fold(one): one for one in types}
         if first.keys() == second.keys() or second.keys() <= {ROOT_TYPE}:

@@ -10,7 +10,7 @@ from .actions import ActionReader, RuleReader
 from .cursor import Cursor, Diagnostics, Section
 from .declarations import DeclarationReader, Declarations, TypedNames
 from .document import Action, Domain, Function, Predicate
-from .forms import DOMAIN_ORDER, STRUCTURES, Form, check_sections, finish
+from .forms import ACTIONS, DOMAIN_ORDER, STRUCTURES, Form, check_sections, finish
 from .formulas import CONSTRAINTS, PREFERENCES, FormulaReader
 from .hierarchy import find_cycle
 from .lexer import Text
@@ -19,7 +19,7 @@ from .symbols import ANY, SymbolTable
 
 
 class DomainReader:
-    """A reader of one domain, which may be spread over several forms."""
+    """A reader of one domain of one or several forms."""
 
     def __init__(self, diagnostics: Diagnostics) -> None:
         self._diagnostics = diagnostics
@@ -28,11 +28,11 @@ class DomainReader:
         self._requirements: dict[str, str] = {}
         self._types = TypedNames("type")
         self._constants = TypedNames("constant")
-        self._predicates: Declarations[Predicate] = Declarations("predicate", _predicate_meaning)
-        self._functions: Declarations[Function] = Declarations("function", _function_meaning)
+        self._predicates: Declarations[Predicate] = Declarations("predicate", _types_of)
+        self._functions: Declarations[Function] = Declarations(
+            "function", lambda function: (_types_of(function), function.types)
+        )
         self._actions: Declarations[Action] = Declarations("action", _action_meaning)
-        self._action_reader: ActionReader | None = None
-        self._rule_reader: RuleReader | None = None
         self._derived: Declarations[Derived] = Declarations("rule", lambda rule: None)
         self._constraints: list[Formula] = []
         self._constrained: dict[Formula, Text] = {}
@@ -47,11 +47,10 @@ class DomainReader:
             if reader is not None:
                 reader(self, section)
                 section.forget()
-        types = self._known_types()
         domain = Domain(
             name=forms[0].name,
             requirements=tuple(self._requirements.values()),
-            types=tuple(types),
+            types=tuple(self._known_types()),
             constants=tuple(self._constants.resolve(self._symbols)),
             predicates=self._predicates.elements(),
             functions=self._all_functions(),
@@ -113,7 +112,7 @@ class DomainReader:
             self._types.refuse(name, "no cycle of types", f"the type {name} above itself")
 
     def _known_types(self) -> list[TypedName]:
-        """All types: the declared ones, then those that are only used."""
+        """Return the declared types, followed by types that are only used."""
         symbols = self._symbols
         names = [name for name in symbols.type_names() if name != ROOT_TYPE]
         return [TypedName(name, symbols.parents.get(name, ANY)) for name in names]
@@ -151,20 +150,16 @@ class DomainReader:
             self._add_predicate(reader, predicate, 3)
 
     def _read_action(self, section: Section) -> None:
-        reader = self._action_reader
-        if reader is None:
-            reader = self._action_reader = ActionReader(self._diagnostics, section, self._symbols)
+        reader = ActionReader(self._diagnostics, section, self._symbols)
         action, at = reader.action(section)
         finish(reader)
         if self._actions.add(reader, action.name, action, at) and action.name in self._predicates:
             _clash(reader, "action", "predicate", action.name, at)
 
     def _read_derived(self, section: Section) -> None:
-        reader = self._rule_reader
-        if reader is None:
-            reader = self._rule_reader = RuleReader(self._diagnostics, section, self._symbols)
+        reader = RuleReader(self._diagnostics, section, self._symbols)
         rule = reader.rule(section)
-        # Comparing the words of rules is faster than comparing their nodes.
+        # Words are faster to compare than nodes.
         words = " ".join(reader.tokens[: reader.at])
         finish(reader)
         self._derived.add(reader, words, rule, 3)
@@ -173,14 +168,14 @@ class DomainReader:
         reader = FormulaReader(self._diagnostics, section, self._symbols, section.keyword)
         reader.at = 2
         for formula in reader.conjuncts(CONSTRAINTS | PREFERENCES):
-            # Preferences may repeat within a file; another file repeats the first one.
+            # Preferences may repeat within a file; other files repeat formulas of the first.
             if self._constrained.setdefault(formula, section.text) is section.text:
                 self._constraints.append(formula)
         reader.expect(")", "')' after the constraints")
         finish(reader)
 
     def _all_functions(self) -> tuple[Function, ...]:
-        """The functions, and total-cost if it is used without a declaration."""
+        """Return the declared functions, and `total-cost` if it is used undeclared."""
         declared = self._functions.elements()
         used = self._symbols.functions.names()
         return declared + tuple([Function(name) for name in used if name not in self._functions])
@@ -195,12 +190,8 @@ class DomainReader:
             cursor.deviate(expected, "taken for required", "no requirements", 0)
 
 
-def _predicate_meaning(predicate: Predicate) -> tuple[tuple[str, ...], ...]:
-    return tuple([parameter.types for parameter in predicate.parameters])
-
-
-def _function_meaning(function: Function) -> tuple[object, ...]:
-    return tuple([parameter.types for parameter in function.parameters]), function.types
+def _types_of(element: Predicate | Function) -> tuple[tuple[str, ...], ...]:
+    return tuple([parameter.types for parameter in element.parameters])
 
 
 def _action_meaning(action: Action) -> tuple[object, ...]:
@@ -209,7 +200,7 @@ def _action_meaning(action: Action) -> tuple[object, ...]:
 
 
 def _clash(cursor: Cursor, kind: str, other: str, name: str, at: int) -> None:
-    """Warn that elements of two kinds share a name."""
+    """Warn about elements of two kinds with one name."""
     found = f"the {kind} {name}, which is named like a {other}"
     cursor.deviate("names that differ", "kept apart by what they are", found, at)
 
@@ -224,7 +215,5 @@ _DECLARATIONS: tuple[tuple[str, Callable[[DomainReader, DeclarationReader], None
 _STRUCTURES: dict[str, Callable[[DomainReader, Section], None]] = {
     ":constraints": DomainReader._read_constraints,
     ":derived": DomainReader._read_derived,
-    **dict.fromkeys(
-        (":action", ":durative-action", ":process", ":event"), DomainReader._read_action
-    ),
+    **dict.fromkeys(ACTIONS, DomainReader._read_action),
 }

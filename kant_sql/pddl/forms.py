@@ -36,7 +36,8 @@ PROBLEM_ORDER = (
     ":metric",
     ":length",
 )
-STRUCTURES = (":action", ":durative-action", ":process", ":event", ":derived")
+ACTIONS = (":action", ":durative-action", ":process", ":event")
+STRUCTURES = (*ACTIONS, ":derived")
 _SECTIONS = frozenset(DOMAIN_ORDER + PROBLEM_ORDER + STRUCTURES)
 
 # Sections of older and other languages, which messages name.

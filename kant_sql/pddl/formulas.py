@@ -1,7 +1,7 @@
 """Reading formulas: terms, numeric expressions, conditions, effects, constraints and preferences.
 
-Formulas are nested to any depth, so no method recurses: one that reads a node with formulas inside
-is a generator, which yields what is to be read inside and is sent the result (`finished`).
+Formulas may be nested to any depth, so no method recurses: a method that reads a node with formulas
+inside is a generator, which yields each inner formula to read and receives it (`finished`).
 """
 
 from __future__ import annotations
@@ -22,19 +22,19 @@ from .symbols import BoundVariable, Entity, Head, Signature, Signatures, SymbolT
 DURATION_VARIABLE = f.Variable(f.DURATION)
 _DURATION_WORD = f"?{f.DURATION}"
 
-# What a formula is, and what it may or must contain: bits of a context.
-PREFERENCES: Final = 1  # preferences are allowed
-TIMED: Final = 2  # atoms are inside (at start ...), (over all ...) or (at end ...)
-CONSTRAINTS: Final = 4  # atoms are inside modal operators
-MODAL: Final = 8  # modal operators are allowed
-EFFECT: Final = 16  # it is an effect
+# Bits of a context: what a formula is, and what it may or must contain.
+PREFERENCES: Final = 1  # may contain preferences
+TIMED: Final = 2  # atoms must be inside (at start ...), (over all ...) or (at end ...)
+CONSTRAINTS: Final = 4  # atoms must be inside modal operators
+MODAL: Final = 8  # may contain modal operators
+EFFECT: Final = 16  # is an effect
 _WRAPPED: Final = TIMED | CONSTRAINTS
 
 _TIMES = {("at", "start"): f.AT_START, ("at", "end"): f.AT_END, ("over", "all"): f.OVER_ALL}
 _TIMED_EFFECT = "(at start ...), (at end ...) or a continuous effect with #t"
 _TIMED_FORM = "(at start ...), (over all ...) or (at end ...)"
 _CONSTRAINT_FORM = "a constraint such as (always ...)"
-# Operators of conditions that are no effects, and operators of other languages.
+# Operators of conditions alone, and of other languages.
 _NO_EFFECTS: Final = frozenset(
     {"or", "imply", "exists", "preference", "=", "<", "<=", ">=", ">", "oneof", "probabilistic"}
 )
@@ -49,7 +49,7 @@ def finished(found: Steps[T]) -> T: ...
 @overload
 def finished(found: T) -> T: ...
 def finished(found: Any) -> Any:
-    """Return a node, or run the steps that read it, on a stack of their own."""
+    """Return a node, or run the steps that read it on an explicit stack."""
     if not isinstance(found, GeneratorType):
         return found
     stack: list[Steps[Any]] = [found]
@@ -88,7 +88,7 @@ def flatten(formula: f.Formula) -> tuple[f.Formula, ...]:
 
 
 class Scope(dict[str, Entity]):
-    """The variables in scope, each with its `?`: by folded name and by the spelling it is bound in.
+    """The variables in scope, each with its `?`, by folded name and by bound spelling.
 
     Bindings are journaled and rolled back: copies would be quadratic in the depth.
     """
@@ -98,7 +98,7 @@ class Scope(dict[str, Entity]):
         self._journal: list[tuple[str, Entity | None]] = []
 
     def mark(self) -> int:
-        """Return the present state, for `release`."""
+        """Return a mark of the present state, for `release`."""
         return len(self._journal)
 
     def release(self, mark: int) -> None:
@@ -133,8 +133,6 @@ class FormulaReader(Cursor):
     """A reader of formulas.
 
     Attributes:
-        symbols: the names that may be used.
-        scope: the variables that may be used.
         duration_allowed: whether `?duration` is the duration of the action.
         time_allowed: whether `#t` may be used.
         metric: whether it reads a metric, which has `total-time` and `is-violated`.
@@ -151,14 +149,14 @@ class FormulaReader(Cursor):
         self.symbols = symbols
 
     def open(self, section: Section, nesting: str, tokens: list[str] | None = None) -> None:
-        """Go to the beginning of a section, where no variables are bound."""
+        """Go to the beginning of a section, with no variables in scope."""
         super().open(section, nesting, tokens)
         self.scope = Scope()
 
     # Conditions and effects.
 
     def conjuncts(self, context: int) -> tuple[f.Formula, ...]:
-        """Read a formula that may be `()` or a conjunction, at the top of something."""
+        """Read a top-level formula, which may be `()` or a conjunction, as its conjuncts."""
         return flatten(self._empty() if self.is_empty() else self.formula(context))
 
     def formula(self, context: int) -> f.Formula:
@@ -166,7 +164,7 @@ class FormulaReader(Cursor):
         return finished(self._begin(context))
 
     def is_empty(self) -> bool:
-        """Whether `()` is next."""
+        """Return whether `()` is next."""
         return self.tokens[self.at] == "(" and self.tokens[self.at + 1] == ")"
 
     def _empty(self) -> f.And:
@@ -174,7 +172,7 @@ class FormulaReader(Cursor):
         return f.And()
 
     def _begin(self, context: int) -> f.Formula | Steps[f.Formula]:
-        """Read a formula, or return the steps that read it when formulas are inside."""
+        """Read a formula, or return the steps that read a formula with inner formulas."""
         tokens, at = self.tokens, self.at
         if tokens[at] != "(":
             self.fail(f"{_called(context)}, which begins with '('")
@@ -192,7 +190,7 @@ class FormulaReader(Cursor):
         return f.Atom(kind.name, self.arguments(kind))
 
     def _head(self, head: str, context: int) -> Head:
-        """Find what the word after a parenthesis begins, and cache it."""
+        """Look up the word after a parenthesis, and cache its meaning."""
         if head in ("(", ")", ""):
             if head != ")":
                 self.fail("a predicate or an operator", at=self.at + 1)
@@ -200,9 +198,7 @@ class FormulaReader(Cursor):
             return FormulaReader._no_conjuncts
         is_effect = context & EFFECT
         operators = _EFFECTS if is_effect else _CONDITIONS
-        kind: Head | None = operators.get(head.lower())
-        if kind is None:
-            kind = self.symbols.predicates.find(head)
+        kind: Head | None = operators.get(head.lower()) or self.symbols.predicates.find(head)
         if kind is None:
             if not self.symbols.unknown_domain:
                 self._unknown_predicate(head, context)
@@ -227,7 +223,7 @@ class FormulaReader(Cursor):
         self.fail(_TIMED_FORM if context & TIMED else _CONSTRAINT_FORM)
 
     def _plain(self, operator: str, context: int) -> int:
-        """The context inside an operator that should not contain timed formulas or constraints."""
+        """Return the context inside an operator that should contain no times or constraints."""
         if context & _WRAPPED:
             expected = _TIMED_FORM if context & TIMED else _CONSTRAINT_FORM
             self.deviate(f"{expected} instead of ({operator} ...)", "read as it is")
@@ -301,7 +297,7 @@ class FormulaReader(Cursor):
         return self.comparison()
 
     def time_here(self) -> str | None:
-        """Return the time of the formula that is next, if it has one."""
+        """Return the time of the next formula, if it has one."""
         words = self.tokens[self.at + 1].lower(), self.tokens[self.at + 2].lower()
         return _TIMES.get(words) if self.tokens[self.at + 3] == "(" else None
 
@@ -321,8 +317,7 @@ class FormulaReader(Cursor):
     def _inside_time(self, time: str, context: int) -> Steps[f.Formula]:
         self.at += 3
         formula = yield self._begin(context)
-        happens = "effect that happens" if context & EFFECT else "formula that holds"
-        self.expect(")", f"')' after the {happens} {time}")
+        self.expect(")", f"')' after the {_noun(context)} {time}")
         return f.Timed(time, formula)
 
     def _named_like_operator(self, context: int) -> f.Formula:
@@ -333,7 +328,7 @@ class FormulaReader(Cursor):
         return self.atom(signature)
 
     def _may_be_predicate(self) -> bool:
-        """Whether the word after the next parenthesis names a predicate, as far as is known."""
+        """Return whether the word after the next parenthesis may be a predicate."""
         unknown = self.symbols.unknown_domain
         return unknown or self.symbols.predicates.find(self.tokens[self.at + 1]) is not None
 
@@ -356,10 +351,8 @@ class FormulaReader(Cursor):
         return f.Preference(name, formula)
 
     def _takes_operands(self, numbers: int) -> bool:
-        """Whether operands of a modal operator follow the word that is next.
-
-        A predicate of that name takes neither a formula nor a number: no object is named so.
-        """
+        """Return whether the operands of a modal operator follow the next word."""
+        # A predicate of that name takes neither a formula nor a number, which names no object.
         self.at += 2
         found = self.is_number() if numbers else self.tokens[self.at] == "("
         self.at -= 2
@@ -406,7 +399,7 @@ class FormulaReader(Cursor):
         return f.Assign(operator, fluent, value)
 
     def assigned_fluent(self, numeric: bool | None = None) -> tuple[Signature, f.Fluent]:
-        """Read the fluent that gets a value."""
+        """Read the fluent of an assignment."""
         if self.tokens[self.at] == "(":
             fluent = self._fluent(numeric)
         else:
@@ -416,7 +409,7 @@ class FormulaReader(Cursor):
         return signature, fluent
 
     def assigned(self, signature: Signature) -> f.Expression | f.Term:
-        """Read the value that a fluent gets."""
+        """Read the value of an assignment."""
         at = self.at
         if signature.parameters is None:
             return self.expression() if self._is_numeric() else self.term()[0]
@@ -428,7 +421,7 @@ class FormulaReader(Cursor):
         return entity[0]
 
     def comparison(self) -> f.Comparison | f.Equal:
-        """Read a comparison of numbers, or an equation of objects."""
+        """Read a comparison of numbers, or an equality of objects."""
         operator = self.tokens[self.at + 1]
         self.at += 2
         if operator == "=" and self._equates_objects():
@@ -440,17 +433,17 @@ class FormulaReader(Cursor):
         return f.Comparison(operator, first, second)
 
     def _equates_objects(self) -> bool:
-        """Whether the next token begins a term that denotes an object."""
+        """Return whether the operands of `=` denote objects."""
         start = self.at
         numeric = self._is_numeric()
         if numeric is None:
             self.skip()
             numeric = self._is_numeric()
             self.at = start
-        return not numeric if numeric is not None else False
+        return numeric is False
 
     def _is_numeric(self) -> bool | None:
-        """Whether a number is next, or an object; None when a function may be either."""
+        """Return whether a number is next; None if it may be a number or an object."""
         token = self.tokens[self.at]
         if token == "(":
             head = self.tokens[self.at + 1]
@@ -524,18 +517,14 @@ class FormulaReader(Cursor):
         self.expect("(", "a function, such as (distance ?a ?b)")
         self.at -= 1
         signature = self._cost_or_time() or self._function_here()
-        if (
-            numeric is not None
-            and signature.parameters is not None
-            and numeric != (not signature.types)
-        ):
+        is_declared = signature.parameters is not None
+        if numeric is not None and is_declared and numeric == bool(signature.types):
             kinds = ("an object", "a number")
-            found = f"({signature.name} ...), which is {kinds[not numeric]}"
-            self.fail(kinds[numeric], found)
+            self.fail(kinds[numeric], f"({signature.name} ...), which is {kinds[not numeric]}")
         return f.Fluent(signature.name, self.arguments(signature))
 
     def _cost_or_time(self) -> Signature | None:
-        """The signature of `total-time` or `total-cost`, when it is here and not declared."""
+        """Return the signature of an undeclared `total-time` or `total-cost` that is next."""
         name = self.tokens[self.at + 1]
         if self.symbols.unknown_domain or self.symbols.functions.find(name) is not None:
             return None
@@ -580,11 +569,11 @@ class FormulaReader(Cursor):
         return f.Fluent(signature.name)
 
     def is_number(self) -> bool:
-        """Whether the next token is a number."""
+        """Return whether the next token is a number."""
         return NUMBER.fullmatch(self.tokens[self.at]) is not None
 
     def number_here(self) -> f.Number | None:
-        """Return the next token as a number, without passing it."""
+        """Return the next token as a number, without consuming it."""
         token = self.tokens[self.at]
         if _STANDARD_NUMBER.fullmatch(token) is None:
             if NUMBER.fullmatch(token) is None:
@@ -597,7 +586,7 @@ class FormulaReader(Cursor):
         return f.Number(Decimal(token) if len(token) < 20 else self._bounded(token))
 
     def _bounded(self, token: str) -> Decimal:
-        """Return a number; refuse one of too many digits."""
+        """Convert a number; refuse one with too many digits."""
         value = Decimal(token) if len(token) <= MAX_DIGITS else Decimal(f"1e{MAX_DIGITS}")
         digits, exponent = value.as_tuple().digits, value.as_tuple().exponent
         assert isinstance(exponent, int)
@@ -615,7 +604,7 @@ class FormulaReader(Cursor):
         return f.Atom(signature.name, self.arguments(signature))
 
     def arguments(self, signature: Signature) -> tuple[f.Term, ...]:
-        """Read the arguments of a predicate or function, and the parenthesis after them."""
+        """Read the arguments of a predicate or function, and the closing parenthesis."""
         if signature.parameters is None:
             return self._any_arguments()
         tokens, scope, objects = self.tokens, self.scope, self.symbols.objects
@@ -663,7 +652,7 @@ class FormulaReader(Cursor):
         self.fail(f"')' after the {arguments}", at=at)
 
     def _check_fit(self, signature: Signature, position: int, entity: Entity, at: int) -> None:
-        """Check that a term, whose first token is given, fits the parameter at a position."""
+        """Check that a term fits the parameter at a position."""
         wanted, accepted = signature.accepted[position]
         if self.symbols.fit(entity[1], wanted) is Fit.YES:
             accepted.add(entity[1])
@@ -671,7 +660,7 @@ class FormulaReader(Cursor):
             self._misfit(entity, wanted, f"as argument {position + 1} of {signature.name}", at)
 
     def _misfit(self, entity: Entity, wanted: Types, role: str, at: int) -> None:
-        """Warn about a term that may not fit; refuse one that does not."""
+        """Warn about a term that may fit; refuse one that cannot."""
         term, types = entity
         found = f"{shown(term)} of type {f.TypedName('', types).type_text}"
         expected = f"{f.TypedName('', wanted).type_text} {role}"
@@ -731,7 +720,7 @@ class FormulaReader(Cursor):
         return f.Fluent(signature.name, tuple(terms)), signature.types
 
     def _function_here(self) -> Signature:
-        """Look up the function whose parenthesis is the next token."""
+        """Look up the function after the next parenthesis."""
         self.at += 1
         name = self.word("a function")
         self.at -= 2

@@ -1,6 +1,6 @@
-"""Reading problems; a tight loop reads plain facts, most of a large problem.
+"""Reading problems; a tight loop reads plain facts, the bulk of a large problem.
 
-The loop accepts objects that fit, in their declared spelling. The general readers handle the rest
+The loop accepts declared spellings of objects that fit. The general readers read all other elements
 and report errors.
 """
 
@@ -23,14 +23,14 @@ from .hierarchy import Fit, Types
 from .lexer import Blocks
 from .symbols import ANY, Signatures, SymbolTable
 
-# Of predicates that no domain declares.
+# The arity of predicates without a domain.
 MAX_ARITY: Final = 32
 _NO_NAME: Final = frozenset({"(", ")", "?", ""})
 _PLAIN_NUMBER = re.compile(r"-?[0-9]{1,50}(\.[0-9]{1,50})?")
 
 
 class NotPlainError(Exception):
-    """The tight loop cannot read a token."""
+    """A token that the tight loop cannot read."""
 
 
 class _Fitting(dict[str, f.Constant]):
@@ -65,15 +65,13 @@ class _Numbers(dict[str, f.Number]):
 
 
 class FactSignature:
-    """The signature of a predicate or a function for the tight loop, and its facts or values.
+    """A predicate or a function for the tight loop, with its facts or values.
 
     Attributes:
-        name: its name.
-        arity: the number of its arguments.
         fitting: for each parameter, the objects that fit.
         value: for a function, its possible numbers or objects.
-        facts: the arguments for which it holds, in their declared spelling.
-        values: the index of its value for each list of arguments, in their declared spelling.
+        facts: the arguments of its facts, in their declared spelling.
+        values: the index of its value by arguments, in their declared spelling.
     """
 
     __slots__ = ("arity", "facts", "fitting", "name", "value", "values")
@@ -88,7 +86,7 @@ class FactSignature:
 
 
 class FactSignatures(dict[str, FactSignature | None]):
-    """Predicates or functions, in the spellings that were met; None for other words."""
+    """Predicates or functions, by spelling; None for other words."""
 
     def __init__(self, symbols: SymbolTable, named: Signatures) -> None:
         super().__init__()
@@ -114,7 +112,7 @@ class FactSignatures(dict[str, FactSignature | None]):
         return self._fitting.setdefault(wanted, _Fitting(self._symbols, wanted))
 
     def slow(self, name: str, arity: int) -> FactSignature:
-        """Return the signature of an atom or fluent that a general reader has read."""
+        """Return the signature of an atom or fluent that a general reader read."""
         entry = self[name]
         assert entry is not None
         if self._symbols.unknown_domain and entry.arity != arity <= MAX_ARITY:
@@ -134,14 +132,7 @@ _TokenIndex = tuple[Section, int]
 
 
 class InitialState(NamedTuple):
-    """The contents of an initial state.
-
-    Attributes:
-        facts: the atoms that hold.
-        literals: negative literals and equalities.
-        values: the values of fluents.
-        timed: timed initial literals and values.
-    """
+    """The contents of an initial state, as in `Problem`."""
 
     facts: tuple[f.Atom, ...]
     literals: tuple[f.Not | f.Equal, ...]
@@ -150,7 +141,7 @@ class InitialState(NamedTuple):
 
 
 class InitialStateReader(FormulaReader):
-    """A reader of an initial state, which may be spread over several sections."""
+    """A reader of an initial state of one or several sections."""
 
     def __init__(self, diagnostics: Diagnostics, section: Section, symbols: SymbolTable) -> None:
         super().__init__(diagnostics, section, symbols, section.keyword)
@@ -166,11 +157,11 @@ class InitialStateReader(FormulaReader):
         self._functions = FactSignatures(symbols, symbols.functions)
 
     def read(self, section: Section) -> None:
-        """Read a section and the parenthesis that closes it."""
+        """Read a section and its closing parenthesis."""
         self.open(section, section.keyword, [""])
         self._value_sections.append((len(self._values), section))
         self._blocks = Blocks(section.text.code, section.start, section.end)
-        # The loop looks as far ahead as the longest fact goes.
+        # The loop looks ahead by the length of the longest fact.
         longest = max(
             MAX_ARITY, self.symbols.predicates.longest(), self.symbols.functions.longest()
         )
@@ -183,7 +174,7 @@ class InitialStateReader(FormulaReader):
         self.tokens[self._count :] = self._blocks.rest() + self._ends
 
     def state(self) -> InitialState:
-        """Return what was read."""
+        """Return the initial state."""
         literals = tuple([one for one, place in self._literals.items() if self._agrees(one, place)])
         values = self._values
         if self._replaced:
@@ -191,7 +182,7 @@ class InitialStateReader(FormulaReader):
         return InitialState(tuple(self._facts), literals, tuple(values), tuple(self._timed))
 
     def _agrees(self, literal: f.Not | f.Equal, place: _TokenIndex) -> bool:
-        """Whether a literal contradicts no fact; otherwise the fact holds, as in VAL."""
+        """Return whether a literal contradicts no fact; otherwise the fact holds, as in VAL."""
         if not isinstance(literal, f.Not) or not isinstance(literal.formula, f.Atom):
             return True
         atom = literal.formula
@@ -205,7 +196,7 @@ class InitialStateReader(FormulaReader):
         return False
 
     def _next_block(self) -> bool:
-        """Go on to the next block, if there is one."""
+        """Go to the next block, if there is one."""
         tokens = self._blocks.next()
         self.base += self._count
         self._count = len(tokens)
@@ -214,7 +205,7 @@ class InitialStateReader(FormulaReader):
         return bool(tokens)
 
     def _elements(self) -> None:
-        """Read facts and the like up to the parenthesis that closes their list."""
+        """Read elements up to the parenthesis that closes their list."""
         tokens, at = self.tokens, self.at
         predicates, append = self._predicates, self._facts.append
         self._lists = 0
@@ -289,7 +280,7 @@ class InitialStateReader(FormulaReader):
             self._fact()
 
     def _is_foreign(self, head: str) -> bool:
-        """Whether the word that is next is an operator, and not a predicate of that name."""
+        """Return whether the next word is an operator, not a predicate of that name."""
         if self.symbols.predicates.find(head) is not None:
             return False
         self.at += 2
@@ -340,7 +331,7 @@ class InitialStateReader(FormulaReader):
         return found
 
     def _equation(self) -> None:
-        """Read `(= (function ...) value)`, or that two names denote one object."""
+        """Read `(= (function ...) value)`, or an equality of two objects."""
         first = self.tokens[self.at + 2]
         if first != "(" and (
             self.symbols.functions.find(first) is None or self.symbols.is_object(first)
@@ -363,12 +354,11 @@ class InitialStateReader(FormulaReader):
             entry.values[key] = len(self._values) - 1
 
     def _replace_value(self, number: int, value: FunctionValue, start: int) -> None:
-        """Replace an earlier value of the same fluent, as VAL does."""
+        """Replace an earlier value of a fluent, as VAL does."""
         first = self._values[number].value
         of = f"as the value of {value.fluent}"
-        self.deviate(
-            f"one value, which was {first}", "the last one holds", f"{value.value} {of}", start
-        )
+        expected = f"one value, which was {first}"
+        self.deviate(expected, "the last one holds", f"{value.value} {of}", start)
         section = next(one for least, one in reversed(self._value_sections) if least <= number)
         expected = f"one value, which is {value.value} further on"
         index = self._value_tokens[number]
@@ -428,13 +418,7 @@ _OPTIMIZATIONS = ("minimize", "maximize")
 
 
 class ProblemReader:
-    """A reader of one problem.
-
-    Args:
-        reading: the call that reads.
-        form: the problem's form.
-        domain: its domain; None to read without the checks that need it.
-    """
+    """A reader of one problem; without a domain, it skips the checks that need it."""
 
     def __init__(self, diagnostics: Diagnostics, form: Form, domain: Domain | None) -> None:
         self._diagnostics = diagnostics
@@ -460,12 +444,9 @@ class ProblemReader:
             domain=domain,
             requirements=tuple(dict.fromkeys(requirements)),
             objects=tuple(objects),
-            facts=state.facts,
-            literals=state.literals,
-            values=state.values,
-            timed=state.timed,
+            **state._asdict(),
             goal=self._read_goal(),
-            constraints=self._read_constraints(),
+            constraints=self._read_conjuncts(":constraints", CONSTRAINTS | PREFERENCES),
             metric=self._read_metric(),
         )
         self._leave_out_length()
@@ -503,7 +484,7 @@ class ProblemReader:
                     constant = constants.get(fold(name)) if constants else None
                     if constant is not None:
                         self._check_constant(reader, name, group, at, constant)
-                    elif table.add(reader, name, group, at) and self._names_type(name):
+                    elif table.add(reader, name, group, at) and fold(name) in self._symbols.types:
                         found = f"the object {name}, which is named like a type"
                         reader.deviate("names that differ", "kept apart", found, at)
             finish(reader)
@@ -515,16 +496,13 @@ class ProblemReader:
     def _check_constant(
         self, reader: DeclarationReader, name: str, group: Group, at: int, constant: f.TypedName
     ) -> None:
-        """Check that an object that repeats a constant has the same type."""
+        """Check that an object with the name of a constant has its type."""
         types = reader.resolve(self._symbols, group.types, group.types_at)
         if group.types and types != constant.types:
             expected = f"{constant.type_text}, as the domain's constant"
             reader.fail(expected, f"{name} of type {f.TypedName('', types).type_text}", at)
         found = f"the constant '{name}' again"
         reader.deviate("objects that are no constants", "left out", found, at)
-
-    def _names_type(self, name: str) -> bool:
-        return fold(name) in self._symbols.types
 
     def _read_initial_state(self) -> InitialState:
         sections = self._sections(":init")
@@ -537,17 +515,13 @@ class ProblemReader:
         return reader.state()
 
     def _read_goal(self) -> tuple[f.Formula, ...]:
-        sections = self._sections(":goal")
-        if not sections:
+        if not self._sections(":goal"):
             self._head().deviate("(:goal ...)", "read as (:goal (and))", "no goal", 0)
-        return self._read_conjuncts(sections, PREFERENCES)
+        return self._read_conjuncts(":goal", PREFERENCES)
 
-    def _read_constraints(self) -> tuple[f.Formula, ...]:
-        return self._read_conjuncts(self._sections(":constraints"), CONSTRAINTS | PREFERENCES)
-
-    def _read_conjuncts(self, sections: list[Section], context: int) -> tuple[f.Formula, ...]:
+    def _read_conjuncts(self, keyword: str, context: int) -> tuple[f.Formula, ...]:
         found: list[f.Formula] = []
-        for section in sections:
+        for section in self._sections(keyword):
             reader = FormulaReader(self._diagnostics, section, self._symbols, section.keyword)
             reader.at = 2
             if reader.is_empty() or reader.tokens[2] == ")":
