@@ -1,12 +1,12 @@
 """The nodes of conditions, effects, goals, constraints and metrics: immutable data.
 
-Generated formulas are nested thousands of levels deep, such as a sum of all preferences. So no
-method of a node recurses; memory is the limit.
+Generated formulas, such as a sum of all preferences, are nested thousands of levels deep. So no
+method of a node recurses.
 
-Each node is a construct of the language, under its name in the papers: PDDL 2.1 (Fox and Long,
+Each node is a construct of the language, with its name in the papers: PDDL 2.1 (Fox and Long,
 2003), PDDL 2.2 (Edelkamp and Hoffmann, 2004), PDDL 3.0 (Gerevini and Long, 2005), PDDL 3.1
-(Kovacs, 2011) and PDDL+ (Fox and Long, 2006). Nodes name predicates, functions and objects; nodes
-of the same content and spelling are equal. `str()` of a node is its PDDL text.
+(Kovacs, 2011) and PDDL+ (Fox and Long, 2006). Nodes refer to predicates, functions and objects by
+name. Nodes with the same content and spelling are equal. `str()` of a node is its PDDL text.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from .lexical import ROOT_TYPE, check_number, decimal_text, either_text
 class Checked:
     """Immutable data whose constructor checks each field by its annotation.
 
-    A list is accepted for a tuple, and kept as one. Anything else raises `InvalidKnowledgeError`.
+    A list is converted to a tuple. A wrong type raises `InvalidKnowledgeError`.
     """
 
     __slots__ = ()
@@ -43,7 +43,7 @@ class Checked:
 
 
 class Node(Checked, Readable):
-    """A node of a formula, an effect or an expression; a copy of one is the node itself."""
+    """A node of a formula, an effect or an expression; it is its own copy."""
 
     __slots__ = ()
     # What its text begins with; empty where that is the first field.
@@ -68,8 +68,8 @@ class FormulaNode(Node):
 class Branch(Node):
     """A node that may contain nodes of its own class, at any depth.
 
-    Subclasses are dataclasses that compare and print without recursion. The other nodes never
-    contain their own class, so the methods of a dataclass serve them.
+    It compares and prints without recursion. Other nodes never contain their own class, so the
+    methods of a dataclass suffice.
     """
 
     __slots__ = ()
@@ -162,8 +162,8 @@ def depth(node: Node) -> int:
 def _records(node: Branch) -> tuple[object, ...]:
     """Return the content of a node as one flat tuple, in preorder.
 
-    A branch is a tuple of its class and its fields, with an ellipsis for a child and a number for
-    a tuple of children. Other nodes are items themselves.
+    A branch is a tuple of its class and its fields, with an ellipsis for a child and the length of
+    a tuple of children. Other nodes stand for themselves.
     """
     found: list[object] = []
     stack: list[Any] = [node]
@@ -196,7 +196,7 @@ def _is_of_nodes(value: object) -> bool:
 
 
 def _rebuilt(records: tuple[Any, ...]) -> Node:
-    """Make a node from its records, where children follow their parent."""
+    """Rebuild a node from its records, where children follow their parent."""
     stack: list[Any] = []
     for record in reversed(records):
         if not isinstance(record, tuple):
@@ -236,7 +236,7 @@ def _repr_parts(node: Branch) -> Iterator[Branch | str]:
 
 @dataclass(frozen=True, slots=True)
 class TypedName(Checked):
-    """A name with its type, as lists of parameters, objects and types have it.
+    """A name with its type, in a list of parameters, objects or types.
 
     Attributes:
         name: the name; a variable's without its question mark.
@@ -254,7 +254,7 @@ class TypedName(Checked):
 
 @dataclass(frozen=True, slots=True)
 class Variable(Node):
-    """A variable: a parameter, or what a quantifier binds. `?duration` is one as well.
+    """A variable: a parameter, a variable of a quantifier, or `?duration`.
 
     Attributes:
         name: its name, without the question mark.
@@ -268,11 +268,7 @@ class Variable(Node):
 
 @dataclass(frozen=True, slots=True)
 class Constant(Node):
-    """An object, by its name.
-
-    Attributes:
-        name: its name.
-    """
+    """An object, by its name."""
 
     name: str
 
@@ -282,7 +278,7 @@ class Constant(Node):
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Fluent(Branch):
-    """A function applied to terms: a number, or an object (PDDL 3.1), that changes over time.
+    """A function applied to terms, with a number or an object (PDDL 3.1) as its value.
 
     Attributes:
         function: the function's name.
@@ -298,8 +294,8 @@ class Number(Node):
     """A number, exactly.
 
     Attributes:
-        value: the number, finite and of at most `MAX_DIGITS` digits; an `int`, or a `float` by
-            the shortest digits that denote it, is taken too.
+        value: the number, finite and of at most `MAX_DIGITS` digits; an `int` is converted, and a
+            `float` by its shortest representation.
     """
 
     value: Decimal
@@ -313,7 +309,7 @@ class Number(Node):
 
 @dataclass(frozen=True, slots=True)
 class ContinuousTime(Node):
-    """The time that has passed, `#t`, in a continuous effect (PDDL 2.1, section 5.3)."""
+    """The elapsed time, `#t`, in a continuous effect (PDDL 2.1, section 5.3)."""
 
     def __str__(self) -> str:
         return "#t"
@@ -334,11 +330,7 @@ class Arithmetic(Branch):
 
 @dataclass(frozen=True, slots=True)
 class IsViolated(Node):
-    """How often a preference is violated (PDDL 3.0, section 3), in a metric.
-
-    Attributes:
-        preference: the preference's name.
-    """
+    """The number of violations of a preference, by name, in a metric (PDDL 3.0, section 3)."""
 
     preference: str
 
@@ -396,7 +388,7 @@ class Atom(FormulaNode):
 
 
 def trusted_atom(predicate: str, terms: tuple[Term, ...]) -> Atom:
-    """Make an atom without checks: a document has hundreds of thousands."""
+    """Make an atom without checks: a document may have hundreds of thousands."""
     atom = _new(Atom)
     _set(atom, "predicate", predicate)
     _set(atom, "terms", terms)
@@ -405,12 +397,7 @@ def trusted_atom(predicate: str, terms: tuple[Term, ...]) -> Atom:
 
 @dataclass(frozen=True, slots=True)
 class Equal(FormulaNode):
-    """Two terms that denote one object.
-
-    Attributes:
-        left: the one term.
-        right: the other.
-    """
+    """Two terms that denote one object."""
 
     left: Term
     right: Term
@@ -420,12 +407,12 @@ class Equal(FormulaNode):
 
 @dataclass(frozen=True, slots=True)
 class Comparison(FormulaNode):
-    """Two numbers that are compared; a duration's constraint is one, too.
+    """A comparison of two numbers; also a constraint on a duration.
 
     Attributes:
         operator: `<`, `<=`, `=`, `>=` or `>`.
-        left: the one number.
-        right: the other.
+        left: the first number.
+        right: the second number.
     """
 
     operator: str
@@ -435,11 +422,7 @@ class Comparison(FormulaNode):
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Not(Branch, FormulaNode):
-    """A negation; as an effect, a delete.
-
-    Attributes:
-        formula: what does not hold.
-    """
+    """A negation; as an effect, a delete."""
 
     formula: Formula
 
@@ -448,11 +431,7 @@ class Not(Branch, FormulaNode):
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class And(Branch, FormulaNode):
-    """A conjunction.
-
-    Attributes:
-        formulas: the conjuncts, in order.
-    """
+    """A conjunction, in order."""
 
     formulas: tuple[Formula, ...] = ()
 
@@ -461,11 +440,7 @@ class And(Branch, FormulaNode):
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Or(Branch, FormulaNode):
-    """A disjunction.
-
-    Attributes:
-        formulas: the disjuncts, in order.
-    """
+    """A disjunction, in order."""
 
     formulas: tuple[Formula, ...] = ()
 
@@ -489,12 +464,7 @@ class Imply(Branch, FormulaNode):
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Forall(Branch, FormulaNode):
-    """A formula, or an effect, for all objects.
-
-    Attributes:
-        variables: what is bound, in order.
-        formula: what holds, or happens, for all of them.
-    """
+    """A formula, or an effect, for all objects of the variables' types."""
 
     variables: tuple[TypedName, ...]
     formula: Formula
@@ -504,12 +474,7 @@ class Forall(Branch, FormulaNode):
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Exists(Branch, FormulaNode):
-    """A formula that holds for some objects.
-
-    Attributes:
-        variables: what is bound, in order.
-        formula: what holds for some of them.
-    """
+    """A formula that holds for some objects of the variables' types."""
 
     variables: tuple[TypedName, ...]
     formula: Formula
@@ -522,11 +487,11 @@ _WITH_VARIABLES = (Forall, Exists)
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Timed(Branch, FormulaNode):
-    """A condition or an effect at a time of a durative action; `at end`, a constraint's too.
+    """A condition or an effect at a time of a durative action; `at end` also in constraints.
 
     Attributes:
         time: `at start`, `over all` or `at end`.
-        formula: what holds, or happens, then.
+        formula: the condition or the effect.
     """
 
     time: str
@@ -538,8 +503,8 @@ class Preference(Branch, FormulaNode):
     """A soft goal, precondition or constraint (PDDL 3.0, section 3).
 
     Attributes:
-        name: its name, which others may share; None when it has none.
-        formula: what is preferred.
+        name: its name, which others may share; None without one.
+        formula: the preferred formula.
     """
 
     name: str | None
@@ -555,8 +520,8 @@ class Modal(Branch, FormulaNode):
     Attributes:
         operator: `always`, `sometime`, `at-most-once`, `sometime-after`, `sometime-before`,
             `within`, `always-within`, `hold-during` or `hold-after`.
-        numbers: the times that it takes, in the planner's units.
-        formulas: the formulas that it takes.
+        numbers: its times, in the planner's units.
+        formulas: its formulas.
     """
 
     operator: str
@@ -566,12 +531,7 @@ class Modal(Branch, FormulaNode):
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class When(Branch, FormulaNode):
-    """A conditional effect.
-
-    Attributes:
-        condition: when it happens.
-        effect: what happens.
-    """
+    """A conditional effect."""
 
     condition: Formula
     effect: Formula
@@ -586,7 +546,7 @@ class Assign(FormulaNode):
     Attributes:
         operator: `assign`, `increase`, `decrease`, `scale-up` or `scale-down`.
         fluent: the fluent.
-        value: a number's expression, or for an object fluent a term.
+        value: a numeric expression, or for an object fluent a term.
     """
 
     operator: str
@@ -600,8 +560,8 @@ class Derived(Node):
 
     Attributes:
         predicate: the predicate's name.
-        variables: the predicate's parameters, as the rule names and types them.
-        formula: what it follows from.
+        variables: the predicate's parameters, with the names and types of the rule.
+        formula: the formula that implies it.
     """
 
     predicate: str
@@ -617,7 +577,7 @@ class TimedLiteral(Node):
     """A timed initial literal (PDDL 2.2, section 3.2), or a timed initial value.
 
     Attributes:
-        time: when, in the planner's units of time.
+        time: its time, in the planner's units.
         effect: an `Atom`, `Not` of one, or an `Assign`, written `(= (fluent) value)`.
     """
 
@@ -633,11 +593,11 @@ class TimedLiteral(Node):
 
 @dataclass(frozen=True, slots=True)
 class Metric(Node):
-    """What a plan is measured by (PDDL 2.1, section 4.1).
+    """The measure of plans (PDDL 2.1, section 4.1).
 
     Attributes:
         optimization: `minimize` or `maximize`.
-        expression: the quantity.
+        expression: the measured quantity.
     """
 
     optimization: str
@@ -653,7 +613,7 @@ TIMES = (AT_START, OVER_ALL, AT_END)
 COMPARISONS = ("<", "<=", "=", ">=", ">")
 ARITHMETIC = ("+", "-", "*", "/")
 ASSIGNMENTS = ("assign", "increase", "decrease", "scale-up", "scale-down")
-# How many numbers, and how many formulas, each modal operator takes.
+# The numbers of times and of formulas of each modal operator.
 MODALS = {
     "always": (0, 1),
     "sometime": (0, 1),

@@ -219,8 +219,7 @@ class PddlActions(PddlExpressions):
     def _time(self, timing: up.Timing) -> str:
         kind = timing.timepoint.kind.name
         if timing.delay != 0 or kind not in _TIMES:
-            reason = "a time in an action is its start or its end"
-            raise self.unsupported(f"time {timing}", reason)
+            raise self.unsupported(f"time {timing}", "a time in an action is its start or its end")
         return _TIMES[kind]
 
     def _effects(self, action: up.Transition, bound: Bound) -> Iterator[f.Formula]:
@@ -233,8 +232,7 @@ class PddlActions(PddlExpressions):
                 yield from self.effect(effect, self._time(timing), bound)
         for interval, effects in action.continuous_effects.items():
             if list(self._times(interval)) != [f.AT_START, f.OVER_ALL, f.AT_END]:
-                reason = "a continuous effect lasts throughout its action"
-                raise self.unsupported(interval, reason)
+                raise self.unsupported(interval, "a continuous effect lasts throughout its action")
             for effect in effects:
                 yield from self.effect(effect, None, bound)
 

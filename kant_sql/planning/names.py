@@ -1,7 +1,7 @@
-"""What both directions share: names, numbers, and the total cost of a plan.
+"""Names, numbers and operators that both directions of the conversion share.
 
-In PDDL, an action and a predicate, or an object and a type, may share a name. Objects and actions
-keep theirs, because plans consist of them; other elements get their category appended.
+In PDDL, an action and a predicate, or an object and a type, may have the same name. Objects and
+actions keep theirs, because plans consist of them; other elements get their category appended.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ ACTION_CLASSES = {
 # Operators as methods of the expression manager; `OperatorKind` spells them in capitals.
 UP_ARITHMETIC = {"+": "Plus", "-": "Minus", "*": "Times", "/": "Div"}
 UP_COMPARISONS = {"<": "LT", "<=": "LE", "=": "Equals", ">=": "GE", ">": "GT"}
-# The modal operators that both have; unified-planning spells them `AT_MOST_ONCE` and `AtMostOnce`.
+# Modal operators of both; unified-planning spells them `AT_MOST_ONCE` and `AtMostOnce`.
 SHARED_MODALS = ("always", "sometime", "at-most-once", "sometime-after", "sometime-before")
 
 

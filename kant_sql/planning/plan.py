@@ -42,10 +42,10 @@ class PlanStep:
     """A step of a plan.
 
     Attributes:
-        start: when it starts; None in a plan without times.
+        start: its start time; None in a plan without times.
         action: the action's name in the domain.
         arguments: the objects' names, in the order of the action's parameters.
-        duration: how long it takes; None for what happens in an instant.
+        duration: its duration; None for an instantaneous step.
     """
 
     start: Decimal | None
@@ -77,7 +77,7 @@ class Plan:
         steps: its steps, in order.
         engine: the engine of unified-planning that found it.
         status: the engine's verdict: `solved_satisficing` or `solved_optimally`.
-        revision: the revision of the knowledge base that it was made from.
+        revision: the revision of the knowledge base that was planned from.
         problem_hash: the `problem_hash` of the planner's input; None when unknown.
     """
 
@@ -109,7 +109,7 @@ def problem_hash(domain: str, *, problem: str) -> str:
         problem: the problem's PDDL text.
 
     Returns:
-        The SHA-256 of the UTF-8 of the first and then the second, 64 hexadecimal digits.
+        The SHA-256 of both texts in UTF-8, the domain first, as 64 hexadecimal digits.
     """
     for text, role in ((domain, "domain"), (problem, "problem")):
         expect(text, str, role, InvalidArgumentError)
@@ -122,25 +122,25 @@ def solve(
 ) -> Plan:
     """Find a plan.
 
-    Without an engine's name, the installed engines that can express the problem are asked in turn:
-    aries first where actions take time, ENHSP where there are numbers, else Fast Downward and
-    pyperplan. What an engine does not know may be compiled away by unified-planning: quantifiers,
-    conditional effects, constraints on the trajectory, object fluents. A metric that no engine
-    knows is left aside: the plan is valid, and not measured.
+    Without an engine's name, the installed engines that support the problem are tried in turn:
+    aries first for durations, ENHSP for numbers, otherwise Fast Downward and pyperplan.
+    unified-planning may compile away constructs that an engine does not support: quantifiers,
+    conditional effects, trajectory constraints, object fluents. A metric that no engine supports is
+    ignored: the plan is valid, but not optimized.
 
     Args:
         domain: the domain.
         problem: the problem.
         engine: the name that unified-planning has for an engine, for example `fast-downward-opt`.
-        timeout: how many seconds to wait; without one, for as long as it takes.
+        timeout: the longest time to wait, in seconds; None is infinite.
 
     Returns:
         The plan, in the names of the documents.
 
     Raises:
         PlannerMissingError: unified-planning or the engine is not installed.
-        UnsupportedConstructError: something has no exact counterpart in unified-planning.
-        NoPlanError: there is no plan, or none was found in time; `status` tells which.
+        UnsupportedConstructError: a construct has no exact counterpart in unified-planning.
+        NoPlanError: there is no plan, or none was found in time; `status` is the reason.
     """
     check_documents(domain, problem)
     optional_text(engine, "engine")

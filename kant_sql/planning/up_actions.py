@@ -12,7 +12,7 @@ from ..dto import formulas as f
 from ..dto.lexical import fold
 from ..pddl.document import ACTION, DURATIVE_ACTION, EVENT, PROCESS, Action
 from .names import ACTION_CLASSES
-from .up_formulas import Bindings, ConversionContext, UpFormulas, UpPreferences
+from .up_formulas import Bindings, ConversionContext, UpConverter, UpFormulas, UpPreferences
 
 if TYPE_CHECKING:
     from unified_planning.model import DurationInterval, FNode, Timing, Transition
@@ -23,91 +23,81 @@ if TYPE_CHECKING:
 _FLIPPED = {"<": ">", "<=": ">=", "=": "=", ">=": "<=", ">": "<"}
 
 
-def duration(
-    action: Action, scope: Bindings, context: ConversionContext, formulas: UpFormulas
-) -> DurationInterval:
-    """Convert the constraints on a duration."""
-    from unified_planning.model import DurationInterval
+class UpDurations(UpConverter):
+    """Converts the constraints on a duration."""
 
-    lower: list[tuple[FNode, bool]] = []
-    upper: list[tuple[FNode, bool]] = []
-    for operator, bound in _bounds(action.duration, context):
-        node = formulas.expression(bound, scope)
-        if operator in {"=", ">", ">="}:
-            lower.append((node, operator == ">"))
-        if operator in {"=", "<", "<="}:
-            upper.append((node, operator == "<"))
-    if not upper:
-        text = " ".join(map(str, action.duration)) or "a duration without a bound"
-        raise context.unsupported(text, "the duration needs an upper bound; give it one")
-    zero = (context.environment.expression_manager.Int(0), False)
-    (least, left), (most, right) = (
-        _tightest(lower or [zero], 1, context),
-        _tightest(upper, -1, context),
-    )
-    return DurationInterval(least, most, left, right)
+    def interval(self, action: Action, scope: Bindings, formulas: UpFormulas) -> DurationInterval:
+        """Convert the constraints on the duration of an action."""
+        from unified_planning.model import DurationInterval
 
+        lower: list[tuple[FNode, bool]] = []
+        upper: list[tuple[FNode, bool]] = []
+        for operator, bound in self._bounds(action.duration):
+            node = formulas.expression(bound, scope)
+            if operator in {"=", ">", ">="}:
+                lower.append((node, operator == ">"))
+            if operator in {"=", "<", "<="}:
+                upper.append((node, operator == "<"))
+        if not upper:
+            text = " ".join(map(str, action.duration)) or "a duration without a bound"
+            raise self._unsupported(text, "the duration needs an upper bound; give it one")
+        least, left = self._tightest(lower or [(self._manager.Int(0), False)], 1)
+        most, right = self._tightest(upper, -1)
+        return DurationInterval(least, most, left, right)
 
-def fixed(action: Action, context: ConversionContext) -> f.Expression | None:
-    """Return the value of a duration that is fixed when the action starts."""
-    bounds = list(_bounds(action.duration, context))
-    if len(bounds) == 1 and bounds[0][0] == "=" and _is_static(bounds[0][1], context):
-        return bounds[0][1]
-    return None
+    def fixed(self, action: Action) -> f.Expression | None:
+        """Return the value of a duration that is fixed when the action starts."""
+        bounds = list(self._bounds(action.duration))
+        if len(bounds) == 1 and bounds[0][0] == "=" and self._is_static(bounds[0][1]):
+            return bounds[0][1]
+        return None
 
+    def _bounds(
+        self, constraints: Iterable[f.Formula], time: str | None = None
+    ) -> Iterator[tuple[str, f.Expression]]:
+        for constraint in constraints:
+            match constraint:
+                case f.And(parts):
+                    yield from self._bounds(parts, time)
+                case f.Timed(when, inner):
+                    yield from self._bounds([inner], when)
+                case f.Comparison(operator, left, right):
+                    if not _is_duration(left):
+                        operator, left, right = _FLIPPED[operator], right, left
+                    if not _is_duration(left) or any(map(_is_duration, f.walk(right))):
+                        raise self._unsupported(constraint, "it is no bound of ?duration")
+                    if time == f.AT_END and not self._is_static(right):
+                        reason = "a bound that is only known at the end has no counterpart"
+                        raise self._unsupported(constraint, reason)
+                    yield operator, right
+                case _:
+                    raise self._unsupported(constraint, "it is no bound of ?duration")
 
-def _bounds(
-    constraints: Iterable[f.Formula], context: ConversionContext, time: str | None = None
-) -> Iterator[tuple[str, f.Expression]]:
-    for constraint in constraints:
-        match constraint:
-            case f.And(parts):
-                yield from _bounds(parts, context, time)
-            case f.Timed(when, inner):
-                yield from _bounds([inner], context, when)
-            case f.Comparison(operator, left, right):
-                if not _is_duration(left):
-                    operator, left, right = _FLIPPED[operator], right, left
-                if not _is_duration(left) or any(map(_is_duration, f.walk(right))):
-                    raise context.unsupported(constraint, "it is no bound of ?duration")
-                if time == f.AT_END and not _is_static(right, context):
-                    reason = "a bound that is only known at the end has no counterpart"
-                    raise context.unsupported(constraint, reason)
-                yield operator, right
-            case _:
-                raise context.unsupported(constraint, "it is no bound of ?duration")
+    def _is_static(self, node: f.Expression) -> bool:
+        fluents = (part for part in f.walk(node) if isinstance(part, f.Fluent))
+        return all(fold(fluent.function) in self._context.static for fluent in fluents)
+
+    def _tightest(self, bounds: list[tuple[FNode, bool]], sign: int) -> tuple[FNode, bool]:
+        distinct = list(dict.fromkeys(bounds))
+        if len(distinct) > 1 and not all(node.is_constant() for node, _ in distinct):
+            text = " and ".join(str(node) for node, _ in distinct)
+            raise self._unsupported(text, "a duration has one lower and one upper bound there")
+        if len(distinct) == 1:
+            return distinct[0]
+        return max(distinct, key=lambda bound: (sign * bound[0].constant_value(), bound[1]))
 
 
 def _is_duration(node: object) -> bool:
     return isinstance(node, f.Variable) and fold(node.name) == f.DURATION
 
 
-def _is_static(node: f.Expression, context: ConversionContext) -> bool:
-    return all(
-        fold(part.function) in context.static for part in f.walk(node) if isinstance(part, f.Fluent)
-    )
-
-
-def _tightest(
-    bounds: list[tuple[FNode, bool]], sign: int, context: ConversionContext
-) -> tuple[FNode, bool]:
-    distinct = list(dict.fromkeys(bounds))
-    if len(distinct) == 1:
-        return distinct[0]
-    if not all(node.is_constant() for node, _ in distinct):
-        text = " and ".join(str(node) for node, _ in distinct)
-        raise context.unsupported(text, "a duration has one lower and one upper bound there")
-    return max(distinct, key=lambda bound: (sign * bound[0].constant_value(), bound[1]))
-
-
 @dataclass(frozen=True, slots=True)
 class SingleEffect:
-    """A single effect with its surroundings.
+    """A single effect with its context.
 
     Attributes:
-        scope: the variables in scope.
         variables: the variables of its quantifiers.
-        conditions: its conditions, each with its time, or None without one, and its scope.
+        conditions: its conditions, each with its time, if any, and its scope.
         time: the time of the effect; None without one, and for a continuous effect.
         change: the literal or assignment.
     """
@@ -117,31 +107,6 @@ class SingleEffect:
     conditions: tuple[tuple[str | None, f.Formula, Bindings], ...] = ()
     time: str | None = None
     change: f.Atom | f.Not | f.Assign | None = None
-
-
-def single_effects(
-    effect: f.Formula, context: ConversionContext, formulas: UpFormulas, outer: SingleEffect
-) -> Iterator[SingleEffect]:
-    """Split an effect into single effects."""
-    match effect:
-        case f.And(parts):
-            for part in parts:
-                yield from single_effects(part, context, formulas, outer)
-        case f.Forall(names, inner):
-            for variables, scope in formulas.variables(names, outer.scope):
-                around = replace(outer, scope=scope, variables=outer.variables + variables)
-                yield from single_effects(inner, context, formulas, around)
-        case f.When(condition, inner):
-            conditions = (*outer.conditions, *_timed(condition, outer))
-            yield from single_effects(
-                inner, context, formulas, replace(outer, conditions=conditions)
-            )
-        case f.Timed(time, inner) if outer.time is None:
-            yield from single_effects(inner, context, formulas, replace(outer, time=time))
-        case f.Atom() | f.Assign() | f.Not(f.Atom()):
-            yield replace(outer, change=effect)
-        case _:
-            raise context.unsupported(effect, "it is no effect")
 
 
 def _timed(
@@ -157,19 +122,39 @@ def _timed(
             yield outer.time, condition, outer.scope
 
 
-class UpEffects:
-    """Converts single effects to expressions of unified-planning."""
+class UpEffects(UpConverter):
+    """Splits effects into single effects, and converts their parts."""
 
     def __init__(self, context: ConversionContext, formulas: UpFormulas) -> None:
-        self._context, self._formulas = context, formulas
-        self._manager = context.environment.expression_manager
+        super().__init__(context)
+        self._formulas = formulas
+
+    def split(self, effect: f.Formula, outer: SingleEffect) -> Iterator[SingleEffect]:
+        """Split an effect into single effects."""
+        match effect:
+            case f.And(parts):
+                for part in parts:
+                    yield from self.split(part, outer)
+            case f.Forall(names, inner):
+                for variables, scope in self._formulas.variables(names, outer.scope):
+                    around = replace(outer, scope=scope, variables=outer.variables + variables)
+                    yield from self.split(inner, around)
+            case f.When(condition, inner):
+                conditions = (*outer.conditions, *_timed(condition, outer))
+                yield from self.split(inner, replace(outer, conditions=conditions))
+            case f.Timed(time, inner) if outer.time is None:
+                yield from self.split(inner, replace(outer, time=time))
+            case f.Atom() | f.Assign() | f.Not(f.Atom()):
+                yield replace(outer, change=effect)
+            case _:
+                raise self._unsupported(effect, "it is no effect")
 
     def condition(self, effect: SingleEffect) -> FNode:
         """Convert the condition of an effect."""
         for time, condition, _ in effect.conditions:
             if time != effect.time:
                 reason = "an effect whose condition has another time than itself has no counterpart"
-                raise self._context.unsupported(condition, reason)
+                raise self._unsupported(condition, reason)
         return self._formulas.conjunction(
             self._formulas.formula(condition, scope) for _, condition, scope in effect.conditions
         )
@@ -180,7 +165,7 @@ class UpEffects:
         fluent = change.fluent if isinstance(change, f.Assign) else _atom(change)
         if any(isinstance(node, f.Fluent) for term in fluent.terms for node in f.walk(term)):
             reason = "an effect on what another fluent denotes has no counterpart"
-            raise self._context.unsupported(change, reason)
+            raise self._unsupported(change, reason)
         if isinstance(fluent, f.Atom):
             return self._formulas.formula(fluent, effect.scope)
         return self._formulas.fluent(fluent, effect.scope)
@@ -205,18 +190,15 @@ class UpEffects:
 
     def _object(self, change: f.Assign, scope: Bindings, target: FNode) -> FNode:
         if not isinstance(change.value, f.Constant | f.Variable | f.Fluent):
-            raise self._context.unsupported(change, "it assigns what is no object")
+            raise self._unsupported(change, "it assigns what is no object")
         value = self._formulas.term(change.value, scope)
         if not target.type.is_compatible(value.type):
             reason = f"{value} is of type {value.type}, not of {target.type}"
-            raise self._context.unsupported(change, reason)
+            raise self._unsupported(change, reason)
         return value
 
     def repeats(self, effect: SingleEffect, nodes: Iterable[FNode]) -> int:
-        """Count how often an effect happens for the quantified variables that it does not mention.
-
-        unified-planning drops those variables.
-        """
+        """Count the occurrences of an effect: unified-planning drops unmentioned variables."""
         oracle = self._context.environment.free_vars_oracle
         mentioned = {variable for node in nodes for variable in oracle.get_free_variables(node)}
         count = 1
@@ -231,7 +213,7 @@ class UpEffects:
     def rate(self, effect: SingleEffect) -> FNode:
         """Convert the rate of a continuous effect."""
         if getattr(effect.change, "operator", None) not in {"increase", "decrease"}:
-            raise self._context.unsupported(effect.change, "it gives no rate of change")
+            raise self._unsupported(effect.change, "it gives no rate of change")
         return self._rate(number_of(effect.change), effect)
 
     def _rate(self, node: f.Expression, effect: SingleEffect) -> FNode:
@@ -253,7 +235,7 @@ class UpEffects:
                 return self._manager.Div(
                     self._rate(dividend, effect), self._formulas.expression(divisor, effect.scope)
                 )
-        raise self._context.unsupported(effect.change, "it is no multiple of #t")
+        raise self._unsupported(effect.change, "it is no multiple of #t")
 
 
 def number_of(change: f.Atom | f.Not | f.Assign | None) -> f.Expression:
@@ -281,13 +263,15 @@ def _has_time(node: f.Expression) -> bool:
     return any(isinstance(part, f.ContinuousTime) for part in f.walk(node))
 
 
-class UpActions:
+class UpActions(UpConverter):
     """Converts actions; one with `either` becomes one action for each choice of types."""
 
     def __init__(
         self, context: ConversionContext, formulas: UpFormulas, preferences: UpPreferences
     ) -> None:
-        self._context, self._formulas, self._preferences = context, formulas, preferences
+        super().__init__(context)
+        self._formulas, self._preferences = formulas, preferences
+        self._durations = UpDurations(context)
         self._effects = UpEffects(context, formulas)
         self._names: set[str] = set()
         self._costs: dict[str, FNode] = {}
@@ -305,7 +289,7 @@ class UpActions:
         parameters = [fold(parameter.name) for parameter in action.parameters]
         if len(set(parameters)) != len(parameters):
             text = " ".join(f"?{name}" for name in parameters)
-            raise self._context.unsupported(text, "a parameter is named twice; rename one")
+            raise self._unsupported(text, "a parameter is named twice; rename one")
         branches = [self._context.types.branches(part.types) for part in action.parameters]
         name = self._context.names.of(action.kind, action.name)
         if all(len(types) == 1 for types in branches):
@@ -325,17 +309,16 @@ class UpActions:
         made = getattr(model, class_)(name, OrderedDict(named), self._context.environment)
         scope = Bindings()
         for parameter in made.parameters:
-            node = self._context.environment.expression_manager.ParameterExp(parameter)
+            node = self._manager.ParameterExp(parameter)
             scope = scope.bind(parameter.name, node)
         if action.kind == DURATIVE_ACTION:
-            made.set_duration_constraint(duration(action, scope, self._context, self._formulas))
-            value = fixed(action, self._context)
+            made.set_duration_constraint(self._durations.interval(action, scope, self._formulas))
+            value = self._durations.fixed(action)
             if value is not None and f.DURATION not in scope.bound:
                 scope = scope.bind(f.DURATION, self._formulas.expression(value, scope))
         self._conditions(action, made, scope)
         for effect in action.effect:
-            outer = SingleEffect(scope)
-            for single in single_effects(effect, self._context, self._formulas, outer):
+            for single in self._effects.split(effect, SingleEffect(scope)):
                 self._effect(action, made, single)
         self._register(action, made)
 
@@ -347,7 +330,7 @@ class UpActions:
             problem.add_event(made)
         else:
             if made.name in self._names:
-                raise self._context.unsupported(made.name, "two actions have this name")
+                raise self._unsupported(made.name, "two actions have this name")
             # `add_action` compares with all other actions: too slow for thousands.
             self._names.add(made.name)
             problem.actions.append(made)
@@ -375,8 +358,7 @@ class UpActions:
             case f.Timed(time, inner):
                 yield time, self._formulas.formula(inner, scope)
             case _:
-                reason = "a condition of a durative action needs a time"
-                raise self._context.unsupported(condition, reason)
+                raise self._unsupported(condition, "a condition of a durative action needs a time")
 
     def _interval(self, time: str) -> object:
         from unified_planning import model
@@ -394,9 +376,9 @@ class UpActions:
             return
         change = effect.change
         if action.kind != DURATIVE_ACTION and effect.time is not None:
-            raise self._context.unsupported(change, "only a durative action's effects have a time")
+            raise self._unsupported(change, "only a durative action's effects have a time")
         if action.kind == PROCESS:
-            raise self._context.unsupported(change, "an effect of a process is continuous")
+            raise self._unsupported(change, "an effect of a process is continuous")
         if self._context.costed and _is_cost(change):
             self._cost(made, effect)
             return
@@ -407,8 +389,8 @@ class UpActions:
             return
         if repeats > 1 and isinstance(change, f.Assign) and change.operator != "assign":
             if operator == "assign":
-                raise self._context.unsupported(change, "it happens more than once")
-            value = self._context.environment.expression_manager.Times(repeats, value)
+                raise self._unsupported(change, "it occurs more than once")
+            value = self._manager.Times(repeats, value)
         timing = [self._timing(effect)] if action.kind == DURATIVE_ACTION else []
         add = {
             "assign": made.add_effect,
@@ -425,13 +407,12 @@ class UpActions:
         if effect.time == f.AT_END:
             return model.EndTiming()
         reason = "an effect of a durative action is at start or at end"
-        raise self._context.unsupported(effect.change, reason)
+        raise self._unsupported(effect.change, reason)
 
     def _cost(self, made: Transition, effect: SingleEffect) -> None:
-        manager = self._context.environment.expression_manager
         cost = self._effects.number(effect)
         earlier = self._costs.get(made.name)
-        self._costs[made.name] = cost if earlier is None else manager.Plus(earlier, cost)
+        self._costs[made.name] = cost if earlier is None else self._manager.Plus(earlier, cost)
 
     def _continuous(self, action: Action, made: Transition, effect: SingleEffect) -> None:
         from unified_planning import model
@@ -439,15 +420,15 @@ class UpActions:
         change = effect.change
         assert isinstance(change, f.Assign)
         if action.kind not in {PROCESS, DURATIVE_ACTION}:
-            raise self._context.unsupported(change, "an instantaneous action takes no time")
+            raise self._unsupported(change, "an instantaneous action takes no time")
         if effect.conditions or effect.variables:
             reason = "a continuous effect with a condition or a quantifier has no counterpart"
-            raise self._context.unsupported(change, reason)
+            raise self._unsupported(change, reason)
         target, rate = self._effects.target(effect), self._effects.rate(effect)
         interval = []
         if action.kind == DURATIVE_ACTION:
             if effect.time is not None:
-                raise self._context.unsupported(change, "it has a time of its own")
+                raise self._unsupported(change, "it has a time of its own")
             interval = [model.ClosedTimeInterval(model.StartTiming(), model.EndTiming())]
         if change.operator == "decrease":
             made.add_decrease_continuous_effect(*interval, target, rate)

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import reduce
-from itertools import chain, product
+from itertools import chain, compress, product
 from typing import TYPE_CHECKING
 
 from ..dto import formulas as f
@@ -36,8 +36,8 @@ if TYPE_CHECKING:
 class UpTypes:
     """The hierarchy of types.
 
-    `object` is a type of unified-planning only where the documents need it: otherwise the types
-    without a supertype stay roots, as unified-planning's own reader has it.
+    `object` is a type of unified-planning only where the documents need it; otherwise types without
+    a supertype are roots, as in unified-planning's own reader.
     """
 
     def __init__(
@@ -69,7 +69,7 @@ class UpTypes:
         return self._type(self._widest(types))
 
     def branches(self, types: Iterable[str]) -> list[Type]:
-        """Return the types of an `either` without those that are below others."""
+        """Return the types of an `either` without subtypes of others."""
         keys = list(dict.fromkeys(map(fold, types)))
         kept = [key for key in keys if not set(self._ancestors(key)[1:]) & set(keys)]
         return [self._type(key) for key in kept]
@@ -102,10 +102,10 @@ class UpTypes:
             name for name in above if not any(name in self._ancestors(other)[1:] for other in above)
         ]
         if len(near) > 1:
-            shown = " and ".join(self._spelling[name] for name in near)
+            supertypes = " and ".join(self._spelling[name] for name in near)
             raise UnsupportedConstructError(
                 f"unified-planning cannot express type {self._spelling[key]}: it has the "
-                f"supertypes {shown}, where one is possible; give it one supertype"
+                f"supertypes {supertypes}, where one is possible; give it one supertype"
             )
         return near[0] if near else None
 
@@ -141,20 +141,17 @@ class Bindings:
 
 @dataclass
 class ConversionContext:
-    """A conversion under way.
+    """A conversion in progress.
 
     Attributes:
-        environment: unified-planning's environment.
-        problem: the problem that is built.
-        names: the names of the elements.
-        types: the hierarchy of types.
+        problem: the resulting problem.
         fluents: predicates and functions, by category and folded name.
         objects: the objects, by folded name.
         rules: the rules of derived predicates, by folded name.
         static: the folded names of the functions that never change.
         integers: whether numeric fluents are integers.
         costed: whether `total-cost` is the cost of the actions, not a fluent.
-        where: what is being converted, for messages.
+        where: the construct in conversion, for messages.
     """
 
     environment: Environment
@@ -171,7 +168,7 @@ class ConversionContext:
 
     @contextmanager
     def at(self, where: str) -> Iterator[None]:
-        """Name what is being converted, and translate unified-planning's errors."""
+        """Set the construct in conversion, and translate unified-planning's errors."""
         from unified_planning.exceptions import UPException
 
         outer, self.where = self.where, where
@@ -190,12 +187,20 @@ class ConversionContext:
         return unsupported("unified-planning", construct, self.where, reason)
 
 
-class UpFormulas:
-    """Converts formulas; a derived predicate is replaced by the bodies of its rules."""
+class UpConverter:
+    """A part of a conversion."""
 
     def __init__(self, context: ConversionContext) -> None:
         self._context = context
         self._manager = context.environment.expression_manager
+        self._unsupported = context.unsupported
+
+
+class UpFormulas(UpConverter):
+    """Converts formulas; a derived predicate is replaced by the bodies of its rules."""
+
+    def __init__(self, context: ConversionContext) -> None:
+        super().__init__(context)
         self._expanding: list[str] = []
         self._expanded: dict[tuple[str, tuple[FNode, ...]], FNode] = {}
 
@@ -220,7 +225,7 @@ class UpFormulas:
                 return self._equal(node, self.term(left, scope), self.term(right, scope))
             case f.Comparison():
                 return self._comparison(node, scope)
-        raise self._context.unsupported(node, "it is no condition on a state")
+        raise self._unsupported(node, "it is no condition on a state")
 
     def term(self, node: f.Term, scope: Bindings) -> FNode:
         """Convert a term."""
@@ -228,12 +233,11 @@ class UpFormulas:
             case f.Variable(name):
                 if fold(name) in scope.bound:
                     return scope.bound[fold(name)]
-                reason = "nothing that it could stand for is known here"
-                raise self._context.unsupported(node, reason)
+                raise self._unsupported(node, "it is unbound here, or has no fixed value")
             case f.Constant(name):
                 if fold(name) in self._context.objects:
                     return self._manager.ObjectExp(self._context.objects[fold(name)])
-                raise self._context.unsupported(node, "it is no object of the problem")
+                raise self._unsupported(node, "it is no object of the problem")
         return self.fluent(node, scope)
 
     def fluent(self, node: f.Fluent, scope: Bindings) -> FNode:
@@ -254,7 +258,7 @@ class UpFormulas:
                 value = self.term(node, scope)
                 if value.type.is_real_type() or value.type.is_int_type():
                     return value
-        raise self._context.unsupported(node, "it is no number that a state holds")
+        raise self._unsupported(node, "it is no number that a state holds")
 
     def variables(
         self, names: Sequence[f.TypedName], scope: Bindings
@@ -292,7 +296,7 @@ class UpFormulas:
 
     def _equal(self, node: f.Equal, left: FNode, right: FNode) -> FNode:
         if not (left.type.is_user_type() and right.type.is_user_type()):
-            raise self._context.unsupported(node, "its terms are no objects")
+            raise self._unsupported(node, "its terms are no objects")
         roots = [list(node.type.ancestors)[-1] for node in (left, right)]
         if roots[0] != roots[1]:
             return self._manager.FALSE()
@@ -309,7 +313,7 @@ class UpFormulas:
         if node.operator == "/" and any(
             divisor.is_constant() and divisor.constant_value() == 0 for divisor in operands[1:]
         ):
-            raise self._context.unsupported(node, "it divides by zero")
+            raise self._unsupported(node, "it divides by zero")
         join = getattr(self._manager, UP_ARITHMETIC[node.operator])
         return join(operands) if node.operator in {"+", "*"} else reduce(join, operands)
 
@@ -323,22 +327,21 @@ class UpFormulas:
     ) -> FNode:
         fluent = self._context.fluents.get((category, fold(name)))
         if fluent is None:
-            raise self._context.unsupported(node, f"{category} {name} is no fluent there")
+            raise self._unsupported(node, f"{category} {name} is no fluent there")
         arguments = [self.term(term, scope) for term in terms]
         if len(arguments) != fluent.arity:
-            reason = f"{name} has {fluent.arity} parameters"
-            raise self._context.unsupported(node, reason)
+            raise self._unsupported(node, f"{name} has {fluent.arity} parameters")
         for parameter, argument in zip(fluent.signature, arguments, strict=True):
             if not parameter.type.is_compatible(argument.type):
                 reason = f"{argument} is of type {argument.type}, not of {parameter.type}"
-                raise self._context.unsupported(node, reason)
+                raise self._unsupported(node, reason)
         return self._manager.FluentExp(fluent, arguments)
 
     def _derived(self, node: f.Atom, scope: Bindings) -> FNode:
         key = fold(node.predicate)
         if key in self._expanding:
-            reason = "a derived predicate that rests on itself has no counterpart"
-            raise self._context.unsupported(node, reason)
+            reason = "a derived predicate that depends on itself has no counterpart"
+            raise self._unsupported(node, reason)
         arguments = tuple(self.term(term, scope) for term in node.terms)
         if (key, arguments) not in self._expanded:
             self._expanding.append(key)
@@ -362,7 +365,7 @@ class UpFormulas:
             branches = self._context.types.branches(name.types)
             if not any(branch.is_compatible(argument.type) for branch in branches):
                 reason = f"its rule holds for {name.type_text} only, a narrower type"
-                raise self._context.unsupported(argument, reason)
+                raise self._unsupported(argument, reason)
             within = within.bind(name.name, argument)
         return self.formula(body, within)
 
@@ -370,7 +373,7 @@ class UpFormulas:
 _CONSTANT = ""
 
 
-class UpPreferences:
+class UpPreferences(UpConverter):
     """The preferences of a problem and their weights in the metric.
 
     Attributes:
@@ -380,7 +383,8 @@ class UpPreferences:
     def __init__(
         self, metric: f.Metric | None, context: ConversionContext, formulas: UpFormulas
     ) -> None:
-        self._context, self._formulas = context, formulas
+        super().__init__(context)
+        self._formulas = formulas
         self._weights: dict[str, Fraction] = {}
         self.gains: dict[FNode, Fraction] = {}
         if metric is not None and mentions(f.IsViolated, metric.expression):
@@ -412,9 +416,9 @@ class UpPreferences:
                     continue
                 case f.Preference():
                     reason = "only a preference in the goal can be counted by a metric there"
-                    raise self._context.unsupported(node, reason)
+                    raise self._unsupported(node, reason)
                 case _:
-                    raise self._context.unsupported(node, "a preference stands at an odd place")
+                    raise self._unsupported(node, "a preference has no counterpart here")
 
     def goals(self, nodes: Iterable[f.Formula], scope: Bindings) -> Iterator[FNode]:
         """Convert goals, and add up the gains of preferences."""
@@ -433,21 +437,15 @@ class UpPreferences:
                     yield self._formulas.formula(node, scope)
 
     def _instances(self, variables: Sequence[f.TypedName], scope: Bindings) -> Iterator[Bindings]:
-        choices = []
+        objects, choices = self._context.objects.values(), []
         for variable in variables:
-            branches = self._context.types.branches(variable.types)
-            choices.append(
-                [
-                    item
-                    for item in self._context.objects.values()
-                    if any(branch.is_compatible(item.type) for branch in branches)
-                ]
-            )
-        manager = self._context.environment.expression_manager
+            types = self._context.types.branches(variable.types)
+            fits = (any(type_.is_compatible(item.type) for type_ in types) for item in objects)
+            choices.append(list(compress(objects, fits)))
         for chosen in product(*choices):
             within = scope
             for variable, item in zip(variables, chosen, strict=True):
-                within = within.bind(variable.name, manager.ObjectExp(item))
+                within = within.bind(variable.name, self._manager.ObjectExp(item))
             yield within
 
     def _weight(self, name: str | None) -> Fraction:
@@ -472,8 +470,7 @@ class UpPreferences:
                     divisor = parts[1][_CONSTANT]
                     if divisor:
                         return _sum([(1 / divisor, parts[0])])
-        reason = "a sum of violations and other quantities has no counterpart"
-        raise self._context.unsupported(node, reason)
+        raise self._unsupported(node, "a sum of violations and other quantities has no counterpart")
 
     def _product(self, parts: Sequence[dict[str, Fraction]]) -> dict[str, Fraction]:
         result: dict[str, Fraction] = {_CONSTANT: Fraction(1)}

@@ -1,7 +1,7 @@
 """The process that runs a planner: `python -m kant_sql.planning.worker DIRECTORY`.
 
-All processes that an engine starts stay in the group of this one, which ends as a whole: with the
-plan, at the timeout, or when the calling process is gone.
+The processes that an engine starts stay in this process's group, which ends as a whole: with the
+plan, at the timeout, or with the calling process.
 """
 
 from __future__ import annotations
@@ -52,9 +52,9 @@ TEMPORAL = ("aries", "enhsp")
 NUMERIC = ("enhsp", "aries")
 CLASSICAL = ("fast-downward", "pyperplan", "enhsp", "aries")
 PREFERRED_GOALS = ("oversubscription[fast-downward]", "oversubscription[enhsp]")
-# These engines solve once for each subset of the goals.
+# These engines solve the problem once for each subset of the goals.
 MOST_PREFERRED_GOALS = 5
-# The compilations that remove features, in the order in which they are tried.
+# The compilations that remove features, in the order of trial.
 COMPILATIONS = (
     ("TRAJECTORY_CONSTRAINTS_REMOVING", {"TRAJECTORY_CONSTRAINTS", "STATE_INVARIANTS"}),
     ("USERTYPE_FLUENTS_REMOVING", {"OBJECT_FLUENTS"}),
@@ -165,7 +165,7 @@ _PLACES = 6
 
 
 class GroupedProcess(subprocess.Popen[bytes]):
-    """A process that stays in the group: engines start theirs in sessions of their own."""
+    """A process that stays in the group, although engines request new sessions."""
 
     def __init__(self, *arguments: object, **options: object) -> None:
         options.pop("start_new_session", None)
@@ -249,7 +249,7 @@ class Search:
             factory, parameters = self._environment.factory, engine_parameters(name)
             with factory.OneshotPlanner(name=name, params=parameters) as planner:
                 result = planner.solve(made.problem)
-        except Exception as error:  # an engine may fail in any way; the next one is asked
+        except Exception as error:  # an engine may fail in any way; the next one is tried
             self._failures[name] = f"internal_error ({type(error).__name__}: {error})"
             return None
         if result.plan is None:
@@ -285,7 +285,7 @@ def _planners(installed: list[str], environment: Environment) -> list[str]:
 
 
 def _status(engine: str, status: str) -> str:
-    # ENHSP reports this also when it gives up or cannot read the problem.
+    # ENHSP also reports this when it gives up or cannot read the problem.
     if engine == "enhsp" and status == "unsolvable_proven":
         return "unsolvable_incompletely"
     return status

@@ -26,7 +26,7 @@ from unified_planning.environment import Environment  # noqa: E402
     [
         (
             {"domain": "(:derived (move) (not (move)))", "goal": "(move)"},
-            r"cannot express \(move\) in the goal: .*rests on itself",
+            r"cannot express \(move\) in the goal: .*depends on itself",
         ),
         (
             {"problem": "(:constraints (within 5 (clean t1)))"},
