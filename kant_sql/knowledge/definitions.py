@@ -346,19 +346,6 @@ class Definitions:
         templates: cache of the templates of actions by id, shared with later snapshots.
     """
 
-    __slots__ = (
-        "_ancestry",
-        "_by_kind",
-        "actions",
-        "documents",
-        "formulas",
-        "functions",
-        "objects",
-        "predicates",
-        "templates",
-        "types",
-    )
-
     types: Elements[TypeDefinition]
     objects: Elements[ObjectDefinition]
     predicates: Elements[PredicateDefinition]
@@ -452,8 +439,6 @@ class PendingDefinitions(Definitions):
     Attributes:
         origin: the definitions at its start.
     """
-
-    __slots__ = ("origin",)
 
     types: PendingElements[TypeDefinition]
     objects: PendingElements[ObjectDefinition]

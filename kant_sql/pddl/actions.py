@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ..dto.formulas import COMPARISONS, And, Comparison, Derived, Formula, Timed, TypedName
+from ..dto import formulas as f
 from .cursor import VARIABLES, Group, Section, hint
 from .document import DURATIVE_ACTION, PROCESS, Action, Predicate
 from .formulas import (
@@ -19,6 +19,8 @@ from .hierarchy import Fit, Types
 
 _KEYS = (":parameters", ":vars", ":duration", ":condition", ":precondition", ":effect")
 
+_DURATION = "(= ?duration ...), (<= ?duration ...) or (>= ?duration ...)"
+
 
 class ActionReader(FormulaReader):
     """A reader of actions, one after another."""
@@ -27,8 +29,8 @@ class ActionReader(FormulaReader):
         """Read an action; return it with the index of its name."""
         self._kind = kind = section.keyword[1:]
         self.open(section, kind)
-        self._parameters: tuple[TypedName, ...] = ()
-        self._parts: dict[str, tuple[Formula, ...]] = {}
+        self._parameters: tuple[f.TypedName, ...] = ()
+        self._parts: dict[str, tuple[f.Formula, ...]] = {}
         self._keys: set[str] = set()
         durative = kind == DURATIVE_ACTION
         self._context = TIMED if durative else 0
@@ -96,7 +98,7 @@ class ActionReader(FormulaReader):
                 found += self._read_part(key)
             self._parts[key] = tuple(found)
 
-    def _read_part(self, key: str) -> tuple[Formula, ...]:
+    def _read_part(self, key: str) -> tuple[f.Formula, ...]:
         if key == ":condition":
             return self.conjuncts(PREFERENCES | self._context)
         if key == ":effect":
@@ -106,35 +108,29 @@ class ActionReader(FormulaReader):
             return ()
         return flatten(finished(self._duration()))
 
-    def _duration(self) -> Formula | Steps[Formula]:
-        self.expect("(", "a duration, such as (= ?duration 5)")
-        self.at -= 1
-        head = self.tokens[self.at + 1].lower()
-        if head == "and":
-            return self._all_durations()
+    def _duration(self) -> Steps[f.Formula]:
+        head = self.peek_head("a duration, such as (= ?duration 5)", _DURATION).lower()
         time = self.time_here()
-        return self._duration_constraint(head) if time is None else self._timed_duration(time)
+        if head == "and":
+            self.at += 2
+            parts = []
+            while self.tokens[self.at] != ")":
+                parts.append((yield self._duration()))
+            self.at += 1
+            return f.And(tuple(parts))
+        if time is not None:
+            self.at += 3
+            formula = yield self._duration()
+            self.expect(")", f"')' after the duration {time}")
+            return f.Timed(time, formula)
+        return self._duration_constraint(head)
 
-    def _all_durations(self) -> Steps[Formula]:
-        self.at += 2
-        parts = []
-        while self.tokens[self.at] != ")":
-            parts.append((yield self._duration()))
-        self.at += 1
-        return And(tuple(parts))
-
-    def _timed_duration(self, time: str) -> Steps[Formula]:
-        self.at += 3
-        formula = yield self._duration()
-        self.expect(")", f"')' after the duration {time}")
-        return Timed(time, formula)
-
-    def _duration_constraint(self, operator: str) -> Formula:
+    def _duration_constraint(self, operator: str) -> f.Formula:
         start = self.at
-        if operator not in COMPARISONS:
-            self.fail("(= ?duration ...), (<= ?duration ...) or (>= ?duration ...)")
+        if operator not in f.COMPARISONS:
+            self.fail(_DURATION)
         found = self.comparison()
-        if not isinstance(found, Comparison) or DURATION_VARIABLE not in (found.left, found.right):
+        if not isinstance(found, f.Comparison) or DURATION_VARIABLE not in f.children(found):
             self.fail("a comparison with ?duration", at=start)
         if operator in "<>":
             self.deviate(f"({operator}= ?duration ...)", "kept", at=start)
@@ -151,7 +147,7 @@ class RuleReader(FormulaReader):
         name = self.declared_name("predicate")
         return Predicate(name, self.bind(self.typed_list(VARIABLES)))
 
-    def rule(self, section: Section) -> Derived:
+    def rule(self, section: Section) -> f.Derived:
         """Read a rule."""
         self.open(section, section.keyword)
         self.at = 2
@@ -170,7 +166,7 @@ class RuleReader(FormulaReader):
         self._check_variables(groups, parameters)
         formula = self.formula(0)
         self.expect(")", "')' after the formula that it follows from")
-        return Derived(signature.name, variables, formula)
+        return f.Derived(signature.name, variables, formula)
 
     def _check_variables(self, groups: list[Group], parameters: tuple[Types, ...]) -> None:
         """Check the types of variables; untyped ones get those of the predicate."""
@@ -183,5 +179,5 @@ class RuleReader(FormulaReader):
                     self.scope[bound.key] = self.scope[word] = bound.entity
                 elif self.symbols.fit(self.scope[word][1], types) is Fit.NO:
                     expected = f"{bound.declared.type_text}, as the predicate is declared"
-                    given = TypedName("", self.scope[word][1]).type_text
+                    given = f.TypedName("", self.scope[word][1]).type_text
                     self.fail(expected, f"{word} of type {given}", group.at + number)

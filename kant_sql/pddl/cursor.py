@@ -236,6 +236,13 @@ class Cursor:
         self.at += 1
         return token
 
+    def peek_head(self, list_: str, word: str) -> str:
+        """Return the word after the next parenthesis, without consuming them."""
+        self.expect("(", list_)
+        found = self.word(word)
+        self.at -= 2
+        return found
+
     def skip(self) -> None:
         """Consume a word, or a whole list."""
         depth, at, tokens = 0, self.at, self.tokens

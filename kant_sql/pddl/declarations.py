@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Hashable, Iterator
 from typing import Generic, NamedTuple, TypeVar
 
 from ..dto.formulas import TypedName
@@ -43,14 +43,14 @@ class DeclarationReader(Cursor):
         self.at += 1
         return list(found.values())
 
-    def predicates(self, add: Callable[[Predicate, int], None]) -> None:
-        """Read the predicates."""
+    def predicates(self) -> Iterator[tuple[Predicate, int]]:
+        """Read the predicates, each with the index of its name."""
         while self.tokens[self.at] != ")":
             if self.tokens[self.at : self.at + 2] == ["(", "="]:
                 self.deviate("no declaration of =, which is built in", "left out")
                 self.skip()
             else:
-                add(*self.predicate())
+                yield self.predicate()
         self.at += 1
 
     def predicate(self) -> tuple[Predicate, int]:
@@ -83,8 +83,8 @@ class DeclarationReader(Cursor):
                 parameters.append(bound.declared)
         return tuple(parameters)
 
-    def functions(self, add: Callable[[Function, int], None]) -> None:
-        """Read the functions."""
+    def functions(self) -> Iterator[tuple[Function, int]]:
+        """Read the functions, each with the index of its name."""
         pending: list[tuple[int, str, tuple[TypedName, ...]]] = []
         while True:
             token = self.tokens[self.at]
@@ -99,7 +99,7 @@ class DeclarationReader(Cursor):
             for at, name, parameters in pending:
                 if not is_name(name, function_kind(parameters, types)):
                     self.fail(f"the name of another function than ({name})", at=at)
-                add(Function(name, parameters, types), at)
+                yield Function(name, parameters, types), at
             pending = []
             if token == ")":
                 self.at += 1

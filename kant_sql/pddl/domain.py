@@ -124,7 +124,8 @@ class DomainReader:
                     _clash(reader, "constant", "type", name, at)
 
     def _read_predicates(self, reader: DeclarationReader) -> None:
-        reader.predicates(lambda predicate, at: self._add_predicate(reader, predicate, at))
+        for predicate, at in reader.predicates():
+            self._add_predicate(reader, predicate, at)
 
     def _add_predicate(self, cursor: Cursor, predicate: Predicate, at: int) -> None:
         if self._predicates.add(cursor, predicate.name, predicate, at):
@@ -133,13 +134,11 @@ class DomainReader:
                 _clash(cursor, "predicate", "type", predicate.name, at)
 
     def _read_functions(self, reader: DeclarationReader) -> None:
-        reader.functions(lambda function, at: self._add_function(reader, function, at))
-
-    def _add_function(self, cursor: Cursor, function: Function, at: int) -> None:
-        if self._functions.add(cursor, function.name, function, at):
-            self._symbols.functions.declare(function)
-            if function.name in self._predicates:
-                _clash(cursor, "function", "predicate", function.name, at)
+        for function, at in reader.functions():
+            if self._functions.add(reader, function.name, function, at):
+                self._symbols.functions.declare(function)
+                if function.name in self._predicates:
+                    _clash(reader, "function", "predicate", function.name, at)
 
     def _declare_derived(self, section: Section) -> None:
         if section.tokens[2] == "(" and self._symbols.predicates.find(section.tokens[3]) is None:

@@ -353,9 +353,7 @@ class FormulaReader(Cursor):
     def _takes_operands(self, numbers: int) -> bool:
         """Return whether the operands of a modal operator follow the next word."""
         # A predicate of that name takes neither a formula nor a number, which names no object.
-        self.at += 2
-        found = self.is_number() if numbers else self.tokens[self.at] == "("
-        self.at -= 2
+        found = self.is_number(2) if numbers else self.tokens[self.at + 2] == "("
         return found or not self._may_be_predicate()
 
     def _modal(self, context: int) -> f.Formula | Steps[f.Formula]:
@@ -514,8 +512,7 @@ class FormulaReader(Cursor):
 
     def _fluent(self, numeric: bool | None = None) -> f.Fluent:
         """Read a function applied to terms."""
-        self.expect("(", "a function, such as (distance ?a ?b)")
-        self.at -= 1
+        self.peek_head("a function, such as (distance ?a ?b)", "a function")
         signature = self._cost_or_time() or self._function_here()
         is_declared = signature.parameters is not None
         if numeric is not None and is_declared and numeric == bool(signature.types):
@@ -568,9 +565,9 @@ class FormulaReader(Cursor):
         self.at += 1
         return f.Fluent(signature.name)
 
-    def is_number(self) -> bool:
-        """Return whether the next token is a number."""
-        return NUMBER.fullmatch(self.tokens[self.at]) is not None
+    def is_number(self, ahead: int = 0) -> bool:
+        """Return whether the next token, or one further ahead, is a number."""
+        return NUMBER.fullmatch(self.tokens[self.at + ahead]) is not None
 
     def number_here(self) -> f.Number | None:
         """Return the next token as a number, without consuming it."""
@@ -721,9 +718,7 @@ class FormulaReader(Cursor):
 
     def _function_here(self) -> Signature:
         """Look up the function after the next parenthesis."""
-        self.at += 1
-        name = self.word("a function")
-        self.at -= 2
+        name = self.peek_head("a function, such as (distance ?a ?b)", "a function")
         return self.known(self.symbols.functions, name)
 
     def known(self, signatures: Signatures, name: str) -> Signature:

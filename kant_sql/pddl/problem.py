@@ -260,15 +260,13 @@ class InitialStateReader(FormulaReader):
             self.at += 1
             self._lists -= 1
             return
-        self.expect("(", "a fact, which begins with '('")
-        head = self.word("a predicate").lower()
-        self.at -= 2
+        head = self.peek_head("a fact, which begins with '('", "a predicate").lower()
         if head == "=":
             self._equation()
         elif head == "not":
             start = self.at
             self._add_literal(self._negation(), start)
-        elif head == "at" and self._is_timed():
+        elif head == "at" and self.is_number(2) and self.tokens[self.at + 3] == "(":
             self._timed_element()
         elif head == "and":
             self.deviate("facts without (and ...)", "read as a list")
@@ -283,9 +281,7 @@ class InitialStateReader(FormulaReader):
         """Return whether the next word is an operator, not a predicate of that name."""
         if self.symbols.predicates.find(head) is not None:
             return False
-        self.at += 2
-        takes_operands = self.tokens[self.at] == "(" or self.is_number()
-        self.at -= 2
+        takes_operands = self.tokens[self.at + 2] == "(" or self.is_number(2)
         return takes_operands or not self.symbols.unknown_domain
 
     def _fact(self) -> None:
@@ -300,10 +296,7 @@ class InitialStateReader(FormulaReader):
         self._facts.append(atom)
 
     def _ground_atom(self) -> f.Atom:
-        self.expect("(", "an atom")
-        name = self.word("a predicate")
-        self.at -= 2
-        start = self.at
+        name, start = self.peek_head("an atom", "a predicate"), self.at
         atom = self.atom(self.known(self.symbols.predicates, name))
         self._check_ground(atom.terms, start)
         return atom
@@ -385,12 +378,6 @@ class InitialStateReader(FormulaReader):
         if literal in self._literals:
             self.deviate("each literal once", "left out", f"{literal} again", self.at - 1)
         self._literals.setdefault(literal, (self.section, self.base + start))
-
-    def _is_timed(self) -> bool:
-        self.at += 2
-        number = self.is_number() and self.tokens[self.at + 1] == "("
-        self.at -= 2
-        return number
 
     def _timed_element(self) -> None:
         start = self.at
