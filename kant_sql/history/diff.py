@@ -9,7 +9,7 @@ from sqlalchemy import ColumnElement, Select, literal_column, or_, select, union
 from ..sql.changes import ASSERTED, RETRACTED, Change, unsortable
 from ..sql.dialects.base import Session
 from ..sql.query import Query, integer
-from ..sql.rows import KB, KIND_TABLES, SOURCES, Source
+from ..sql.rows import KB, KIND_TABLES, VERSION_COLUMNS, VersionColumns
 from ..sql.tables import HeadRow
 from ..store.snapshot import refuse_archived
 from ..store.store import Store
@@ -20,7 +20,7 @@ _AFTER = integer("after")
 _FIRST = integer("first")
 
 
-def _came_and_went(source: Source) -> list[Select[Any]]:
+def _came_and_went(source: VersionColumns) -> list[Select[Any]]:
     """Select the versions of one kind that hold at just one of two revisions."""
     version = source.version
     came = (
@@ -40,14 +40,14 @@ def _differences(*names: str) -> Query:
     none: ColumnElement[str] = literal_column("''")
     columns: tuple[Any, ...] = HeadRow.archived_revision, none, none
     archived = select(*columns).where(HeadRow.kb_id == KB)
-    parts = [part for name in names for part in _came_and_went(SOURCES[name])]
+    parts = [part for name in names for part in _came_and_went(VERSION_COLUMNS[name])]
     return Query(union_all(archived, *parts))
 
 
 # By whether definitions may differ, too.
 _DIFFERENCES = {
-    True: _differences(*SOURCES),
-    False: _differences(*(name for name in SOURCES if name not in KIND_TABLES)),
+    True: _differences(*VERSION_COLUMNS),
+    False: _differences(*(name for name in VERSION_COLUMNS if name not in KIND_TABLES)),
 }
 
 

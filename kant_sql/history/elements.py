@@ -35,7 +35,7 @@ from ..errors import InvalidKnowledgeError
 from ..pddl.lexer import tokenize
 from ..sql.dialects.base import Session
 from ..sql.query import Query
-from ..sql.rows import FACT, GOAL, KB, KIND_TABLES, PROPOSITION, SOURCES, VALUE
+from ..sql.rows import FACT, GOAL, KB, KIND_TABLES, PROPOSITION, VALUE, VERSION_COLUMNS
 
 NAMED_KINDS = ("type", "object", "predicate", "function", "action", "document")
 _CLASSES: dict[type[Dto], str] = {
@@ -209,7 +209,7 @@ MOST_LOOKUPS = 200
 class Lookup(NamedTuple):
     """How one part of a question finds identities by names."""
 
-    source: str  # a key of `SOURCES`
+    source: str  # a key of `VERSION_COLUMNS`
     part: int  # the position of the part in the question, which its parameters have
     arguments: int | None = None  # how many objects something is applied to; None for a name
     is_goal: tuple[bool, ...] = ()  # of a proposition: True, False, or both
@@ -260,7 +260,7 @@ def _parameter(part: int, number: int) -> str:
 
 def identities_of(lookup: Lookup) -> Select[Any]:
     """Select the ids of the identities that a lookup finds."""
-    identity = SOURCES[lookup.source].identity
+    identity = VERSION_COLUMNS[lookup.source].identity
     ids: Select[Any] = select(identity.id).where(identity.kb_id == KB)
     name = _parameter(lookup.part, 0)
     if lookup.arguments is None:
@@ -296,7 +296,7 @@ def _interned(ids: Sequence[ColumnElement[str]]) -> ColumnElement[str]:
 
 
 class Owner(NamedTuple):
-    """An identity, and the key of `SOURCES` of its versions."""
+    """An identity, and the key of `VERSION_COLUMNS` of its versions."""
 
     source: str
     id: int
@@ -310,7 +310,7 @@ def _owners_of(found: tuple[Lookup, ...]) -> Query:
     return Query(union_all(*columns))
 
 
-_VERSION = SOURCES["formula"].version
+_VERSION = VERSION_COLUMNS["formula"].version
 _FORMULAS = Query(select(_VERSION.formula_id, _VERSION.text).where(_VERSION.kb_id == KB).distinct())
 
 

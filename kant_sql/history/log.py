@@ -27,7 +27,7 @@ from ..sql.changes import (
 )
 from ..sql.dialects.base import Row, Session
 from ..sql.query import Query, first_rows, in_list, integer
-from ..sql.rows import KB, SOURCES, Source
+from ..sql.rows import KB, VERSION_COLUMNS, VersionColumns
 from ..sql.tables import HeadRow, RevisionRow
 from ..store.store import Store
 from .elements import Owner, Sought, find_owners, sought
@@ -53,7 +53,7 @@ VERSION_PAGE = 500
 Changed = tuple[int, Change]
 
 
-def _page(source: Source) -> Query:
+def _page(source: VersionColumns) -> Query:
     version = source.version
     columns: tuple[Any, ...] = (source.kind, source.text, version.since, version.until)
     rows = select(*columns).where(
@@ -62,7 +62,7 @@ def _page(source: Source) -> Query:
     return Query(first_rows(rows.order_by(version.since.desc()), integer("size")))
 
 
-_PAGES = {name: _page(source) for name, source in SOURCES.items()}
+_PAGES = {name: _page(source) for name, source in VERSION_COLUMNS.items()}
 
 
 def changed_revisions(

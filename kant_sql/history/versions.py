@@ -15,7 +15,7 @@ from ..dto.formulas import Node
 from ..errors import InvalidKnowledgeError, check_integer, unreadable
 from ..sql.dialects.base import Row, Session
 from ..sql.query import Query, first_rows, in_list, in_rows
-from ..sql.rows import FACT, GOAL, KB, SOURCES, THEN, Source
+from ..sql.rows import FACT, GOAL, KB, THEN, VERSION_COLUMNS, VersionColumns
 from ..store.store import Store
 from .elements import (
     MOST_LOOKUPS,
@@ -49,7 +49,7 @@ class Version:
     until: Revision | None
 
 
-def _versions(source: Source, owned: ColumnElement[bool], *which: Any) -> Select[Any]:
+def _versions(source: VersionColumns, owned: ColumnElement[bool], *which: Any) -> Select[Any]:
     version = source.version
     columns: tuple[Any, ...] = source.kind.label("kind"), source.text.label("text")
     columns += version.since, version.until
@@ -57,14 +57,14 @@ def _versions(source: Source, owned: ColumnElement[bool], *which: Any) -> Select
 
 
 def _versions_of(lookup: Lookup, which: Callable[[Any], ColumnElement[bool]]) -> Select[Any]:
-    source = SOURCES[lookup.source]
+    source = VERSION_COLUMNS[lookup.source]
     owned = in_rows(source.owner, identities_of(lookup))
     return _versions(source, owned, which(source.version))
 
 
 def _last_version_of(lookup: Lookup) -> Select[Any]:
     """Select the last version of one identity: one index step, however many there are."""
-    source = SOURCES[lookup.source]
+    source = VERSION_COLUMNS[lookup.source]
     since = source.version.since
     owned = source.owner == identities_of(lookup).scalar_subquery()
     newest_first = _versions(source, owned, since <= THEN).order_by(since.desc())
@@ -97,7 +97,7 @@ def _of_owners(names: tuple[str, ...]) -> Query:
         union_all(
             *(
                 _versions(source, in_list(source.owner, name), source.version.since <= THEN)
-                for name, source in ((name, SOURCES[name]) for name in names)
+                for name, source in ((name, VERSION_COLUMNS[name]) for name in names)
             )
         )
     )

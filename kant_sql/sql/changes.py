@@ -23,7 +23,7 @@ from sqlalchemy import (
 from ..errors import StoreIntegrityError, unreadable
 from .dialects.base import Row, Session
 from .query import Query, first_rows, in_list
-from .rows import FACT, GOAL, KB, KIND_TABLES, PROPOSITION, SOURCES, VALUE, table_of
+from .rows import FACT, GOAL, KB, KIND_TABLES, PROPOSITION, VALUE, VERSION_COLUMNS, table_of
 from .tables import ArchiveRow, PlanRow, PlanStepVersionRow, RevisionPlanStepRow, RevisionRow
 
 OWN_COLUMNS: tuple[Any, ...] = (
@@ -121,7 +121,7 @@ def _not_ended(version: Any, kind: Any, text: Any, within: Any) -> list[Select[A
 
 
 def _of_sources(names: Iterable[str], within: Any, ends: Any) -> list[Select[Any]]:
-    sources = (SOURCES[name] for name in names)
+    sources = (VERSION_COLUMNS[name] for name in names)
     return [part for each in sources for part in ends(each.version, each.kind, each.text, within)]
 
 

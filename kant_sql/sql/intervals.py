@@ -16,6 +16,8 @@ from sqlalchemy import (
     BigInteger,
     ColumnElement,
     FromClause,
+    Select,
+    Table,
     and_,
     bindparam,
     delete,
@@ -31,11 +33,10 @@ from .dialects.base import Session
 from .query import IdsQuery, Query, in_list, in_rows
 from .rows import KB, held_at, table_of
 from .tables import (
+    TABLES,
     Base,
-    FunctionRow,
     FunctionValueRow,
     FunctionValueVersionRow,
-    PredicateRow,
     PropositionRow,
     PropositionVersionRow,
 )
@@ -109,12 +110,12 @@ def held_then(version: Any) -> ColumnElement[bool]:
 
 
 # For queries of all predicates or functions: the index starts with that column.
-ANY_PREDICATE = in_rows(
-    PropositionVersionRow.predicate_id, select(PredicateRow.id).where(PredicateRow.kb_id == KB)
-)
-ANY_FUNCTION = in_rows(
-    FunctionValueVersionRow.function_id, select(FunctionRow.id).where(FunctionRow.kb_id == KB)
-)
+def _all_ids(identity: Table) -> Select[Any]:
+    return select(identity.c.id).where(identity.c.kb_id == KB)
+
+
+ANY_PREDICATE = in_rows(PropositionVersionRow.predicate_id, _all_ids(TABLES["predicate"]))
+ANY_FUNCTION = in_rows(FunctionValueVersionRow.function_id, _all_ids(TABLES["function"]))
 
 
 def forks_at(at: int) -> list[int]:

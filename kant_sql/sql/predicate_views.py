@@ -23,7 +23,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import closing
 from hashlib import sha256
 from itertools import count, groupby
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from sqlalchemy import bindparam, select
 
@@ -35,13 +35,7 @@ from .dialects.base import Backend, Session, retrying
 from .dialects.structure import Mark, ViewDialect, mark_of
 from .query import Query
 from .schema import check, check_session
-from .tables import (
-    KnowledgeBaseRow,
-    PredicateParameterRow,
-    PredicateParameterTypeRow,
-    PredicateRow,
-    TypeRow,
-)
+from .tables import TABLES, KnowledgeBaseRow
 
 KINDS = ("fact", "goal")
 MAX_BYTES = 63
@@ -223,27 +217,18 @@ _KNOWLEDGE_BASES = Query(
 )
 
 
-def _of_one(*columns: Any) -> Query:
+def _of_one(table: str, *names: str) -> Query:
     """Read columns of a table, for one knowledge base, sorted by them all."""
-    kb_id = columns[0].class_.kb_id
-    return Query(select(*columns).where(kb_id == bindparam("kb_id")).order_by(*columns))
+    columns = [TABLES[table].c[name] for name in names]
+    of_one = TABLES[table].c.kb_id == bindparam("kb_id")
+    return Query(select(*columns).where(of_one).order_by(*columns))
 
 
-_PREDICATES = _of_one(PredicateRow.id, PredicateRow.name)
-_TYPES = _of_one(TypeRow.id, TypeRow.name)
-_PARAMETERS = _of_one(
-    PredicateParameterRow.predicate_id,
-    PredicateParameterRow.position,
-    PredicateParameterRow.since,
-    PredicateParameterRow.name,
-)
-_PARAMETER_TYPES = _of_one(
-    PredicateParameterTypeRow.predicate_id,
-    PredicateParameterTypeRow.position,
-    PredicateParameterTypeRow.since,
-    PredicateParameterTypeRow.alternative,
-    PredicateParameterTypeRow.type_id,
-)
+_KEY = ("predicate_id", "position", "since")
+_PREDICATES = _of_one("predicate", "id", "name")
+_TYPES = _of_one("type", "id", "name")
+_PARAMETERS = _of_one("predicate_parameter", *_KEY, "name")
+_PARAMETER_TYPES = _of_one("predicate_parameter_type", *_KEY, "alternative", "type_id")
 
 
 class PredicateView(NamedTuple):

@@ -42,43 +42,12 @@ from ..knowledge.trees import ParameterDefinition, TreeNode, TreeTerm
 from .dialects.base import Row
 from .query import IdsQuery, Insert, in_rows
 from .tables import (
-    ActionNodeRow,
-    ActionParameterRow,
-    ActionParameterTypeRow,
-    ActionRow,
-    ActionTermRow,
-    ActionVariableRow,
-    ActionVariableTypeRow,
-    ActionVersionRow,
+    TABLES,
     Base,
-    DocumentItemRow,
-    DocumentRow,
-    DocumentVersionRow,
-    FormulaNodeRow,
-    FormulaRow,
-    FormulaTermRow,
-    FormulaVariableRow,
-    FormulaVariableTypeRow,
-    FormulaVersionRow,
-    FunctionParameterRow,
-    FunctionParameterTypeRow,
-    FunctionRow,
-    FunctionTypeRow,
     FunctionValueRow,
     FunctionValueVersionRow,
-    FunctionVersionRow,
-    ObjectRow,
-    ObjectTypeRow,
-    ObjectVersionRow,
-    PredicateParameterRow,
-    PredicateParameterTypeRow,
-    PredicateRow,
-    PredicateVersionRow,
     PropositionRow,
     PropositionVersionRow,
-    TypeParentRow,
-    TypeRow,
-    TypeVersionRow,
 )
 
 KB: ColumnElement[int] = bindparam("kb", type_=BigInteger)
@@ -104,8 +73,8 @@ class VersionTable:
     made. `owner` is the column that names the element.
     """
 
-    def __init__(self, owner: str, mapped: type[Base], *children: Table) -> None:
-        self.table = table_of(mapped)
+    def __init__(self, owner: str, table: Table, *children: Table) -> None:
+        self.table = table
         self.owner: ColumnElement[int] = self.table.c[owner]
         self.children = children
 
@@ -158,17 +127,17 @@ class ListTable:
     """
 
     def __init__(
-        self, mapped: type[Base], record: Any = None, /, *, first: int = 0, **lists: ListTable
+        self, table: Table, record: Any = None, /, *, first: int = 0, **lists: ListTable
     ) -> None:
         """Describe it.
 
         Args:
-            mapped: the table.
+            table: the table.
             record: the class of entries; None when they are lone values.
             first: the position of the first entry.
             lists: the field of an entry -> the table of the list that it holds.
         """
-        self.table = table_of(mapped)
+        self.table = table
         _, owner, _, *columns = self.table.c.keys()
         self.columns = (owner, *columns)
         self.has_sections = "section" in columns
@@ -237,7 +206,7 @@ class Kind:
     """
 
     def __init__(
-        self, definition: Any, identity: type[Base], version: type[Base], **lists: ListTable
+        self, definition: Any, identity: Table, version: Table, **lists: ListTable
     ) -> None:
         """Describe it.
 
@@ -247,7 +216,7 @@ class Kind:
             version: the version table.
             lists: the field of a definition -> the table of the list that it holds.
         """
-        self.identity = table_of(identity)
+        self.identity = identity
         self.new_identity = Insert(self.identity, "kb_id", "id", "name", "key")
         # Several fields may be lists of one table.
         tops = list(dict.fromkeys(lists.values()))
@@ -320,66 +289,41 @@ def _is_boolean(column: ColumnElement[Any]) -> bool:
     return isinstance(column.type, Boolean)
 
 
-def _parameters(parameter: type[Base], type_: type[Base]) -> ListTable:
-    return ListTable(parameter, ParameterDefinition, type_ids=ListTable(type_))
+def _list(table: str, record: Any = None, first: int = 0, **lists: ListTable) -> ListTable:
+    return ListTable(TABLES[table], record, first=first, **lists)
 
 
-def _tree(
-    node: type[Base], variable: type[Base], variable_type: type[Base], term: type[Base]
-) -> ListTable:
-    variables = _parameters(variable, variable_type)
-    return ListTable(node, TreeNode, variables=variables, terms=ListTable(term, TreeTerm))
+def _typed_names(table: str) -> ListTable:
+    return _list(table, ParameterDefinition, type_ids=_list(f"{table}_type"))
+
+
+def _tree(element: str) -> ListTable:
+    variables, terms = _typed_names(f"{element}_variable"), _list(f"{element}_term", TreeTerm)
+    return _list(f"{element}_node", TreeNode, variables=variables, terms=terms)
 
 
 # In the order in which they can be written: each refers to those before it only.
-KIND_TABLES = {
-    "type": Kind(
-        TypeDefinition,
-        TypeRow,
-        TypeVersionRow,
-        other_parent_ids=ListTable(TypeParentRow, first=1),
-    ),
-    "object": Kind(
-        ObjectDefinition,
-        ObjectRow,
-        ObjectVersionRow,
-        other_type_ids=ListTable(ObjectTypeRow, first=1),
-    ),
-    "predicate": Kind(
-        PredicateDefinition,
-        PredicateRow,
-        PredicateVersionRow,
-        parameters=_parameters(PredicateParameterRow, PredicateParameterTypeRow),
-    ),
-    "function": Kind(
+_KINDS: dict[str, tuple[Any, dict[str, ListTable]]] = {
+    "type": (TypeDefinition, {"other_parent_ids": _list("type_parent", first=1)}),
+    "object": (ObjectDefinition, {"other_type_ids": _list("object_type", first=1)}),
+    "predicate": (PredicateDefinition, {"parameters": _typed_names("predicate_parameter")}),
+    "function": (
         FunctionDefinition,
-        FunctionRow,
-        FunctionVersionRow,
-        parameters=_parameters(FunctionParameterRow, FunctionParameterTypeRow),
-        type_ids=ListTable(FunctionTypeRow),
+        {"parameters": _typed_names("function_parameter"), "type_ids": _list("function_type")},
     ),
-    "action": Kind(
+    "action": (
         ActionDefinition,
-        ActionRow,
-        ActionVersionRow,
-        parameters=_parameters(ActionParameterRow, ActionParameterTypeRow),
-        **dict.fromkeys(
-            (DURATION, CONDITION, EFFECT),
-            _tree(ActionNodeRow, ActionVariableRow, ActionVariableTypeRow, ActionTermRow),
-        ),
+        {
+            "parameters": _typed_names("action_parameter"),
+            **dict.fromkeys((DURATION, CONDITION, EFFECT), _tree("action")),
+        },
     ),
-    "formula": Kind(
-        FormulaDefinition,
-        FormulaRow,
-        FormulaVersionRow,
-        tree=_tree(FormulaNodeRow, FormulaVariableRow, FormulaVariableTypeRow, FormulaTermRow),
-    ),
-    "document": Kind(
-        DocumentDefinition,
-        DocumentRow,
-        DocumentVersionRow,
-        items=ListTable(DocumentItemRow, Item),
-    ),
+    "formula": (FormulaDefinition, {"tree": _tree("formula")}),
+    "document": (DocumentDefinition, {"items": _list("document_item", Item)}),
+}
+KIND_TABLES = {
+    kind: Kind(definition, TABLES[kind], TABLES[f"{kind}_version"], **lists)
+    for kind, (definition, lists) in _KINDS.items()
 }
 
 
@@ -387,14 +331,14 @@ FACT, GOAL, VALUE = "fact", "goal", "value"
 PROPOSITION = "proposition"
 
 
-class Source(NamedTuple):
-    """The versions of one kind of knowledge.
+class VersionColumns(NamedTuple):
+    """The columns that describe the versions of one kind of knowledge.
 
     Attributes:
         identity: the columns of the identity table.
         version: the columns of the version table.
         owner: the column of the version table that names the identity.
-        kind: what a change line calls the kind, of a row of the version table.
+        kind: the kind in change lines, of a row of the version table.
         text: the canonical PDDL text, of a row of the version table.
     """
 
@@ -405,22 +349,21 @@ class Source(NamedTuple):
     text: ColumnElement[str]
 
 
-def _definition(kind: str) -> Source:
-    tables = KIND_TABLES[kind]
+def _definition(kind: str, tables: Kind) -> VersionColumns:
     version = tables.version.table.c
     # A formula is of the kind that its section says.
     name: Any = version.section if kind == "formula" else literal_column(f"'{kind}'")
-    return Source(tables.identity.c, version, tables.version.owner, name, version.text)
+    return VersionColumns(tables.identity.c, version, tables.version.owner, name, version.text)
 
 
-def _value() -> Source:
+def _value() -> VersionColumns:
     version = table_of(FunctionValueVersionRow).c
     kind: Any = literal_column(f"'{VALUE}'")
     identity = table_of(FunctionValueRow).c
-    return Source(identity, version, version.function_value_id, kind, version.text)
+    return VersionColumns(identity, version, version.function_value_id, kind, version.text)
 
 
-def _proposition() -> Source:
+def _proposition() -> VersionColumns:
     version, atom = table_of(PropositionVersionRow).c, table_of(PropositionRow).c
     # The version's own copy: a lookup of the text in the identity table costs more.
     kind: Any = case(
@@ -432,11 +375,11 @@ def _proposition() -> Source:
         .correlate(table_of(PropositionVersionRow))
         .scalar_subquery()
     )
-    return Source(atom, version, version.proposition_id, kind, text)
+    return VersionColumns(atom, version, version.proposition_id, kind, text)
 
 
-SOURCES: dict[str, Source] = {
-    **{kind: _definition(kind) for kind in KIND_TABLES},
+VERSION_COLUMNS: dict[str, VersionColumns] = {
+    **{kind: _definition(kind, tables) for kind, tables in KIND_TABLES.items()},
     VALUE: _value(),
     PROPOSITION: _proposition(),
 }

@@ -26,7 +26,7 @@ from ...sql.changes import in_range
 from ...sql.dialects.base import Session
 from ...sql.query import Query, in_list, in_rows, integer
 from ...sql.rows import KB
-from ...sql.tables import HeadRow, ObjectRow, ObjectVersionRow
+from ...sql.tables import TABLES, HeadRow
 from .copy import (
     ARCHIVED_TABLES,
     ATOMS,
@@ -173,10 +173,11 @@ _SET = Query(
     .where(HeadRow.kb_id == bindparam("kb"))
     .values(archived_revision=integer("upto"))
 )
-_OBJECT_VERSIONS = select(ObjectVersionRow.since).where(
-    ObjectVersionRow.kb_id == ObjectRow.kb_id, ObjectVersionRow.object_id == ObjectRow.id
+_OBJECT, _OBJECT_VERSION = TABLES["object"].c, TABLES["object_version"].c
+_OBJECT_VERSIONS = select(_OBJECT_VERSION.since).where(
+    _OBJECT_VERSION.kb_id == _OBJECT.kb_id, _OBJECT_VERSION.object_id == _OBJECT.id
 )
-_GONE_OBJECTS = Query(select(ObjectRow.id).where(ObjectRow.kb_id == KB, ~_OBJECT_VERSIONS.exists()))
+_GONE_OBJECTS = Query(select(_OBJECT.id).where(_OBJECT.kb_id == KB, ~_OBJECT_VERSIONS.exists()))
 
 
 @cache

@@ -31,8 +31,8 @@ from ...knowledge.definitions import (
 )
 from ...knowledge.trees import PREDICATE, ParameterDefinition
 from ...sql.query import Query
-from ...sql.rows import KB, KIND_TABLES, table_of
-from ...sql.tables import FunctionTypeRow, FunctionVersionRow
+from ...sql.rows import KB, KIND_TABLES
+from ...sql.tables import TABLES
 from .sides import Check
 
 # A word has none of the characters that separate words.
@@ -123,7 +123,7 @@ def _doubles(kind: str) -> Query:
 
 _IDENTITIES = {kind: _identities(kind) for kind in KINDS}
 _DOUBLES = {kind: _doubles(kind) for kind in KINDS}
-_FUNCTION, _VALUE_TYPE = table_of(FunctionVersionRow).c, table_of(FunctionTypeRow).c
+_FUNCTION, _VALUE_TYPE = TABLES["function_version"].c, TABLES["function_type"].c
 _FUNCTIONS = Query(
     select(
         _FUNCTION.function_id,

@@ -1,45 +1,17 @@
-"""The tables: mapped classes, one module for each PDDL element."""
+"""The tables: of revisions, named elements, propositions and values of functions, and plans."""
 
 from __future__ import annotations
 
-from .base import Base
-from .definitions import (
-    ActionNodeRow,
-    ActionParameterRow,
-    ActionParameterTypeRow,
-    ActionRow,
-    ActionTermRow,
-    ActionVariableRow,
-    ActionVariableTypeRow,
-    ActionVersionRow,
-    DocumentItemRow,
-    DocumentRow,
-    DocumentVersionRow,
-    FormulaNodeRow,
-    FormulaRow,
-    FormulaTermRow,
-    FormulaVariableRow,
-    FormulaVariableTypeRow,
-    FormulaVersionRow,
-    FunctionParameterRow,
-    FunctionParameterTypeRow,
-    FunctionRow,
-    FunctionTypeRow,
+from . import definitions as definitions
+from .atoms import (
     FunctionValueArgumentRow,
     FunctionValueRow,
     FunctionValueVersionRow,
-    FunctionVersionRow,
-    ObjectRow,
-    ObjectTypeRow,
-    ObjectVersionRow,
-    PredicateParameterRow,
-    PredicateParameterTypeRow,
-    PredicateRow,
-    PredicateVersionRow,
-    TypeParentRow,
-    TypeRow,
-    TypeVersionRow,
+    PropositionArgumentRow,
+    PropositionRow,
+    PropositionVersionRow,
 )
+from .base import Base
 from .plans import (
     PlanRow,
     PlanStepArgumentRow,
@@ -47,56 +19,27 @@ from .plans import (
     PlanStepVersionRow,
     RevisionPlanStepRow,
 )
-from .propositions import PropositionArgumentRow, PropositionRow, PropositionVersionRow
 from .revisions import ArchiveRow, HeadRow, KnowledgeBaseRow, RevisionRow
 
 __all__ = [
-    "ActionNodeRow",
-    "ActionParameterRow",
-    "ActionParameterTypeRow",
-    "ActionRow",
-    "ActionTermRow",
-    "ActionVariableRow",
-    "ActionVariableTypeRow",
-    "ActionVersionRow",
+    "TABLES",
     "ArchiveRow",
     "Base",
-    "DocumentItemRow",
-    "DocumentRow",
-    "DocumentVersionRow",
-    "FormulaNodeRow",
-    "FormulaRow",
-    "FormulaTermRow",
-    "FormulaVariableRow",
-    "FormulaVariableTypeRow",
-    "FormulaVersionRow",
-    "FunctionParameterRow",
-    "FunctionParameterTypeRow",
-    "FunctionRow",
-    "FunctionTypeRow",
     "FunctionValueArgumentRow",
     "FunctionValueRow",
     "FunctionValueVersionRow",
-    "FunctionVersionRow",
     "HeadRow",
     "KnowledgeBaseRow",
-    "ObjectRow",
-    "ObjectTypeRow",
-    "ObjectVersionRow",
     "PlanRow",
     "PlanStepArgumentRow",
     "PlanStepRow",
     "PlanStepVersionRow",
-    "PredicateParameterRow",
-    "PredicateParameterTypeRow",
-    "PredicateRow",
-    "PredicateVersionRow",
     "PropositionArgumentRow",
     "PropositionRow",
     "PropositionVersionRow",
     "RevisionPlanStepRow",
     "RevisionRow",
-    "TypeParentRow",
-    "TypeRow",
-    "TypeVersionRow",
 ]
+
+# By name. Those of named elements have no class.
+TABLES = Base.metadata.tables

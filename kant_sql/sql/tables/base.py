@@ -12,15 +12,16 @@ from typing import Any
 from sqlalchemy import (
     JSON,
     BigInteger,
+    Boolean,
     CheckConstraint,
     Dialect,
     ForeignKeyConstraint,
     Index,
+    Integer,
     MetaData,
     String,
     Text,
     TypeDecorator,
-    UniqueConstraint,
     text,
 )
 from sqlalchemy.dialects.postgresql import TIMESTAMP
@@ -34,31 +35,31 @@ LongText = Text().with_variant(Text(collation="C"), "postgresql")
 
 
 def text_time(text: str) -> datetime:
-    """Read a moment back from `time_text`."""
+    """Read a time from the text that `time_text` writes."""
     return datetime.fromisoformat(text).astimezone(UTC)
 
 
 class UtcTime(TypeDecorator[datetime]):
-    """A moment in UTC: `timestamptz` on PostgreSQL, ISO 8601 text elsewhere."""
+    """A time in UTC: `timestamptz` on PostgreSQL, ISO 8601 text elsewhere."""
 
     impl = String(27).with_variant(TIMESTAMP(timezone=True), "postgresql")
     cache_ok = True
 
     def process_bind_param(self, value: datetime | None, dialect: Dialect) -> Any:
-        """Return the driver's form of a moment."""
+        """Return the driver's form of a time."""
         if value is None or not isinstance(self.impl_instance, String):
             return value
         return time_text(value)
 
     def process_result_value(self, value: Any, dialect: Dialect) -> datetime | None:
-        """Read the driver's form of a moment."""
+        """Read the driver's form of a time."""
         if value is None:
             return None
         return text_time(value) if isinstance(value, str) else value.astimezone(UTC)
 
 
-# The very text that was hashed: `json` on PostgreSQL keeps it, `jsonb` does not. SQLite has no JSON
-# type, and would read a lone number in a column of one that it does not know.
+# The text that was hashed: `json` on PostgreSQL keeps it, `jsonb` does not. SQLite has no JSON
+# type, and would read a lone number in a column of an unknown type as a number.
 CanonicalJson = Text().with_variant(JSON(none_as_null=True), "postgresql")
 
 
@@ -70,83 +71,79 @@ NAMING_CONVENTION = {
     "ck": "ck_%(table_name)s_%(constraint_name)s",
 }
 
-# Alembic keeps here which migration was the last.
+# The table in which Alembic keeps the last migration.
 VERSION_TABLE = "kant_sql_version"
 
 LIVE = "until IS NULL"
 CLOSED = "until IS NOT NULL"
+# Checked at commit: the row of a revision holds the hash of its changes, so it is written last.
+AT_COMMIT: dict[str, Any] = {"deferrable": True, "initially": "DEFERRED"}
+REVISION = ["revision.kb_id", "revision.number"]
+ASSERTED = "asserted in this revision"
+RETRACTED = "retracted in this revision; NULL: holds now"
 
 
 class Base(DeclarativeBase):
     """The base of all mapped classes."""
 
     metadata = MetaData(naming_convention=NAMING_CONVENTION)
+    type_annotation_map = {int: BigInteger(), str: LongText, bool: Boolean(), datetime: UtcTime()}  # noqa: RUF012
+
+
+def key_column(
+    order: int, comment: str | None = None, kind: type[Any] = BigInteger
+) -> MappedColumn[Any]:
+    """Make a column of a primary key; `order` places it among those of the table."""
+    return mapped_column(
+        kind, primary_key=True, autoincrement=False, sort_order=order, comment=comment
+    )
 
 
 def kb_column() -> MappedColumn[int]:
     """Make the column that every table and every key starts with."""
-    return mapped_column(BigInteger, primary_key=True, autoincrement=False, sort_order=-100)
+    return key_column(-100)
 
 
 def owner_column() -> MappedColumn[int]:
     """Make the part of a primary key that names the element."""
-    return mapped_column(BigInteger, primary_key=True, autoincrement=False, sort_order=-90)
+    return key_column(-90)
 
 
-def since_column() -> MappedColumn[int]:
-    """Make the part of a primary key that names the version of the element."""
-    return mapped_column(
-        BigInteger,
-        primary_key=True,
-        autoincrement=False,
-        sort_order=-80,
-        comment="asserted in this revision",
-    )
-
-
-def fork_column() -> MappedColumn[int]:
-    """Make the column by which a past state is found; `sql/intervals.py` explains it."""
-    return mapped_column(
-        BigInteger,
-        server_default=text("0"),
-        comment="the revision from since to before until that the highest power of two divides; "
-        "0: holds now",
-    )
-
-
-class Identity:
-    """A named element for ever, apart from what held of it when."""
-
-    kb_id: Mapped[int] = kb_column()
-    id: Mapped[int] = owner_column()
-    name: Mapped[str] = mapped_column(ShortText, comment="in its first spelling")
-    key: Mapped[str] = mapped_column(LongText, comment="the name as compared: case folded")
+def position_column(order: int = -60, comment: str | None = "from 0") -> MappedColumn[int]:
+    """Make the part of a primary key that is a position in a list."""
+    return key_column(order, comment, Integer)
 
 
 class Version:
     """What held of an element from one revision until another."""
 
     kb_id: Mapped[int] = kb_column()
-    since: Mapped[int] = since_column()
-    until: Mapped[int | None] = mapped_column(
-        BigInteger, sort_order=-70, comment="retracted in this revision; NULL: holds now"
+    since: Mapped[int] = key_column(-80, ASSERTED)
+    until: Mapped[int | None] = mapped_column(sort_order=-70, comment=RETRACTED)
+
+
+class Interval(Version):
+    """A version among millions, found by its fork; see `sql/intervals.py`."""
+
+    fork: Mapped[int] = mapped_column(
+        sort_order=10,
+        server_default=text("0"),
+        comment="the revision from since to before until that the highest power of two divides; "
+        "0: holds now",
     )
 
 
-def identity_args() -> tuple[Any, ...]:
-    """Return the constraints of an identity table."""
-    return (
-        ForeignKeyConstraint(["kb_id"], ["knowledge_base.id"]),
-        UniqueConstraint("kb_id", "key"),
-    )
+def reference(column: str, table: str) -> ForeignKeyConstraint:
+    """Make the reference of a column to the identity of an element."""
+    return ForeignKeyConstraint(["kb_id", column], [f"{table}.kb_id", f"{table}.id"])
 
 
 def lookup_index(table: str, column: str) -> Index:
-    """Make the index by which the views find what they are asked for: a name, or a text.
+    """Make the index by which the views find a name or a text.
 
-    It is a hash on PostgreSQL: a text may be longer than what a b-tree takes, and one that began
-    with `kb_id` would be taken for others' questions, too, while a table without statistics is
-    small.
+    On PostgreSQL it is a hash index: a text may exceed the size limit of a b-tree entry, and while
+    a table without statistics is small, the planner would use an index that begins with `kb_id` for
+    other queries.
     """
     return Index(f"ix_{table}_{column}", column, postgresql_using="hash")
 
@@ -158,25 +155,16 @@ def partial_index(name: str, *columns: str, where: str, unique: bool = False) ->
     )
 
 
-def version_args(element: str, has_parts: bool = True) -> tuple[Any, ...]:
-    """Return the constraints and indexes of an element's version table.
-
-    The two references to `revision` are checked at commit: the revision's row holds the hash of
-    all that changed, so it is written last.
-    """
-    table, owner = f"{element}_version", f"{element}_id"
-    at_commit: dict[str, Any] = {"deferrable": True, "initially": "DEFERRED"}
-    revision = ["revision.kb_id", "revision.number"]
+def version_args(table: str, *owner: str, has_lists: bool = False) -> tuple[Any, ...]:
+    """Return the constraints and indexes that all version tables have."""
     return (
-        ForeignKeyConstraint(["kb_id", owner], [f"{element}.kb_id", f"{element}.id"]),
-        ForeignKeyConstraint(["kb_id", "since"], revision, **at_commit),
-        ForeignKeyConstraint(["kb_id", "until"], revision, **at_commit),
+        ForeignKeyConstraint(["kb_id", "since"], REVISION, **AT_COMMIT),
+        ForeignKeyConstraint(["kb_id", "until"], REVISION, **AT_COMMIT),
         CheckConstraint("since < until", name="since_before_until"),
-        partial_index(f"uq_{table}_live", "kb_id", owner, where=LIVE, unique=True),
-        # What a revision changed is found by these two, and so are the rows that a new revision's
-        # deferred foreign keys have to be checked against.
-        # With the owner: PostgreSQL may take this index to look up the version of a part, and one
-        # revision may make thousands.
-        Index(f"ix_{table}_since", "kb_id", "since", *([owner] if has_parts else [])),
+        partial_index(f"uq_{table}_live", "kb_id", *owner, where=LIVE, unique=True),
+        # These two find the changes of a revision, and the rows that its deferred foreign keys
+        # check. The owner is included because PostgreSQL may use the index to look up the version
+        # of an entry of a list, and one revision may add thousands.
+        Index(f"ix_{table}_since", "kb_id", "since", *(owner if has_lists else ())),
         partial_index(f"ix_{table}_until", "kb_id", "until", where=CLOSED),
     )

@@ -1,513 +1,329 @@
-"""The identities and versions of types, objects, predicates, functions, actions and formulas."""
+"""The tables of named elements: identities, versions, and the lists of each version.
+
+An expression tree is a list in preorder. A node says what it does (`and`, `over all`, `increase`,
+`predicate` ...), and a leaf also which predicate, function, number or variable it is; the terms of
+a node, and the variables that a quantifier binds, are lists of the node.
+"""
 
 from __future__ import annotations
+
+from typing import Any
 
 from sqlalchemy import (
     BigInteger,
     Boolean,
     CheckConstraint,
-    Double,
+    Column,
     ForeignKeyConstraint,
     Index,
     Integer,
     String,
+    Table,
     UniqueConstraint,
     false,
 )
-from sqlalchemy.orm import Mapped, mapped_column
 
 from .base import (
-    LIVE,
+    ASSERTED,
+    RETRACTED,
     Base,
-    Identity,
     LongText,
     ShortText,
-    Version,
-    fork_column,
-    identity_args,
-    kb_column,
     lookup_index,
-    owner_column,
-    partial_index,
-    since_column,
+    reference,
     version_args,
 )
-from .expressions import (
-    ExpressionNode,
-    ExpressionTerm,
-    ExpressionVariable,
-    ExpressionVariableType,
-    Parameter,
-    ParameterType,
-    node_args,
-    parameter_args,
-    parameter_type_args,
-    term_args,
-    variable_args,
-    variable_type_args,
+
+
+def _key(name: str, kind: Any = BigInteger, comment: str | None = None) -> Column[Any]:
+    return Column(name, kind, primary_key=True, autoincrement=False, comment=comment)
+
+
+def _place(name: str, comment: str | None = None) -> Column[Any]:
+    return _key(name, Integer, comment)
+
+
+def _column(name: str, kind: Any = BigInteger, comment: str | None = None) -> Column[Any]:
+    return Column(name, kind, nullable=False, comment=comment)
+
+
+def _optional(name: str, kind: Any = BigInteger, comment: str | None = None) -> Column[Any]:
+    return Column(name, kind, comment=comment)
+
+
+def _text(comment: str = "canonical PDDL") -> Column[Any]:
+    return _column("text", LongText, comment)
+
+
+def _alternative() -> Column[Any]:
+    return _place("alternative", "from 0: several for either")
+
+
+def _table(name: str, *items: Any) -> None:
+    Table(name, Base.metadata, _key("kb_id"), *items)
+
+
+def _identity(element: str, *items: Any) -> None:
+    """Make the table of an element for ever, apart from what held of it when."""
+    _table(
+        element,
+        _key("id"),
+        _column("name", ShortText, "in its first spelling"),
+        _column("key", LongText, "the name as compared: case folded"),
+        ForeignKeyConstraint(["kb_id"], ["knowledge_base.id"]),
+        UniqueConstraint("kb_id", "key"),
+        *items,
+    )
+
+
+def _version(element: str, *items: Any) -> None:
+    """Make the table of what held of an element from one revision until another."""
+    owner, table = f"{element}_id", f"{element}_version"
+    _table(
+        table,
+        _key(owner),
+        _key("since", comment=ASSERTED),
+        _optional("until", comment=RETRACTED),
+        *items,
+        reference(owner, element),
+        *version_args(table, owner, has_lists=True),
+    )
+
+
+def _list(element: str, name: str, *items: Any) -> None:
+    """Make the table of a list that each version of an element has."""
+    _table(f"{element}_{name}", _key(f"{element}_id"), _key("since", comment=ASSERTED), *items)
+
+
+def _within(
+    element: str, name: str, *columns: str, to: tuple[str, ...] = (), key: str | None = None
+) -> ForeignKeyConstraint:
+    """Make a reference to a row of the same version, in another table of the element."""
+    version = ("kb_id", f"{element}_id", "since")
+    targets = [f"{element}_{name}.{column}" for column in (*version, *(to or columns))]
+    return ForeignKeyConstraint([*version, *columns], targets, name=key)
+
+
+def _types(element: str, name: str, column: str = "type_id") -> tuple[Any, ...]:
+    """Return a column that refers to a type, with its constraint and index."""
+    index = Index(f"ix_{element}_{name}_{column.removesuffix('_id')}", "kb_id", column)
+    return _column(column), reference(column, "type"), index
+
+
+def _further(element: str, name: str, column: str = "type_id", first: int = 1) -> None:
+    """Make the table of types of an element."""
+    comment = "from 1: the first is in the version" if first else "from 0"
+    types = _types(element, name, column)
+    _list(element, name, _place("position", comment), *types, _within(element, "version"))
+
+
+def _parameters(element: str) -> None:
+    """Make the tables of an element's parameters, and of the types that each allows."""
+    _list(
+        element,
+        "parameter",
+        _place("position", "from 0"),
+        _column("name", ShortText, "without its question mark"),
+        _within(element, "version"),
+    )
+    _list(
+        element,
+        "parameter_type",
+        _place("position"),
+        _alternative(),
+        *_types(element, "parameter_type"),
+        _within(element, "parameter", "position"),
+    )
+
+
+_NODE = ("section", "position")
+
+
+def _node_key() -> tuple[Any, ...]:
+    return _key("section", String(24), "the part of its owner"), _place(
+        "position", "from 0, in preorder"
+    )
+
+
+def _trees(element: str, has_parameters: bool, *checks: Any) -> None:
+    """Make the tables of an element's expression trees."""
+    _nodes(element, *checks)
+    _terms(element, has_parameters)
+    variable, type_ = f"fk_{element}_variable", f"fk_{element}_variable_type"
+    _list(
+        element,
+        "variable",
+        *_node_key(),
+        _place("variable", "from 0"),
+        _column("name", ShortText, "without its question mark"),
+        _within(element, "node", *_NODE, key=f"{variable}_node"),
+    )
+    _list(
+        element,
+        "variable_type",
+        *_node_key(),
+        _place("variable"),
+        _alternative(),
+        *_types(element, "variable_type"),
+        _within(element, "variable", *_NODE, "variable", key=f"{type_}_variable"),
+    )
+
+
+def _nodes(element: str, *checks: Any) -> None:
+    table = f"{element}_node"
+    _list(
+        element,
+        "node",
+        *_node_key(),
+        _optional("parent", Integer, "the position of the node above; NULL: the root"),
+        _column(
+            "operator",
+            String(32),
+            "and, not, over all, increase, predicate, function, number ...",
+        ),
+        _optional("predicate_id"),
+        _optional("function_id"),
+        _optional(
+            "value",
+            LongText,
+            "a number as exact decimal text, a variable's or a preference's name",
+        ),
+        _within(element, "version", key=f"fk_{table}_version"),
+        _within(element, "node", "section", "parent", to=_NODE, key=f"fk_{table}_parent"),
+        reference("predicate_id", "predicate"),
+        reference("function_id", "function"),
+        CheckConstraint("parent < position", name="preorder"),
+        CheckConstraint("(parent IS NULL) = (position = 0)", name="one_root"),
+        CheckConstraint(
+            "(operator = 'predicate') = (predicate_id IS NOT NULL)", name="predicate_given"
+        ),
+        CheckConstraint(
+            "(operator = 'function') = (function_id IS NOT NULL)", name="function_given"
+        ),
+        *checks,
+        Index(f"ix_{table}_predicate", "kb_id", "predicate_id"),
+        Index(f"ix_{table}_function", "kb_id", "function_id"),
+    )
+
+
+_ONE_OF_FOUR = " + ".join(
+    f"CASE WHEN {column} IS NULL THEN 0 ELSE 1 END"
+    for column in ("parameter", "object_id", "variable", "child")
 )
 
 
-class TypeRow(Identity, Base):
-    """A type, for ever."""
-
-    __tablename__ = "type"
-    __table_args__ = identity_args()
-
-
-class TypeVersionRow(Version, Base):
-    """A type's place in the hierarchy, for a time."""
-
-    __tablename__ = "type_version"
-    __table_args__ = (
-        *version_args("type"),
-        ForeignKeyConstraint(["kb_id", "parent_id"], ["type.kb_id", "type.id"]),
-    )
-
-    type_id: Mapped[int] = owner_column()
-    parent_id: Mapped[int | None] = mapped_column(
-        BigInteger, comment="the type above it; NULL: right under the root"
-    )
-    text: Mapped[str] = mapped_column(LongText, comment="canonical PDDL")
-
-
-class TypeParentRow(Base):
-    """A further parent of a type whose parent is declared with `either`."""
-
-    __tablename__ = "type_parent"
-    __table_args__ = (
-        ForeignKeyConstraint(
-            ["kb_id", "type_id", "since"],
-            ["type_version.kb_id", "type_version.type_id", "type_version.since"],
-        ),
-        ForeignKeyConstraint(["kb_id", "parent_id"], ["type.kb_id", "type.id"]),
-        Index("ix_type_parent_parent", "kb_id", "parent_id"),
-    )
-
-    kb_id: Mapped[int] = kb_column()
-    type_id: Mapped[int] = owner_column()
-    since: Mapped[int] = since_column()
-    position: Mapped[int] = mapped_column(
-        Integer,
-        primary_key=True,
-        autoincrement=False,
-        sort_order=-60,
-        comment="from 1: the first is in the version",
-    )
-    parent_id: Mapped[int] = mapped_column(BigInteger)
-
-
-class ObjectRow(Identity, Base):
-    """An object, for ever."""
-
-    __tablename__ = "object"
-    __table_args__ = (*identity_args(), lookup_index("object", "name"))
-
-
-class ObjectVersionRow(Version, Base):
-    """An object's type, for a time."""
-
-    __tablename__ = "object_version"
-    __table_args__ = (
-        *version_args("object"),
-        ForeignKeyConstraint(["kb_id", "type_id"], ["type.kb_id", "type.id"]),
-    )
-
-    object_id: Mapped[int] = owner_column()
-    type_id: Mapped[int] = mapped_column(BigInteger)
-    text: Mapped[str] = mapped_column(LongText, comment="canonical PDDL")
-    is_constant: Mapped[bool] = mapped_column(
-        Boolean, server_default=false(), comment="declared in the domain, not in the problem"
+def _terms(element: str, has_parameters: bool) -> None:
+    """Make the table of the terms of nodes: parameters, variables, objects, fluents."""
+    table = f"{element}_term"
+    bound = ("section", "quantifier", "variable")
+    of_parameters: Any = CheckConstraint("parameter IS NULL", name="no_parameter")
+    if has_parameters:
+        of_parameters = _within(
+            element, "parameter", "parameter", to=("position",), key=f"fk_{table}_parameter"
+        )
+    _list(
+        element,
+        "term",
+        *_node_key(),
+        _place("term", "from 0"),
+        _optional("parameter", Integer, "the position of the owner's parameter"),
+        _optional("object_id", comment="the constant"),
+        _optional("quantifier", Integer, "the position of the node that binds the variable"),
+        _optional("variable", Integer, "which of the quantifier's variables it is"),
+        _optional("child", Integer, "the position of the function node whose value it is"),
+        _within(element, "node", *_NODE, key=f"fk_{table}_node"),
+        of_parameters,
+        reference("object_id", "object"),
+        _within(element, "variable", *bound, to=(*_NODE, "variable"), key=f"fk_{table}_variable"),
+        _within(element, "node", "section", "child", to=_NODE, key=f"fk_{table}_child"),
+        CheckConstraint(f"{_ONE_OF_FOUR} = 1", name="one_of_four"),
+        CheckConstraint("(quantifier IS NULL) = (variable IS NULL)", name="bound"),
+        Index(f"ix_{table}_object", "kb_id", "object_id"),
     )
 
 
-class ObjectTypeRow(Base):
-    """A further type of an object that is declared with `either`."""
+_identity("type")
+_version(
+    "type",
+    _optional("parent_id", comment="the type above it; NULL: right under the root"),
+    _text(),
+    reference("parent_id", "type"),
+)
+_further("type", "parent", "parent_id")
 
-    __tablename__ = "object_type"
-    __table_args__ = (
-        ForeignKeyConstraint(
-            ["kb_id", "object_id", "since"],
-            ["object_version.kb_id", "object_version.object_id", "object_version.since"],
-        ),
-        ForeignKeyConstraint(["kb_id", "type_id"], ["type.kb_id", "type.id"]),
-        Index("ix_object_type_type", "kb_id", "type_id"),
-    )
+_identity("object", lookup_index("object", "name"))
+_version(
+    "object",
+    _column("type_id"),
+    _text(),
+    Column(
+        "is_constant",
+        Boolean,
+        nullable=False,
+        server_default=false(),
+        comment="declared in the domain, not in the problem",
+    ),
+    reference("type_id", "type"),
+)
+_further("object", "type")
 
-    kb_id: Mapped[int] = kb_column()
-    object_id: Mapped[int] = owner_column()
-    since: Mapped[int] = since_column()
-    position: Mapped[int] = mapped_column(
-        Integer,
-        primary_key=True,
-        autoincrement=False,
-        sort_order=-60,
-        comment="from 1: the first is in the version",
-    )
-    type_id: Mapped[int] = mapped_column(BigInteger)
+_identity("predicate", lookup_index("predicate", "name"))
+_version("predicate", _text())
+_parameters("predicate")
 
+_identity("function", lookup_index("function", "name"))
+_version("function", _text())
+_parameters("function")
+# The types of its values: none for numbers.
+_further("function", "type", first=0)
 
-class PredicateRow(Identity, Base):
-    """A predicate, for ever."""
-
-    __tablename__ = "predicate"
-    __table_args__ = (*identity_args(), lookup_index("predicate", "name"))
-
-
-class PredicateVersionRow(Version, Base):
-    """A predicate's definition, for a time; its parameters are rows of their own."""
-
-    __tablename__ = "predicate_version"
-    __table_args__ = (*version_args("predicate"),)
-
-    predicate_id: Mapped[int] = owner_column()
-    text: Mapped[str] = mapped_column(LongText, comment="canonical PDDL")
-
-
-class PredicateParameterRow(Parameter, Base):
-    """A parameter of one version of a predicate."""
-
-    __tablename__ = "predicate_parameter"
-    __table_args__ = parameter_args("predicate")
-
-    predicate_id: Mapped[int] = owner_column()
-
-
-class PredicateParameterTypeRow(ParameterType, Base):
-    """A type that a predicate's parameter allows: one row, or several for `either`."""
-
-    __tablename__ = "predicate_parameter_type"
-    __table_args__ = parameter_type_args("predicate")
-
-    predicate_id: Mapped[int] = owner_column()
-
-
-class FunctionRow(Identity, Base):
-    """A function, for ever."""
-
-    __tablename__ = "function"
-    __table_args__ = (*identity_args(), lookup_index("function", "name"))
-
-
-class FunctionVersionRow(Version, Base):
-    """A function's definition, for a time; its parameters are rows of their own."""
-
-    __tablename__ = "function_version"
-    __table_args__ = (*version_args("function"),)
-
-    function_id: Mapped[int] = owner_column()
-    text: Mapped[str] = mapped_column(LongText, comment="canonical PDDL")
-
-
-class FunctionParameterRow(Parameter, Base):
-    """A parameter of one version of a function."""
-
-    __tablename__ = "function_parameter"
-    __table_args__ = parameter_args("function")
-
-    function_id: Mapped[int] = owner_column()
-
-
-class FunctionParameterTypeRow(ParameterType, Base):
-    """A type that a function's parameter allows: one row, or several for `either`."""
-
-    __tablename__ = "function_parameter_type"
-    __table_args__ = parameter_type_args("function")
-
-    function_id: Mapped[int] = owner_column()
-
-
-class FunctionTypeRow(Base):
-    """A type of a function's values: none for numbers, several for `either`."""
-
-    __tablename__ = "function_type"
-    __table_args__ = (
-        ForeignKeyConstraint(
-            ["kb_id", "function_id", "since"],
-            ["function_version.kb_id", "function_version.function_id", "function_version.since"],
-        ),
-        ForeignKeyConstraint(["kb_id", "type_id"], ["type.kb_id", "type.id"]),
-        Index("ix_function_type_type", "kb_id", "type_id"),
-    )
-
-    kb_id: Mapped[int] = kb_column()
-    function_id: Mapped[int] = owner_column()
-    since: Mapped[int] = since_column()
-    position: Mapped[int] = mapped_column(
-        Integer, primary_key=True, autoincrement=False, sort_order=-60, comment="from 0"
-    )
-    type_id: Mapped[int] = mapped_column(BigInteger)
-
-
-class FunctionValueRow(Base):
-    """A function applied to objects, interned once for ever: a fluent."""
-
-    __tablename__ = "function_value"
-    __table_args__ = (
-        ForeignKeyConstraint(["kb_id", "function_id"], ["function.kb_id", "function.id"]),
-        UniqueConstraint("kb_id", "function_id", "arguments", name="uq_function_value_fluent"),
-        lookup_index("function_value", "text"),
-    )
-
-    kb_id: Mapped[int] = kb_column()
-    id: Mapped[int] = owner_column()
-    function_id: Mapped[int] = mapped_column(BigInteger)
-    arguments: Mapped[str] = mapped_column(
-        LongText, comment="the ids of its objects in order, by spaces: the key that interns it"
-    )
-    text: Mapped[str] = mapped_column(LongText, comment="canonical PDDL, without the value")
-
-
-class FunctionValueArgumentRow(Base):
-    """An argument of a fluent."""
-
-    __tablename__ = "function_value_argument"
-    __table_args__ = (
-        ForeignKeyConstraint(
-            ["kb_id", "function_value_id"], ["function_value.kb_id", "function_value.id"]
-        ),
-        ForeignKeyConstraint(["kb_id", "object_id"], ["object.kb_id", "object.id"]),
-        Index("ix_function_value_argument_object", "kb_id", "object_id", "function_value_id"),
-    )
-
-    kb_id: Mapped[int] = kb_column()
-    function_value_id: Mapped[int] = owner_column()
-    position: Mapped[int] = mapped_column(
-        Integer, primary_key=True, autoincrement=False, comment="from 0"
-    )
-    object_id: Mapped[int] = mapped_column(BigInteger)
-
-
-class FunctionValueVersionRow(Version, Base):
-    """What a fluent was, for a time."""
-
-    __tablename__ = "function_value_version"
-    __table_args__ = (
-        *version_args("function_value", has_parts=False),
-        ForeignKeyConstraint(["kb_id", "function_id"], ["function.kb_id", "function.id"]),
-        ForeignKeyConstraint(["kb_id", "object_id"], ["object.kb_id", "object.id"]),
-        CheckConstraint("(value IS NULL) <> (object_id IS NULL)", name="value_or_object"),
-        CheckConstraint("(value IS NULL) = (number IS NULL)", name="number_of_value"),
-        partial_index(
-            "ix_function_value_version_now",
-            "kb_id",
-            "function_id",
-            "function_value_id",
-            "until",
-            where=LIVE,
-        ),
-        Index(
-            "ix_function_value_version_history",
-            "kb_id",
-            "function_id",
-            "fork",
-            "since",
-            "until",
-            "function_value_id",
-        ),
-        # Numbers change often, and have no place in it.
-        partial_index(
-            "ix_function_value_version_object",
-            "kb_id",
-            "object_id",
-            where="object_id IS NOT NULL",
-        ),
-    )
-
-    function_value_id: Mapped[int] = owner_column()
-    function_id: Mapped[int] = mapped_column(BigInteger)
-    value: Mapped[str | None] = mapped_column(LongText, comment="the number, as exact decimal text")
-    number: Mapped[float | None] = mapped_column(
-        Double, comment="the number, as near as a double comes"
-    )
-    object_id: Mapped[int | None] = mapped_column(BigInteger, comment="the object that it is")
-    text: Mapped[str] = mapped_column(LongText, comment="canonical PDDL, with the value")
-    fork: Mapped[int] = fork_column()
-
-
-class ActionRow(Identity, Base):
-    """An action, for ever."""
-
-    __tablename__ = "action"
-    __table_args__ = identity_args()
-
-
-class ActionVersionRow(Version, Base):
-    """An action's definition, for a time; its parts are rows of their own."""
-
-    __tablename__ = "action_version"
-    __table_args__ = (*version_args("action"),)
-
-    action_id: Mapped[int] = owner_column()
-    text: Mapped[str] = mapped_column(LongText, comment="canonical PDDL")
-    kind: Mapped[str] = mapped_column(
+_identity("action")
+_version(
+    "action",
+    _text(),
+    Column(
+        "kind",
         String(16),
+        nullable=False,
         server_default="action",
         comment="action, durative-action, process or event",
-    )
+    ),
+)
+_parameters("action")
+_trees(
+    "action",
+    True,
+    CheckConstraint("section IN ('duration', 'condition', 'effect')", name="section"),
+)
 
+# The name of a formula is the SHA-256 of its section and its text, in hexadecimal.
+_identity("formula")
+_version(
+    "formula",
+    _column("section", String(24), "the part of the domain or the problem that it stands in"),
+    _text(),
+    CheckConstraint(
+        "section IN ('derived', 'domain constraint', 'initial', 'timed', 'goal', 'constraint', "
+        "'metric')",
+        name="section",
+    ),
+)
+_trees("formula", False)
 
-class ActionParameterRow(Parameter, Base):
-    """A parameter of one version of an action."""
-
-    __tablename__ = "action_parameter"
-    __table_args__ = parameter_args("action")
-
-    action_id: Mapped[int] = owner_column()
-
-
-class ActionParameterTypeRow(ParameterType, Base):
-    """A type that an action's parameter allows: one row, or several for `either`."""
-
-    __tablename__ = "action_parameter_type"
-    __table_args__ = parameter_type_args("action")
-
-    action_id: Mapped[int] = owner_column()
-
-
-class ActionNodeRow(ExpressionNode, Base):
-    """A node of an action's duration, condition or effect."""
-
-    __tablename__ = "action_node"
-    __table_args__ = (
-        *node_args("action"),
-        CheckConstraint("section IN ('duration', 'condition', 'effect')", name="section"),
-    )
-
-    action_id: Mapped[int] = owner_column()
-
-
-class ActionVariableRow(ExpressionVariable, Base):
-    """A variable that a quantifier of an action binds."""
-
-    __tablename__ = "action_variable"
-    __table_args__ = variable_args("action")
-
-    action_id: Mapped[int] = owner_column()
-
-
-class ActionVariableTypeRow(ExpressionVariableType, Base):
-    """A type that such a variable allows: one row, or several for `either`."""
-
-    __tablename__ = "action_variable_type"
-    __table_args__ = variable_type_args("action")
-
-    action_id: Mapped[int] = owner_column()
-
-
-class ActionTermRow(ExpressionTerm, Base):
-    """A term of a node of an action."""
-
-    __tablename__ = "action_term"
-    __table_args__ = term_args("action", has_parameters=True)
-
-    action_id: Mapped[int] = owner_column()
-
-
-_KINDS = "('derived', 'domain constraint', 'initial', 'timed', 'goal', 'constraint', 'metric')"
-
-
-class FormulaRow(Identity, Base):
-    """A formula, for ever; its name is the SHA-256 of its section and its text, in hexadecimal."""
-
-    __tablename__ = "formula"
-    __table_args__ = identity_args()
-
-
-class FormulaVersionRow(Version, Base):
-    """When a formula stood."""
-
-    __tablename__ = "formula_version"
-    __table_args__ = (
-        *version_args("formula"),
-        CheckConstraint(f"section IN {_KINDS}", name="section"),
-    )
-
-    formula_id: Mapped[int] = owner_column()
-    section: Mapped[str] = mapped_column(
-        String(24), comment="the part of the domain or the problem that it stands in"
-    )
-    text: Mapped[str] = mapped_column(LongText, comment="canonical PDDL")
-
-
-class FormulaNodeRow(ExpressionNode, Base):
-    """A node of a formula."""
-
-    __tablename__ = "formula_node"
-    __table_args__ = node_args("formula")
-
-    formula_id: Mapped[int] = owner_column()
-
-
-class FormulaVariableRow(ExpressionVariable, Base):
-    """A variable that a rule or a quantifier of a formula binds."""
-
-    __tablename__ = "formula_variable"
-    __table_args__ = variable_args("formula")
-
-    formula_id: Mapped[int] = owner_column()
-
-
-class FormulaVariableTypeRow(ExpressionVariableType, Base):
-    """A type that such a variable allows: one row, or several for `either`."""
-
-    __tablename__ = "formula_variable_type"
-    __table_args__ = variable_type_args("formula")
-
-    formula_id: Mapped[int] = owner_column()
-
-
-class FormulaTermRow(ExpressionTerm, Base):
-    """A term of a node of a formula."""
-
-    __tablename__ = "formula_term"
-    __table_args__ = term_args("formula", has_parameters=False)
-
-    formula_id: Mapped[int] = owner_column()
-
-
-class DocumentRow(Identity, Base):
-    """The domain, or the problem, for ever: there is one of each."""
-
-    __tablename__ = "document"
-    __table_args__ = (
-        *identity_args(),
-        CheckConstraint("key IN ('domain', 'problem')", name="domain_or_problem"),
-    )
-
-
-class DocumentVersionRow(Version, Base):
-    """What a document was called, for a time."""
-
-    __tablename__ = "document_version"
-    __table_args__ = (*version_args("document"),)
-
-    document_id: Mapped[int] = owner_column()
-    title: Mapped[str] = mapped_column(ShortText, comment="the name in its define form")
-    domain: Mapped[str | None] = mapped_column(ShortText, comment="a problem's domain")
-    text: Mapped[str] = mapped_column(LongText, comment="all of it on one line")
-
-
-class DocumentItemRow(Base):
-    """A place in a document: what stands there is live elsewhere, or the place is empty."""
-
-    __tablename__ = "document_item"
-    __table_args__ = (
-        ForeignKeyConstraint(
-            ["kb_id", "document_id", "since"],
-            ["document_version.kb_id", "document_version.document_id", "document_version.since"],
-        ),
-    )
-
-    kb_id: Mapped[int] = kb_column()
-    document_id: Mapped[int] = owner_column()
-    since: Mapped[int] = since_column()
-    section: Mapped[str] = mapped_column(
-        String(24), primary_key=True, sort_order=-70, comment="requirement, type, goal ..."
-    )
-    position: Mapped[int] = mapped_column(
-        Integer, primary_key=True, autoincrement=False, sort_order=-60, comment="from 0"
-    )
-    name: Mapped[str] = mapped_column(
-        LongText, comment="the element's name; for a goal that is a ground atom, its text"
-    )
+# The domain and the problem, one of each.
+_identity("document", CheckConstraint("key IN ('domain', 'problem')", name="domain_or_problem"))
+_version(
+    "document",
+    _column("title", ShortText, "the name in its define form"),
+    _optional("domain", ShortText, "a problem's domain"),
+    _text("all of it on one line"),
+)
+# What stands at a position of a document: it is live elsewhere, or the position is empty.
+_list(
+    "document",
+    "item",
+    _key("section", String(24), "requirement, type, goal ..."),
+    _place("position", "from 0"),
+    _column("name", LongText, "the element's name; for a goal that is a ground atom, its text"),
+    _within("document", "version"),
+)

@@ -4,53 +4,69 @@ from __future__ import annotations
 
 from typing import Any
 
-from sqlalchemy import BigInteger, CheckConstraint, ForeignKeyConstraint, Index, Integer, String
+from sqlalchemy import CheckConstraint, ForeignKeyConstraint, Index, Integer, String
 from sqlalchemy.orm import Mapped, mapped_column
 
-from .base import CLOSED, LIVE, Base, LongText, Version, kb_column, owner_column, partial_index
+from .base import (
+    AT_COMMIT,
+    REVISION,
+    Base,
+    Version,
+    kb_column,
+    key_column,
+    owner_column,
+    position_column,
+    reference,
+    version_args,
+)
 
-AT_COMMIT: dict[str, Any] = {"deferrable": True, "initially": "DEFERRED"}
-REVISION = ["revision.kb_id", "revision.number"]
-_STEP = ["plan_step.kb_id", "plan_step.plan_id", "plan_step.position"]
+_GIVEN = "what the planner was given, if it is not what the store writes"
 
 
-class PlanRow(Base):
-    """A plan, for ever."""
-
-    __tablename__ = "plan"
-    __table_args__ = (
-        ForeignKeyConstraint(["kb_id"], ["knowledge_base.id"]),
-        ForeignKeyConstraint(["kb_id", "since"], REVISION, **AT_COMMIT),
-        ForeignKeyConstraint(["kb_id", "revision"], REVISION, name="fk_plan_problem"),
-        Index("ix_plan_since", "kb_id", "since"),
-        Index("ix_plan_revision", "kb_id", "revision"),
-    )
+class Record:
+    """What is recorded once, about an earlier revision."""
 
     kb_id: Mapped[int] = kb_column()
     id: Mapped[int] = owner_column()
-    since: Mapped[int] = mapped_column(
-        BigInteger, sort_order=-80, comment="recorded in this revision"
+    since: Mapped[int] = mapped_column(sort_order=-80, comment="recorded in this revision")
+    text: Mapped[str] = mapped_column(sort_order=10, comment="all of it in canonical form")
+
+
+def record_args(table: str, about: str) -> tuple[Any, ...]:
+    """Return the constraints and indexes of a table of records."""
+    return (
+        ForeignKeyConstraint(["kb_id"], ["knowledge_base.id"]),
+        ForeignKeyConstraint(["kb_id", "since"], REVISION, **AT_COMMIT),
+        ForeignKeyConstraint(["kb_id", "revision"], REVISION, name=f"fk_{table}_{about}"),
+        Index(f"ix_{table}_since", "kb_id", "since"),
+        Index(f"ix_{table}_revision", "kb_id", "revision"),
     )
-    revision: Mapped[int] = mapped_column(BigInteger, comment="the state that it was planned from")
+
+
+def _to_step() -> ForeignKeyConstraint:
+    key = ("kb_id", "plan_id", "position")
+    return ForeignKeyConstraint(key, [f"plan_step.{column}" for column in key])
+
+
+class PlanRow(Record, Base):
+    """A plan, for ever."""
+
+    __tablename__ = "plan"
+    __table_args__ = record_args("plan", "problem")
+
+    revision: Mapped[int] = mapped_column(comment="the state that it was planned from")
     problem_hash: Mapped[str] = mapped_column(
-        LongText, comment="SHA-256 of the domain and then the problem that the planner was given"
+        comment="SHA-256 of the domain and then the problem that the planner was given"
     )
-    planner: Mapped[str | None] = mapped_column(LongText)
-    planner_version: Mapped[str | None] = mapped_column(LongText)
-    objective: Mapped[str | None] = mapped_column(
-        LongText, comment="what the plan is to make small or large"
-    )
+    planner: Mapped[str | None]
+    planner_version: Mapped[str | None]
+    objective: Mapped[str | None] = mapped_column(comment="what the plan is to make small or large")
     value: Mapped[str | None] = mapped_column(
-        LongText, comment="what the objective comes to, as exact decimal text"
+        comment="what the objective comes to, as exact decimal text"
     )
-    status: Mapped[str | None] = mapped_column(LongText, comment="what the planner says of it")
-    domain_pddl: Mapped[str | None] = mapped_column(
-        LongText, comment="what the planner was given, if it is not what the store writes"
-    )
-    problem_pddl: Mapped[str | None] = mapped_column(
-        LongText, comment="what the planner was given, if it is not what the store writes"
-    )
-    text: Mapped[str] = mapped_column(LongText, comment="all of it in canonical form")
+    status: Mapped[str | None] = mapped_column(comment="what the planner says of it")
+    domain_pddl: Mapped[str | None] = mapped_column(comment=_GIVEN)
+    problem_pddl: Mapped[str | None] = mapped_column(comment=_GIVEN)
 
 
 class PlanStepRow(Base):
@@ -58,24 +74,22 @@ class PlanStepRow(Base):
 
     __tablename__ = "plan_step"
     __table_args__ = (
-        ForeignKeyConstraint(["kb_id", "plan_id"], ["plan.kb_id", "plan.id"]),
-        ForeignKeyConstraint(["kb_id", "action_id"], ["action.kb_id", "action.id"]),
+        reference("plan_id", "plan"),
+        reference("action_id", "action"),
         Index("ix_plan_step_action", "kb_id", "action_id"),
     )
 
     kb_id: Mapped[int] = kb_column()
     plan_id: Mapped[int] = owner_column()
-    position: Mapped[int] = mapped_column(
-        Integer, primary_key=True, autoincrement=False, sort_order=-80, comment="from 0"
-    )
+    position: Mapped[int] = position_column()
     start: Mapped[str | None] = mapped_column(
-        LongText, comment="seconds from the plan's beginning, as exact decimal text"
+        comment="seconds from the plan's beginning, as exact decimal text"
     )
     duration: Mapped[str | None] = mapped_column(
-        LongText, comment="seconds, as exact decimal text; NULL: an instant"
+        comment="seconds, as exact decimal text; NULL: an instant"
     )
-    action_id: Mapped[int] = mapped_column(BigInteger)
-    text: Mapped[str] = mapped_column(LongText, comment="canonical PDDL, without times")
+    action_id: Mapped[int]
+    text: Mapped[str] = mapped_column(comment="canonical PDDL, without times")
 
 
 class PlanStepArgumentRow(Base):
@@ -83,20 +97,16 @@ class PlanStepArgumentRow(Base):
 
     __tablename__ = "plan_step_argument"
     __table_args__ = (
-        ForeignKeyConstraint(["kb_id", "plan_id", "position"], _STEP),
-        ForeignKeyConstraint(["kb_id", "object_id"], ["object.kb_id", "object.id"]),
+        _to_step(),
+        reference("object_id", "object"),
         Index("ix_plan_step_argument_object", "kb_id", "object_id"),
     )
 
     kb_id: Mapped[int] = kb_column()
     plan_id: Mapped[int] = owner_column()
-    position: Mapped[int] = mapped_column(
-        Integer, primary_key=True, autoincrement=False, sort_order=-80
-    )
-    argument: Mapped[int] = mapped_column(
-        Integer, primary_key=True, autoincrement=False, sort_order=-70, comment="from 0"
-    )
-    object_id: Mapped[int] = mapped_column(BigInteger)
+    position: Mapped[int] = position_column(comment=None)
+    argument: Mapped[int] = position_column(-50)
+    object_id: Mapped[int]
 
 
 class PlanStepVersionRow(Version, Base):
@@ -104,24 +114,15 @@ class PlanStepVersionRow(Version, Base):
 
     __tablename__ = "plan_step_version"
     __table_args__ = (
-        ForeignKeyConstraint(["kb_id", "plan_id", "position"], _STEP),
-        ForeignKeyConstraint(["kb_id", "since"], REVISION, **AT_COMMIT),
-        ForeignKeyConstraint(["kb_id", "until"], REVISION, **AT_COMMIT),
-        CheckConstraint("since < until", name="since_before_until"),
+        _to_step(),
+        *version_args("plan_step_version", "plan_id", "position"),
         CheckConstraint("status IN ('started', 'succeeded', 'failed', 'aborted')", name="status"),
-        partial_index(
-            "uq_plan_step_version_live", "kb_id", "plan_id", "position", where=LIVE, unique=True
-        ),
-        Index("ix_plan_step_version_since", "kb_id", "since"),
-        partial_index("ix_plan_step_version_until", "kb_id", "until", where=CLOSED),
     )
 
     plan_id: Mapped[int] = owner_column()
-    position: Mapped[int] = mapped_column(
-        Integer, primary_key=True, autoincrement=False, sort_order=-85
-    )
+    position: Mapped[int] = position_column(-85, None)
     status: Mapped[str] = mapped_column(String(16), comment="started, succeeded, failed or aborted")
-    text: Mapped[str] = mapped_column(LongText, comment="which step of which plan, and its status")
+    text: Mapped[str] = mapped_column(comment="which step of which plan, and its status")
 
 
 class RevisionPlanStepRow(Base):
@@ -130,13 +131,11 @@ class RevisionPlanStepRow(Base):
     __tablename__ = "revision_plan_step"
     __table_args__ = (
         ForeignKeyConstraint(["kb_id", "number"], REVISION),
-        ForeignKeyConstraint(["kb_id", "plan_id", "position"], _STEP),
+        _to_step(),
         Index("ix_revision_plan_step_step", "kb_id", "plan_id", "position", "number"),
     )
 
     kb_id: Mapped[int] = kb_column()
-    number: Mapped[int] = mapped_column(
-        BigInteger, primary_key=True, autoincrement=False, comment="the revision"
-    )
-    plan_id: Mapped[int] = mapped_column(BigInteger)
+    number: Mapped[int] = key_column(-90, "the revision")
+    plan_id: Mapped[int]
     position: Mapped[int] = mapped_column(Integer, comment="the step's")

@@ -6,7 +6,6 @@ from datetime import datetime
 from typing import Any
 
 from sqlalchemy import (
-    BigInteger,
     CheckConstraint,
     ForeignKeyConstraint,
     Index,
@@ -16,8 +15,8 @@ from sqlalchemy import (
 )
 from sqlalchemy.orm import Mapped, mapped_column
 
-from .base import Base, CanonicalJson, LongText, ShortText, UtcTime, kb_column, owner_column
-from .plans import AT_COMMIT, REVISION
+from .base import Base, CanonicalJson, ShortText, kb_column, key_column
+from .plans import Record, record_args
 
 
 class KnowledgeBaseRow(Base):
@@ -26,7 +25,7 @@ class KnowledgeBaseRow(Base):
     __tablename__ = "knowledge_base"
     __table_args__ = (UniqueConstraint("name"),)
 
-    id: Mapped[int] = mapped_column(BigInteger, primary_key=True, autoincrement=False)
+    id: Mapped[int] = key_column(0)
     name: Mapped[str] = mapped_column(ShortText)
 
 
@@ -37,15 +36,14 @@ class HeadRow(Base):
     __table_args__ = (ForeignKeyConstraint(["kb_id"], ["knowledge_base.id"]),)
 
     kb_id: Mapped[int] = kb_column()
-    revision: Mapped[int] = mapped_column(BigInteger, comment="the last revision; 0: none yet")
+    revision: Mapped[int] = mapped_column(comment="the last revision; 0: none yet")
     definition_revision: Mapped[int] = mapped_column(
-        BigInteger, comment="the last revision that changed anything but propositions"
+        comment="the last revision that changed anything but propositions"
     )
-    next_id: Mapped[int] = mapped_column(BigInteger, comment="the id that the next element gets")
-    hash: Mapped[str | None] = mapped_column(LongText, comment="of the last revision")
-    committed_at: Mapped[datetime | None] = mapped_column(UtcTime, comment="of the last revision")
+    next_id: Mapped[int] = mapped_column(comment="the id that the next element gets")
+    hash: Mapped[str | None] = mapped_column(comment="of the last revision")
+    committed_at: Mapped[datetime | None] = mapped_column(comment="of the last revision")
     archived_revision: Mapped[int] = mapped_column(
-        BigInteger,
         server_default=text("0"),
         comment="what ended up to this revision is in an archive; 0: nothing is",
     )
@@ -62,45 +60,31 @@ class RevisionRow(Base):
     )
 
     kb_id: Mapped[int] = kb_column()
-    number: Mapped[int] = mapped_column(
-        BigInteger, primary_key=True, autoincrement=False, comment="1, 2, 3 ... without gaps"
-    )
-    committed_at: Mapped[datetime] = mapped_column(UtcTime, comment="UTC, never going back")
-    actor: Mapped[str | None] = mapped_column(LongText, comment="the component that wrote")
-    reason: Mapped[str | None] = mapped_column(LongText)
+    number: Mapped[int] = key_column(-90, "1, 2, 3 ... without gaps")
+    committed_at: Mapped[datetime] = mapped_column(comment="UTC, never going back")
+    actor: Mapped[str | None] = mapped_column(comment="the component that wrote")
+    reason: Mapped[str | None]
     source: Mapped[Any | None] = mapped_column(
         CanonicalJson, comment="what the caller knows: sensor, plan step ..."
     )
     form: Mapped[int] = mapped_column(Integer, comment="version of the form that was hashed")
-    hash: Mapped[str] = mapped_column(LongText, comment="SHA-256, chained to the revision before")
+    hash: Mapped[str] = mapped_column(comment="SHA-256, chained to the revision before")
     observed_at: Mapped[datetime | None] = mapped_column(
-        UtcTime, comment="UTC, when what it says was sensed; NULL: not said"
+        comment="UTC, when what it says was sensed; NULL: not said"
     )
 
 
-class ArchiveRow(Base):
+class ArchiveRow(Record, Base):
     """A move of closed versions into another store."""
 
     __tablename__ = "archive"
-    __table_args__ = (
-        ForeignKeyConstraint(["kb_id"], ["knowledge_base.id"]),
-        ForeignKeyConstraint(["kb_id", "since"], REVISION, **AT_COMMIT),
-        ForeignKeyConstraint(["kb_id", "revision"], REVISION, name="fk_archive_upto"),
-        Index("ix_archive_since", "kb_id", "since"),
-        Index("ix_archive_revision", "kb_id", "revision"),
-    )
+    __table_args__ = record_args("archive", "upto")
 
-    kb_id: Mapped[int] = kb_column()
-    id: Mapped[int] = owner_column()
-    since: Mapped[int] = mapped_column(
-        BigInteger, sort_order=-80, comment="recorded in this revision"
-    )
     revision: Mapped[int] = mapped_column(
-        BigInteger, comment="the versions that ended up to this revision were moved"
+        comment="the versions that ended up to this revision were moved"
     )
-    target: Mapped[str] = mapped_column(LongText, comment="where to: a URL without its password")
-    versions: Mapped[int] = mapped_column(BigInteger, comment="how many were moved")
+    target: Mapped[str] = mapped_column(comment="where to: a URL without its password")
+    versions: Mapped[int] = mapped_column(comment="how many were moved")
     rest: Mapped[str] = mapped_column(
-        LongText, comment="SHA-256 of what this store keeps of the revisions up to there"
+        comment="SHA-256 of what this store keeps of the revisions up to there"
     )
-    text: Mapped[str] = mapped_column(LongText, comment="all of it in canonical form")

@@ -1,0 +1,167 @@
+"""What applies to objects: propositions (facts and goals), and fluents with their values."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from sqlalchemy import CheckConstraint, Double, Index, UniqueConstraint, false, text
+from sqlalchemy.orm import Mapped, mapped_column
+
+from .base import (
+    LIVE,
+    Base,
+    Interval,
+    kb_column,
+    lookup_index,
+    owner_column,
+    partial_index,
+    position_column,
+    reference,
+    version_args,
+)
+
+
+class _Atom:
+    """What applies to objects, interned once for ever."""
+
+    kb_id: Mapped[int] = kb_column()
+    id: Mapped[int] = owner_column()
+    arguments: Mapped[str] = mapped_column(
+        sort_order=10,
+        comment="the ids of its objects in order, by spaces: the key that interns it",
+    )
+
+
+class _Argument:
+    """An argument of what applies to objects."""
+
+    kb_id: Mapped[int] = kb_column()
+    position: Mapped[int] = position_column()
+    object_id: Mapped[int] = mapped_column()
+
+
+def _argument_args(atom: str) -> tuple[Any, ...]:
+    index = Index(f"ix_{atom}_argument_object", "kb_id", "object_id", f"{atom}_id")
+    return reference(f"{atom}_id", atom), reference("object_id", "object"), index
+
+
+def _interval_args(atom: str, owner: str) -> tuple[Any, ...]:
+    """Return the constraints and indexes of a table of intervals."""
+    table, id_ = f"{atom}_version", f"{atom}_id"
+    now = f"ix_{table}_now", "kb_id", f"{owner}_id", id_, "until"
+    history = f"ix_{table}_history", "kb_id", f"{owner}_id", "fork", "since", "until", id_
+    return (
+        *version_args(table, id_),
+        reference(id_, atom),
+        reference(f"{owner}_id", owner),
+        # `until` makes the index cover reads of the present state.
+        partial_index(*now, where=LIVE),
+        Index(*history),
+    )
+
+
+class PropositionRow(_Atom, Base):
+    """A ground atom as a fact or as a goal."""
+
+    __tablename__ = "proposition"
+    __table_args__ = (
+        reference("predicate_id", "predicate"),
+        UniqueConstraint(
+            "kb_id", "is_goal", "predicate_id", "arguments", name="uq_proposition_atom"
+        ),
+        lookup_index("proposition", "text"),
+    )
+
+    predicate_id: Mapped[int]
+    is_goal: Mapped[bool]
+    text: Mapped[str] = mapped_column(sort_order=20, comment="canonical PDDL")
+
+
+class PropositionArgumentRow(_Argument, Base):
+    """An argument of a ground atom."""
+
+    __tablename__ = "proposition_argument"
+    __table_args__ = _argument_args("proposition")
+
+    proposition_id: Mapped[int] = owner_column()
+
+
+def _goal_index(name: str, *columns: str) -> Index:
+    # SQLite uses a partial index only for queries that contain its exact condition: this is how
+    # SQLAlchemy writes a boolean column for it.
+    return Index(
+        f"ix_proposition_version_{name}",
+        "kb_id",
+        *columns,
+        sqlite_where=text("is_goal = 1"),
+        postgresql_where=text("is_goal"),
+    )
+
+
+class PropositionVersionRow(Interval, Base):
+    """When a fact held, or a goal stood: one thin row for each time."""
+
+    __tablename__ = "proposition_version"
+    __table_args__ = (
+        *_interval_args("proposition", "predicate"),
+        # Goals are few among many facts, and current goals are few among past ones.
+        _goal_index("goal", "until", "since", "proposition_id"),
+        _goal_index("goal_history", "fork", "since", "until", "proposition_id"),
+        # Finds the latest goals without reading facts.
+        _goal_index("goal_since", "since"),
+    )
+
+    proposition_id: Mapped[int] = owner_column()
+    predicate_id: Mapped[int]
+    is_goal: Mapped[bool] = mapped_column(server_default=false())
+
+
+class FunctionValueRow(_Atom, Base):
+    """A function applied to objects: a fluent."""
+
+    __tablename__ = "function_value"
+    __table_args__ = (
+        reference("function_id", "function"),
+        UniqueConstraint("kb_id", "function_id", "arguments", name="uq_function_value_fluent"),
+        lookup_index("function_value", "text"),
+    )
+
+    function_id: Mapped[int]
+    text: Mapped[str] = mapped_column(sort_order=20, comment="canonical PDDL, without the value")
+
+
+class FunctionValueArgumentRow(_Argument, Base):
+    """An argument of a fluent."""
+
+    __tablename__ = "function_value_argument"
+    __table_args__ = _argument_args("function_value")
+
+    function_value_id: Mapped[int] = owner_column()
+
+
+class FunctionValueVersionRow(Interval, Base):
+    """What a fluent was, for a time."""
+
+    __tablename__ = "function_value_version"
+    __table_args__ = (
+        *_interval_args("function_value", "function"),
+        reference("object_id", "object"),
+        CheckConstraint("(value IS NULL) <> (object_id IS NULL)", name="value_or_object"),
+        CheckConstraint("(value IS NULL) = (number IS NULL)", name="number_of_value"),
+        # Numbers change often and do not belong in it.
+        partial_index(
+            "ix_function_value_version_object",
+            "kb_id",
+            "object_id",
+            where="object_id IS NOT NULL",
+        ),
+    )
+
+    function_value_id: Mapped[int] = owner_column()
+    function_id: Mapped[int]
+    value: Mapped[str | None] = mapped_column(comment="the number, as exact decimal text")
+    number: Mapped[float | None] = mapped_column(
+        Double, comment="the number, as near as a double comes"
+    )
+    object_id: Mapped[int | None] = mapped_column(comment="the object that it is")
+    text: Mapped[str] = mapped_column(comment="canonical PDDL, with the value")
