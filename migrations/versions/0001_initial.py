@@ -6,9 +6,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
-from types import MappingProxyType
-from typing import Any, NamedTuple
+from collections.abc import Iterator
+from typing import Any
 
 import sqlalchemy as sa
 from alembic import op
@@ -18,8 +17,15 @@ down_revision = None
 branch_labels = None
 depends_on = None
 
-# Defined here, not imported: a released migration must not change with the library. For the same
-# reason every name goes through `op.f`, which keeps the models' naming convention away from it.
+# Defined here, not imported: a released migration must not change with the library.
+METADATA = sa.MetaData(
+    naming_convention={
+        "pk": "pk_%(table_name)s",
+        "fk": "fk_%(table_name)s_%(column_0_N_name)s",
+        "uq": "uq_%(table_name)s_%(column_0_N_name)s",
+        "ck": "ck_%(table_name)s_%(constraint_name)s",
+    }
+)
 NUMBER = sa.BigInteger()
 POSITION = sa.Integer()
 FLAG = sa.Boolean()
@@ -29,19 +35,12 @@ LONG_TEXT = sa.Text().with_variant(sa.Text(collation="C"), "postgresql")
 # `json` keeps the very text that was hashed, `jsonb` does not.
 CANONICAL_JSON = sa.Text().with_variant(sa.JSON(none_as_null=True), "postgresql")
 UTC_TIME = sa.String(27).with_variant(sa.TIMESTAMP(timezone=True), "postgresql")
+LIVE, CLOSED, GOAL = "until IS NULL", "until IS NOT NULL", "is_goal"
 
 
 def upgrade() -> None:
     """Create the tables, then the views."""
-    op.create_table(
-        "knowledge_base",
-        _column("id"),
-        _column("name", SHORT_TEXT),
-        sa.PrimaryKeyConstraint("id", name=op.f("pk_knowledge_base")),
-        sa.UniqueConstraint("name", name=op.f("uq_knowledge_base_name")),
-    )
-    for table in _tables():
-        table.create()
+    METADATA.create_all(_recorder(), checkfirst=False)
     fragments = SQLITE if op.get_context().dialect.name == "sqlite" else POSTGRESQL
     for name, query in VIEWS.items():
         op.execute(f"CREATE VIEW {name} AS{_in_dialect(query, fragments).rstrip()}")
@@ -51,780 +50,598 @@ def downgrade() -> None:
     """Drop the views and the tables, with all that is stored."""
     for name in reversed(VIEWS):
         op.execute(f"DROP VIEW {name}")
-    for table in reversed([*_tables()]):
-        op.drop_table(table.name)
-    op.drop_table("knowledge_base")
+    METADATA.drop_all(_recorder(), checkfirst=False)
 
 
-# Every table starts with `kb_id`, and so do its keys and indexes: the descriptions omit it. Several
-# columns are one string, separated by spaces.
+def _recorder() -> Any:
+    """Return an engine whose statements the migration runs, or writes."""
+    name = op.get_context().dialect.name
+    return sa.create_mock_engine(f"{name}://", lambda ddl, *_, **__: op.execute(ddl))
 
 
-class Reference(NamedTuple):
-    """A foreign key; `target` are the referenced columns, where their names differ."""
-
-    columns: str
-    table: str
-    target: str = ""
-    name: str = ""
-    # The row of a revision holds the hash of all its changes, so it is inserted last.
-    at_commit: bool = False
-
-    def constraint(self, table: str) -> sa.ForeignKeyConstraint:
-        """Make the constraint of a table."""
-        own = ["kb_id", *self.columns.split()]
-        target = ["kb_id", *(self.target or self.columns).split()] if self.columns else ["id"]
-        return sa.ForeignKeyConstraint(
-            own,
-            [f"{self.table}.{column}" for column in target],
-            name=op.f(f"fk_{table}_{self.name or '_'.join(own)}"),
-            deferrable=self.at_commit or None,
-            initially="DEFERRED" if self.at_commit else None,
-        )
+# Every table starts with `kb_id`, and so do its keys and indexes.
 
 
-class Index(NamedTuple):
-    """An index; `where` makes it partial."""
-
-    name: str
-    columns: str
-    where: str = ""
-    unique: bool = False
-
-    def create(self, table: str) -> None:
-        """Create the index of a table."""
-        # SQLite uses a partial index only for queries that contain its exact condition.
-        on_sqlite = "is_goal = 1" if self.where == GOAL else self.where
-        op.create_index(
-            op.f(f"{'uq' if self.unique else 'ix'}_{table}_{self.name}"),
-            table,
-            ["kb_id", *self.columns.split()],
-            unique=self.unique,
-            sqlite_where=sa.text(on_sqlite) if self.where else None,
-            postgresql_where=sa.text(self.where) if self.where else None,
-        )
+def _key(name: str, kind: Any = NUMBER, comment: str | None = None) -> sa.Column[Any]:
+    return sa.Column(name, kind, primary_key=True, autoincrement=False, comment=comment)
 
 
-class Lookup(NamedTuple):
-    """An index by which the views find a name or a text.
-
-    On PostgreSQL it is a hash index: a text may exceed the size limit of a b-tree entry, and the
-    planner would use an index that begins with `kb_id` for other queries while statistics are
-    missing.
-    """
-
-    column: str
-
-    def create(self, table: str) -> None:
-        """Create the index of a table."""
-        name = op.f(f"ix_{table}_{self.column}")
-        op.create_index(name, table, [self.column], postgresql_using="hash")
-
-
-class Table(NamedTuple):
-    """A table; `checks`, `uniques` and `indexes` have the last part of the constraint's name."""
-
-    name: str
-    key: str
-    columns: list[sa.Column[Any]]
-    references: list[Reference]
-    checks: Mapping[str, str] = MappingProxyType({})
-    uniques: Mapping[str, str] = MappingProxyType({})
-    indexes: Sequence[Index | Lookup] = ()
-
-    def create(self) -> None:
-        """Create the table and its indexes."""
-        checks = (
-            sa.CheckConstraint(condition, name=op.f(f"ck_{self.name}_{name}"))
-            for name, condition in self.checks.items()
-        )
-        uniques = (
-            sa.UniqueConstraint("kb_id", *columns.split(), name=op.f(f"uq_{self.name}_{name}"))
-            for name, columns in self.uniques.items()
-        )
-        op.create_table(
-            self.name,
-            _column("kb_id"),
-            *self.columns,
-            sa.PrimaryKeyConstraint("kb_id", *self.key.split(), name=op.f(f"pk_{self.name}")),
-            *(reference.constraint(self.name) for reference in self.references),
-            *checks,
-            *uniques,
-        )
-        for index in self.indexes:
-            index.create(self.name)
+def _place(name: str, comment: str | None = None) -> sa.Column[Any]:
+    return _key(name, POSITION, comment)
 
 
 def _column(
-    name: str,
-    kind: sa.types.TypeEngine[Any] = NUMBER,
-    comment: str | None = None,
-    default: Any = None,
+    name: str, kind: Any = NUMBER, comment: str | None = None, default: Any = None
 ) -> sa.Column[Any]:
-    """Make a column that always has a value: a number, unless another kind is given."""
-    return sa.Column(
-        name, kind, autoincrement=False, nullable=False, comment=comment, server_default=default
-    )
+    return sa.Column(name, kind, nullable=False, comment=comment, server_default=default)
 
 
-def _optional(
-    name: str, kind: sa.types.TypeEngine[Any] = NUMBER, comment: str | None = None
-) -> sa.Column[Any]:
-    """Make a column that may be NULL."""
-    return sa.Column(name, kind, nullable=True, comment=comment)
-
-
-TO_KNOWLEDGE_BASE = Reference("", "knowledge_base")
-AT_SINCE = Reference("since", "revision", "number", at_commit=True)
-AT_UNTIL = Reference("until", "revision", "number", at_commit=True)
-LIVE, CLOSED, GOAL = "until IS NULL", "until IS NOT NULL", "is_goal"
+def _optional(name: str, kind: Any = NUMBER, comment: str | None = None) -> sa.Column[Any]:
+    return sa.Column(name, kind, comment=comment)
 
 
 def _since() -> sa.Column[Any]:
-    return _column("since", comment="asserted in this revision")
+    return _key("since", comment="asserted in this revision")
 
 
 def _until() -> sa.Column[Any]:
     return _optional("until", comment="retracted in this revision; NULL: holds now")
 
 
-def _section() -> sa.Column[Any]:
-    return _column("section", sa.String(24), "the part of its owner")
-
-
-def _position(comment: str | None = "from 0") -> sa.Column[Any]:
-    return _column("position", POSITION, comment)
-
-
 def _text(comment: str = "canonical PDDL") -> sa.Column[Any]:
     return _column("text", LONG_TEXT, comment)
 
 
-def _fork() -> sa.Column[Any]:
-    return _column(
-        "fork",
-        comment="the revision from since to before until that the highest power of two divides; "
-        "0: holds now",
-        default=sa.text("0"),
+def _alternative() -> sa.Column[Any]:
+    return _place("alternative", "from 0: several for either")
+
+
+def _table(name: str, *items: Any) -> None:
+    sa.Table(name, METADATA, _key("kb_id"), *items)
+
+
+def _to_knowledge_base() -> sa.ForeignKeyConstraint:
+    return sa.ForeignKeyConstraint(["kb_id"], ["knowledge_base.id"])
+
+
+def _reference(column: str, table: str) -> sa.ForeignKeyConstraint:
+    return sa.ForeignKeyConstraint(["kb_id", column], [f"{table}.kb_id", f"{table}.id"])
+
+
+def _to_revision(
+    column: str, name: str | None = None, at_commit: bool = False
+) -> sa.ForeignKeyConstraint:
+    # The row of a revision holds the hash of all its changes, so it is inserted last.
+    return sa.ForeignKeyConstraint(
+        ["kb_id", column],
+        ["revision.kb_id", "revision.number"],
+        name=name,
+        deferrable=at_commit or None,
+        initially="DEFERRED" if at_commit else None,
     )
 
 
-def _tables() -> Iterator[Table]:
-    """Describe the tables, each below those that it refers to."""
-    yield from _revisions()
-    yield from _types()
-    yield from _objects()
-    yield from _predicates()
-    yield from _propositions()
-    yield from _functions()
-    yield from _function_values()
-    yield from _actions()
-    yield from _formulas()
-    yield from _documents()
-    yield from _plans()
-    yield from _archives()
+def _index(table: str, name: str, *columns: str) -> sa.Index:
+    return sa.Index(f"ix_{table}_{name}", "kb_id", *columns)
 
 
-def _revisions() -> Iterator[Table]:
-    """Describe the tables of revisions."""
-    yield Table(
-        "head",
-        "",
-        [
-            _column("revision", comment="the last revision; 0: none yet"),
-            _column(
-                "definition_revision",
-                comment="the last revision that changed anything but propositions",
-            ),
-            _column("next_id", comment="the id that the next element gets"),
-            _optional("hash", LONG_TEXT, "of the last revision"),
-            _optional("committed_at", UTC_TIME, "of the last revision"),
-            _column(
-                "archived_revision",
-                comment="what ended up to this revision is in an archive; 0: nothing is",
-                default=sa.text("0"),
-            ),
-        ],
-        [TO_KNOWLEDGE_BASE],
-    )
-    yield Table(
-        "revision",
-        "number",
-        [
-            _column("number", comment="1, 2, 3 ... without gaps"),
-            _column("committed_at", UTC_TIME, "UTC, never going back"),
-            _optional("actor", LONG_TEXT, "the component that wrote"),
-            _optional("reason", LONG_TEXT),
-            _optional("source", CANONICAL_JSON, "what the caller knows: sensor, plan step ..."),
-            _column("form", sa.Integer(), "version of the form that was hashed"),
-            _column("hash", LONG_TEXT, "SHA-256, chained to the revision before"),
-            _optional("observed_at", UTC_TIME, "UTC, when what it says was sensed; NULL: not said"),
-        ],
-        [TO_KNOWLEDGE_BASE],
-        checks={"number_positive": "number > 0"},
-        indexes=[Index("committed_at", "committed_at")],
+def _partial(table: str, name: str, *columns: str, where: str, unique: bool = False) -> sa.Index:
+    return sa.Index(
+        f"{'uq' if unique else 'ix'}_{table}_{name}",
+        "kb_id",
+        *columns,
+        unique=unique,
+        # SQLite uses a partial index only for queries that contain its exact condition.
+        sqlite_where=sa.text("is_goal = 1" if where == GOAL else where),
+        postgresql_where=sa.text(where),
     )
 
 
-def _identity(element: str, checks: dict[str, str] | None = None, lookup: bool = False) -> Table:
-    """Describe the table of a named element's identities."""
-    return Table(
+def _lookup(table: str, column: str) -> sa.Index:
+    """Make the index by which the views find a name or a text.
+
+    On PostgreSQL it is a hash index: a text may exceed the size limit of a b-tree entry, and the
+    planner would use an index that begins with `kb_id` for other queries while statistics are
+    missing.
+    """
+    return sa.Index(f"ix_{table}_{column}", column, postgresql_using="hash")
+
+
+def _version_items(table: str, *owner: str, has_lists: bool = False) -> tuple[Any, ...]:
+    """Return the constraints and indexes that all version tables have."""
+    return (
+        _to_revision("since", at_commit=True),
+        _to_revision("until", at_commit=True),
+        sa.CheckConstraint("since < until", name="since_before_until"),
+        # These two find the changes of a revision, and the rows that its deferred foreign keys
+        # check. The owner is included because PostgreSQL may use the index to look up the version
+        # of an entry of a list, and one revision may add thousands.
+        _index(table, "since", "since", *(owner if has_lists else ())),
+        _partial(table, "until", "until", where=CLOSED),
+        _partial(table, "live", *owner, where=LIVE, unique=True),
+    )
+
+
+def _record(name: str, about: str, *columns: sa.Column[Any]) -> None:
+    """Make a table of what is recorded once, about an earlier revision."""
+    _table(
+        name,
+        _key("id"),
+        _column("since", comment="recorded in this revision"),
+        *columns,
+        _text("all of it in canonical form"),
+        _to_knowledge_base(),
+        _to_revision("since", at_commit=True),
+        _to_revision("revision", f"fk_{name}_{about}"),
+        _index(name, "since", "since"),
+        _index(name, "revision", "revision"),
+    )
+
+
+def _identity(element: str, *items: Any) -> None:
+    """Make the table of an element for ever, apart from what held of it when."""
+    _table(
         element,
-        "id",
-        [
-            _column("id"),
-            _column("name", SHORT_TEXT, "in its first spelling"),
-            _column("key", LONG_TEXT, "the name as compared: case folded"),
-        ],
-        [TO_KNOWLEDGE_BASE],
-        checks or {},
-        {"kb_id_key": "key"},
-        [Lookup("name")] if lookup else [],
+        _key("id"),
+        _column("name", SHORT_TEXT, "in its first spelling"),
+        _column("key", LONG_TEXT, "the name as compared: case folded"),
+        _to_knowledge_base(),
+        sa.UniqueConstraint("kb_id", "key"),
+        *items,
     )
 
 
-def _version(
-    element: str,
-    columns: list[sa.Column[Any]],
-    references: list[Reference] | None = None,
-    checks: dict[str, str] | None = None,
-    indexes: list[Index | Lookup] | None = None,
-    has_parts: bool = True,
-) -> Table:
-    """Describe the table of what held of an element, and when; tables of parts may refer to it."""
-    owner = f"{element}_id"
-    return Table(
-        f"{element}_version",
-        f"{owner} since",
-        [_column(owner), _since(), _until(), *columns],
-        [Reference(owner, element, "id"), AT_SINCE, AT_UNTIL, *(references or [])],
-        {"since_before_until": "since < until", **(checks or {})},
-        indexes=[
-            # These two find the changes of a revision, and the rows that its deferred foreign keys
-            # check. The owner is included because PostgreSQL may use the index to look up the
-            # version of a part, and one revision may add thousands.
-            Index("since", f"since {owner}" if has_parts else "since"),
-            Index("until", "until", CLOSED),
-            Index("live", owner, LIVE, unique=True),
-            *(indexes or []),
-        ],
+def _version(element: str, *items: Any) -> None:
+    """Make the table of what held of an element from one revision until another."""
+    owner, table = f"{element}_id", f"{element}_version"
+    _table(
+        table,
+        _key(owner),
+        _since(),
+        _until(),
+        *items,
+        _reference(owner, element),
+        *_version_items(table, owner, has_lists=True),
     )
 
 
-def _part(
-    element: str,
-    name: str,
-    key: str,
-    columns: list[sa.Column[Any]],
-    references: list[Reference],
-    indexes: list[Index | Lookup] | None = None,
-    checks: dict[str, str] | None = None,
-) -> Table:
-    """Describe a table of parts of one version of an element."""
-    owner = f"{element}_id"
-    return Table(
-        f"{element}_{name}",
-        f"{owner} since {key}",
-        [_column(owner), _since(), *columns],
-        references,
-        checks or {},
-        indexes=indexes or [],
-    )
+def _list(element: str, name: str, *items: Any) -> None:
+    """Make the table of a list that each version of an element has."""
+    _table(f"{element}_{name}", _key(f"{element}_id"), _since(), *items)
 
 
-def _parameters(element: str) -> Iterator[Table]:
-    """Describe the tables of an element's parameters, and of the types that each allows."""
-    version = f"{element}_id since"
-    yield _part(
+def _within(
+    element: str, name: str, *columns: str, to: tuple[str, ...] = (), key: str | None = None
+) -> sa.ForeignKeyConstraint:
+    """Make a reference to a row of the same version, in another table of the element."""
+    version = ("kb_id", f"{element}_id", "since")
+    targets = [f"{element}_{name}.{column}" for column in (*version, *(to or columns))]
+    return sa.ForeignKeyConstraint([*version, *columns], targets, name=key)
+
+
+def _types(element: str, name: str, column: str = "type_id") -> tuple[Any, ...]:
+    """Return a column that refers to a type, with its constraint and index."""
+    index = _index(f"{element}_{name}", column.removesuffix("_id"), column)
+    return _column(column), _reference(column, "type"), index
+
+
+def _further(element: str, name: str, column: str = "type_id", first: int = 1) -> None:
+    """Make the table of types of an element."""
+    comment = "from 1: the first is in the version" if first else "from 0"
+    types = _types(element, name, column)
+    _list(element, name, _place("position", comment), *types, _within(element, "version"))
+
+
+def _parameters(element: str) -> None:
+    """Make the tables of an element's parameters, and of the types that each allows."""
+    _list(
         element,
         "parameter",
-        "position",
-        [_position(), _column("name", SHORT_TEXT, "without its question mark")],
-        [Reference(version, f"{element}_version")],
+        _place("position", "from 0"),
+        _column("name", SHORT_TEXT, "without its question mark"),
+        _within(element, "version"),
     )
-    yield _part(
+    _list(
         element,
         "parameter_type",
-        "position alternative",
-        [_position(None), _alternative(), _column("type_id")],
-        [
-            Reference(f"{version} position", f"{element}_parameter"),
-            Reference("type_id", "type", "id"),
-        ],
-        [Index("type", "type_id")],
+        _place("position"),
+        _alternative(),
+        *_types(element, "parameter_type"),
+        _within(element, "parameter", "position"),
     )
 
 
-def _alternative() -> sa.Column[Any]:
-    return _column("alternative", POSITION, "from 0: several for either")
+_NODE = ("section", "position")
 
 
-def _types() -> Iterator[Table]:
-    """Describe the tables of types."""
-    yield _identity("type")
-    yield _version(
-        "type",
-        [_optional("parent_id", comment="the type above it; NULL: right under the root"), _text()],
-        [Reference("parent_id", "type", "id")],
-    )
-    yield _part(
-        "type",
-        "parent",
-        "position",
-        [_position("from 1: the first is in the version"), _column("parent_id")],
-        [Reference("type_id since", "type_version"), Reference("parent_id", "type", "id")],
-        [Index("parent", "parent_id")],
+def _node_key() -> tuple[Any, ...]:
+    return _key("section", sa.String(24), "the part of its owner"), _place(
+        "position", "from 0, in preorder"
     )
 
 
-def _objects() -> Iterator[Table]:
-    """Describe the tables of objects."""
-    yield _identity("object", lookup=True)
-    yield _version(
-        "object",
-        [
-            _column("type_id"),
-            _text(),
-            _column(
-                "is_constant",
-                FLAG,
-                "declared in the domain, not in the problem",
-                default=sa.false(),
-            ),
-        ],
-        [Reference("type_id", "type", "id")],
-    )
-    yield _part(
-        "object",
-        "type",
-        "position",
-        [_position("from 1: the first is in the version"), _column("type_id")],
-        [Reference("object_id since", "object_version"), Reference("type_id", "type", "id")],
-        [Index("type", "type_id")],
-    )
-
-
-def _predicates() -> Iterator[Table]:
-    """Describe the tables of predicates."""
-    yield _identity("predicate", lookup=True)
-    yield _version("predicate", [_text()])
-    yield from _parameters("predicate")
-
-
-def _atom(
-    element: str, owner: str, unique: dict[str, str], columns: list[sa.Column[Any]], text: str
-) -> Iterator[Table]:
-    """Describe the tables of what applies to objects, interned for ever, and of its arguments."""
-    yield Table(
-        element,
-        "id",
-        [
-            _column("id"),
-            _column(f"{owner}_id"),
-            *columns,
-            _column(
-                "arguments",
-                LONG_TEXT,
-                "the ids of its objects in order, by spaces: the key that interns it",
-            ),
-            _text(text),
-        ],
-        [Reference(f"{owner}_id", owner, "id")],
-        uniques=unique,
-        indexes=[Lookup("text")],
-    )
-    yield Table(
-        f"{element}_argument",
-        f"{element}_id position",
-        [_column(f"{element}_id"), _position(), _column("object_id")],
-        [Reference(f"{element}_id", element, "id"), Reference("object_id", "object", "id")],
-        indexes=[Index("object", f"object_id {element}_id")],
-    )
-
-
-def _propositions() -> Iterator[Table]:
-    """Describe the tables of facts and of goals that are ground atoms."""
-    yield from _atom(
-        "proposition",
-        "predicate",
-        {"atom": "is_goal predicate_id arguments"},
-        [_column("is_goal", FLAG)],
-        "canonical PDDL",
-    )
-    yield _version(
-        "proposition",
-        [_column("predicate_id"), _column("is_goal", FLAG, default=sa.false()), _fork()],
-        [Reference("predicate_id", "predicate", "id")],
-        indexes=[
-            # `until` makes the index cover reads of the present state.
-            Index("now", "predicate_id proposition_id until", LIVE),
-            Index("history", "predicate_id fork since until proposition_id"),
-            # Goals are few among many facts, and current goals are few among past ones.
-            Index("goal", "until since proposition_id", GOAL),
-            Index("goal_history", "fork since until proposition_id", GOAL),
-        ],
-        has_parts=False,
-    )
-
-
-def _functions() -> Iterator[Table]:
-    """Describe the tables of functions."""
-    yield _identity("function", lookup=True)
-    yield _version("function", [_text()])
-    yield from _parameters("function")
-    yield _part(
-        "function",
-        "type",
-        "position",
-        [_position(), _column("type_id")],
-        [Reference("function_id since", "function_version"), Reference("type_id", "type", "id")],
-        [Index("type", "type_id")],
-    )
-
-
-def _function_values() -> Iterator[Table]:
-    """Describe the tables of fluents, and of their values."""
-    yield from _atom(
-        "function_value",
-        "function",
-        {"fluent": "function_id arguments"},
-        [],
-        "canonical PDDL, without the value",
-    )
-    yield _version(
-        "function_value",
-        [
-            _column("function_id"),
-            _optional("value", LONG_TEXT, "the number, as exact decimal text"),
-            _optional("number", sa.Double(), "the number, as near as a double comes"),
-            _optional("object_id", comment="the object that it is"),
-            _text("canonical PDDL, with the value"),
-            _fork(),
-        ],
-        [Reference("function_id", "function", "id"), Reference("object_id", "object", "id")],
-        {
-            "value_or_object": "(value IS NULL) <> (object_id IS NULL)",
-            "number_of_value": "(value IS NULL) = (number IS NULL)",
-        },
-        [
-            Index("now", "function_id function_value_id until", LIVE),
-            Index("history", "function_id fork since until function_value_id"),
-            # Numbers change often and do not belong in it.
-            Index("object", "object_id", "object_id IS NOT NULL"),
-        ],
-        has_parts=False,
-    )
-
-
-def _actions() -> Iterator[Table]:
-    """Describe the tables of actions, processes and events."""
-    yield _identity("action")
-    yield _version(
-        "action",
-        [
-            _text(),
-            _column(
-                "kind", sa.String(16), "action, durative-action, process or event", default="action"
-            ),
-        ],
-    )
-    yield from _parameters("action")
-    yield from _trees(
-        "action", {"section": "section IN ('duration', 'condition', 'effect')"}, has_parameters=True
-    )
-
-
-def _formulas() -> Iterator[Table]:
-    """Describe the tables of formulas on their own: derived predicates, goals, the metric ..."""
-    yield _identity("formula")
-    yield _version(
-        "formula",
-        [
-            _column(
-                "section", sa.String(24), "the part of the domain or the problem that it stands in"
-            ),
-            _text(),
-        ],
-        checks={
-            "section": "section IN ('derived', 'domain constraint', 'initial', 'timed', 'goal', "
-            "'constraint', 'metric')"
-        },
-    )
-    yield from _trees("formula", {}, has_parameters=False)
-
-
-def _trees(element: str, checks: dict[str, str], has_parameters: bool) -> Iterator[Table]:
-    """Describe the tables of an element's expression trees, in preorder."""
-    yield _nodes(element, checks)
-    node, variable = _node(element), f"{_node(element)} variable"
-    yield _part(
+def _trees(element: str, has_parameters: bool, *checks: Any) -> None:
+    """Make the tables of an element's expression trees."""
+    _nodes(element, *checks)
+    _terms(element, has_parameters)
+    variable, type_ = f"fk_{element}_variable", f"fk_{element}_variable_type"
+    _list(
         element,
         "variable",
-        "section position variable",
-        [
-            *_node_columns(),
-            _column("variable", POSITION, "from 0"),
-            _column("name", SHORT_TEXT, "without its question mark"),
-        ],
-        [Reference(node, f"{element}_node", name="node")],
+        *_node_key(),
+        _place("variable", "from 0"),
+        _column("name", SHORT_TEXT, "without its question mark"),
+        _within(element, "node", *_NODE, key=f"{variable}_node"),
     )
-    yield _part(
+    _list(
         element,
         "variable_type",
-        "section position variable alternative",
-        [*_node_columns(), _column("variable", POSITION), _alternative(), _column("type_id")],
-        [
-            Reference(variable, f"{element}_variable", name="variable"),
-            Reference("type_id", "type", "id"),
-        ],
-        [Index("type", "type_id")],
+        *_node_key(),
+        _place("variable"),
+        _alternative(),
+        *_types(element, "variable_type"),
+        _within(element, "variable", *_NODE, "variable", key=f"{type_}_variable"),
     )
-    yield _terms(element, has_parameters)
 
 
-def _node(element: str) -> str:
-    return f"{element}_id since section position"
-
-
-def _node_columns() -> list[sa.Column[Any]]:
-    return [_section(), _position("from 0, in preorder")]
-
-
-def _nodes(element: str, checks: dict[str, str]) -> Table:
-    """Describe the table of the nodes of an element's expression trees."""
-    return _part(
+def _nodes(element: str, *checks: Any) -> None:
+    table = f"{element}_node"
+    _list(
         element,
         "node",
-        "section position",
-        [
-            *_node_columns(),
-            _optional("parent", POSITION, "the position of the node above; NULL: the root"),
-            _column(
-                "operator",
-                sa.String(32),
-                "and, not, over all, increase, predicate, function, number ...",
-            ),
-            _optional("predicate_id"),
-            _optional("function_id"),
-            _optional(
-                "value",
-                LONG_TEXT,
-                "a number as exact decimal text, a variable's or a preference's name",
-            ),
-        ],
-        [
-            Reference(f"{element}_id since", f"{element}_version", name="version"),
-            Reference(
-                f"{element}_id since section parent", f"{element}_node", _node(element), "parent"
-            ),
-            Reference("predicate_id", "predicate", "id"),
-            Reference("function_id", "function", "id"),
-        ],
-        [Index("predicate", "predicate_id"), Index("function", "function_id")],
-        {
-            "preorder": "parent < position",
-            "one_root": "(parent IS NULL) = (position = 0)",
-            "predicate_given": "(operator = 'predicate') = (predicate_id IS NOT NULL)",
-            "function_given": "(operator = 'function') = (function_id IS NOT NULL)",
-            **checks,
-        },
+        *_node_key(),
+        _optional("parent", POSITION, "the position of the node above; NULL: the root"),
+        _column(
+            "operator",
+            sa.String(32),
+            "and, not, over all, increase, predicate, function, number ...",
+        ),
+        _optional("predicate_id"),
+        _optional("function_id"),
+        _optional(
+            "value",
+            LONG_TEXT,
+            "a number as exact decimal text, a variable's or a preference's name",
+        ),
+        _within(element, "version", key=f"fk_{table}_version"),
+        _within(element, "node", "section", "parent", to=_NODE, key=f"fk_{table}_parent"),
+        _reference("predicate_id", "predicate"),
+        _reference("function_id", "function"),
+        sa.CheckConstraint("parent < position", name="preorder"),
+        sa.CheckConstraint("(parent IS NULL) = (position = 0)", name="one_root"),
+        sa.CheckConstraint(
+            "(operator = 'predicate') = (predicate_id IS NOT NULL)", name="predicate_given"
+        ),
+        sa.CheckConstraint(
+            "(operator = 'function') = (function_id IS NOT NULL)", name="function_given"
+        ),
+        *checks,
+        _index(table, "predicate", "predicate_id"),
+        _index(table, "function", "function_id"),
     )
 
 
-ONE_OF_FOUR = (
-    "CASE WHEN parameter IS NULL THEN 0 ELSE 1 END"
-    " + CASE WHEN object_id IS NULL THEN 0 ELSE 1 END"
-    " + CASE WHEN variable IS NULL THEN 0 ELSE 1 END"
-    " + CASE WHEN child IS NULL THEN 0 ELSE 1 END = 1"
+_ONE_OF_FOUR = " + ".join(
+    f"CASE WHEN {column} IS NULL THEN 0 ELSE 1 END"
+    for column in ("parameter", "object_id", "variable", "child")
 )
 
 
-def _terms(element: str, has_parameters: bool) -> Table:
-    """Describe the table of the terms of the nodes: parameters, variables, objects, fluents."""
-    node, version = _node(element), f"{element}_id since"
-    parameter = Reference(
-        f"{version} parameter", f"{element}_parameter", f"{version} position", "parameter"
-    )
-    variable = Reference(
-        f"{version} section quantifier variable",
-        f"{element}_variable",
-        f"{node} variable",
-        "variable",
-    )
-    return _part(
+def _terms(element: str, has_parameters: bool) -> None:
+    """Make the table of the terms of nodes: parameters, variables, objects, fluents."""
+    table = f"{element}_term"
+    bound = ("section", "quantifier", "variable")
+    of_parameters: Any = sa.CheckConstraint("parameter IS NULL", name="no_parameter")
+    if has_parameters:
+        of_parameters = _within(
+            element, "parameter", "parameter", to=("position",), key=f"fk_{table}_parameter"
+        )
+    _list(
         element,
         "term",
-        "section position term",
-        [
-            *_node_columns(),
-            _column("term", POSITION, "from 0"),
-            _optional("parameter", POSITION, "the position of the owner's parameter"),
-            _optional("object_id", comment="the constant"),
-            _optional("quantifier", POSITION, "the position of the node that binds the variable"),
-            _optional("variable", POSITION, "which of the quantifier's variables it is"),
-            _optional("child", POSITION, "the position of the function node whose value it is"),
-        ],
-        [
-            Reference(node, f"{element}_node", name="node"),
-            *([parameter] if has_parameters else []),
-            Reference("object_id", "object", "id"),
-            variable,
-            Reference(f"{version} section child", f"{element}_node", node, "child"),
-        ],
-        [Index("object", "object_id")],
-        {
-            "one_of_four": ONE_OF_FOUR,
-            "bound": "(quantifier IS NULL) = (variable IS NULL)",
-            **({} if has_parameters else {"no_parameter": "parameter IS NULL"}),
-        },
+        *_node_key(),
+        _place("term", "from 0"),
+        _optional("parameter", POSITION, "the position of the owner's parameter"),
+        _optional("object_id", comment="the constant"),
+        _optional("quantifier", POSITION, "the position of the node that binds the variable"),
+        _optional("variable", POSITION, "which of the quantifier's variables it is"),
+        _optional("child", POSITION, "the position of the function node whose value it is"),
+        _within(element, "node", *_NODE, key=f"fk_{table}_node"),
+        of_parameters,
+        _reference("object_id", "object"),
+        _within(element, "variable", *bound, to=(*_NODE, "variable"), key=f"fk_{table}_variable"),
+        _within(element, "node", "section", "child", to=_NODE, key=f"fk_{table}_child"),
+        sa.CheckConstraint(f"{_ONE_OF_FOUR} = 1", name="one_of_four"),
+        sa.CheckConstraint("(quantifier IS NULL) = (variable IS NULL)", name="bound"),
+        _index(table, "object", "object_id"),
     )
 
 
-def _documents() -> Iterator[Table]:
-    """Describe the tables of the domain and the problem as documents."""
-    yield _identity("document", {"domain_or_problem": "key IN ('domain', 'problem')"})
-    yield _version(
-        "document",
-        [
-            _column("title", SHORT_TEXT, "the name in its define form"),
-            _optional("domain", SHORT_TEXT, "a problem's domain"),
-            _text("all of it on one line"),
-        ],
+def _atom(
+    element: str, owner: str, unique: str, key: str, text: str, *columns: sa.Column[Any]
+) -> None:
+    """Make the tables of what applies to objects, interned for ever, and of its arguments."""
+    _table(
+        element,
+        _key("id"),
+        _column(f"{owner}_id"),
+        *columns,
+        _column(
+            "arguments",
+            LONG_TEXT,
+            "the ids of its objects in order, by spaces: the key that interns it",
+        ),
+        _text(text),
+        _reference(f"{owner}_id", owner),
+        sa.UniqueConstraint("kb_id", *key.split(), name=f"uq_{element}_{unique}"),
+        _lookup(element, "text"),
     )
-    yield _part(
-        "document",
-        "item",
-        "section position",
-        [
-            _column("section", sa.String(24), "requirement, type, goal ..."),
-            _position(),
-            _column(
-                "name", LONG_TEXT, "the element's name; for a goal that is a ground atom, its text"
-            ),
-        ],
-        [Reference("document_id since", "document_version")],
-    )
-
-
-STEP = Reference("plan_id position", "plan_step")
-
-
-def _plans() -> Iterator[Table]:
-    """Describe the tables of plans, and of what became of their steps."""
-    given = "what the planner was given, if it is not what the store writes"
-    yield _record(
-        "plan",
-        [
-            _column("revision", comment="the state that it was planned from"),
-            _column(
-                "problem_hash",
-                LONG_TEXT,
-                "SHA-256 of the domain and then the problem that the planner was given",
-            ),
-            _optional("planner", LONG_TEXT),
-            _optional("planner_version", LONG_TEXT),
-            _optional("objective", LONG_TEXT, "what the plan is to make small or large"),
-            _optional("value", LONG_TEXT, "what the objective comes to, as exact decimal text"),
-            _optional("status", LONG_TEXT, "what the planner says of it"),
-            _optional("domain_pddl", LONG_TEXT, given),
-            _optional("problem_pddl", LONG_TEXT, given),
-        ],
-        "problem",
-    )
-    yield Table(
-        "plan_step",
-        "plan_id position",
-        [
-            _column("plan_id"),
-            _position(),
-            _optional(
-                "start", LONG_TEXT, "seconds from the plan's beginning, as exact decimal text"
-            ),
-            _optional("duration", LONG_TEXT, "seconds, as exact decimal text; NULL: an instant"),
-            _column("action_id"),
-            _text("canonical PDDL, without times"),
-        ],
-        [Reference("plan_id", "plan", "id"), Reference("action_id", "action", "id")],
-        indexes=[Index("action", "action_id")],
-    )
-    yield Table(
-        "plan_step_argument",
-        "plan_id position argument",
-        [
-            _column("plan_id"),
-            _position(None),
-            _column("argument", POSITION, "from 0"),
-            _column("object_id"),
-        ],
-        [STEP, Reference("object_id", "object", "id")],
-        indexes=[Index("object", "object_id")],
-    )
-    yield from _outcomes()
-
-
-def _outcomes() -> Iterator[Table]:
-    """Describe the tables of what became of the steps, and of what was changed during each."""
-    yield Table(
-        "plan_step_version",
-        "plan_id position since",
-        [
-            _column("plan_id"),
-            _position(None),
-            _since(),
-            _until(),
-            _column("status", sa.String(16), "started, succeeded, failed or aborted"),
-            _text("which step of which plan, and its status"),
-        ],
-        [STEP, AT_SINCE, AT_UNTIL],
-        {
-            "since_before_until": "since < until",
-            "status": "status IN ('started', 'succeeded', 'failed', 'aborted')",
-        },
-        indexes=[
-            Index("since", "since"),
-            Index("until", "until", CLOSED),
-            Index("live", "plan_id position", LIVE, unique=True),
-        ],
-    )
-    yield Table(
-        "revision_plan_step",
-        "number",
-        [_column("number", comment="the revision"), _column("plan_id"), _position("the step's")],
-        [Reference("number", "revision"), STEP],
-        indexes=[Index("step", "plan_id position number")],
+    _table(
+        f"{element}_argument",
+        _key(f"{element}_id"),
+        _place("position", "from 0"),
+        _column("object_id"),
+        _reference(f"{element}_id", element),
+        _reference("object_id", "object"),
+        _index(f"{element}_argument", "object", "object_id", f"{element}_id"),
     )
 
 
-def _archives() -> Iterator[Table]:
-    """Describe the table of what was moved elsewhere."""
-    yield _record(
-        "archive",
-        [
-            _column("revision", comment="the versions that ended up to this revision were moved"),
-            _column("target", LONG_TEXT, "where to: a URL without its password"),
-            _column("versions", comment="how many were moved"),
-            _column(
-                "rest", LONG_TEXT, "SHA-256 of what this store keeps of the revisions up to there"
-            ),
-        ],
-        "upto",
+def _intervals(element: str, owner: str, columns: list[sa.Column[Any]], *items: Any) -> None:
+    """Make the table of when something applied to objects."""
+    table, id_, owner_id = f"{element}_version", f"{element}_id", f"{owner}_id"
+    fork = "the revision from since to before until that the highest power of two divides; "
+    _table(
+        table,
+        _key(id_),
+        _since(),
+        _until(),
+        _column(owner_id),
+        *columns,
+        _column("fork", NUMBER, f"{fork}0: holds now", sa.text("0")),
+        *items,
+        *_version_items(table, id_),
+        _reference(id_, element),
+        _reference(owner_id, owner),
+        # `until` makes the index cover reads of the present state.
+        _partial(table, "now", owner_id, id_, "until", where=LIVE),
+        _index(table, "history", owner_id, "fork", "since", "until", id_),
     )
 
 
-def _record(name: str, columns: list[sa.Column[Any]], reference: str) -> Table:
-    """Describe a table of what is recorded once, about an earlier revision."""
-    return Table(
-        name,
-        "id",
-        [
-            _column("id"),
-            _column("since", comment="recorded in this revision"),
-            *columns,
-            _text("all of it in canonical form"),
-        ],
-        [TO_KNOWLEDGE_BASE, AT_SINCE, Reference("revision", "revision", "number", reference)],
-        indexes=[Index("since", "since"), Index("revision", "revision")],
-    )
+sa.Table(
+    "knowledge_base",
+    METADATA,
+    _key("id"),
+    _column("name", SHORT_TEXT),
+    sa.UniqueConstraint("name"),
+)
+_table(
+    "head",
+    _column("revision", comment="the last revision; 0: none yet"),
+    _column(
+        "definition_revision", comment="the last revision that changed anything but propositions"
+    ),
+    _column("next_id", comment="the id that the next element gets"),
+    _optional("hash", LONG_TEXT, "of the last revision"),
+    _optional("committed_at", UTC_TIME, "of the last revision"),
+    _column(
+        "archived_revision",
+        NUMBER,
+        "what ended up to this revision is in an archive; 0: nothing is",
+        sa.text("0"),
+    ),
+    _to_knowledge_base(),
+)
+_table(
+    "revision",
+    _key("number", comment="1, 2, 3 ... without gaps"),
+    _column("committed_at", UTC_TIME, "UTC, never going back"),
+    _optional("actor", LONG_TEXT, "the component that wrote"),
+    _optional("reason", LONG_TEXT),
+    _optional("source", CANONICAL_JSON, "what the caller knows: sensor, plan step ..."),
+    _column("form", POSITION, "version of the form that was hashed"),
+    _column("hash", LONG_TEXT, "SHA-256, chained to the revision before"),
+    _optional("observed_at", UTC_TIME, "UTC, when what it says was sensed; NULL: not said"),
+    _to_knowledge_base(),
+    sa.CheckConstraint("number > 0", name="number_positive"),
+    _index("revision", "committed_at", "committed_at"),
+)
+
+_identity("type")
+_version(
+    "type",
+    _optional("parent_id", comment="the type above it; NULL: right under the root"),
+    _text(),
+    _reference("parent_id", "type"),
+)
+_further("type", "parent", "parent_id")
+
+_identity("object", _lookup("object", "name"))
+_version(
+    "object",
+    _column("type_id"),
+    _text(),
+    _column("is_constant", FLAG, "declared in the domain, not in the problem", sa.false()),
+    _reference("type_id", "type"),
+)
+_further("object", "type")
+
+_identity("predicate", _lookup("predicate", "name"))
+_version("predicate", _text())
+_parameters("predicate")
+
+_identity("function", _lookup("function", "name"))
+_version("function", _text())
+_parameters("function")
+# The types of its values: none for numbers.
+_further("function", "type", first=0)
+
+_identity("action")
+_version(
+    "action",
+    _text(),
+    _column("kind", sa.String(16), "action, durative-action, process or event", "action"),
+)
+_parameters("action")
+_trees(
+    "action",
+    True,
+    sa.CheckConstraint("section IN ('duration', 'condition', 'effect')", name="section"),
+)
+
+# The name of a formula is the SHA-256 of its section and its text, in hexadecimal.
+_identity("formula")
+_version(
+    "formula",
+    _column("section", sa.String(24), "the part of the domain or the problem that it stands in"),
+    _text(),
+    sa.CheckConstraint(
+        "section IN ('derived', 'domain constraint', 'initial', 'timed', 'goal', 'constraint', "
+        "'metric')",
+        name="section",
+    ),
+)
+_trees("formula", False)
+
+# The domain and the problem, one of each.
+_identity("document", sa.CheckConstraint("key IN ('domain', 'problem')", name="domain_or_problem"))
+_version(
+    "document",
+    _column("title", SHORT_TEXT, "the name in its define form"),
+    _optional("domain", SHORT_TEXT, "a problem's domain"),
+    _text("all of it on one line"),
+)
+# What stands at a position of a document: it is live elsewhere, or the position is empty.
+_list(
+    "document",
+    "item",
+    _key("section", sa.String(24), "requirement, type, goal ..."),
+    _place("position", "from 0"),
+    _column("name", LONG_TEXT, "the element's name; for a goal that is a ground atom, its text"),
+    _within("document", "version"),
+)
+
+_atom(
+    "proposition",
+    "predicate",
+    "atom",
+    "is_goal predicate_id arguments",
+    "canonical PDDL",
+    _column("is_goal", FLAG),
+)
+_intervals(
+    "proposition",
+    "predicate",
+    [_column("is_goal", FLAG, None, sa.false())],
+    # Goals are few among many facts, and current goals are few among past ones.
+    _partial("proposition_version", "goal", "until", "since", "proposition_id", where=GOAL),
+    _partial(
+        "proposition_version",
+        "goal_history",
+        *("fork", "since", "until", "proposition_id"),
+        where=GOAL,
+    ),
+)
+_atom(
+    "function_value",
+    "function",
+    "fluent",
+    "function_id arguments",
+    "canonical PDDL, without the value",
+)
+_intervals(
+    "function_value",
+    "function",
+    [
+        _optional("value", LONG_TEXT, "the number, as exact decimal text"),
+        _optional("number", sa.Double(), "the number, as near as a double comes"),
+        _optional("object_id", comment="the object that it is"),
+        _text("canonical PDDL, with the value"),
+    ],
+    _reference("object_id", "object"),
+    sa.CheckConstraint("(value IS NULL) <> (object_id IS NULL)", name="value_or_object"),
+    sa.CheckConstraint("(value IS NULL) = (number IS NULL)", name="number_of_value"),
+    # Numbers change often and do not belong in it.
+    _partial("function_value_version", "object", "object_id", where="object_id IS NOT NULL"),
+)
+
+GIVEN = "what the planner was given, if it is not what the store writes"
+_record(
+    "plan",
+    "problem",
+    _column("revision", comment="the state that it was planned from"),
+    _column(
+        "problem_hash",
+        LONG_TEXT,
+        "SHA-256 of the domain and then the problem that the planner was given",
+    ),
+    _optional("planner", LONG_TEXT),
+    _optional("planner_version", LONG_TEXT),
+    _optional("objective", LONG_TEXT, "what the plan is to make small or large"),
+    _optional("value", LONG_TEXT, "what the objective comes to, as exact decimal text"),
+    _optional("status", LONG_TEXT, "what the planner says of it"),
+    _optional("domain_pddl", LONG_TEXT, GIVEN),
+    _optional("problem_pddl", LONG_TEXT, GIVEN),
+)
+
+
+def _to_step() -> sa.ForeignKeyConstraint:
+    key = ("kb_id", "plan_id", "position")
+    return sa.ForeignKeyConstraint(key, [f"plan_step.{column}" for column in key])
+
+
+_table(
+    "plan_step",
+    _key("plan_id"),
+    _place("position", "from 0"),
+    _optional("start", LONG_TEXT, "seconds from the plan's beginning, as exact decimal text"),
+    _optional("duration", LONG_TEXT, "seconds, as exact decimal text; NULL: an instant"),
+    _column("action_id"),
+    _text("canonical PDDL, without times"),
+    _reference("plan_id", "plan"),
+    _reference("action_id", "action"),
+    _index("plan_step", "action", "action_id"),
+)
+_table(
+    "plan_step_argument",
+    _key("plan_id"),
+    _place("position"),
+    _place("argument", "from 0"),
+    _column("object_id"),
+    _to_step(),
+    _reference("object_id", "object"),
+    _index("plan_step_argument", "object", "object_id"),
+)
+_table(
+    "plan_step_version",
+    _key("plan_id"),
+    _place("position"),
+    _since(),
+    _until(),
+    _column("status", sa.String(16), "started, succeeded, failed or aborted"),
+    _text("which step of which plan, and its status"),
+    _to_step(),
+    *_version_items("plan_step_version", "plan_id", "position"),
+    sa.CheckConstraint("status IN ('started', 'succeeded', 'failed', 'aborted')", name="status"),
+)
+_table(
+    "revision_plan_step",
+    _key("number", comment="the revision"),
+    _column("plan_id"),
+    _column("position", POSITION, "the step's"),
+    _to_revision("number"),
+    _to_step(),
+    _index("revision_plan_step", "step", "plan_id", "position", "number"),
+)
+_record(
+    "archive",
+    "upto",
+    _column("revision", comment="the versions that ended up to this revision were moved"),
+    _column("target", LONG_TEXT, "where to: a URL without its password"),
+    _column("versions", comment="how many were moved"),
+    _column("rest", LONG_TEXT, "SHA-256 of what this store keeps of the revisions up to there"),
+)
 
 
 # What the two dialects have to say differently. Times in seconds are exact: the microseconds since
