@@ -19,18 +19,10 @@ from typing import Self, TypeVar
 from typing_extensions import override
 
 from .arguments import whole_number
+from .dao import formula as formulas
 from .dao import interfaces as daos
 from .dao.action import SqlActionDao, SqlEventDao, SqlProcessDao
 from .dao.base import refuse_past
-from .dao.formula import (
-    SqlConstraintDao,
-    SqlDerivedPredicateDao,
-    SqlDomainConstraintDao,
-    SqlGoalDao,
-    SqlInitialLiteralDao,
-    SqlMetricDao,
-    SqlTimedInitialLiteralDao,
-)
 from .dao.function import SqlFunctionDao
 from .dao.function_value import SqlFunctionValueDao
 from .dao.interfaces import Interface, required
@@ -274,13 +266,13 @@ class SqlDaoFactory(DaoFactory):
     create_pddl_action_dao = _creates(SqlActionDao)
     create_pddl_process_dao = _creates(SqlProcessDao)
     create_pddl_event_dao = _creates(SqlEventDao)
-    create_derived_predicate_dao = _creates(SqlDerivedPredicateDao)
-    create_timed_initial_literal_dao = _creates(SqlTimedInitialLiteralDao)
-    create_initial_literal_dao = _creates(SqlInitialLiteralDao)
-    create_goal_dao = _creates(SqlGoalDao)
-    create_constraint_dao = _creates(SqlConstraintDao)
-    create_domain_constraint_dao = _creates(SqlDomainConstraintDao)
-    create_metric_dao = _creates(SqlMetricDao)
+    create_derived_predicate_dao = _creates(formulas.SqlDerivedPredicateDao)
+    create_timed_initial_literal_dao = _creates(formulas.SqlTimedInitialLiteralDao)
+    create_initial_literal_dao = _creates(formulas.SqlInitialLiteralDao)
+    create_goal_dao = _creates(formulas.SqlGoalDao)
+    create_constraint_dao = _creates(formulas.SqlConstraintDao)
+    create_domain_constraint_dao = _creates(formulas.SqlDomainConstraintDao)
+    create_metric_dao = _creates(formulas.SqlMetricDao)
     create_plan_dao = _creates(SqlPlanDao)
     create_exchange = _creates(SqlExchange)
     create_history = _creates(SqlHistory)

@@ -364,11 +364,7 @@ class PddlFunctionValueDao(Dao[PddlFunctionValueDto]):
     def get(
         self, function: FunctionReference, *, objects: Sequence[ObjectReference] = ()
     ) -> Decimal | PddlObjectDto | None:
-        """Read the value of a fluent.
-
-        Args:
-            function: the function.
-            objects: its arguments, in order.
+        """Read the value of a fluent: a function applied to objects, in order.
 
         Returns:
             A number, or an object for an object fluent; None when it has no value, or a name is not
@@ -404,8 +400,8 @@ class PddlFunctionValueDao(Dao[PddlFunctionValueDto]):
         """Set a fluent to a number, or to an object.
 
         Args:
-            function: the function.
-            objects: its arguments, in order.
+            function: a DTO, or a name.
+            objects: its arguments, in order: DTOs or names.
             value: a finite number of at most 400 digits; for an object fluent, an object or its
                 name.
 

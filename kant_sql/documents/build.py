@@ -14,17 +14,7 @@ from sqlalchemy import and_, case, select
 from ..dao.base import identify
 from ..dao.formula import read_formula, read_formulas
 from ..dao.function_value import ALL
-from ..dto.formulas import (
-    Atom,
-    Constant,
-    Equal,
-    Fluent,
-    Formula,
-    Not,
-    Number,
-    TypedName,
-    trusted_atom,
-)
+from ..dto import formulas as f
 from ..dto.lexical import ROOT_TYPE, fold
 from ..errors import ConflictError, each_readable, reading_rows
 from ..knowledge import definitions as d
@@ -213,10 +203,10 @@ class _Builder:
         found = ordered(stored, lambda each: each.name, self._document, section)
         return tuple(read_formula(self._definitions, each) for each in found)
 
-    def _typed(self, name: str, type_ids: Sequence[int]) -> TypedName:
+    def _typed(self, name: str, type_ids: Sequence[int]) -> f.TypedName:
         return typed_name(self._definitions, ParameterDefinition(name, tuple(type_ids)))
 
-    def _objects(self, section: str) -> tuple[TypedName, ...]:
+    def _objects(self, section: str) -> tuple[f.TypedName, ...]:
         """Build the objects that the domain declares, or the others."""
         constants = constant_ids(self._definitions)
         is_domain = section == "constant"
@@ -254,11 +244,11 @@ class _DomainBuilder(_Builder):
         types = self._definitions.types
         return self._named("type", [t for t in types if has_root or fold(t.name) != ROOT_TYPE])
 
-    def _type(self, type_: d.TypeDefinition) -> TypedName:
+    def _type(self, type_: d.TypeDefinition) -> f.TypedName:
         above = type_.parent_ids
-        return self._typed(type_.name, above) if above else TypedName(type_.name)
+        return self._typed(type_.name, above) if above else f.TypedName(type_.name)
 
-    def _parameters(self, parameters: Iterable[ParameterDefinition]) -> tuple[TypedName, ...]:
+    def _parameters(self, parameters: Iterable[ParameterDefinition]) -> tuple[f.TypedName, ...]:
         return tuple(typed_name(self._definitions, parameter) for parameter in parameters)
 
     def _function(self, function: d.FunctionDefinition) -> Function:
@@ -351,7 +341,7 @@ class _ProblemBuilder(_Builder):
     def __init__(self, definitions: d.Definitions, initial: Initial) -> None:
         super().__init__(definitions, d.PROBLEM)
         self._initial = initial
-        self._constants: dict[int, Constant] = {}
+        self._constants: dict[int, f.Constant] = {}
 
     def build(self, default_name: str, domain: str, with_initial: bool = True) -> Problem:
         metrics = read_formulas(self._definitions, d.METRIC)
@@ -374,17 +364,17 @@ class _ProblemBuilder(_Builder):
         own = None if self._document is None else self._document.domain
         return domain if own is None or fold(own) != fold(domain) else own
 
-    def _literals(self) -> tuple[Not | Equal, ...]:
+    def _literals(self) -> tuple[f.Not | f.Equal, ...]:
         """Return the initial literals that no fact of a later revision contradicts."""
         literals = self._section(d.INITIAL)
         facts = {row[3] for row in self._initial.facts} if literals else ()
         return tuple(
             literal
             for literal in literals
-            if isinstance(literal, Equal) or str(literal.formula) not in facts
+            if isinstance(literal, f.Equal) or str(literal.formula) not in facts
         )
 
-    def _facts(self) -> tuple[Atom, ...]:
+    def _facts(self) -> tuple[f.Atom, ...]:
         return tuple(each_readable("proposition", self._initial.facts, self._atom))
 
     def _values(self) -> tuple[FunctionValue, ...]:
@@ -392,14 +382,14 @@ class _ProblemBuilder(_Builder):
 
     def _value(self, row: Row) -> FunctionValue:
         _, function_id, arguments, number, object_id = row
-        value: Number | Constant = (
-            Number(Decimal(number)) if object_id is None else self._constant(object_id)
+        value: f.Number | f.Constant = (
+            f.Number(Decimal(number)) if object_id is None else self._constant(object_id)
         )
         name = self._definitions.functions.live(function_id).name
-        return FunctionValue(Fluent(name, self._terms(arguments)), value)
+        return FunctionValue(f.Fluent(name, self._terms(arguments)), value)
 
-    def _goals(self) -> list[Formula]:
-        atoms: list[tuple[str, Formula]] = each_readable(
+    def _goals(self) -> list[f.Formula]:
+        atoms: list[tuple[str, f.Formula]] = each_readable(
             "proposition", self._initial.goals, lambda row: (row[3], self._atom(row))
         )
         formulas: list[tuple[str, Any]] = [
@@ -409,17 +399,17 @@ class _ProblemBuilder(_Builder):
         goals = ordered([*atoms, *formulas], lambda goal: goal[0], self._document, d.GOAL)
         return [goal for _, goal in goals]
 
-    def _atom(self, row: Any) -> Atom:
+    def _atom(self, row: Any) -> f.Atom:
         predicate = self._definitions.predicates.live(row[1])
-        return trusted_atom(predicate.name, self._terms(row[2]))
+        return f.trusted_atom(predicate.name, self._terms(row[2]))
 
-    def _terms(self, arguments: str) -> tuple[Constant, ...]:
+    def _terms(self, arguments: str) -> tuple[f.Constant, ...]:
         return tuple([self._constant(int(id_)) for id_ in arguments.split()])
 
-    def _constant(self, id_: int) -> Constant:
+    def _constant(self, id_: int) -> f.Constant:
         constant = self._constants.get(id_)
         if constant is None:
-            constant = Constant(self._definitions.objects.live(id_).name)
+            constant = f.Constant(self._definitions.objects.live(id_).name)
             self._constants[id_] = constant
         return constant
 

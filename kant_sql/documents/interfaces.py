@@ -34,13 +34,7 @@ class Loaded(NamedTuple):
 
 
 class State(NamedTuple):
-    """Domain and problem of one state.
-
-    Attributes:
-        revision: the revision; within a transaction, the one that it began from.
-        domain: the domain.
-        problem: the problem.
-    """
+    """Domain and problem of one revision; within a transaction, of the one it began from."""
 
     revision: int
     domain: Domain
@@ -228,9 +222,7 @@ class Exchange(Interface):
     def load_unified_planning(self, problem: UpProblem, *, mode: Mode = "replace") -> Loaded:
         """Load a problem of unified-planning with its domain, in at most one revision.
 
-        Args:
-            problem: the problem.
-            mode: `replace` retracts what the problem does not declare, `merge` keeps it.
+        Mode `replace` retracts what the problem does not declare, `merge` keeps it.
 
         Returns:
             The revision; there are no warnings.

@@ -63,12 +63,7 @@ class Revision:
 
 @dataclass(frozen=True)
 class LogEntry:
-    """A revision and what it changed.
-
-    Attributes:
-        revision: the revision.
-        changes: a line for each element that was asserted or retracted.
-    """
+    """A revision and its changes, one for each element that was asserted or retracted."""
 
     revision: Revision
     changes: tuple[Change, ...]

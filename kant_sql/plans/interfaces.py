@@ -66,7 +66,7 @@ class RecordedPlan:
     """A recorded plan.
 
     Attributes:
-        id: its id.
+        id: its number in the knowledge base.
         recorded_in: the revision that recorded it.
         revision: the revision of the state that it was made from.
         problem_hash: SHA-256, in hexadecimal, of the planner's input: the UTF-8 of the domain's
@@ -193,10 +193,6 @@ class PlanDao(ABC):
 
         A step is started once, and then succeeds, fails or is aborted. A step that was not started
         can be aborted, too.
-
-        Args:
-            step: the step.
-            status: `started`, `succeeded`, `failed` or `aborted`.
 
         Returns:
             False when the step has this status already.
