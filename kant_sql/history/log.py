@@ -42,7 +42,7 @@ from .revisions import (
     collect,
     make_revision,
     missing_revision,
-    refuse_archived,
+    refuse_archived_revision,
 )
 from .revisions import PAGE as LOG_PAGE
 from .revisions import PAGE_CHANGES as LOG_CHANGES
@@ -186,10 +186,10 @@ def _complete(store: Store, pages: Iterator[_Page], low: int | None = None) -> I
             continue
         for entry in page.entries:
             if entry.revision.number <= archived:
-                refuse_archived(store, max(1, entry.revision.number - 1))
+                refuse_archived_revision(store, max(1, entry.revision.number - 1))
             yield entry
     if low is not None and (archived is None or low <= archived):
-        refuse_archived(store, max(1, low - 1))
+        refuse_archived_revision(store, max(1, low - 1))
 
 
 def _pages(store: Store, bounds: Bounds, actor: str | None, limit: int) -> Iterator[_Page]:

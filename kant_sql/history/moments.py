@@ -16,7 +16,7 @@ from ..sql.rows import KB
 from ..sql.tables import HeadRow, RevisionRow
 from ..store.head import check_numbers
 from ..store.store import Store
-from .revisions import FIRST_MOMENT, LARGEST, LAST_MOMENT, refuse_archived, refuse_unknown
+from .revisions import FIRST_MOMENT, LARGEST, LAST_MOMENT, refuse_archived_revision, refuse_unknown
 
 _COLUMNS: tuple[Any, ...] = (
     HeadRow.revision,
@@ -134,7 +134,7 @@ def states_at(
     revisions, head = _find(store, whens, upto)
     for revision in revisions:
         if revision < head.archived:
-            refuse_archived(store, revision)
+            refuse_archived_revision(store, revision)
     return revisions, head
 
 

@@ -18,7 +18,7 @@ from ..sql.rows import KB, THEN, table_of
 from ..store.caches import AtomKey, FluentKey, GroundAtom, GroundFluent, read_value
 from ..store.store import Store
 from ..store.transaction import Transaction
-from .revisions import refuse_archived
+from .revisions import refuse_archived_revision
 
 
 def _moved(mapped: type[t.Base], owner: str, *names: str) -> Query:
@@ -54,7 +54,7 @@ def restore(store: Store, revision: int, reason: str | None, actor: str | None) 
     with store.transaction(actor, why) as transaction:
         if revision < transaction.head.archived_revision:
             # It was archived after the caller's check.
-            refuse_archived(store, revision)
+            refuse_archived_revision(store, revision)
         # The statements below read the transaction's own changes from the tables.
         transaction.flush()
         _restore_definitions(transaction, revision)

@@ -19,7 +19,7 @@ from ..sql.dialects.base import Row, Session
 from ..sql.query import Query, in_list
 from ..sql.rows import KB
 from ..sql.tables import HeadRow, RevisionPlanStepRow, RevisionRow
-from ..store.snapshot import refuse_archived as refuse_archived_state
+from ..store.snapshot import refuse_archived
 from ..store.store import Store
 
 LARGEST = 2**63 - 1
@@ -97,12 +97,12 @@ def read_archived_revision(session: Session, kb_id: int) -> int:
     return int(row[0]) if row else 0
 
 
-def refuse_archived(store: Store, revision: int) -> None:
+def refuse_archived_revision(store: Store, revision: int) -> None:
     """Refuse to read an archived state."""
 
     def work(session: Session, kb_id: int | None) -> None:
         if kb_id is not None:
-            refuse_archived_state(session, kb_id, revision, read_archived_revision(session, kb_id))
+            refuse_archived(session, kb_id, revision, read_archived_revision(session, kb_id))
 
     store.query_in_snapshot(work)
 

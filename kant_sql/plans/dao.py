@@ -20,7 +20,7 @@ from ..dto.elements import atom_text
 from ..dto.lexical import number_text
 from ..errors import InvalidKnowledgeError, PlanError, reading_rows
 from ..history.moments import head_revision, state_at
-from ..history.revisions import LARGEST, read_numbered, refuse_archived
+from ..history.revisions import LARGEST, read_numbered, refuse_archived_revision
 from ..history.versions import Version
 from ..knowledge.definitions import METRIC, ActionDefinition, Definitions, ObjectDefinition
 from ..pddl.document import ACTION, DURATIVE_ACTION
@@ -444,7 +444,7 @@ class SqlPlanDao(SqlDao, PlanDao):
     def _record(self, transaction: Transaction, definition: PlanDefinition) -> RecordedPlan:
         if definition.revision < transaction.head.archived_revision:
             # It was moved since the problem was written.
-            refuse_archived(self._store, definition.revision)
+            refuse_archived_revision(self._store, definition.revision)
         plan = definition._replace(id=transaction.allocate())
         rows = plan_rows(transaction.kb_id, transaction.number, plan)
         transaction.records.add(Change(ASSERTED, PLAN, plan.text), rows)
