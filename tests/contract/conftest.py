@@ -14,7 +14,7 @@ from tests.support.profile import PROFILE
 from tests.support.reading import beside
 from tests.support.roles import MINE, Members, fill_store, members
 from tests.support.servers import Server
-from tests.support.stores import BACKENDS, Connect, extra_urls
+from tests.support.stores import BACKENDS, extra_urls
 
 COMMON = {"sqlite-file": "one_file", "postgresql": "one_database"}
 _numbers = itertools.count(1)
@@ -72,11 +72,12 @@ def common_url(request: pytest.FixtureRequest) -> str:
 
 
 @pytest.fixture(scope="session")
-def one_memory() -> Iterator[KnowledgeBase]:
-    """A knowledge base in a store in memory for many tests."""
-    kb = kant_sql.connect("sqlite://")
-    yield kb
-    kb.close()
+def first_kbs() -> Iterator[dict[str, KnowledgeBase]]:
+    """A knowledge base of each common store: to connect takes longer than most tests."""
+    opened: dict[str, KnowledgeBase] = {}
+    yield opened
+    for kb in opened.values():
+        kb.close()
 
 
 @pytest.fixture(scope="session")
@@ -89,7 +90,7 @@ def event_loop_thread() -> Iterator[async_facade.Loop]:
 
 @pytest.fixture
 def fresh_kb(
-    request: pytest.FixtureRequest, common_url: str, connect: Connect
+    request: pytest.FixtureRequest, common_url: str, first_kbs: dict[str, KnowledgeBase]
 ) -> Iterator[KnowledgeBase]:
     """An empty knowledge base in a store that others may live in, on each backend in turn."""
     name = f"robot {next(_numbers)}"
@@ -98,10 +99,10 @@ def fresh_kb(
         kb = async_facade.connect(loop, common_url, knowledge_base=name, actor="test")
         yield kb
         kb.close()
-    elif common_url == "sqlite://":
-        yield beside(request.getfixturevalue("one_memory"), name)
     else:
-        yield connect(common_url, knowledge_base=name, actor="test")
+        if common_url not in first_kbs:
+            first_kbs[common_url] = kant_sql.connect(common_url)
+        yield beside(first_kbs[common_url], name)
 
 
 @pytest.fixture(scope="session")

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import inspect
 import pickle
+import sys
+from collections.abc import Iterator
 from typing import Any
 
 import pytest
@@ -22,6 +25,7 @@ from kant_sql.dto.formulas import (
     Variable,
 )
 from kant_sql.pddl import read_domain, read_problem, write
+from tests.support.profile import PROFILE
 
 pytestmark = pytest.mark.slow
 
@@ -37,8 +41,18 @@ PROBLEM = """
 (define (problem deeper) (:domain deep) (:init (= (f) 0)) (:goal {goal})
   (:metric minimize {value}))
 """
-# A thousand through each path; as many as a program may write through one.
-LEVELS, MANY = 1_000, 50_000
+# A recursion fails at `LEVELS`, for which `short_stack` has no room; what takes the square of the
+# levels takes minutes at 10,000.
+LEVELS, MANY = (1_000, 50_000) if PROFILE.is_whole else (400, 10_000)
+
+
+@pytest.fixture(autouse=True)
+def short_stack(fresh_kb: KnowledgeBase) -> Iterator[None]:
+    """Leave room for fewer frames than a formula has levels: the usual 1,000 take longer to fill."""
+    limit = sys.getrecursionlimit()
+    sys.setrecursionlimit(len(inspect.stack(0)) + LEVELS)
+    yield
+    sys.setrecursionlimit(limit)
 
 
 def load(kb: KnowledgeBase, opening: str, levels: int) -> tuple[Any, Any]:

@@ -152,11 +152,11 @@ _FIRST: list[KnowledgeBase] = []
 
 
 @pytest.fixture
-def stores(one_memory: KnowledgeBase, one_file: str, one_database: str) -> Iterator[None]:
+def stores(one_file: str, one_database: str) -> Iterator[None]:
     """A store of each kind, in which each example has a knowledge base of its own."""
-    _FIRST[:] = [one_memory, kant_sql.connect(one_file), kant_sql.connect(one_database)]
+    _FIRST[:] = [kant_sql.connect(url) for url in ("sqlite://", one_file, one_database)]
     yield
-    for kb in _FIRST[1:]:
+    for kb in _FIRST:
         kb.close()
 
 
