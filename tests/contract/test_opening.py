@@ -36,7 +36,8 @@ from tests.support.servers import Server
 from tests.support.stores import Connect
 from tests.support.worlds.robots import robot_at
 
-pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("real_migrations")]
+pytestmark = pytest.mark.slow
+migrates = pytest.mark.usefixtures("real_migrations")
 
 
 def sqlite_url(path: Path, query: str = "") -> str:
@@ -81,6 +82,7 @@ def stored(tmp_path: Path) -> Path:
 # The version of the tables.
 
 
+@migrates
 def test_a_database_without_tables_is_refused_with_the_command_that_makes_them(
     server: Server,
 ) -> None:
@@ -92,6 +94,7 @@ def test_a_database_without_tables_is_refused_with_the_command_that_makes_them(
     kant_sql.connect(url).close()
 
 
+@migrates
 def test_outdated_tables_are_refused_with_the_command_that_updates_them(
     shared_url: str, connect: Connect, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -101,6 +104,7 @@ def test_outdated_tables_are_refused_with_the_command_that_updates_them(
         connect(shared_url)
 
 
+@migrates
 def test_tables_of_a_later_version_are_refused(shared_url: str, connect: Connect) -> None:
     connect(shared_url).close()
     execute(shared_url, "UPDATE kant_sql_version SET version_num = '9999'")
@@ -110,12 +114,14 @@ def test_tables_of_a_later_version_are_refused(shared_url: str, connect: Connect
         kant_sql.upgrade(shared_url)
 
 
+@migrates
 def test_a_new_file_becomes_a_store(tmp_path: Path, connect: Connect) -> None:
     path = tmp_path / "with space, ü & 100%.db"
     connect(sqlite_url(path)).propositions.save(robot_at())
     assert check_chain(sqlite_url(path)) == {"default": 1}
 
 
+@migrates
 def test_an_empty_file_becomes_a_store(tmp_path: Path, connect: Connect) -> None:
     path = tmp_path / "empty.db"
     path.touch()
@@ -123,6 +129,7 @@ def test_an_empty_file_becomes_a_store(tmp_path: Path, connect: Connect) -> None
     assert check_chain(sqlite_url(path)) == {"default": 1}
 
 
+@migrates
 def test_each_store_in_memory_is_new(connect: Connect) -> None:
     connect("sqlite://").propositions.save(robot_at())
     assert connect("sqlite://").revision == 0
@@ -140,6 +147,7 @@ def test_a_database_of_somebody_else_is_refused_and_left_as_it_is(
     assert contents(tmp_path) == before
 
 
+@migrates
 def test_the_version_table_of_the_users_own_alembic_is_left_alone(
     shared_url: str, server: Server, tmp_path: Path
 ) -> None:
@@ -193,6 +201,7 @@ def test_a_file_that_is_no_sound_database_is_refused(
     assert stored.read_bytes() == before
 
 
+@migrates
 def test_tables_that_another_process_makes_at_this_moment_are_found(
     tmp_path: Path, connect: Connect, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,9 @@ STORY = (Path(__file__).parent / "store-0001.sql").read_text(encoding="utf-8")
 REVISIONS = {"tiago": 9, "Küche 🤖": 1}
 
 Rows = dict[str, list[dict[str, Any]]]
+# What fills an empty database, and what gives the URL of one that is filled so.
+Fill = Callable[[str], None]
+Make = Callable[[Fill], str]
 
 
 def run_script(url: str, script: str) -> None:
@@ -35,6 +39,12 @@ def write_story(url: str) -> None:
     """Create a store as version 0001 wrote it."""
     kant_sql.upgrade(url, revision="0001")
     run_script(url, STORY)
+
+
+def write_migrated_story(url: str) -> None:
+    """Create a store as version 0001 wrote it, and bring its tables to the last version."""
+    write_story(url)
+    kant_sql.upgrade(url)
 
 
 def rows_of(url: str) -> Rows:

@@ -15,7 +15,14 @@ from kant_sql.planning import Plan, PlanStep
 from kant_sql.sql.intervals import fork
 from kant_sql.sql.schema import VERSIONS
 from kant_sql.sql.tables import PropositionVersionRow as VERSION
-from tests.migrations.stores import REVISIONS, record, rows_of, write_story
+from tests.migrations.stores import (
+    REVISIONS,
+    Make,
+    record,
+    rows_of,
+    write_migrated_story,
+    write_story,
+)
 from tests.migrations.test_golden import connected, dump_of
 from tests.support.chain import check_chain
 from tests.support.pages import ask
@@ -26,17 +33,15 @@ FORKED = ("proposition_version", "function_value_version")
 
 
 @pytest.fixture
-def old_url(empty_url: str) -> str:
+def old_url(make: Make) -> str:
     """The URL of a store as version 0001 of the tables had it."""
-    write_story(empty_url)
-    return empty_url
+    return make(write_story)
 
 
 @pytest.fixture
-def new_url(old_url: str) -> str:
+def new_url(make: Make) -> str:
     """The URL of that store after all migrations: the library reads no other."""
-    kant_sql.upgrade(old_url)
-    return old_url
+    return make(write_migrated_story)
 
 
 def open_tiago(url: str, connect: Connect) -> KnowledgeBase:

@@ -14,7 +14,7 @@ from kant_sql.errors import KantSqlError
 from kant_sql.sql.intervals import fork
 from kant_sql.sql.schema import alembic_config, current, upgrade_sql
 from tests.audit.story import record as record_story
-from tests.migrations.stores import answers, record, rows_of, run_script, views
+from tests.migrations.stores import Make, answers, record, rows_of, run_script, views
 from tests.migrations.test_golden import dump_of
 from tests.support.chain import check_chain
 from tests.support.pages import ask
@@ -31,15 +31,17 @@ VIEWS = {
 FORKED = ("proposition_version", "function_value_version")
 
 
+def write_old_story(url: str) -> None:
+    kant_sql.upgrade(url)
+    with kant_sql.connect(url, knowledge_base="courier") as kb:
+        record_story(kb)
+    kant_sql.downgrade(url, revision="0001")
+
+
 @pytest.fixture
-def old_url(empty_url: str, connect: Connect) -> str:
+def old_url(make: Make) -> str:
     """The URL of a store with a story in it, as version 0001 of the tables has it."""
-    kant_sql.upgrade(empty_url)
-    kb = connect(empty_url, knowledge_base="courier")
-    record_story(kb)
-    kb.close()
-    kant_sql.downgrade(empty_url, revision="0001")
-    return empty_url
+    return make(write_old_story)
 
 
 def unchanged(url: str, change: Callable[[], None]) -> bool:

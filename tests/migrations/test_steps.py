@@ -18,11 +18,13 @@ from kant_sql.sql.schema import alembic_config, current, earlier_version
 from tests.migrations.extra import VERSION, add_migration
 from tests.migrations.stores import (
     REVISIONS,
+    Make,
     record,
     refusal,
     rows_of,
     run_script,
     without,
+    write_migrated_story,
     write_story,
 )
 from tests.migrations.test_golden import dump_of
@@ -84,11 +86,9 @@ def add(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Add:
 
 
 @pytest.fixture
-def old_url(empty_url: str) -> str:
+def old_url(make: Make) -> str:
     """The URL of a store with a story in it, of the last version."""
-    write_story(empty_url)
-    kant_sql.upgrade(empty_url)
-    return empty_url
+    return make(write_migrated_story)
 
 
 def is_sqlite(url: str) -> bool:

@@ -31,7 +31,7 @@ UNDETECTED = {
 def is_found(bare: Bare, mutation: Mutation) -> bool:
     with bare.tampering():
         mutation.apply(bare)
-        return bool(bare.findings())
+        return not bare.is_intact()
 
 
 def test_every_column_of_every_table_and_every_row_that_is_deleted_or_doubled(bare: Bare) -> None:
