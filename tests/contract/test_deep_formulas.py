@@ -48,7 +48,7 @@ LEVELS, MANY = (1_000, 50_000) if PROFILE.is_whole else (400, 10_000)
 
 @pytest.fixture(autouse=True)
 def short_stack(fresh_kb: KnowledgeBase) -> Iterator[None]:
-    """Leave room for fewer frames than a formula has levels; the usual 1,000 take longer."""
+    """Leave room for fewer frames than a formula has levels."""
     limit = sys.getrecursionlimit()
     sys.setrecursionlimit(len(inspect.stack(0)) + LEVELS)
     yield
