@@ -3,19 +3,27 @@
 from __future__ import annotations
 
 import os
+import re
 import shlex
 import subprocess
 import sys
 from pathlib import Path
+from unittest import mock
 
 import pytest
 from sybil import Document, Example, Sybil
 from sybil.parsers.markdown import CodeBlockParser, PythonCodeBlockParser
 
-from tests.support.processes.commands import command
+from tests.support.processes.commands import command, run
+from tests.support.processes.warm import PLANNING, python
 
 ROOT = Path(__file__).parents[2]
 DOCUMENTS = [*sorted(ROOT.glob("*.md")), *sorted((ROOT / "docs").rglob("*.md"))]
+# A command line that begins with `kant-sql`, and what its output goes to.
+OWN = re.compile(
+    r"(?P<fails>! )?kant-sql (?P<words>(?:'[^']*'|[^|&;<>$`'])+?)(?P<both> 2>&1)?"
+    r"(?P<onward>(?: \| (?!.*kant-sql)| > ).*|)"
+)
 KNOWN_LANGUAGES = {"python", "console", "sql", "text", "json"}
 
 
@@ -37,10 +45,33 @@ def check_command(command: str, expected: str) -> None:
         # The tests are what make runs: only see that it has the target.
         subprocess.run([*shlex.split(command), "-n"], cwd=ROOT, check=True, capture_output=True)
         return
-    done = subprocess.run(command, shell=True, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, f"$ {command}\n{done.stdout}{done.stderr}"
+    if match := OWN.fullmatch(command):
+        code, output = run_here(**match.groupdict())
+    else:
+        done = subprocess.run(command, shell=True, capture_output=True, text=True, check=False)
+        code, output = done.returncode, done.stdout
+        assert not code, f"$ {command}\n{output}{done.stderr}"
+    assert not code, f"$ {command}\n{output}"
     if expected.strip():
-        assert done.stdout.strip() == expected.strip(), command
+        assert output.strip() == expected.strip(), command
+
+
+def run_here(fails: str | None, words: str, both: str | None, onward: str) -> tuple[bool, str]:
+    """Run `kant-sql` in this process and the rest in a shell: whether it fails, and what it says.
+
+    A process of its own takes ten times as long.
+    """
+    with mock.patch.object(sys, "executable", str(python(*PLANNING))):
+        result = run(*shlex.split(words))
+    has_failed = bool(result.exit_code) != bool(fails)
+    output = result.output if both else result.stdout
+    if not onward:
+        return has_failed, output if not has_failed else result.output
+    done = subprocess.run(
+        f"cat {onward}", shell=True, input=output, capture_output=True, text=True, check=False
+    )
+    is_piped = onward.lstrip().startswith("|")
+    return bool(done.returncode) if is_piped else has_failed, done.stdout
 
 
 def parse(path: Path) -> Document:

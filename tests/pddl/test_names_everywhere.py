@@ -114,6 +114,7 @@ PROBLEM = """
 """
 SAFE = read_domain(DOMAIN)
 SAFE_PROBLEM = read_problem(PROBLEM, domain=SAFE)
+SAFE_TEXT, SAFE_PROBLEM_TEXT = write(SAFE), write(SAFE_PROBLEM)
 
 IN_DOCUMENTS = ("domain", "problem", "requirement")
 WORDS = (
@@ -197,9 +198,7 @@ def in_text(text: str, names: dict[str, str]) -> str:
 
 def make(names: dict[str, str]) -> Renamed:
     domain, problem = renamed(SAFE, names), renamed(SAFE_PROBLEM, names)
-    return Renamed(
-        domain, problem, in_text(write(SAFE), names), in_text(write(SAFE_PROBLEM), names)
-    )
+    return Renamed(domain, problem, in_text(SAFE_TEXT, names), in_text(SAFE_PROBLEM_TEXT, names))
 
 
 def is_right(names: dict[str, str]) -> bool:

@@ -232,7 +232,7 @@ def test_on_postgresql(rich_server: str, statement: str) -> None:
     base = url_of(rich_server, "postgres")
     with psycopg.connect(base, autocommit=True) as connection:
         connection.execute(f'DROP DATABASE IF EXISTS "{copy}"')
-        connection.execute(f'CREATE DATABASE "{copy}" TEMPLATE "{name}"')
+        connection.execute(f'CREATE DATABASE "{copy}" TEMPLATE "{name}" STRATEGY file_copy')
     url = url_of(rich_server, copy)
     with psycopg.connect(url, autocommit=True) as connection:
         # Foreign keys and triggers rest.

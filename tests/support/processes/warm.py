@@ -14,6 +14,7 @@ import contextlib
 import functools
 import gc
 import importlib
+import io
 import json
 import os
 import runpy
@@ -205,6 +206,18 @@ def _stream(number: int, mode: str, **options: Any) -> IO[str]:
     return open(number, mode, encoding="utf-8", closefd=False, **options)
 
 
+def _use() -> None:
+    """Use a store: what it needs is imported then, and its statements are compiled."""
+    with tempfile.TemporaryDirectory() as folder:
+        url = f"sqlite:///{folder}/store.db"
+        with kant_sql.connect(url) as kb:
+            kb.types.save(kant_sql.PddlTypeDto("warm"))
+        if app := getattr(sys.modules.get("kant_sql.cli.main"), "app", None):
+            for command in ("show", "log"):
+                with contextlib.redirect_stdout(io.StringIO()), contextlib.suppress(SystemExit):
+                    app([command, url])
+
+
 def main(path: str, *modules: str) -> None:
     """Import the modules, and answer."""
     sys.path[0] = os.getcwd()
@@ -212,8 +225,7 @@ def main(path: str, *modules: str) -> None:
         # A planner that is not installed is not asked either.
         with contextlib.suppress(ModuleNotFoundError):
             importlib.import_module(module)
-    # What a store needs is imported when there is one.
-    kant_sql.connect("sqlite://").close()
+    _use()
     del sys.path[0]
     with socket.socket(socket.AF_UNIX) as listener:
         listener.bind(path)
