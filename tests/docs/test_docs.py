@@ -46,12 +46,12 @@ def check_command(command: str, expected: str) -> None:
         subprocess.run([*shlex.split(command), "-n"], cwd=ROOT, check=True, capture_output=True)
         return
     if match := OWN.fullmatch(command):
-        code, output = run_here(**match.groupdict())
+        failed, output = run_here(**match.groupdict())
     else:
         done = subprocess.run(command, shell=True, capture_output=True, text=True, check=False)
-        code, output = done.returncode, done.stdout
-        assert not code, f"$ {command}\n{output}{done.stderr}"
-    assert not code, f"$ {command}\n{output}"
+        failed, output = bool(done.returncode), done.stdout
+        assert not failed, f"$ {command}\n{output}{done.stderr}"
+    assert not failed, f"$ {command}\n{output}"
     if expected.strip():
         assert output.strip() == expected.strip(), command
 

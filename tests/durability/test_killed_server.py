@@ -13,13 +13,19 @@ from kant_sql import ConnectionLostError, KnowledgeBase
 from kant_sql.sql.dialects import base as retry
 from tests.support.chain import check_chain
 from tests.support.processes.crashes import Acknowledged, all_told, check_all, write_for_ever
-from tests.support.processes.workers import killed_later
+from tests.support.processes.workers import PATIENCE, killed_later
 from tests.support.servers import MortalServer
 from tests.support.stores import Connect
 from tests.support.worlds import counter
 from tests.support.worlds.robots import waypoint
 
 KILLS = 2
+
+
+@pytest.fixture(autouse=True)
+def patience(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Give a server the time that it takes to come back on a busy machine."""
+    monkeypatch.setattr(retry, "RETRY_FOR", PATIENCE)
 
 
 @pytest.mark.slow
@@ -31,7 +37,7 @@ def test_a_killed_server_loses_nothing_that_was_acknowledged(
     acknowledged: list[Acknowledged] = []
     for _ in range(KILLS):
         with killed_later(write_for_ever, mortal_url) as told:
-            assert told.poll(30)
+            assert told.poll(PATIENCE)
             time.sleep(random.uniform(0, 0.3))
             mortal_server.kill()
         acknowledged += all_told(told)
@@ -42,12 +48,8 @@ def test_a_killed_server_loses_nothing_that_was_acknowledged(
 
 @pytest.mark.slow
 def test_clients_survive_a_killed_server_and_do_everything_once(
-    mortal_server: MortalServer,
-    mortal_url: str,
-    connect: Connect,
-    monkeypatch: pytest.MonkeyPatch,
+    mortal_server: MortalServer, mortal_url: str, connect: Connect
 ) -> None:
-    monkeypatch.setattr(retry, "RETRY_FOR", 60)  # A busy machine may be slow to start a server.
     kb = connect(mortal_url, knowledge_base="tiago")
     counter.start(kb)
     done = threading.Event()
@@ -62,8 +64,8 @@ def test_clients_survive_a_killed_server_and_do_everything_once(
             time.sleep(0.2)
         finally:
             done.set()
-        inserted = sum(outcome.result(60) for outcome in calls)
-        counted = transactions.result(60)
+        inserted = sum(outcome.result(2 * PATIENCE) for outcome in calls)
+        counted = transactions.result(2 * PATIENCE)
     assert counter.read(kb) == counted
     assert len(kb.objects.get_all()) == inserted + counted + 2
     assert check_chain(mortal_url) == {"tiago": 1 + inserted + counted}
