@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, fields
 from decimal import Decimal
 from itertools import chain, groupby
-from typing import Any, ClassVar, Self, get_args, get_origin, get_type_hints
+from typing import Any, Self, get_args, get_origin, get_type_hints
 
 from ..arguments import Readable, expect, expect_tuple, items
 from .lexical import ROOT_TYPE, check_number, decimal_text, either_text
@@ -46,8 +46,6 @@ class Node(Checked, Readable):
     """A node of a formula, an effect or an expression; it is its own copy."""
 
     __slots__ = ()
-    # What its text begins with; empty where that is the first field.
-    keyword: ClassVar[str] = ""
 
     def __copy__(self) -> Self:
         return self
@@ -113,15 +111,16 @@ def children(node: Node) -> tuple[Node, ...]:
 def head(node: Node, explicit: bool = False) -> str:
     """Return the text between the parenthesis of a node and its first child."""
     kind = type(node)
-    word = kind.keyword
-    if not word:
-        names: tuple[str, ...] = kind.__slots__
-        word = getattr(node, names[0])
-    elif isinstance(node, _WITH_VARIABLES):
-        word = f"{word} ({variables_text(node.variables, explicit)})"
-    elif isinstance(node, Preference) and node.name is not None:
-        word = f"{word} {node.name}"
-    return word
+    word = _WORDS.get(kind)
+    if word is not None:
+        return word
+    names: tuple[str, ...] = kind.__slots__
+    first: Any = getattr(node, names[0])
+    if names[0] == "variables":
+        return f"{kind.__name__.lower()} ({variables_text(first, explicit)})"
+    if names[0] == "name":
+        return "preference" if first is None else f"preference {first}"
+    return str(first)
 
 
 def node_text(node: Node, head_of: Callable[[Node], str]) -> str:
@@ -402,8 +401,6 @@ class Equal(FormulaNode):
     left: Term
     right: Term
 
-    keyword = "="
-
 
 @dataclass(frozen=True, slots=True)
 class Comparison(FormulaNode):
@@ -426,8 +423,6 @@ class Not(Branch, FormulaNode):
 
     formula: Formula
 
-    keyword = "not"
-
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class And(Branch, FormulaNode):
@@ -435,16 +430,12 @@ class And(Branch, FormulaNode):
 
     formulas: tuple[Formula, ...] = ()
 
-    keyword = "and"
-
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Or(Branch, FormulaNode):
     """A disjunction, in order."""
 
     formulas: tuple[Formula, ...] = ()
-
-    keyword = "or"
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -459,8 +450,6 @@ class Imply(Branch, FormulaNode):
     condition: Formula
     formula: Formula
 
-    keyword = "imply"
-
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Forall(Branch, FormulaNode):
@@ -469,8 +458,6 @@ class Forall(Branch, FormulaNode):
     variables: tuple[TypedName, ...]
     formula: Formula
 
-    keyword = "forall"
-
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Exists(Branch, FormulaNode):
@@ -478,11 +465,6 @@ class Exists(Branch, FormulaNode):
 
     variables: tuple[TypedName, ...]
     formula: Formula
-
-    keyword = "exists"
-
-
-_WITH_VARIABLES = (Forall, Exists)
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -510,8 +492,6 @@ class Preference(Branch, FormulaNode):
     name: str | None
     formula: Formula
 
-    keyword = "preference"
-
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Modal(Branch, FormulaNode):
@@ -535,8 +515,6 @@ class When(Branch, FormulaNode):
 
     condition: Formula
     effect: Formula
-
-    keyword = "when"
 
 
 @dataclass(frozen=True, slots=True)
@@ -624,6 +602,16 @@ MODALS = {
     "always-within": (1, 2),
     "hold-during": (2, 1),
     "hold-after": (1, 1),
+}
+
+# The heads of nodes without other parts in it; most others begin with their first field.
+_WORDS: dict[type, str] = {
+    Equal: "=",
+    Not: "not",
+    And: "and",
+    Or: "or",
+    Imply: "imply",
+    When: "when",
 }
 
 Formula = (

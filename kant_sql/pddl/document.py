@@ -33,6 +33,7 @@ from ..dto.formulas import (
 )
 
 ACTION, DURATIVE_ACTION, PROCESS, EVENT = "action", "durative-action", "process", "event"
+ACTION_KINDS = (ACTION, DURATIVE_ACTION, PROCESS, EVENT)
 
 
 class PddlWarning(NamedTuple):

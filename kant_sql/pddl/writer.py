@@ -30,10 +30,8 @@ from ..dto.lexical import (
 )
 from ..errors import InvalidKnowledgeError, InvalidNameError
 from .document import (
-    ACTION,
+    ACTION_KINDS,
     DURATIVE_ACTION,
-    EVENT,
-    PROCESS,
     Action,
     Domain,
     Function,
@@ -54,18 +52,21 @@ _PARTS = (f.Derived, f.TimedLiteral, f.Metric)
 
 def node_text(node: f.Node, explicit: bool = False) -> str:
     """Write a node."""
-    if isinstance(node, _PARTS):
+    if type(node) in _PARTS:
         raise InvalidKnowledgeError(
             f"a {type(node).__name__} is no part of a formula; put it where the document has it"
         )
-    return f.node_text(node, partial(_head, explicit=explicit))
+    return f.node_text(node, _explicit_head if explicit else _head)
 
 
-def _head(node: f.Node, explicit: bool) -> str:
+def _head(node: f.Node, explicit: bool = False) -> str:
     check = _CHECKS.get(type(node))
     if check is not None:
         check(node)
     return f.head(node, explicit)
+
+
+_explicit_head = partial(_head, explicit=True)
 
 
 def check_types(names: Iterable[f.TypedName]) -> None:
@@ -377,7 +378,7 @@ def _conjunction(
 
 
 def _action(action: Action, typed: bool) -> list[str]:
-    check_word("kind of action", action.kind, (ACTION, DURATIVE_ACTION, PROCESS, EVENT))
+    check_word("kind of action", action.kind, ACTION_KINDS)
     check_types(action.parameters)
     lines = [
         f"  (:{action.kind} {action.name}",
