@@ -1,7 +1,4 @@
-"""Checks of arguments.
-
-An error names the argument, what was expected, and what was given.
-"""
+"""Checks of arguments; an error names the argument, the expected and the given value."""
 
 from __future__ import annotations
 
@@ -21,9 +18,9 @@ from .errors import (
 
 T = TypeVar("T")
 
-# Longer than any list of knowledge: refuses endless iterators.
+# No list of knowledge is longer; this limit refuses endless iterators.
 MAX_ITEMS = 1_000_000
-# Larger integers are not shown in full: Python refuses to from 4,300 digits on.
+# Longer integers are not shown in full: Python refuses to from 4,300 digits on.
 _PRINTABLE_BITS = 400
 _TEXTS = (str, bytes, bytearray, memoryview)
 
@@ -48,7 +45,7 @@ class _Shown(reprlib.Repr):
         try:
             return str(x) if isinstance(x, Readable) else super().repr1(x, level)
         except Exception:
-            # Its class may have the name of one that reprlib knows.
+            # Its class may have the name of a class that reprlib knows.
             return self.repr_instance(x, level)
 
     def repr_int(self, x: int, level: int) -> str:

@@ -11,7 +11,6 @@ from typing import Any, ClassVar
 
 from ..arguments import expect, flag, items, refusal
 from ..errors import InvalidKnowledgeError, InvalidNameError, KantSqlError
-from .formulas import TypedName
 from .lexical import (
     check_number,
     checked_parameter_names,
@@ -496,7 +495,7 @@ def function_text(
     text = declaration_text(name, type_names, parameter_names)
     if not value_type_names:
         return text
-    return f"{text} - {TypedName(text, tuple(value_type_names)).type_text}"
+    return f"{text} - {either_text(value_type_names)}"
 
 
 Value = int | float | Decimal | PddlObjectDto

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from ..dto import formulas as f
+from ..dto.lexical import either_text
 from .cursor import VARIABLES, Group, Section, hint
 from .document import DURATIVE_ACTION, PROCESS, Action, Predicate
 from .formulas import (
@@ -179,5 +180,5 @@ class RuleReader(FormulaReader):
                     self.scope[bound.key] = self.scope[word] = bound.entity
                 elif self.symbols.fit(self.scope[word][1], types) is Fit.NO:
                     expected = f"{bound.declared.type_text}, as the predicate is declared"
-                    given = f.TypedName("", self.scope[word][1]).type_text
+                    given = either_text(self.scope[word][1])
                     self.fail(expected, f"{word} of type {given}", group.at + number)

@@ -6,7 +6,7 @@ from collections.abc import Callable, Hashable, Iterator
 from typing import Generic, NamedTuple, TypeVar
 
 from ..dto.formulas import TypedName
-from ..dto.lexical import ROOT_TYPE, fold, function_kind, is_name, is_requirement
+from ..dto.lexical import ROOT_TYPE, either_text, fold, function_kind, is_name, is_requirement
 from .cursor import OBJECTS, VARIABLES, Cursor, Diagnostics, Group, Section
 from .document import Function, Predicate
 from .hierarchy import Types
@@ -181,7 +181,7 @@ class TypedNames:
         same_source = known.cursor.section.text is cursor.section.text
         types = self._united(known, name, group.types, cursor, at)
         if same_source:
-            together = TypedName("", types or (ROOT_TYPE,)).type_text
+            together = either_text(types or (ROOT_TYPE,))
             repeated = f"the {self._kind} '{name}' again"
             cursor.deviate(f"each {self._kind} once", f"read as {together}", repeated, at)
         if types != known.types:
@@ -199,22 +199,16 @@ class TypedNames:
         other = known.cursor.section.text
         if other is not cursor.section.text:
             found = f"the {self._kind} '{name}' of another type"
-            expected = f"{TypedName('', known.types).type_text}, as in {other.name}"
+            expected = f"{either_text(known.types)}, as in {other.name}"
             cursor.fail(expected, found, at)
         return tuple((first | second).values())
 
     def resolve(self, symbols: SymbolTable) -> list[TypedName]:
         """Return the names with their types resolved."""
-        found: list[TypedName] = []
-        memo: dict[tuple[Types, int], Types] = {}
-        for entry in self._entries.values():
-            key = (entry.types, id(entry.cursor))
-            types = memo.get(key)
-            if types is None:
-                types = entry.cursor.resolve(symbols, entry.types, entry.types_at)
-                memo[key] = types
-            found.append(TypedName(entry.name, types))
-        return found
+        return [
+            TypedName(entry.name, entry.cursor.resolve(symbols, entry.types, entry.types_at))
+            for entry in self._entries.values()
+        ]
 
     def refuse(self, name: str, expected: str, found: str) -> None:
         """Refuse a declared name."""

@@ -14,7 +14,7 @@ from typing import Any, Final, NoReturn, TypeVar, overload
 
 from ..arguments import shown
 from ..dto import formulas as f
-from ..dto.lexical import MAX_DIGITS, NUMBER, fold, is_name
+from ..dto.lexical import MAX_DIGITS, NUMBER, either_text, fold, is_name
 from .cursor import VARIABLES, Cursor, Diagnostics, Group, Section, hint
 from .hierarchy import Fit, Types
 from .symbols import BoundVariable, Entity, Head, Signature, Signatures, SymbolTable
@@ -659,8 +659,8 @@ class FormulaReader(Cursor):
     def _misfit(self, entity: Entity, wanted: Types, role: str, at: int) -> None:
         """Warn about a term that may fit; refuse one that cannot."""
         term, types = entity
-        found = f"{shown(term)} of type {f.TypedName('', types).type_text}"
-        expected = f"{f.TypedName('', wanted).type_text} {role}"
+        found = f"{shown(term)} of type {either_text(types)}"
+        expected = f"{either_text(wanted)} {role}"
         if isinstance(term, f.Constant) or self.symbols.fit(types, wanted) is Fit.NO:
             self.fail(expected, found, at)
         self.deviate(expected, "it may be one", found, at)

@@ -13,7 +13,7 @@ from typing import Final, NamedTuple
 
 from ..arguments import shown
 from ..dto import formulas as f
-from ..dto.lexical import fold, is_name
+from ..dto.lexical import either_text, fold, is_name
 from .cursor import Cursor, Diagnostics, Group, Section, hint
 from .declarations import DeclarationReader, TypedNames
 from .document import Domain, FunctionValue, Problem
@@ -487,7 +487,7 @@ class ProblemReader:
         types = reader.resolve(self._symbols, group.types, group.types_at)
         if group.types and types != constant.types:
             expected = f"{constant.type_text}, as the domain's constant"
-            reader.fail(expected, f"{name} of type {f.TypedName('', types).type_text}", at)
+            reader.fail(expected, f"{name} of type {either_text(types)}", at)
         found = f"the constant '{name}' again"
         reader.deviate("objects that are no constants", "left out", found, at)
 

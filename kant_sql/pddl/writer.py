@@ -24,6 +24,7 @@ from ..dto.lexical import (
     ROOT_TYPE,
     check_name,
     decimal_text,
+    either_text,
     fold,
     function_kind,
     is_requirement,
@@ -172,14 +173,14 @@ def function_lines(functions: Sequence[Function], explicit: bool) -> Iterator[st
     end = f.typed_end([bool(function.types) for function in functions])
     for position, function in enumerate(functions):
         text = skeleton(function.name, function.parameters, explicit)
-        value = f.TypedName(function.name, function.types or (NUMBER,))
-        check_types([value])
+        types = function.types or (NUMBER,)
+        check_types([f.TypedName(function.name, types)])
         if NUMBER in map(fold, function.types):
             raise InvalidKnowledgeError(
                 f"function {function.name!r} is of a type called 'number', which is read as a"
                 " number; choose another name for the type"
             )
-        yield text if position >= end else f"{text} - {value.type_text}"
+        yield text if position >= end else f"{text} - {either_text(types)}"
 
 
 def _wrapped(words: Iterable[str]) -> Iterator[str]:

@@ -211,26 +211,22 @@ class UpConversion:
         minimize = metric.optimization == "minimize"
         if self.context.costed:
             zero = environment.expression_manager.Int(0)
-            problem.add_quality_metric(
-                model.MinimizeActionCosts(self._actions.costs(), zero, environment)
-            )
+            made = model.MinimizeActionCosts(self._actions.costs(), zero, environment)
         elif is_function(metric.expression, f.TOTAL_TIME) and minimize:
             timed = self._document.timed or any(
                 action.kind in {DURATIVE_ACTION, PROCESS} for action in self._domain.actions
             )
             kind = model.MinimizeMakespan if timed else model.MinimizeSequentialPlanLength
-            problem.add_quality_metric(kind(environment))
+            made = kind(environment)
         elif self._preferences.counted:
-            gains = self._preferences.gains
-            problem.add_quality_metric(model.Oversubscription(gains, environment))
+            made = model.Oversubscription(self._preferences.gains, environment)
         elif not mentions(f.IsViolated, metric.expression):
-            expression = self._formulas.expression(metric.expression, Bindings())
-            kind = (
-                model.MinimizeExpressionOnFinalState
-                if minimize
-                else model.MaximizeExpressionOnFinalState
-            )
-            problem.add_quality_metric(kind(expression, environment))
+            optimization = "Minimize" if minimize else "Maximize"
+            kind = getattr(model, f"{optimization}ExpressionOnFinalState")
+            made = kind(self._formulas.expression(metric.expression, Bindings()), environment)
+        else:
+            return
+        problem.add_quality_metric(made)
 
 
 def convert(
