@@ -228,6 +228,67 @@ class DaoFactory(Connection):
         """Create the part that reads the past."""
 
 
+class Daos:
+    """The DAOs of a knowledge base.
+
+    Attributes:
+        types: the DAO of types.
+        objects: the DAO of objects.
+        predicates: the DAO of predicates.
+        functions: the DAO of functions.
+        function_values: the DAO of function values (fluents).
+        propositions: the DAO of facts and goals.
+        actions: the DAO of actions.
+        processes: the DAO of processes.
+        events: the DAO of events.
+        derived_predicates: the DAO of the rules of derived predicates.
+        timed_initial_literals: the DAO of timed initial literals and values.
+        initial_literals: the DAO of negative literals and equalities of the initial state.
+        goals: the DAO of goals of any form.
+        constraints: the DAO of the problem's constraints.
+        domain_constraints: the DAO of the domain's constraints.
+        metric: the DAO of the metric.
+        plans: the DAO of recorded plans.
+    """
+
+    types: daos.PddlTypeDao
+    objects: daos.PddlObjectDao
+    predicates: daos.PddlPredicateDao
+    functions: daos.PddlFunctionDao
+    function_values: daos.PddlFunctionValueDao
+    propositions: daos.PddlPropositionDao
+    actions: daos.PddlActionDao
+    processes: daos.PddlProcessDao
+    events: daos.PddlEventDao
+    derived_predicates: daos.DerivedPredicateDao
+    timed_initial_literals: daos.TimedInitialLiteralDao
+    initial_literals: daos.InitialLiteralDao
+    goals: daos.GoalDao
+    constraints: daos.ConstraintDao
+    domain_constraints: daos.ConstraintDao
+    metric: daos.MetricDao
+    plans: PlanDao
+
+    def _create(self, factory: DaoFactory) -> None:
+        self.types = factory.create_pddl_type_dao()
+        self.objects = factory.create_pddl_object_dao()
+        self.predicates = factory.create_pddl_predicate_dao()
+        self.functions = factory.create_pddl_function_dao()
+        self.function_values = factory.create_pddl_function_value_dao()
+        self.propositions = factory.create_pddl_proposition_dao()
+        self.actions = factory.create_pddl_action_dao()
+        self.processes = factory.create_pddl_process_dao()
+        self.events = factory.create_pddl_event_dao()
+        self.derived_predicates = factory.create_derived_predicate_dao()
+        self.timed_initial_literals = factory.create_timed_initial_literal_dao()
+        self.initial_literals = factory.create_initial_literal_dao()
+        self.goals = factory.create_goal_dao()
+        self.constraints = factory.create_constraint_dao()
+        self.domain_constraints = factory.create_domain_constraint_dao()
+        self.metric = factory.create_metric_dao()
+        self.plans = factory.create_plan_dao()
+
+
 T = TypeVar("T")
 
 

@@ -8,59 +8,22 @@ from typing import Self
 from typing_extensions import override
 
 from .arguments import expect
-from .dao import interfaces as daos
 from .dao.interfaces import forwarding
 from .documents.interfaces import Exchange
 from .errors import InvalidArgumentError
-from .factory import Connection, DaoFactory, create_dao_factory
+from .factory import Connection, DaoFactory, Daos, create_dao_factory
 from .history.interfaces import History
-from .plans.interfaces import PlanDao
 
 
 @forwarding(factory=Connection, _exchange=Exchange, _history=History)
-class KnowledgeBase(Exchange, History, Connection):
+class KnowledgeBase(Daos, Exchange, History, Connection):
     """A robot's knowledge: its present state, its history, and its documents.
 
     Threads may share it. Use it as a context manager, or call `close`.
 
     Attributes:
         factory: the factory of the DAOs.
-        types: the DAO of types.
-        objects: the DAO of objects.
-        predicates: the DAO of predicates.
-        functions: the DAO of functions.
-        function_values: the DAO of function values (fluents).
-        propositions: the DAO of facts and goals.
-        actions: the DAO of actions.
-        processes: the DAO of processes.
-        events: the DAO of events.
-        derived_predicates: the DAO of the rules of derived predicates.
-        timed_initial_literals: the DAO of timed initial literals and values.
-        initial_literals: the DAO of negative literals and equalities of the initial state.
-        goals: the DAO of goals of any form.
-        constraints: the DAO of the problem's constraints.
-        domain_constraints: the DAO of the domain's constraints.
-        metric: the DAO of the metric.
-        plans: the DAO of recorded plans.
     """
-
-    types: daos.PddlTypeDao
-    objects: daos.PddlObjectDao
-    predicates: daos.PddlPredicateDao
-    functions: daos.PddlFunctionDao
-    function_values: daos.PddlFunctionValueDao
-    propositions: daos.PddlPropositionDao
-    actions: daos.PddlActionDao
-    processes: daos.PddlProcessDao
-    events: daos.PddlEventDao
-    derived_predicates: daos.DerivedPredicateDao
-    timed_initial_literals: daos.TimedInitialLiteralDao
-    initial_literals: daos.InitialLiteralDao
-    goals: daos.GoalDao
-    constraints: daos.ConstraintDao
-    domain_constraints: daos.ConstraintDao
-    metric: daos.MetricDao
-    plans: PlanDao
 
     def __init__(self, factory: DaoFactory) -> None:
         """Create the DAOs.
@@ -71,23 +34,7 @@ class KnowledgeBase(Exchange, History, Connection):
         self.factory = expect(factory, DaoFactory, "the factory", InvalidArgumentError)
         self._exchange = factory.create_exchange()
         self._history = factory.create_history()
-        self.types = factory.create_pddl_type_dao()
-        self.objects = factory.create_pddl_object_dao()
-        self.predicates = factory.create_pddl_predicate_dao()
-        self.functions = factory.create_pddl_function_dao()
-        self.function_values = factory.create_pddl_function_value_dao()
-        self.propositions = factory.create_pddl_proposition_dao()
-        self.actions = factory.create_pddl_action_dao()
-        self.processes = factory.create_pddl_process_dao()
-        self.events = factory.create_pddl_event_dao()
-        self.derived_predicates = factory.create_derived_predicate_dao()
-        self.timed_initial_literals = factory.create_timed_initial_literal_dao()
-        self.initial_literals = factory.create_initial_literal_dao()
-        self.goals = factory.create_goal_dao()
-        self.constraints = factory.create_constraint_dao()
-        self.domain_constraints = factory.create_domain_constraint_dao()
-        self.metric = factory.create_metric_dao()
-        self.plans = factory.create_plan_dao()
+        self._create(factory)
 
     @override
     def at(self, when: int | datetime) -> Self:

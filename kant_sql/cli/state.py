@@ -250,7 +250,7 @@ def _condition_effect(dto: PddlConditionEffectDto | Node) -> Document:
     }
 
 
-class Section(NamedTuple):
+class ElementTable(NamedTuple):
     """A section of a state."""
 
     name: str  # in JSON and, with spaces, as the title of its table
@@ -269,25 +269,31 @@ class Section(NamedTuple):
 
 
 _SECTIONS = (
-    Section("requirements", "requirement", str, read=lambda state: state.domain().requirements),
-    Section(
+    ElementTable(
+        "requirements", "requirement", str, read=lambda state: state.domain().requirements
+    ),
+    ElementTable(
         "types", "type", _type, ("parent", lambda dto: dto.parent.name if dto.parent else ROOT_TYPE)
     ),
-    Section("objects", "object", _object, ("type", lambda dto: dto.type.name)),
-    Section("predicates", "predicate", _predicate),
-    Section("functions", "function", _function),
-    Section("derived_predicates", "derived predicate"),
-    Section("facts", "fact", _proposition, read=lambda state: state.propositions.get_no_goals()),
-    Section("function_values", "function value", _function_value),
-    Section("initial_literals", "initial literal"),
-    Section("timed_initial_literals", "timed initial literal"),
-    Section("goals", "goal", _goal),
-    Section("constraints", "constraint"),
-    Section("domain_constraints", "domain constraint"),
-    Section("metric", "metric", _metric, read=lambda state: [*filter(None, [state.metric.get()])]),
-    Section("actions", "action", _action),
-    Section("processes", "process", _action),
-    Section("events", "event", _action),
+    ElementTable("objects", "object", _object, ("type", lambda dto: dto.type.name)),
+    ElementTable("predicates", "predicate", _predicate),
+    ElementTable("functions", "function", _function),
+    ElementTable("derived_predicates", "derived predicate"),
+    ElementTable(
+        "facts", "fact", _proposition, read=lambda state: state.propositions.get_no_goals()
+    ),
+    ElementTable("function_values", "function value", _function_value),
+    ElementTable("initial_literals", "initial literal"),
+    ElementTable("timed_initial_literals", "timed initial literal"),
+    ElementTable("goals", "goal", _goal),
+    ElementTable("constraints", "constraint"),
+    ElementTable("domain_constraints", "domain constraint"),
+    ElementTable(
+        "metric", "metric", _metric, read=lambda state: [*filter(None, [state.metric.get()])]
+    ),
+    ElementTable("actions", "action", _action),
+    ElementTable("processes", "process", _action),
+    ElementTable("events", "event", _action),
 )
 # Sections that are shown to people even if they are empty.
 _SHOWN_IN_WHOLE = frozenset({"types", "objects", "predicates", "facts", "goals", "actions"})

@@ -80,8 +80,9 @@ class SqlDao:
         return store
 
     def _check_writable(self) -> None:
+        store = self._store
         if self._at is not None:
-            refuse_past(self._store, self._at)
+            refuse_past(store, self._at)
 
 
 def refuse_past(store: Store, at: int | None) -> None:

@@ -32,7 +32,7 @@ from .revisions import PAGE, LogEntry, at_most, check_after, read_page, refuse_u
 _HEAD = Query(select(HeadRow.revision, HeadRow.archived_revision).where(HeadRow.kb_id == KB))
 
 
-class Position(NamedTuple):
+class FeedPosition(NamedTuple):
     """The head of a knowledge base, as a watcher sees it."""
 
     kb_id: int | None  # None before the first write
@@ -84,15 +84,15 @@ def _page(
     return [] if kb_id is None or high <= after else read_page(session, kb_id, after + 1, high)
 
 
-def read_position(session: Session, kb_id: int | None) -> Position:
+def read_position(session: Session, kb_id: int | None) -> FeedPosition:
     """Read the head in one statement."""
     if kb_id is None:
-        return Position(None, 0, 0)
+        return FeedPosition(None, 0, 0)
     row = session.first(_HEAD, kb=kb_id)
     if row is None:
         raise vanished(session)
     check_numbers(session, kb_id, zip(("revision", "archived_revision"), row[:2], strict=True))
-    return Position(kb_id, row[0], row[1])
+    return FeedPosition(kb_id, row[0], row[1])
 
 
 # Seconds between polls: a writer killed right after its commit has notified nobody.
@@ -168,10 +168,10 @@ class _Watch:
                 "waited for a revision; connect again to go on"
             )
 
-    def _read(self) -> Position:
+    def _read(self) -> FeedPosition:
         return self._store.query_once(read_position)
 
-    def _is_news(self, position: Position) -> bool:
+    def _is_news(self, position: FeedPosition) -> bool:
         if self._after is None:
             self._after = position.head
         refuse_unknown(self._store.name, self._after, position.head)

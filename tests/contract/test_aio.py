@@ -34,6 +34,7 @@ from kant_sql import (
     aio,
 )
 from kant_sql.aio import AsyncKnowledgeBase
+from kant_sql.factory import Daos
 from kant_sql.store.store import Store
 from tests.contract.test_closed import arguments, fill
 from tests.support.profile import PROFILE, hunting
@@ -464,7 +465,7 @@ def test_every_call_after_close_is_refused(shared_url: str) -> None:
         await kb.close()
         wrong, count = {}, 0
         for view, opened in views.items():
-            for owner in ["", *KnowledgeBase.__annotations__]:
+            for owner in ["", *Daos.__annotations__]:
                 thing = getattr(opened, owner) if owner else opened
                 for name in dir(type(thing)):
                     if name.startswith("_") or name == "close":

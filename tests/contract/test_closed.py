@@ -12,6 +12,7 @@ import pytest
 
 import kant_sql
 from kant_sql import ClosedError, KnowledgeBase, PddlFunctionDto
+from kant_sql.factory import Daos
 from kant_sql.pddl import Metric, Number
 from tests.support.stores import Connect
 from tests.support.worlds.missions import TOUR, begin
@@ -61,10 +62,10 @@ def arguments(name: str, owner: str, kb: KnowledgeBase, kept: dict[str, Any]) ->
 def calls(kb: KnowledgeBase, kept: dict[str, Any]) -> Iterator[tuple[str, Callable[[], Any]]]:
     """Every public method of a knowledge base, of its DAOs and of its factory, and properties."""
     owners: dict[str, Any] = {"": kb, "factory": kb.factory}
-    owners |= {name: getattr(kb, name) for name in KnowledgeBase.__annotations__}
+    owners |= {name: getattr(kb, name) for name in Daos.__annotations__}
     for owner, thing in owners.items():
         for name in dir(type(thing)):
-            if name.startswith("_") or name in FREE or name in KnowledgeBase.__annotations__:
+            if name.startswith("_") or name in FREE or name in Daos.__annotations__:
                 continue
             label = f"{owner}.{name}"
             found = inspect.getattr_static(type(thing), name)
@@ -108,7 +109,7 @@ def fill(kb: KnowledgeBase) -> dict[str, Any]:
     kb.function_values.set("battery", objects=["rb1"], value=1)
     kept: dict[str, Any] = {
         name: (getattr(kb, name).get_all() or [None])[0]
-        for name in KnowledgeBase.__annotations__
+        for name in Daos.__annotations__
         if hasattr(getattr(kb, name), "get_all")
     }
     for name in ("processes", "events"):

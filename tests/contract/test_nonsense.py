@@ -14,8 +14,9 @@ from unittest import mock
 import pytest
 
 import kant_sql
-from kant_sql import KnowledgeBase, NoPlanError, aio
+from kant_sql import NoPlanError, aio
 from kant_sql.errors import InvalidTimeoutError
+from kant_sql.factory import Daos
 from kant_sql.planning import plan
 from tests.support.generators.junk import JUNK, SLOW, Calling, Case, World, cases, sample
 from tests.support.profile import PROFILE
@@ -45,7 +46,7 @@ def asynchronous_cases(kb: aio.AsyncKnowledgeBase) -> list[Case]:
     """List the public calls of the asynchronous front door, each with a few kinds of junk."""
     chooser, quick = random.Random(8), sorted(set(JUNK) - SLOW)
     found = []
-    for owner in ["kb", *(f"kb.{dao}" for dao in KnowledgeBase.__annotations__)]:
+    for owner in ["kb", *(f"kb.{dao}" for dao in Daos.__annotations__)]:
         thing = getattr(kb, owner[3:]) if "." in owner else kb
         for name in dir(type(thing)):
             if not name.startswith("_") and name != "close":

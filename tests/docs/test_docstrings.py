@@ -19,6 +19,7 @@ import pytest
 import kant_sql
 from kant_sql import KnowledgeBase, PddlPropositionDto
 from kant_sql.dao.interfaces import Interface
+from kant_sql.factory import Daos
 from tests.docs.test_docs import ROOT
 from tests.support.worlds.robots import RB1, ROBOT, ROBOT_AT, WAYPOINT, WP1, WP2
 
@@ -94,7 +95,7 @@ def methods(cls: type) -> Iterator[tuple[str, Any]]:
 
 
 def parts(kb: KnowledgeBase) -> dict[str, object]:
-    daos = {f"kb.{name}": getattr(kb, name) for name in KnowledgeBase.__annotations__}
+    daos = {f"kb.{name}": getattr(kb, name) for name in Daos.__annotations__}
     made = {"history": kb.factory.create_history(), "exchange": kb.factory.create_exchange()}
     return {"kb": kb, "factory": kb.factory} | daos | made
 
@@ -191,5 +192,5 @@ def test_the_parts_of_an_asynchronous_knowledge_base_are_public() -> None:
             for name, value in vars(AsyncKnowledgeBase(door, kb=kb)).items()
             if not name.startswith("_")
         ]
-    assert len(daos) == len(KnowledgeBase.__annotations__)
+    assert len(daos) == len(Daos.__annotations__)
     assert {type(dao).__name__ for dao in daos if id(type(dao)) not in public} == set()

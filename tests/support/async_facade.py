@@ -11,6 +11,7 @@ from types import TracebackType
 from typing import Any
 
 from kant_sql import KnowledgeBase, aio
+from kant_sql.factory import Daos
 
 
 class Loop:
@@ -125,12 +126,12 @@ class Face(KnowledgeBase):
         self._loop = loop
         self._async = kb
         self.factory = kb._kb.factory
-        for name in KnowledgeBase.__annotations__:
+        for name in Daos.__annotations__:
             setattr(self, name, _Face(loop, getattr(kb, name)))
 
     def __getattribute__(self, name: str) -> Any:
         own = ("transaction", "at", "revision", "close", "factory", "_loop", "_async")
-        if name in own or name.startswith("__") or name in KnowledgeBase.__annotations__:
+        if name in own or name.startswith("__") or name in Daos.__annotations__:
             return super().__getattribute__(name)
         if name.startswith("_"):
             return getattr(self._async._kb, name)

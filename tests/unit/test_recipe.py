@@ -80,8 +80,11 @@ def _modules_that_mention(names: set[str]) -> set[str]:
 
 
 def test_the_recipe_names_each_module_that_a_function_is_in() -> None:
-    named = _files("How to add a PDDL element")
+    title = "How to add a PDDL element"
+    named = _files(title)
     assert all((PACKAGE / name).is_file() for name in named)
+    # Each step names its module first; only elements with formulas need a second one.
+    assert len(re.findall(r"^\d+\. `[\w/]+\.py`", _section(title), re.M)) == 8
     assert _modules_that_mention(OF_FUNCTIONS) - named == BEYOND.keys()
 
 
