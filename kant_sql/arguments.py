@@ -26,7 +26,7 @@ _TEXTS = (str, bytes, bytearray, memoryview)
 
 
 class Readable:
-    """What messages show by its `str()`, not its `repr()`."""
+    """A value that messages show by its `str()`, not its `repr()`."""
 
     __slots__ = ()
 

@@ -637,7 +637,7 @@ _CHECKS: dict[type, list[_Check]] = {}
 
 
 def _checks(kind: type) -> list[_Check]:
-    """Find and cache the checks of a class."""
+    """Compute and cache the checks of a class."""
     hints = get_type_hints(kind)
     article = "an" if kind.__name__[0] in "AEIOU" else "a"
     # One class is faster to check than a union. The writer refuses what a document cannot contain,

@@ -38,8 +38,8 @@ D = TypeVar("D", bound=Definition)
 class Elements(Generic[D]):
     """The live definitions of one kind of element, and all known ids of the kind.
 
-    A snapshot that threads share: `evolve` makes the next one. It keeps recent changes apart from
-    the bulk, so that one change in a large knowledge base does not copy it.
+    Threads share this snapshot; `evolve` makes the next one. Recent changes are kept apart from the
+    bulk: one change in a large knowledge base does not copy it.
     """
 
     __slots__ = ("_base", "_delta", "ids")
@@ -121,14 +121,14 @@ class PendingElements(Elements[D]):
         self.unwritten: dict[int, str] = {}
 
     def get(self, id_: int | None) -> D | None:
-        """Find a definition by id, as changed so far."""
+        """Return a definition with its pending changes, by id."""
         for changes in (self.changes, self._delta):
             if id_ in changes:
                 return changes[id_]
         return self._base.get(id_)  # type: ignore[arg-type]
 
     def named(self, name: str) -> D | None:
-        """Find a definition by name, as changed so far."""
+        """Return a definition with its pending changes, by name."""
         return self.get(self.id_of(name))
 
     def id_of(self, name: str) -> int | None:
@@ -140,7 +140,7 @@ class PendingElements(Elements[D]):
         return id_
 
     def __iter__(self) -> Iterator[D]:
-        """Return the live definitions, as changed so far."""
+        """Return the live definitions with their pending changes."""
         return iter(self.evolved())
 
     def evolved(self) -> Elements[D]:

@@ -61,7 +61,7 @@ Tree = tuple[TreeNode, ...]
 
 
 def children(tree: Tree) -> dict[int | None, list[TreeNode]]:
-    """Find the nodes below each node."""
+    """Return the child nodes of each node."""
     below: dict[int | None, list[TreeNode]] = {}
     for node in tree:
         below.setdefault(node.parent, []).append(node)

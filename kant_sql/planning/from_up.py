@@ -326,7 +326,7 @@ class PddlDocuments(PddlActions):
     def _check(self) -> None:
         problem, unsupported = self._problem, self.unsupported
         if type(problem).__name__ != "Problem":
-            raise unsupported(f"a {type(problem).__name__}", "it knows problems of actions alone")
+            raise unsupported(f"a {type(problem).__name__}", "only Problem has a counterpart")
         if problem.discrete_time or problem.self_overlapping:
             reason = "its time is continuous and an action does not overlap with itself"
             raise unsupported("this model of time", reason)
@@ -425,7 +425,7 @@ class PddlDocuments(PddlActions):
                     raise self.unsupported(timing, "no decimal number is equal to it")
                 constant = effect.value.is_constant() or effect.value.is_object_exp()
                 if effect.is_conditional() or not constant or not effect.is_assignment():
-                    reason = "what happens at a time is certain, and no increase"
+                    reason = "a timed literal is unconditional and assigns a constant"
                     raise self.unsupported(effect, reason)
                 for change in self.effect(effect, None, {}):
                     if not isinstance(change, f.Atom | f.Not | f.Assign):
