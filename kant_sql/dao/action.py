@@ -39,7 +39,7 @@ from ..pddl.document import ACTION, DURATIVE_ACTION, EVENT, PROCESS
 from ..pddl.formulas import flatten
 from ..store.transaction import Transaction
 from .base import SqlNamedDao, identify
-from .formula import Place, TreeWriter
+from .formula import Symbol, TreeWriter
 from .interfaces import PddlActionDao, PddlEventDao, PddlProcessDao
 from .object import OBJECTS
 from .predicate import PREDICATES
@@ -62,22 +62,22 @@ def action_trees(
     if duration and not durative:
         raise InvalidKnowledgeError(f"{kind} {name!r} has a duration; only a {DURATIVE_ACTION} has")
 
-    def tree(section: str, formulas: Sequence[Node], place: Place) -> Tree:
+    def tree(section: str, formulas: Sequence[Node], symbol: Symbol) -> Tree:
         role = f"the {section} of {kind.rpartition('-')[2]} {name!r}"
         writer = TreeWriter(transaction, role, parameters, kind)
         own: list[Node] = []
         for formula in formulas:
             own += flatten(formula) if isinstance(formula, And) else (formula,)
-        if place is not Place.DURATION:
-            return writer.conjunction(own, place)
+        if symbol is not Symbol.DURATION:
+            return writer.conjunction(own, symbol)
         if len(own) == 1:
-            return writer.tree(own[0], place)
-        return writer.conjunction(own, place) if own else ()
+            return writer.tree(own[0], symbol)
+        return writer.conjunction(own, symbol) if own else ()
 
     return (
-        tree("duration", duration, Place.DURATION),
-        tree("condition", condition, Place.TIMED_CONDITION if durative else Place.CONDITION),
-        tree("effect", effect, Place.TIMED_EFFECT if durative else Place.EFFECT),
+        tree("duration", duration, Symbol.DURATION),
+        tree("condition", condition, Symbol.TIMED_CONDITION if durative else Symbol.CONDITION),
+        tree("effect", effect, Symbol.TIMED_EFFECT if durative else Symbol.EFFECT),
     )
 
 

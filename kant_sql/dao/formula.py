@@ -97,8 +97,8 @@ TypeIds = tuple[int, ...]
 BoundVariables = tuple[ParameterDefinition, ...]
 
 
-class Place(Enum):
-    """Where a formula stands: it decides which nodes the formula may contain."""
+class Symbol(Enum):
+    """What a formula is in PDDL's grammar: it decides which nodes the formula may contain."""
 
     CONDITION = "a condition or a goal"
     EFFECT = "an effect"
@@ -114,24 +114,24 @@ class Place(Enum):
 
 
 class FormulaContext(NamedTuple):
-    """The surroundings of a node: where it stands, and whether a preference may stand there."""
+    """What a node is a part of, and whether a preference may stand there."""
 
-    place: Place
+    symbol: Symbol
     allows_preferences: bool = False
 
     def hard(self) -> FormulaContext:
-        """Return the same place without preferences."""
+        """Return the same symbol without preferences."""
         return self._replace(allows_preferences=False)
 
 
-_HARD = (Place.CONDITION, Place.TIMED_CONDITION, Place.CONSTRAINT, Place.TRAJECTORY)
-_HOLDS = (Place.CONDITION, Place.TRAJECTORY)
+_HARD = (Symbol.CONDITION, Symbol.TIMED_CONDITION, Symbol.CONSTRAINT, Symbol.TRAJECTORY)
+_HOLDS = (Symbol.CONDITION, Symbol.TRAJECTORY)
 _WITHIN_TIMED = {
-    Place.TIMED_CONDITION: Place.CONDITION,
-    Place.TIMED_EFFECT: Place.EFFECT,
-    Place.DURATION: Place.DURATION,
-    Place.CONSTRAINT: Place.CONDITION,
-    Place.TRAJECTORY: Place.CONDITION,
+    Symbol.TIMED_CONDITION: Symbol.CONDITION,
+    Symbol.TIMED_EFFECT: Symbol.EFFECT,
+    Symbol.DURATION: Symbol.DURATION,
+    Symbol.CONSTRAINT: Symbol.CONDITION,
+    Symbol.TRAJECTORY: Symbol.CONDITION,
 }
 _Parts = Iterable[tuple[object, FormulaContext]]
 # A fluent whose terms are yet to be added: its position, the fluent, and its function.
@@ -172,18 +172,18 @@ class TreeWriter:
         self._scope: dict[str, list[tuple[TreeTerm, TypeIds]]] = {}
         self._check_duration(parameters)
 
-    def conjunction(self, formulas: Iterable[Node], place: Place) -> Tree:
+    def conjunction(self, formulas: Iterable[Node], symbol: Symbol) -> Tree:
         """Make the tree of a conjunction."""
         self._nodes = []
         root = self._open(None, kinds.AND)
         for formula in formulas:
-            self._add(formula, root, FormulaContext(place, allows_preferences=place in _HARD))
+            self._add(formula, root, FormulaContext(symbol, allows_preferences=symbol in _HARD))
         return tuple(self._nodes)
 
-    def tree(self, formula: Node, place: Place) -> Tree:
+    def tree(self, formula: Node, symbol: Symbol) -> Tree:
         """Make the tree of a formula."""
         self._nodes = []
-        self._add(formula, None, FormulaContext(place, allows_preferences=place in _HARD))
+        self._add(formula, None, FormulaContext(symbol, allows_preferences=symbol in _HARD))
         return tuple(self._nodes)
 
     def _add(self, formula: object, parent: int | None, context: FormulaContext) -> None:
@@ -194,9 +194,11 @@ class TreeWriter:
             if isinstance(part, _ScopeEnd):
                 self._leave(part.bound)
                 continue
-            handler = _HANDLERS.get(type(part))
-            if handler is None:
+            if type(part) not in _HANDLERS:
                 self._fail(f"{shown(part)} is no formula but {type(part).__name__}")
+            handler, symbols = _HANDLERS[type(part)]
+            if symbols:
+                self._expect(part, around, *symbols)
             position = len(self._nodes)
             below = [*handler(self, part, above, around)]
             if bound := self._nodes[position].variables:
@@ -204,9 +206,9 @@ class TreeWriter:
                 pending.append((_ScopeEnd(bound), None, context))
             pending += [(child, position, inner) for child, inner in reversed(below)]
 
-    def _expect(self, formula: object, context: FormulaContext, *places: Place) -> None:
-        if context.place not in places:
-            self._fail(f"{shown(formula)} has no place in {context.place.value}")
+    def _expect(self, formula: object, context: FormulaContext, *symbols: Symbol) -> None:
+        if context.symbol not in symbols:
+            self._fail(f"{shown(formula)} has no place in {context.symbol.value}")
 
     def _open(self, parent: int | None, operator: str, **fields: Any) -> int:
         position = len(self._nodes)
@@ -216,10 +218,9 @@ class TreeWriter:
     def _fail(self, fault: str) -> NoReturn:
         raise InvalidKnowledgeError(f"{self._role}: {fault}")
 
-    # Formulas: each handler adds its own node and returns the parts to add below it.
+    # Formulas: each handler adds a node and returns the parts to add below it.
 
     def _atom(self, formula: Atom, parent: int | None, context: FormulaContext) -> _Parts:
-        self._expect(formula, context, *_HOLDS, Place.EFFECT, Place.INITIAL)
         predicate = self._definitions.predicates.named(formula.predicate)
         if predicate is None:
             self._fail(
@@ -231,7 +232,6 @@ class TreeWriter:
         return ()
 
     def _equal(self, formula: Equal, parent: int | None, context: FormulaContext) -> _Parts:
-        self._expect(formula, context, *_HOLDS, Place.INITIAL)
         position = self._open(parent, kinds.EQUAL)
         terms = [self._term(term, position, context)[0] for term in (formula.left, formula.right)]
         self._set_terms(position, terms)
@@ -240,11 +240,10 @@ class TreeWriter:
     def _comparison(
         self, formula: Comparison, parent: int | None, context: FormulaContext
     ) -> _Parts:
-        self._expect(formula, context, *_HOLDS, Place.DURATION)
         sides = (formula.left, formula.right)
         if formula.operator not in COMPARISONS:
             self._fail(f"{formula.operator!r} is no comparison; use one of {' '.join(COMPARISONS)}")
-        if context.place is Place.DURATION and Variable(DURATION) not in sides:
+        if context.symbol is Symbol.DURATION and Variable(DURATION) not in sides:
             self._fail(f"{shown(formula)} is no constraint on ?duration")
         position = self._open(parent, formula.operator)
         for side in sides:
@@ -252,53 +251,46 @@ class TreeWriter:
         return ()
 
     def _not(self, formula: Not, parent: int | None, context: FormulaContext) -> _Parts:
-        self._expect(formula, context, *_HARD, Place.EFFECT, Place.INITIAL)
-        part, place = formula.formula, context.place
-        if place is Place.EFFECT and not isinstance(part, Atom):
+        part, symbol = formula.formula, context.symbol
+        if symbol is Symbol.EFFECT and not isinstance(part, Atom):
             self._fail(f"{shown(formula)} deletes what is not an atom")
-        if place is Place.INITIAL and not isinstance(part, Atom | Equal):
+        if symbol is Symbol.INITIAL and not isinstance(part, Atom | Equal):
             self._fail(f"{shown(formula)} is no literal, as the initial state asks for")
         self._open(parent, kinds.NOT)
         return [(part, context.hard())]
 
     def _and(self, formula: And, parent: int | None, context: FormulaContext) -> _Parts:
-        self._expect(formula, context, *_HARD, *_WITHIN_TIMED, Place.EFFECT)
         self._open(parent, kinds.AND)
         return [(part, context) for part in formula.formulas]
 
-    def _connective(
-        self, formula: Or | Imply, parent: int | None, context: FormulaContext
-    ) -> _Parts:
-        self._expect(formula, context, *_HARD)
-        if isinstance(formula, Or):
-            self._open(parent, kinds.OR)
-            return [(part, context.hard()) for part in formula.formulas]
+    def _or(self, formula: Or, parent: int | None, context: FormulaContext) -> _Parts:
+        self._open(parent, kinds.OR)
+        return [(part, context.hard()) for part in formula.formulas]
+
+    def _imply(self, formula: Imply, parent: int | None, context: FormulaContext) -> _Parts:
         self._open(parent, kinds.IMPLY)
         return [(part, context.hard()) for part in (formula.condition, formula.formula)]
 
-    def _quantified(
-        self, formula: Forall | Exists, parent: int | None, context: FormulaContext
-    ) -> _Parts:
-        is_all = isinstance(formula, Forall)
-        effects = (Place.EFFECT, Place.TIMED_EFFECT) if is_all else ()
-        self._expect(formula, context, *_HARD, *effects)
-        bound = self._bind(formula.variables)
-        operator = kinds.FORALL if is_all else kinds.EXISTS
-        self._open(parent, operator, variables=bound)
-        return [(formula.formula, context if is_all else context.hard())]
+    def _forall(self, formula: Forall, parent: int | None, context: FormulaContext) -> _Parts:
+        self._open(parent, kinds.FORALL, variables=self._bind(formula.variables))
+        return [(formula.formula, context)]
+
+    def _exists(self, formula: Exists, parent: int | None, context: FormulaContext) -> _Parts:
+        self._open(parent, kinds.EXISTS, variables=self._bind(formula.variables))
+        return [(formula.formula, context.hard())]
 
     def _timed(self, formula: Timed, parent: int | None, context: FormulaContext) -> _Parts:
-        time, place = formula.time, context.place
+        time, symbol = formula.time, context.symbol
         if time not in TIMES:
             self._fail(f"{shown(formula)} has the time {time!r}, expected one of {TIMES}")
-        inner = _WITHIN_TIMED.get(place)
+        inner = _WITHIN_TIMED.get(symbol)
         # The paper allows effects `over all`.
-        wrong = place is Place.DURATION and time == OVER_ALL
-        wrong = wrong or (place in (Place.CONSTRAINT, Place.TRAJECTORY) and time != AT_END)
+        wrong = symbol is Symbol.DURATION and time == OVER_ALL
+        wrong = wrong or (symbol in (Symbol.CONSTRAINT, Symbol.TRAJECTORY) and time != AT_END)
         if inner is None or wrong:
-            self._fail(f"{shown(formula)} has a time that has no place in {place.value}")
+            self._fail(f"{shown(formula)} has a time that has no place in {symbol.value}")
         self._open(parent, time)
-        return [(formula.formula, context.hard()._replace(place=inner))]
+        return [(formula.formula, context.hard()._replace(symbol=inner))]
 
     def _preference(
         self, formula: Preference, parent: int | None, context: FormulaContext
@@ -314,25 +306,22 @@ class TreeWriter:
         return [(formula.formula, context.hard())]
 
     def _modal(self, formula: Modal, parent: int | None, context: FormulaContext) -> _Parts:
-        self._expect(formula, context, Place.CONSTRAINT, Place.TRAJECTORY)
         wanted = MODALS.get(formula.operator)
         if wanted != (len(formula.numbers), len(formula.formulas)):
             self._fail(f"{shown(formula)} is no constraint of PDDL 3.0")
         position = self._open(parent, formula.operator)
         for number in formula.numbers:
             self._open(position, kinds.NUMBER, value=self._decimal(number))
-        inner = context.hard()._replace(place=Place.TRAJECTORY)
+        inner = context.hard()._replace(symbol=Symbol.TRAJECTORY)
         return [(part, inner) for part in formula.formulas]
 
     def _when(self, formula: When, parent: int | None, context: FormulaContext) -> _Parts:
-        self._expect(formula, context, Place.EFFECT, Place.TIMED_EFFECT)
         self._open(parent, kinds.WHEN)
-        is_timed = context.place is Place.TIMED_EFFECT
-        place = Place.TIMED_CONDITION if is_timed else Place.CONDITION
-        return [(formula.condition, context._replace(place=place)), (formula.effect, context)]
+        is_timed = context.symbol is Symbol.TIMED_EFFECT
+        symbol = Symbol.TIMED_CONDITION if is_timed else Symbol.CONDITION
+        return [(formula.condition, context._replace(symbol=symbol)), (formula.effect, context)]
 
     def _assign(self, formula: Assign, parent: int | None, context: FormulaContext) -> _Parts:
-        self._expect(formula, context, Place.EFFECT, Place.TIMED_EFFECT)
         if formula.operator not in ASSIGNMENTS:
             known = " ".join(ASSIGNMENTS)
             self._fail(f"{formula.operator!r} is no assignment; use one of {known}")
@@ -342,26 +331,23 @@ class TreeWriter:
             self._assign_object(formula, position, types, context)
         else:
             self._expression(formula.value, position, context)
-        if context.place is Place.TIMED_EFFECT and not any(
+        if context.symbol is Symbol.TIMED_EFFECT and not any(
             isinstance(part, ContinuousTime) for part in walk(formula.value)
         ):
-            self._expect(formula, context, Place.EFFECT)
+            self._expect(formula, context, Symbol.EFFECT)
         return ()
 
     # Formulas that stand on their own.
 
     def _derived(self, formula: Derived, parent: int | None, context: FormulaContext) -> _Parts:
-        self._expect(formula, context, Place.DERIVED)
-        bound = self._bind(formula.variables)
-        self._open(parent, kinds.DERIVED, variables=bound)
+        self._open(parent, kinds.DERIVED, variables=self._bind(formula.variables))
         head = Atom(formula.predicate, tuple(Variable(part.name) for part in formula.variables))
-        inner = FormulaContext(Place.CONDITION)
+        inner = FormulaContext(Symbol.CONDITION)
         return [(head, inner), (formula.formula, inner)]
 
     def _timed_literal(
         self, formula: TimedLiteral, parent: int | None, context: FormulaContext
     ) -> _Parts:
-        self._expect(formula, context, Place.TIMED)
         effect = formula.effect
         self._open(parent, kinds.AT, value=self._decimal(formula.time))
         if isinstance(effect, Assign):
@@ -369,14 +355,13 @@ class TreeWriter:
             is_ground = all(isinstance(term, Constant | Number) for term in terms)
             if effect.operator != ASSIGNMENTS[0] or not is_ground:
                 self._fail(f"{shown(formula)} assigns no number and no object to a ground fluent")
-            return [(effect, context._replace(place=Place.EFFECT))]
+            return [(effect, context._replace(symbol=Symbol.EFFECT))]
         atom = effect.formula if isinstance(effect, Not) else effect
         if not isinstance(atom, Atom):
             self._fail(f"{shown(formula)} is no timed literal; give an Atom, a Not or an Assign")
-        return [(effect, context._replace(place=Place.INITIAL))]
+        return [(effect, context._replace(symbol=Symbol.INITIAL))]
 
     def _metric(self, formula: Metric, parent: int | None, context: FormulaContext) -> _Parts:
-        self._expect(formula, context, Place.METRIC)
         if formula.optimization not in kinds.OPTIMIZATIONS:
             self._fail(f"{formula.optimization!r} is neither minimize nor maximize")
         position = self._open(parent, formula.optimization)
@@ -406,7 +391,7 @@ class TreeWriter:
                 self._open(parent, kinds.VARIABLE, value=f"?{expression.name}")
             case ContinuousTime() if self._has_time:
                 self._open(parent, kinds.TIME)
-            case IsViolated() if context.place is Place.METRIC:
+            case IsViolated() if context.symbol is Symbol.METRIC:
                 check_name("preference", expression.preference)
                 self._open(parent, kinds.IS_VIOLATED, value=expression.preference)
             case _:
@@ -428,7 +413,7 @@ class TreeWriter:
 
     def _numeric_fluent(self, fluent: Fluent, parent: int, context: FormulaContext) -> None:
         named = self._definitions.functions.named(fluent.function)
-        is_time = context.place is Place.METRIC and fold(fluent.function) == TOTAL_TIME
+        is_time = context.symbol is Symbol.METRIC and fold(fluent.function) == TOTAL_TIME
         if named is None and is_time and not fluent.terms:
             self._open(parent, TOTAL_TIME)
         elif self._fluent(fluent, parent, context).type_ids:
@@ -555,7 +540,7 @@ class TreeWriter:
                 self._fail(f"object {term.name!r} is not known; save it first")
             return TreeTerm(object_id=object_.id), object_.type_ids, None
         if isinstance(term, Fluent):
-            if context.place is Place.INITIAL:
+            if context.symbol is Symbol.INITIAL:
                 self._fail(f"{shown(term)} is no object, as the initial state asks for")
             child = len(self._nodes)
             function = self._open_fluent(term, position)
@@ -594,37 +579,40 @@ class TreeWriter:
         return self._fail(f"?{variable.name} is neither a parameter nor bound by a quantifier")
 
 
-_HANDLERS: dict[type, Callable[[TreeWriter, Any, int | None, FormulaContext], _Parts]] = {
-    Atom: TreeWriter._atom,
-    Equal: TreeWriter._equal,
-    Comparison: TreeWriter._comparison,
-    Not: TreeWriter._not,
-    And: TreeWriter._and,
-    Or: TreeWriter._connective,
-    Imply: TreeWriter._connective,
-    Forall: TreeWriter._quantified,
-    Exists: TreeWriter._quantified,
-    Timed: TreeWriter._timed,
-    Preference: TreeWriter._preference,
-    Modal: TreeWriter._modal,
-    When: TreeWriter._when,
-    Assign: TreeWriter._assign,
-    Derived: TreeWriter._derived,
-    TimedLiteral: TreeWriter._timed_literal,
-    Metric: TreeWriter._metric,
+# By node: what adds it, and the symbols that may have it; without any, the handler checks that.
+_HANDLERS: dict[
+    type, tuple[Callable[[TreeWriter, Any, int | None, FormulaContext], _Parts], tuple[Symbol, ...]]
+] = {
+    Atom: (TreeWriter._atom, (*_HOLDS, Symbol.EFFECT, Symbol.INITIAL)),
+    Equal: (TreeWriter._equal, (*_HOLDS, Symbol.INITIAL)),
+    Comparison: (TreeWriter._comparison, (*_HOLDS, Symbol.DURATION)),
+    Not: (TreeWriter._not, (*_HARD, Symbol.EFFECT, Symbol.INITIAL)),
+    And: (TreeWriter._and, (*_HARD, *_WITHIN_TIMED, Symbol.EFFECT)),
+    Or: (TreeWriter._or, _HARD),
+    Imply: (TreeWriter._imply, _HARD),
+    Forall: (TreeWriter._forall, (*_HARD, Symbol.EFFECT, Symbol.TIMED_EFFECT)),
+    Exists: (TreeWriter._exists, _HARD),
+    Timed: (TreeWriter._timed, ()),
+    Preference: (TreeWriter._preference, ()),
+    Modal: (TreeWriter._modal, (Symbol.CONSTRAINT, Symbol.TRAJECTORY)),
+    When: (TreeWriter._when, (Symbol.EFFECT, Symbol.TIMED_EFFECT)),
+    Assign: (TreeWriter._assign, (Symbol.EFFECT, Symbol.TIMED_EFFECT)),
+    Derived: (TreeWriter._derived, (Symbol.DERIVED,)),
+    TimedLiteral: (TreeWriter._timed_literal, (Symbol.TIMED,)),
+    Metric: (TreeWriter._metric, (Symbol.METRIC,)),
 }
 
 
 N = TypeVar("N", bound=Node)
 
-_PLACES = {
-    DERIVED_PREDICATE: Place.DERIVED,
-    DOMAIN_CONSTRAINT: Place.CONSTRAINT,
-    INITIAL: Place.INITIAL,
-    TIMED: Place.TIMED,
-    GOAL: Place.CONDITION,
-    CONSTRAINT: Place.CONSTRAINT,
-    METRIC: Place.METRIC,
+_SYMBOLS = {
+    DERIVED_PREDICATE: Symbol.DERIVED,
+    DOMAIN_CONSTRAINT: Symbol.CONSTRAINT,
+    INITIAL: Symbol.INITIAL,
+    TIMED: Symbol.TIMED,
+    GOAL: Symbol.CONDITION,
+    CONSTRAINT: Symbol.CONSTRAINT,
+    METRIC: Symbol.METRIC,
 }
 # What the root of a tree may be, in the sections that do not take any formula.
 _CLASSES: dict[str, tuple[type, ...]] = {
@@ -654,7 +642,7 @@ def make_formula(transaction: Transaction, section: str, node: Node) -> FormulaD
     """Check a formula and find or create its identity."""
     definitions = transaction.definitions
     writer = TreeWriter(transaction, f"the {section} {shown(node)}")
-    tree = writer.tree(node, _PLACES[section])
+    tree = writer.tree(node, _SYMBOLS[section])
     text = canonical_text(definitions, FormulaDefinition(0, "", section, tree))
     id_, name = identify(transaction, "formula", formula_name(section, text))
     return FormulaDefinition(id_, name, section, tree, text)
@@ -824,7 +812,7 @@ class SqlGoalDao(_SqlConjunctionDao, GoalDao):
     def _put(self, transaction: Transaction, formula: Formula) -> bool:
         if not (isinstance(formula, Atom) and is_ground(formula)):
             return super()._put(transaction, formula)
-        tree = TreeWriter(transaction, "a goal").tree(formula, Place.CONDITION)
+        tree = TreeWriter(transaction, "a goal").tree(formula, Symbol.CONDITION)
         text = node_text(TreeReader(transaction.definitions, tree).formula())
         key = self._key(transaction, formula)
         assert key is not None
