@@ -20,11 +20,7 @@ logger = logging.getLogger("kant_sql.schema")
 
 
 def find_url() -> str:
-    """Find the database URL: from the caller, `-x url=`, or the environment.
-
-    Returns:
-        The URL.
-    """
+    """Find the database URL: from the caller, `-x url=`, or the environment."""
     url = (
         config.attributes.get("url")
         or context.get_x_argument(as_dictionary=True).get("url")
@@ -36,11 +32,7 @@ def find_url() -> str:
 
 
 def changes_version() -> bool:
-    """Tell whether the tables' version is to change.
-
-    Returns:
-        False for a command that only looks, and when the version is the one that is wanted.
-    """
+    """Return whether the command changes the version of the tables."""
     try:
         wanted = context.get_revision_argument()
     except KeyError:
@@ -49,14 +41,7 @@ def changes_version() -> bool:
 
 
 def log_step(ctx: object, step: MigrationInfo, heads: object, run_args: object) -> None:
-    """Log that the tables went from one version to another; not yet committed.
-
-    Args:
-        ctx: where it ran.
-        step: the migration.
-        heads: the versions that the tables have now.
-        run_args: what it was given.
-    """
+    """Log a migration from one version to another; it is not committed yet."""
     before, after = (
         ", ".join(versions) or "no tables"
         for versions in (step.source_revision_ids, step.destination_revision_ids)
@@ -66,11 +51,7 @@ def log_step(ctx: object, step: MigrationInfo, heads: object, run_args: object) 
 
 
 def run_online(connection: Connection) -> None:
-    """Run the migrations on a connection that is in a transaction.
-
-    Args:
-        connection: the connection.
-    """
+    """Run the migrations on a connection that is in a transaction."""
     context.configure(
         connection=connection,
         target_metadata=Base.metadata,
@@ -78,7 +59,7 @@ def run_online(connection: Connection) -> None:
         include_object=lambda item, name, kind, reflected, _: (
             kind != "table" or not reflected or name in Base.metadata.tables
         ),
-        # SQLite has transactional DDL too, once the driver begins nothing of its own.
+        # SQLite has transactional DDL too, if the driver begins no transactions of its own.
         transactional_ddl=True,
         transaction_per_migration=False,
         on_version_apply=log_step,
@@ -86,20 +67,16 @@ def run_online(connection: Connection) -> None:
     backend = backend_class(connection.dialect.name)
     with backend.roles_set_aside(connection) if changes_version() else nullcontext():
         if changes_version():
-            # A table that has views cannot be changed.
+            # A table with views cannot be changed.
             config.attributes[DROPPED_VIEWS] = drop_generated_views(connection, backend.views)
         context.run_migrations()
     if not context.get_context().get_current_heads():
-        # Alembic would leave its own table behind: a store that went back to base has none.
+        # A store at version base has no tables; Alembic would leave its own.
         connection.exec_driver_sql(f"DROP TABLE IF EXISTS {VERSION_TABLE}")
 
 
 def run_offline(url: str) -> None:
-    """Write the SQL of the migrations.
-
-    Args:
-        url: the database URL; only its dialect matters.
-    """
+    """Write the SQL of the migrations, in the dialect of a URL."""
     context.configure(
         dialect_name=backend_name(url),
         target_metadata=Base.metadata,

@@ -19,6 +19,7 @@ from ..dto import (
     PddlEitherTypeDto,
     PddlEventDto,
     PddlFunctionDto,
+    PddlFunctionValueDto,
     PddlObjectDto,
     PddlPredicateDto,
     PddlProcessDto,
@@ -56,7 +57,7 @@ from ..store.snapshot import DefinitionsMovedError, View, refuse_archived
 from ..store.store import Store
 from ..store.transaction import Transaction
 from .dependants import Scope, clear_for_redefinition, delete_scope
-from .interfaces import NamedDao
+from .interfaces import Dao, NamedDao
 
 T = TypeVar("T")
 
@@ -99,6 +100,59 @@ def batches(items: Iterable[T], size: int = BATCH) -> Iterable[list[T]]:
     iterator = iterate(items, "what save_all takes", "an iterable of DTOs")
     while batch := list(islice(iterator, size)):
         yield batch
+
+
+G = TypeVar("G", PddlPropositionDto, PddlFunctionValueDto)
+
+
+class SqlGroundDao(SqlDao, Dao[G]):
+    """Writes what applies to objects: propositions, and values of functions."""
+
+    @override
+    def insert(self, dto: G) -> bool:
+        self._check(dto)
+
+        def work(transaction: Transaction) -> bool:
+            return not self._holds(transaction, dto) and self._save_batch(transaction, [dto]) == 1
+
+        return self._store.write(work)
+
+    @override
+    def save_all(self, dtos: Iterable[G]) -> int:
+        self._check_writable()
+        changed = 0
+        with self._store.transaction() as transaction:
+            for batch in batches(dtos):
+                for dto in batch:
+                    self._check(dto)
+                names = (object_.name for dto in batch for object_ in dto.objects)
+                # What has no name is refused in its turn.
+                transaction.look_up("object", {name for name in names if isinstance(name, str)})
+                with transaction.batch():
+                    changed += self._save_batch(transaction, batch)
+                transaction.spill()
+        return changed
+
+    @override
+    def delete_all(self) -> int:
+        self._check_writable()
+        return self._store.write(self._remove_all)
+
+    @abstractmethod
+    def _check(self, dto: G) -> None:
+        """Refuse a DTO of another class."""
+
+    @abstractmethod
+    def _holds(self, transaction: Transaction, dto: G) -> bool:
+        """Return whether it is stored."""
+
+    @abstractmethod
+    def _save_batch(self, transaction: Transaction, dtos: Iterable[G]) -> int:
+        """Save DTOs; return the number of changes."""
+
+    @abstractmethod
+    def _remove_all(self, transaction: Transaction) -> int:
+        """Delete all; return their number."""
 
 
 _Rows = Select[*tuple[Any, ...]]

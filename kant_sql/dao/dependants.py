@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from typing import Any
 
 from sqlalchemy import Select, select, union_all
@@ -10,6 +10,7 @@ from sqlalchemy import Select, select, union_all
 from ..errors import DependantsError
 from ..knowledge.definitions import ActionDefinition, Definitions, FormulaDefinition
 from ..knowledge.trees import Mentioned, ParameterDefinition, mentions
+from ..sql.dialects.base import Row
 from ..sql.intervals import VALUE_COLUMNS
 from ..sql.query import Query, in_list, in_rows
 from ..sql.rows import KB
@@ -53,31 +54,40 @@ _OF_OBJECTS = Query(
 )
 
 
+def _rows(
+    transaction: Transaction,
+    scope: Mentioned | None,
+    everything: Query,
+    parts: Sequence[tuple[Query, str]],
+) -> list[Row]:
+    """Read all rows, or for each field of a scope those that mention something of it."""
+    session, kb = transaction.session, transaction.kb_id
+    if scope is None:
+        return session.rows(everything, kb=kb)
+    rows: list[Row] = []
+    for query, field in parts:
+        if ids := getattr(scope, field):
+            rows += session.rows(query, kb=kb, ids=session.list_value(sorted(ids)))
+    return rows
+
+
 def function_values_on(transaction: Transaction, scope: Mentioned | None) -> list[HeldValue]:
     """Find the live values that mention something."""
     if next(iter(transaction.definitions.functions), None) is None:
         return []
     transaction.flush()
-    session, kb = transaction.session, transaction.kb_id
-    rows = session.rows(_ALL, kb=kb) if scope is None else []
-    if scope is not None:
-        for query, ids in ((_OF_FUNCTIONS, scope.functions), (_OF_OBJECTS, scope.objects)):
-            if ids:
-                rows += session.rows(query, kb=kb, ids=session.list_value(sorted(ids)))
+    parts = ((_OF_FUNCTIONS, "functions"), (_OF_OBJECTS, "objects"))
     found = {
         id_: HeldValue(
             GroundFluent(id_, FluentKey(function_id, arguments), text),
             read_value(text, held, object_id),
         )
-        for id_, function_id, arguments, text, held, object_id in rows
+        for id_, function_id, arguments, text, held, object_id in _rows(
+            transaction, scope, _ALL, parts
+        )
         if held is not None
     }
     return [found[id_] for id_ in sorted(found)]
-
-
-def retract_function_values(transaction: Transaction, held: Iterable[HeldValue]) -> None:
-    """Unset the values of fluents."""
-    transaction.values.unset(held)
 
 
 SHOWN = 10
@@ -149,19 +159,12 @@ def formulas_on(definitions: Definitions, scope: Scope) -> Iterator[FormulaDefin
 def propositions_on(transaction: Transaction, scope: Scope | None) -> list[GroundAtom]:
     """Find the live facts and goals that mention something."""
     transaction.flush()
-    session, kb = transaction.session, transaction.kb_id
-    rows = session.rows(_ALL_ATOMS, kb=kb) if scope is None else []
-    if scope is not None and scope.predicates:
-        rows += session.rows(
-            _OF_PREDICATES, kb=kb, ids=session.list_value(sorted(scope.predicates))
-        )
-    if scope is not None and scope.objects:
-        rows += session.rows(
-            _ATOMS_OF_OBJECTS, kb=kb, ids=session.list_value(sorted(scope.objects))
-        )
+    parts = ((_OF_PREDICATES, "predicates"), (_ATOMS_OF_OBJECTS, "objects"))
     found = {
         id_: GroundAtom(id_, AtomKey(bool(is_goal), predicate_id, arguments), text)
-        for id_, is_goal, predicate_id, arguments, text in rows
+        for id_, is_goal, predicate_id, arguments, text in _rows(
+            transaction, scope, _ALL_ATOMS, parts
+        )
     }
     atoms = [found[id_] for id_ in sorted(found)]
     transaction.propositions.load(atoms)
@@ -177,7 +180,7 @@ def retract(transaction: Transaction, atoms: list[GroundAtom]) -> None:
 
 def _undefine_users(transaction: Transaction, scope: Scope) -> None:
     retract(transaction, propositions_on(transaction, scope))
-    retract_function_values(transaction, function_values_on(transaction, scope))
+    transaction.values.unset(function_values_on(transaction, scope))
     for action in list(actions_on(transaction.definitions, scope)):
         transaction.undefine("action", action.id)
     for formula in list(formulas_on(transaction.definitions, scope)):

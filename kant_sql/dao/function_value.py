@@ -35,7 +35,7 @@ from ..sql.tables import FunctionValueRow, FunctionValueVersionRow
 from ..store.caches import FluentKey, FluentValue, GroundFluent
 from ..store.snapshot import View
 from ..store.transaction import Transaction
-from .base import NO_ID, DtoBuilder, Reading, SqlDao, batches
+from .base import NO_ID, DtoBuilder, Reading, SqlGroundDao
 from .dependants import function_values_on
 from .function import FUNCTIONS
 from .interfaces import FunctionReference, Number, ObjectReference, PddlFunctionValueDao
@@ -205,7 +205,7 @@ def _dtos(view: View, rows: Iterable[Any]) -> list[PddlFunctionValueDto]:
     return each_readable("function_value", [*rows], make)
 
 
-class SqlFunctionValueDao(SqlDao, PddlFunctionValueDao):
+class SqlFunctionValueDao(SqlGroundDao[PddlFunctionValueDto], PddlFunctionValueDao):
     """The values of functions in an SQL store."""
 
     @override
@@ -223,7 +223,7 @@ class SqlFunctionValueDao(SqlDao, PddlFunctionValueDao):
 
         def work(view: View) -> Decimal | PddlObjectDto | None:
             key = existing_key(view.definitions, function, objects)
-            # Asked even of no fluent: the head may say that there is one by now.
+            # Asked even without a fluent: the head may show that there is one now.
             asked = (NO_ID, "") if key is None else key
             rows = OF_FLUENT.rows(view, function=asked[0], arguments=asked[1])
             for *_, number, object_id in rows:
@@ -310,22 +310,11 @@ class SqlFunctionValueDao(SqlDao, PddlFunctionValueDao):
         return True
 
     @override
-    def insert(self, dto: PddlFunctionValueDto) -> bool:
-        self._check(dto)
-
-        def work(transaction: Transaction) -> bool:
-            if self._value(transaction, dto.function, dto.objects) is not None:
-                return False
-            return self._save_batch(transaction, [dto]) == 1
-
-        return self._store.write(work)
-
-    @override
     def update(self, dto: PddlFunctionValueDto) -> bool:
         self._check(dto)
 
         def work(transaction: Transaction) -> bool:
-            if self._value(transaction, dto.function, dto.objects) is None:
+            if not self._holds(transaction, dto):
                 return False
             self._save_batch(transaction, [dto])
             return True
@@ -333,34 +322,9 @@ class SqlFunctionValueDao(SqlDao, PddlFunctionValueDao):
         return self._store.write(work)
 
     @override
-    def save_all(self, dtos: Iterable[PddlFunctionValueDto]) -> int:
-        self._check_writable()
-        changed = 0
-        with self._store.transaction() as transaction:
-            for batch in batches(dtos):
-                for dto in batch:
-                    self._check(dto)
-                names = (object_.name for dto in batch for object_ in dto.objects)
-                # What has no name is refused in its turn.
-                transaction.look_up("object", {name for name in names if isinstance(name, str)})
-                changed += self._save_batch(transaction, batch)
-        return changed
-
-    @override
     def delete(self, dto: PddlFunctionValueDto) -> bool:
         self._check(dto)
         return self.unset(dto.function, objects=dto.objects)
-
-    @override
-    def delete_all(self) -> int:
-        self._check_writable()
-
-        def work(transaction: Transaction) -> int:
-            held = function_values_on(transaction, None)
-            transaction.values.unset(held)
-            return len(held)
-
-        return self._store.write(work)
 
     def _check(self, dto: PddlFunctionValueDto) -> None:
         self._check_writable()
@@ -368,10 +332,17 @@ class SqlFunctionValueDao(SqlDao, PddlFunctionValueDao):
         expect(dto.function, PddlFunctionDto, "the function of a function value")
         expect_list(dto.objects, PddlObjectDto, "the list of objects of a function value")
 
-    @staticmethod
-    def _save_batch(transaction: Transaction, dtos: Iterable[PddlFunctionValueDto]) -> int:
+    def _holds(self, transaction: Transaction, dto: PddlFunctionValueDto) -> bool:
+        return self._value(transaction, dto.function, dto.objects) is not None
+
+    def _save_batch(self, transaction: Transaction, dtos: Iterable[PddlFunctionValueDto]) -> int:
         entry = FluentReferences(transaction).entry
         return transaction.values.set_many([entry(dto) for dto in dtos])
+
+    def _remove_all(self, transaction: Transaction) -> int:
+        held = function_values_on(transaction, None)
+        transaction.values.unset(held)
+        return len(held)
 
     def _change(
         self,

@@ -21,7 +21,7 @@ from ..sql.tables import PropositionRow, PropositionVersionRow
 from ..store.caches import AtomKey
 from ..store.snapshot import View
 from ..store.transaction import Transaction
-from .base import NO_ID, DtoBuilder, Reading, SqlDao, batches
+from .base import NO_ID, DtoBuilder, Reading, SqlGroundDao
 from .dependants import propositions_on, retract
 from .interfaces import PddlPropositionDao
 from .object import OBJECTS
@@ -151,7 +151,7 @@ def existing_key(transaction: Transaction, dto: PddlPropositionDto) -> AtomKey |
     return AtomKey(flag(dto.is_goal, "is_goal of a proposition"), predicate.id, ids)
 
 
-class SqlPropositionDao(SqlDao, PddlPropositionDao):
+class SqlPropositionDao(SqlGroundDao[PddlPropositionDto], PddlPropositionDao):
     """Propositions in an SQL store."""
 
     @override
@@ -162,7 +162,7 @@ class SqlPropositionDao(SqlDao, PddlPropositionDao):
     def get_by_predicate(self, name: str) -> list[PddlPropositionDto]:
         def work(view: View) -> list[PddlPropositionDto]:
             predicate = view.definitions.predicates.named(name)
-            # Asked even of no predicate: the head may say that there is one by now.
+            # Asked even without a predicate: the head may show that there is one now.
             id_ = NO_ID if predicate is None else predicate.id
             return _OF_PREDICATE.answer(view, predicate=id_)
 
@@ -183,15 +183,6 @@ class SqlPropositionDao(SqlDao, PddlPropositionDao):
         return True
 
     @override
-    def insert(self, dto: PddlPropositionDto) -> bool:
-        self._check(dto)
-
-        def work(transaction: Transaction) -> bool:
-            return not self._holds(transaction, dto) and self._save_batch(transaction, [dto]) == 1
-
-        return self._store.write(work)
-
-    @override
     def update(self, dto: PddlPropositionDto) -> bool:
         self._check(dto)
 
@@ -204,22 +195,6 @@ class SqlPropositionDao(SqlDao, PddlPropositionDao):
         return self._store.write(work)
 
     @override
-    def save_all(self, dtos: Iterable[PddlPropositionDto]) -> int:
-        self._check_writable()
-        changed = 0
-        with self._store.transaction() as transaction:
-            for batch in batches(dtos):
-                for dto in batch:
-                    self._check(dto)
-                names = (object_.name for dto in batch for object_ in dto.objects)
-                # What has no name is refused in its turn.
-                transaction.look_up("object", {name for name in names if isinstance(name, str)})
-                with transaction.batch():
-                    changed += self._save_batch(transaction, batch)
-                transaction.spill()
-        return changed
-
-    @override
     def delete(self, dto: PddlPropositionDto) -> bool:
         self._check(dto)
 
@@ -229,31 +204,23 @@ class SqlPropositionDao(SqlDao, PddlPropositionDao):
 
         return self._store.write(work)
 
-    @override
-    def delete_all(self) -> int:
-        self._check_writable()
-
-        def work(transaction: Transaction) -> int:
-            atoms = propositions_on(transaction, None)
-            retract(transaction, atoms)
-            return len(atoms)
-
-        return self._store.write(work)
-
     def _check(self, dto: PddlPropositionDto) -> None:
         self._check_writable()
         expect(dto, PddlPropositionDto, "what the proposition DAO takes")
         expect_list(dto.objects, PddlObjectDto, "the list of objects of a proposition")
 
-    @staticmethod
-    def _save_batch(transaction: Transaction, dtos: Iterable[PddlPropositionDto]) -> int:
+    def _save_batch(self, transaction: Transaction, dtos: Iterable[PddlPropositionDto]) -> int:
         resolve = References(transaction).resolve
         return transaction.propositions.hold_all(dict([resolve(dto) for dto in dtos]))
 
-    @classmethod
-    def _holds(cls, transaction: Transaction, dto: PddlPropositionDto) -> bool:
-        atom = cls._find(transaction, dto)
+    def _holds(self, transaction: Transaction, dto: PddlPropositionDto) -> bool:
+        atom = self._find(transaction, dto)
         return atom is not None and transaction.propositions.holds(atom)
+
+    def _remove_all(self, transaction: Transaction) -> int:
+        atoms = propositions_on(transaction, None)
+        retract(transaction, atoms)
+        return len(atoms)
 
     @staticmethod
     def _find(transaction: Transaction, dto: PddlPropositionDto) -> Any:

@@ -15,7 +15,6 @@ from ..dao.dependants import (
     function_values_on,
     propositions_on,
     retract,
-    retract_function_values,
 )
 from ..dao.formula import is_ground, make_formula, read_formula, read_formulas
 from ..dao.interfaces import Progress
@@ -186,7 +185,7 @@ def retract_misfits(transaction: Transaction) -> None:
     )
     values = function_values_on(transaction, None)
     unfit = [held for held in values if not _value_fits(definitions, held)]
-    retract_function_values(transaction, unfit)
+    transaction.values.unset(unfit)
     for formula in list(definitions.formulas):
         if formula.section in d.PROBLEM_SECTIONS:
             try:
@@ -506,7 +505,7 @@ class _Before:
         """Retract the atoms that are left, and all but some values."""
         retract(transaction, list(self.atoms.values()))
         unsaid = [value for value in self._values if value.fluent.key not in values]
-        retract_function_values(transaction, unsaid)
+        transaction.values.unset(unsaid)
 
 
 def _hold(

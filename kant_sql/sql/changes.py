@@ -23,7 +23,7 @@ from sqlalchemy import (
 from ..errors import StoreIntegrityError, unreadable
 from .dialects.base import Row, Session
 from .query import Query, first_rows, in_list
-from .rows import FACT, GOAL, KB, KIND_TABLES, PROPOSITION, VALUE, VERSION_COLUMNS, table_of
+from .rows import KB, KIND_TABLES, PROPOSITION, VALUE, VERSION_COLUMNS, table_of
 from .tables import ArchiveRow, PlanRow, PlanStepVersionRow, RevisionPlanStepRow, RevisionRow
 
 OWN_COLUMNS: tuple[Any, ...] = (
@@ -48,27 +48,6 @@ REVISIONS = (
     )
     .where(RevisionRow.kb_id == KB)
 )
-
-
-__all__ = [
-    "ARCHIVE",
-    "ASSERTED",
-    "FACT",
-    "GOAL",
-    "HIGH",
-    "LOW",
-    "PLAN",
-    "PLAN_STEP",
-    "RETRACTED",
-    "VALUE",
-    "Change",
-    "few_changes",
-    "in_range",
-    "stream_change_rows",
-    "stream_changes",
-    "stream_changes_of",
-    "stream_latest",
-]
 
 ASSERTED, RETRACTED = "+", "-"
 PLAN, PLAN_STEP, ARCHIVE = "plan", "plan step", "archive"

@@ -15,23 +15,19 @@ from typing import Any
 from sqlalchemy import (
     BigInteger,
     ColumnElement,
-    FromClause,
     Select,
     Table,
     and_,
     bindparam,
-    delete,
     literal_column,
-    null,
     select,
-    update,
 )
 from sqlalchemy.ext.compiler import compiles
 from sqlalchemy.sql.functions import FunctionElement
 
 from .dialects.base import Session
-from .query import IdsQuery, Query, in_list, in_rows
-from .rows import KB, held_at, table_of
+from .query import Query, in_list, in_rows
+from .rows import KB, THEN, VersionTable, held_at, table_of
 from .tables import (
     TABLES,
     Base,
@@ -66,34 +62,10 @@ def _fork(element: Fork, compiler: Any, **options: Any) -> str:
     return f"(SELECT {last} - ({last} & (bits >> 1)) FROM ({bits}) AS bits)"
 
 
-class IntervalTable:
-    """A version table of intervals, and the changes that those of some ids can see.
-
-    All of them take the parameter `kb`; `at` is the number of the revision that is being made.
-    """
-
-    def __init__(self, mapped: type[Base], id_column: str) -> None:
-        self.table = table = table_of(mapped)
-        columns, at = table.c, bindparam("at", type_=BigInteger)
-
-        def is_open(version: FromClause) -> tuple[ColumnElement[bool], ...]:
-            # By the index of what is open, which has one row of each id.
-            return version.c.kb_id == KB, version.c.until.is_(None)
-
-        def ends_here(version: FromClause) -> tuple[ColumnElement[bool], ...]:
-            return version.c.kb_id == KB, version.c.until == at
-
-        self.close = IdsQuery(
-            update(table).values(until=at, fork=Fork(columns.since, at)),
-            columns[id_column],
-            is_open,
-        )
-        self.unmake = (IdsQuery(delete(table), columns[id_column], is_open),)
-        self.reopen = IdsQuery(
-            update(table).values(until=null(), fork=literal_column(str(HOLDS_NOW))),
-            columns[id_column],
-            ends_here,
-        )
+def _intervals(mapped: type[Base], owner: str) -> VersionTable:
+    table = table_of(mapped)
+    ended = {"fork": Fork(table.c.since, THEN)}
+    return VersionTable(owner, table, closed=ended, opened={"fork": literal_column(str(HOLDS_NOW))})
 
 
 def fork(since: int, until: int | None) -> int:
@@ -145,7 +117,7 @@ FIND = Query(
         in_list(PropositionRow.arguments, "arguments"),
     )
 )
-VERSIONS = IntervalTable(PropositionVersionRow, "proposition_id")
+VERSIONS = _intervals(PropositionVersionRow, "proposition_id")
 # One statement per id: given a list, SQLite scans all versions instead of sorting it.
 OPEN = Query(
     select(PropositionRow.id, _SINCE.scalar_subquery()).where(
@@ -165,7 +137,7 @@ CLOSED_HERE = Query(
 )
 
 
-VALUE_VERSIONS = IntervalTable(FunctionValueVersionRow, "function_value_id")
+VALUE_VERSIONS = _intervals(FunctionValueVersionRow, "function_value_id")
 
 
 def _open_version(column: Any) -> Any:
@@ -178,7 +150,7 @@ def _open_version(column: Any) -> Any:
     )
 
 
-# The value, as its text tells it, and the object that it is.
+# The text, which holds the value, and the object that is the value.
 VALUE_COLUMNS = (
     _open_version(FunctionValueVersionRow.text),
     _open_version(FunctionValueVersionRow.object_id),

@@ -10,18 +10,14 @@ from typing import Any, NamedTuple
 from sqlalchemy import (
     BigInteger,
     ColumnElement,
-    FromClause,
     Integer,
     bindparam,
-    delete,
-    null,
     select,
-    update,
 )
 
 from .dialects.base import Row
-from .query import IdsQuery, Insert, Query
-from .rows import KB, table_of
+from .query import Insert, Query
+from .rows import KB, VersionTable, table_of
 from .tables import PlanRow, PlanStepArgumentRow, PlanStepRow, PlanStepVersionRow
 
 # The id of a plan, and the position of a step in it.
@@ -46,35 +42,11 @@ FIND_STEP = Query(
 )
 
 
-class StepStatements:
-    """The statements that change the status of a step.
-
-    All of them take the parameters `kb`, `plan` and `id`, the position; `at` is the revision that
-    is being made.
-    """
-
-    def __init__(self) -> None:
-        position = STEP_VERSIONS.c.position
-        at = bindparam("at", type_=BigInteger)
-
-        def of_plan(version: FromClause) -> tuple[ColumnElement[bool], ...]:
-            of_plan = version.c.plan_id == bindparam("plan", type_=BigInteger)
-            return version.c.kb_id == KB, of_plan
-
-        def is_open(version: FromClause) -> tuple[ColumnElement[bool], ...]:
-            return *of_plan(version), version.c.until.is_(None)
-
-        def ends_here(version: FromClause) -> tuple[ColumnElement[bool], ...]:
-            return *of_plan(version), version.c.until == at
-
-        table = STEP_VERSIONS
-        self.close = IdsQuery(update(table).values(until=at), position, is_open)
-        self.reopen = IdsQuery(update(table).values(until=null()), position, ends_here)
-        # What is open and was written here is of the revision that is being made.
-        self.unmake = (IdsQuery(delete(table), position, is_open),)
-
-
-STEP_STATEMENTS = StepStatements()
+_PLAN: ColumnElement[int] = bindparam("plan", type_=BigInteger)
+# With the parameter `plan`; `id` is the position.
+STEP_STATEMENTS = VersionTable(
+    "position", STEP_VERSIONS, within=lambda version: (version.c.plan_id == _PLAN,)
+)
 
 
 class StepDefinition(NamedTuple):

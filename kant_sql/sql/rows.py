@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from operator import attrgetter, itemgetter
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from sqlalchemy import (
@@ -66,35 +67,67 @@ def table_of(mapped: type[Base]) -> Table:
     return table
 
 
-class VersionTable:
-    """The version table of one kind of element, and the statements that change its rows.
+_NOTHING: Mapping[str, Any] = MappingProxyType({})
 
-    All of them take the parameters `kb` and `id`; `at` is the number of the revision that is being
-    made. `owner` is the column that names the element.
+
+class VersionTable:
+    """A version table, and the statements that change its rows.
+
+    All of them take the parameters `kb` and `id`; `at` is the number of the uncommitted revision.
+
+    Attributes:
+        table: the table.
+        owner: the column that names the element, or is the last part of its key.
+        children: the tables of the lists of each version.
+        close: ends open versions.
+        reopen: opens versions that this revision ended.
+        unmake: deletes versions of this revision, and the rows below them first.
     """
 
-    def __init__(self, owner: str, table: Table, *children: Table) -> None:
+    def __init__(
+        self,
+        owner: str,
+        table: Table,
+        *children: Table,
+        closed: Mapping[str, Any] = _NOTHING,
+        opened: Mapping[str, Any] = _NOTHING,
+        within: Callable[[FromClause], tuple[ColumnElement[bool], ...]] = lambda _: (),
+    ) -> None:
+        """Build the statements.
+
+        Args:
+            owner: the name of the column.
+            table: the table.
+            children: the tables of the lists of each version, parents first.
+            closed: the further values of a version that ends.
+            opened: the further values of an open version.
+            within: the conditions on the rest of the key.
+        """
         self.table = table
-        self.owner: ColumnElement[int] = self.table.c[owner]
+        self.owner: ColumnElement[int] = table.c[owner]
         self.children = children
 
         def is_open(version: FromClause) -> tuple[ColumnElement[bool], ...]:
-            return version.c.kb_id == KB, version.c.until.is_(None)
+            return version.c.kb_id == KB, *within(version), version.c.until.is_(None)
 
         def ends_here(version: FromClause) -> tuple[ColumnElement[bool], ...]:
-            return version.c.kb_id == KB, version.c.until == THEN
+            return version.c.kb_id == KB, *within(version), version.c.until == THEN
 
         def begins_here(version: FromClause) -> tuple[ColumnElement[bool], ...]:
             return version.c.kb_id == KB, version.c.since == THEN
 
-        change = update(self.table)
-        self.close = IdsQuery(change.values(until=THEN), self.owner, is_open)
-        self.reopen = IdsQuery(change.values(until=null()), self.owner, ends_here)
-        # Only rows of the revision that is being made, which nobody else has seen.
-        self.unmake = tuple(
-            IdsQuery(delete(table), table.c[owner], begins_here)
-            for table in (*reversed(self.children), self.table)
-        )
+        change = update(table)
+        self.close = IdsQuery(change.values(until=THEN, **closed), self.owner, is_open)
+        self.reopen = IdsQuery(change.values(until=null(), **opened), self.owner, ends_here)
+        # Only rows of the uncommitted revision, which no other session has seen. An open version
+        # that this transaction deletes is of that revision: without children, the index of open
+        # versions finds it.
+        self.unmake: tuple[IdsQuery, ...] = (IdsQuery(delete(table), self.owner, is_open),)
+        if children:
+            self.unmake = tuple(
+                IdsQuery(delete(each), each.c[owner], begins_here)
+                for each in (*reversed(children), table)
+            )
 
 
 def is_of_version(

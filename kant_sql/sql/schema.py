@@ -1,6 +1,6 @@
 """The version of the tables, which only migrations change, and the roles of a database.
 
-Alembic runs the migrations; it is imported only when one is to be run.
+Alembic runs the migrations; it is imported on first use.
 """
 
 from __future__ import annotations
@@ -94,7 +94,7 @@ def upgrade(url: str, *, revision: str = "head") -> None:
 
     Raises:
         SchemaError: there is no such version, or the tables are newer than this library.
-        StoreBusyError: somebody keeps a table locked, which the message names.
+        StoreBusyError: a session, which the message names, holds a table's lock.
         StoreError: the database refused; nothing was changed.
     """
     expect(revision, str, "revision", InvalidArgumentError)
@@ -164,7 +164,7 @@ def report_dropped_views(config: Config) -> None:
     if count := config.attributes.get(DROPPED_VIEWS):
         logger.warning(
             "%d views of predicates are dropped, for tables that have them cannot be changed; "
-            "when the tables are up to date, make them anew with: kant-sql views",
+            "when the tables are up to date, create them again with: kant-sql views",
             count,
         )
 
@@ -314,7 +314,8 @@ def create_roles(url: str, *, knowledge_base: str | None = None, dry_run: bool =
     Raises:
         KantSqlError: there is no such knowledge base.
         SchemaError: the tables are missing, outdated or too new; the message names the remedy.
-        StoreBusyError: somebody keeps a table locked, which the message names; nothing was changed.
+        StoreBusyError: a session, which the message names, holds a table's lock; nothing was
+            changed.
         StoreError: the database has no roles (SQLite) or refused; nothing was changed.
     """
     optional_text(knowledge_base, "knowledge_base")

@@ -173,8 +173,8 @@ def read_value(fluent: str, held: str, object_id: int | None) -> FluentValue:
 class Agreements:
     """References by DTOs that agree with what is stored, as one transaction meets them.
 
-    A definition that is added leaves those before it as they are, so what agreed goes on to agree;
-    whoever changes or removes one calls `clear`.
+    An added definition leaves the others as they are, so agreements stay valid; `clear` them when a
+    definition changes or is removed.
     """
 
     __slots__ = ("known", "new")

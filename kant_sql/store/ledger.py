@@ -2,7 +2,7 @@
 
 A row of a version table says what held from one revision until another. In one revision an element
 can be asserted and retracted many times; the ledger keeps what held before, what holds now, and
-what the tables say by now, and writes the difference with at most four statements: close what held
+what the tables say, and writes the difference with at most four statements: close what held
 before, delete what this revision wrote, reopen what it closed, insert what is new.
 """
 
@@ -30,7 +30,7 @@ from ..sql.intervals import (
 )
 from ..sql.plans import FIND_STEP, NEW_STATUS, STEP_STATEMENTS, Step, status_text
 from ..sql.query import IdsQuery, Insert, whole_rows
-from ..sql.rows import FACT, GOAL, KIND_TABLES, VALUE, RowsByTable, table_of
+from ..sql.rows import FACT, GOAL, KIND_TABLES, VALUE, RowsByTable, VersionTable, table_of
 from ..sql.tables import (
     FunctionValueArgumentRow,
     FunctionValueRow,
@@ -83,23 +83,7 @@ class WriteContext:
         return range(first, first + number)
 
 
-class Versions(Protocol):
-    """The statements that change the rows of a version table."""
-
-    @property
-    def close(self) -> IdsQuery:
-        """Ends open versions at the revision that is being made."""
-
-    @property
-    def reopen(self) -> IdsQuery:
-        """Opens versions that the revision has closed."""
-
-    @property
-    def unmake(self) -> tuple[IdsQuery, ...]:
-        """Deletes versions of the revision, and the rows below them first."""
-
-
-class Part(ABC):
+class PendingChanges(ABC):
     """What a transaction has changed of one kind of knowledge.
 
     Attributes:
@@ -119,7 +103,7 @@ class Part(ABC):
         """Write what is pending."""
 
 
-class Ledger(Part, Generic[K, V]):
+class Ledger(PendingChanges, Generic[K, V]):
     """What a transaction changes in one version table: by key, the open version or None.
 
     Attributes:
@@ -127,7 +111,7 @@ class Ledger(Part, Generic[K, V]):
         pending: the keys that were set since the last write.
     """
 
-    versions: Versions
+    versions: VersionTable
 
     def __init__(
         self,
@@ -701,7 +685,7 @@ class StepStatusLedger(Ledger[Step, str]):
         return ((NEW_STATUS, rows),)
 
 
-class Records(Part):
+class Records(PendingChanges):
     """The plans and archives that a transaction records: rows that are only ever added."""
 
     def __init__(self, context: WriteContext) -> None:

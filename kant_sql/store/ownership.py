@@ -1,8 +1,8 @@
 """Whose transaction is open: a transaction belongs to one thread, one task and one context.
 
 `asyncio.create_task`, `loop.call_soon` and `asyncio.to_thread` copy the context that they are
-called in, so a context variable alone would let a new task join the block of the task that made it.
-Each block therefore knows where it was opened, and nobody else joins it.
+called in, so with a context variable alone a new task could join the block of its creator.
+So each block knows where it was opened, and can be joined only from there.
 """
 
 from __future__ import annotations

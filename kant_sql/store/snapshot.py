@@ -61,7 +61,7 @@ class DefinitionCache:
         if snapshot is not None and snapshot.definition_revision == definition_revision:
             return snapshot.definitions
         if snapshot is None or not archived <= snapshot.definition_revision < definition_revision:
-            # Behind an archive, the tables do not tell any more what has ended since. Ahead of the
+            # Behind an archive, the tables no longer show what has ended since. Ahead of the
             # head is a reader that began before another thread's commit.
             return self.load(session, kb_id)
         definitions = refresh(session, kb_id, snapshot.definitions, snapshot.definition_revision)
@@ -131,7 +131,7 @@ class View(NamedTuple):
         definitions: what is defined in that state.
         at: the revision; None for now.
         definition_revision: the revision that last changed a definition, where it still has to be
-            compared with what the head says in the very statement that reads; else None.
+            compared with the head in the statement that reads; else None.
     """
 
     session: Session

@@ -205,7 +205,7 @@ class Store:
             end_session(session)
 
     def _apart(self, work: Callable[[Session], T]) -> T:
-        """Read in a transaction of its own, which sees one state and waits for nobody."""
+        """Read in a transaction of its own, which sees one state and never waits for a writer."""
 
         def begun(session: Session) -> T:
             session.begin(write=False)
@@ -373,7 +373,7 @@ class Store:
         if expected is not None and expected != actual:
             raise StaleRevisionError(
                 f"knowledge base {self.name!r} is at revision {actual}, not at {shown(expected)}: "
-                "another writer came first; read again and decide anew",
+                "another writer came first; read again and decide again",
                 expected,
                 actual,
             )

@@ -28,7 +28,7 @@ from .journal import JournalScope
 from .ledger import (
     DefinitionLedger,
     FunctionValueLedger,
-    Part,
+    PendingChanges,
     PropositionLedger,
     Records,
     StepStatusLedger,
@@ -97,7 +97,7 @@ class Transaction:
         self._fluents = fluents
         self._context = WriteContext(session, kb_id, head)
         # The ledgers of the kinds touched so far.
-        self._parts: dict[str, Part] = {}
+        self._ledgers: dict[str, PendingChanges] = {}
         self._propositions: PropositionLedger | None = None
         self._values: FunctionValueLedger | None = None
         self._records: Records | None = None
@@ -109,7 +109,7 @@ class Transaction:
         found = self._propositions
         if found is None:
             found = self._propositions = PropositionLedger(self._context, self._atoms)
-            self._parts[_PROPOSITIONS] = found
+            self._ledgers[_PROPOSITIONS] = found
         return found
 
     @property
@@ -118,7 +118,7 @@ class Transaction:
         found = self._values
         if found is None:
             found = self._values = FunctionValueLedger(self._context, self._fluents)
-            self._parts[_VALUES] = found
+            self._ledgers[_VALUES] = found
         return found
 
     @property
@@ -126,7 +126,7 @@ class Transaction:
         """The plans and archives that it records."""
         found = self._records
         if found is None:
-            found = self._parts[_RECORDS] = self._records = Records(self._context)
+            found = self._ledgers[_RECORDS] = self._records = Records(self._context)
         return found
 
     @property
@@ -134,15 +134,15 @@ class Transaction:
         """The statuses of steps of plans that it sets."""
         found = self._statuses
         if found is None:
-            found = self._parts[_STATUSES] = self._statuses = StepStatusLedger(self._context)
+            found = self._ledgers[_STATUSES] = self._statuses = StepStatusLedger(self._context)
         return found
 
     def _ledger(self, kind: str) -> DefinitionLedger:
         """Return the ledger of the definitions of one kind."""
-        ledger = self._parts.get(kind)
+        ledger = self._ledgers.get(kind)
         if ledger is None:
             elements = self.definitions.elements(kind)
-            ledger = self._parts[kind] = DefinitionLedger(self._context, kind, elements)
+            ledger = self._ledgers[kind] = DefinitionLedger(self._context, kind, elements)
             self._context.journal.when_rolled_back = self._forget_shape
         assert isinstance(ledger, DefinitionLedger)
         return ledger
@@ -152,12 +152,12 @@ class Transaction:
         self.definitions.reshape()
         self.agreements.clear()
 
-    def _touched(self) -> list[Part]:
+    def _touched(self) -> list[PendingChanges]:
         """Return what was touched, in the order of writing."""
-        parts = self._parts
-        if len(parts) < 2:
-            return [*parts.values()]
-        return [parts[name] for name in _ORDER if name in parts]
+        ledgers = self._ledgers
+        if len(ledgers) < 2:
+            return [*ledgers.values()]
+        return [ledgers[name] for name in _ORDER if name in ledgers]
 
     @property
     def age(self) -> float:
@@ -208,7 +208,7 @@ class Transaction:
 
     @contextmanager
     def batch(self) -> Iterator[None]:
-        """Check each type that the elements of a batch refer to once; nobody else runs between."""
+        """Check each type that the elements of a batch refer to once; no other call intervenes."""
         self.agreed_types = {}
         try:
             yield
@@ -227,18 +227,19 @@ class Transaction:
 
     def spill(self) -> None:
         """Write and forget the pending propositions, if they are many."""
-        if len(self.propositions.pending) >= SPILL_AT:
+        propositions = self._propositions
+        if propositions is not None and len(propositions.pending) >= SPILL_AT:
             self.flush()
-            self.propositions.forget()
+            propositions.forget()
 
     def flush(self) -> None:
         """Write what is pending, so that a query sees it."""
-        pending = [part for part in self._touched() if part.pending]
+        pending = [ledger for ledger in self._touched() if ledger.pending]
         if pending:
             self._check_open()
             self._context.journal.before_write()
-            for part in pending:
-                part.write()
+            for ledger in pending:
+                ledger.write()
 
     def commit(self) -> Committed | None:
         """Write the revision and commit; without a change, roll back."""
@@ -285,10 +286,10 @@ class Transaction:
         propositions = self._propositions
         was_spilled = propositions is not None and propositions.was_spilled
         lines: list[Change] = []
-        for part in self._touched():
-            if not (was_spilled and part is propositions):
-                found = [*part.lines()]
-                self.redefined = self.redefined or bool(part.defines and found)
+        for ledger in self._touched():
+            if not (was_spilled and ledger is propositions):
+                found = [*ledger.lines()]
+                self.redefined = self.redefined or bool(ledger.defines and found)
                 lines += found
         if was_spilled:
             self.flush()

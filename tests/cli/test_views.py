@@ -103,5 +103,5 @@ def test_a_downgrade_says_that_they_are_gone(own_store: str) -> None:
     run("views", own_store)
     result = child("db", "downgrade", own_store, "0001")
     assert result.returncode == 0
-    assert "make them anew with: kant-sql views" in result.stderr
+    assert "create them again with: kant-sql views" in result.stderr
     assert relations(own_store) == []

@@ -104,7 +104,7 @@ class PostgresqlListener(Listener):
             self._is_deaf = getattr(error, "sqlstate", None) == _STANDBY
             if self._is_deaf:
                 logger.warning(
-                    "%s: a standby lets nobody listen; news is looked for every %g s",
+                    "%s: LISTEN is not possible on a standby; polling every %g s",
                     self._backend.label,
                     POLL_PAUSE,
                 )

@@ -92,7 +92,7 @@ class RoleScope(NamedTuple):
         )
 
 
-# Waiting for another migration blocks nobody else.
+# Waiting for another migration blocks no other session.
 WAIT_FOR_SCHEMA = "10min"
 # All other statements on a table queue behind a waiting lock.
 WAIT_FOR_TABLE = "500ms"
@@ -150,7 +150,7 @@ READ = "read"
 ALWAYS = "true"
 # The columns that each revision moves: not `kb_id`, nor that of archives.
 HEAD_COLUMNS = ("revision", "definition_revision", "next_id", "hash", "committed_at")
-# Only the tables' owner archives: nobody else may delete.
+# Only the tables' owner archives: no other role may delete.
 NOT_WRITTEN = frozenset({"archive"})
 # Times never go back, so a time far ahead would hold for all later revisions. A writer adds the
 # time since its transaction began, during which the server's clock may be adjusted.
@@ -274,7 +274,7 @@ def _is_dated(table: Table, mine: str, names: Qualifier) -> str:
 def _is_of_new_row(mine: str, owner: str, names: Qualifier) -> str:
     """Write the condition that a row is part of an identity that this transaction inserted.
 
-    The head does not tell: an identity beyond its `next_id` stays so when committed alone. A
+    The head does not show that: an identity beyond its `next_id` stays so when committed alone. A
     visible row whose transaction is in progress is one's own, also from a savepoint, which has its
     own number. `xmin` has 32 bits of that number: it is completed near the current one.
     """
@@ -407,7 +407,7 @@ _OWN_VIEWS = text(
     "WHERE d.refclassid = 'pg_class'::regclass AND s.nspname = :schema "
     f"AND n.nspname <> :schema AND starts_with(n.nspname, '{PREFIX}') ORDER BY 1, 2"
 )
-# The column tells them from other views of these names.
+# The column distinguishes them from other views of these names.
 _AUDIT_VIEWS = text(
     "SELECT c.relname FROM pg_class AS c JOIN pg_namespace AS n ON n.oid = c.relnamespace "
     "JOIN pg_attribute AS a ON a.attrelid = c.oid AND a.attname = 'knowledge_base' "

@@ -57,7 +57,7 @@ WHERE c.relkind IN ('r', 'p', 'v', 'm', 'f') AND {which}
     AND a.attnum > 0 AND NOT a.attisdropped
 ORDER BY c.relname COLLATE "C", a.attnum
 """
-# NOT NULL is a constraint only in new versions of PostgreSQL: the columns tell it.
+# NOT NULL is a constraint only in new versions of PostgreSQL: the columns show it.
 _CONSTRAINTS = """
 SELECT c.relname, k.conname, pg_get_constraintdef(k.oid)
 FROM pg_constraint AS k JOIN pg_class AS c ON c.oid = k.conrelid
@@ -404,7 +404,7 @@ class PostgresqlViews(ViewDialect):
         return Mark(int(kb_id), int(predicate_id), kind, digest)
 
     def create(self, name: str, definition: str, mark: Mark, readers: Sequence[str]) -> list[str]:
-        """Write the statements that create a view and let others read it."""
+        """Write the statements that create a view and grant others to read it."""
         quoted = self.preparer.quote(name)
         statements = [
             f"CREATE VIEW {quoted} AS\n{definition}",

@@ -127,26 +127,6 @@ def _split(body: str) -> list[str]:
     return [" ".join(part.split()) for part in [*parts, body[start:]]]
 
 
-def index_faults(session: Session, tables: Sequence[str]) -> Iterator[IndexFault]:
-    """Compare the indexes of some tables with the tables, by SQLite's own check."""
-    present = {row[0] for row in session.rows(_TABLES)}
-    for table in tables:
-        if table in present:
-            for (message,) in session.rows(raw(f'PRAGMA integrity_check("{table}")')):
-                if message != "ok":
-                    yield IndexFault(table, f"the database itself finds: {message}")
-
-
-def wrong_values(
-    session: Session, tables: tuple[Table, ...], kb_id: int
-) -> Iterator[tuple[str, str, int]]:
-    """Count the values that are not of their column's type: SQLite keeps any in any column."""
-    for table, (_, wrong) in zip(tables, session.rows(_wrong(tables), kb=kb_id), strict=True):
-        for column, count in zip(table.c, json.loads(wrong), strict=True):
-            if count:
-                yield table.name, column.name, count
-
-
 @cache
 def _wrong(tables: tuple[Table, ...]) -> Query:
     """Build the query that counts the wrong values of each column, in the order of the tables."""
@@ -232,8 +212,6 @@ def _store_place(element: StorePlace, compiler: Any, **options: Any) -> str:
 class SqliteSession(Session):
     """A session on SQLite."""
 
-    placeholder = "?"
-
     def __init__(self, backend: SqliteBackend, connection: Any) -> None:
         super().__init__(backend, connection)
         # Cached: the pool's way to it takes as long as a small statement.
@@ -294,12 +272,20 @@ class SqliteSession(Session):
         return describe(self.rows_of, names)
 
     def index_faults(self, tables: Sequence[str]) -> Iterator[IndexFault]:
-        """Compare the indexes of some tables with the tables."""
-        return index_faults(self, tables)
+        """Compare the indexes of some tables with the tables, by SQLite's own check."""
+        present = {row[0] for row in self.rows(_TABLES)}
+        for table in tables:
+            if table in present:
+                for (message,) in self.rows(raw(f'PRAGMA integrity_check("{table}")')):
+                    if message != "ok":
+                        yield IndexFault(table, f"the database itself finds: {message}")
 
     def wrong_values(self, tables: tuple[Table, ...], kb_id: int) -> Iterator[tuple[str, str, int]]:
-        """Count values that are not of their column's type."""
-        return wrong_values(self, tables, kb_id)
+        """Count values that are not of their column's type: SQLite keeps any in any column."""
+        for table, (_, wrong) in zip(tables, self.rows(_wrong(tables), kb=kb_id), strict=True):
+            for column, count in zip(table.c, json.loads(wrong), strict=True):
+                if count:
+                    yield table.name, column.name, count
 
 
 class FileSession(SqliteSession):
@@ -493,8 +479,8 @@ class SqliteBackend(Backend):
     durable = "PRAGMA synchronous=FULL"
     views = SqliteViews()
     no_roles = (
-        "SQLite has no roles; let the file's permissions say who may write, and open it with "
-        "?mode=ro where it is only to be read"
+        "SQLite has no roles; restrict writing by the file's permissions, and open it with "
+        "?mode=ro for reading only"
     )
 
     def __init__(self, url: URL) -> None:

@@ -1,7 +1,7 @@
-"""The file of an SQLite store: whether it is still the one that is open, and how long its log is.
+"""The file of an SQLite store: detects that it was replaced, and bounds its write-ahead log.
 
-SQLite finds a file by its name once. When the file is deleted, renamed or replaced afterwards,
-SQLite goes on in the file that it has open, which nobody else finds any more.
+SQLite looks a file up by its name once. If the file is deleted, renamed or replaced afterwards,
+SQLite continues to write to the open file, which no other process finds.
 """
 
 from __future__ import annotations
@@ -20,16 +20,16 @@ from ...errors import StoreReplacedError
 
 logger = logging.getLogger("kant_sql.sqlite")
 
-# Beyond so many bytes the write-ahead log is cut back. SQLite moves it into the file at 4 MB; a
-# large transaction, or a reader who stays, lets it grow.
+# The write-ahead log is truncated above this size in bytes. SQLite checkpoints it at 4 MB; a large
+# transaction or a long read makes it grow.
 WAL_LIMIT = 32 << 20
-# How often to cut it back is tried while somebody reads from it, in seconds.
+# Seconds between attempts to truncate it while a reader holds it.
 WAL_PATIENCE = 1.0
-# How long a file must lie still before it counts as overwritten, in seconds: a checkpoint of
-# another process moves parts of tables one after the other.
+# Seconds without a change after which a file counts as overwritten: a checkpoint of another process
+# copies parts of tables one after the other.
 STILL = 0.25
-# How long after a checkpoint of its own a process compares the file, in seconds. A comparison takes
-# 4 ms, and a busy writer moves its log into the file every 20 ms.
+# Seconds from a checkpoint of its own until a process compares the file. A comparison takes 4 ms,
+# and a busy writer checkpoints every 20 ms.
 COMPARE_AFTER = 1.0
 ATTEMPTS = 10
 
@@ -37,13 +37,13 @@ _HEAD = "SELECT kb_id, revision, hash FROM head WHERE revision > 0 ORDER BY revi
 _HASH = "SELECT hash FROM revision WHERE kb_id = ? AND number = ?"
 
 
-# A write-ahead log begins with a number, and a checksum's salt that each new beginning changes.
+# A write-ahead log begins with a magic number, and a salt that changes whenever the log restarts.
 WAL_MAGIC = (b"\x37\x7f\x06\x82", b"\x37\x7f\x06\x83")
 WAL_HEADER, WAL_SALT = 32, slice(16, 24)
 
 
 class Landmark(NamedTuple):
-    """A revision that the file holds apart from its log, and so will hold from then on."""
+    """A revision that the file holds without its log, so that it must hold it from then on."""
 
     kb_id: int
     revision: int
@@ -51,16 +51,16 @@ class Landmark(NamedTuple):
 
 
 class Contents:
-    """What a file held, apart from its log, when this process last compared it.
+    """What a file held without its log when this process last compared it.
 
-    All backends of the process share it: to read a file without its log, SQLite parses the whole
-    schema again, which takes about 4 ms, and every checkpoint asks for it.
+    All backends of the process share it: each checkpoint requires a comparison, for which SQLite
+    parses the whole schema, about 4 ms.
 
     Attributes:
-        changed: the file's time of change then, in nanoseconds.
+        changed: the file's modification time then, in nanoseconds.
         size: its size then, in bytes.
-        due: when the next comparison is due at the latest, on the monotonic clock; None when
-            nothing has changed the file since the last.
+        due: the latest time of the next comparison, on the monotonic clock; None if the file has
+            not changed since the last.
     """
 
     def __init__(self) -> None:
@@ -73,12 +73,12 @@ class Contents:
         return (found.st_mtime_ns, found.st_size) == (self.changed, self.size)
 
     def confirm(self, found: os.stat_result) -> None:
-        """Take the file as it is now for the one that was compared."""
+        """Note that the file as it is now was compared."""
         self.changed, self.size = found.st_mtime_ns, found.st_size
         self.due = None
 
     def trust(self, found: os.stat_result) -> bool:
-        """Take a change during a commit of this process for its checkpoint, until `due`."""
+        """Attribute a change during a commit of this process to its checkpoint, until `due`."""
         now = time.monotonic()
         if found.st_size < self.size or now >= (self.due or now + 1):
             return False
@@ -88,14 +88,13 @@ class Contents:
         return True
 
     def compare(self, path: str) -> bool | None:
-        """Return whether the file still holds the landmark; None if that cannot be told now.
+        """Return whether the file still holds the landmark; None if that is unknown now.
 
-        A copy that is written over the file from outside changes neither its identity nor SQLite's
-        book of what is in the log.
+        A copy written over the file changes neither its inode nor SQLite's index of the log.
         """
         mark = self._landmark
         try:
-            # As `immutable`, SQLite reads the file alone, and takes no lock.
+            # With `immutable`, SQLite reads the file alone and takes no lock.
             name = f"file:{quote(path)}?immutable=1"
             with closing(sqlite3.connect(name, uri=True)) as connection:
                 if mark is not None:
@@ -119,11 +118,11 @@ _CONTENTS: WeakValueDictionary[tuple[int, int], Contents] = WeakValueDictionary(
 
 
 def contents_of(path: str, found: os.stat_result) -> Contents:
-    """Return what a file holds, shared with who has it open, unless it was overwritten since."""
+    """Return what a file holds, shared with its other users unless it was overwritten since."""
     key = found.st_dev, found.st_ino
     contents = _CONTENTS.get(key)
     if contents is None or not (contents.is_at(found) or contents.compare(path)):
-        # Who has it open finds out by itself that it was overwritten.
+        # Its other users detect by themselves that it was overwritten.
         contents = _CONTENTS[key] = Contents()
         if found.st_size:
             contents.compare(path)
@@ -135,8 +134,8 @@ class StoreFile:
     """The file that the connections of one backend have open. Threads share it.
 
     Attributes:
-        path: the file's absolute path: a change of folder does not matter.
-        is_long: whether the log was beyond its limit after the last commit.
+        path: the file's absolute path, so that the working directory may change.
+        is_long: whether the log exceeded its limit after the last commit.
     """
 
     def __init__(self, path: str, label: str) -> None:
@@ -148,20 +147,20 @@ class StoreFile:
         self._contents = Contents()
         self._companions: dict[str, tuple[int, int]] = {}
         self._wal = self._shm = ""
-        # The log after the last commit: since when it grows, and how long it was, up to the limit.
+        # The log after the last commit: its salt, and its size, up to the limit.
         self._salt, self._logged = b"", 0
         self._why: str | None = None
         self._warned_at, self._tried_at = 0, -WAL_PATIENCE
 
     def open(self, connect: Callable[[], sqlite3.Connection]) -> sqlite3.Connection:
-        """Make a connection, and be sure which file it has open."""
+        """Make a connection, and verify which file it has open."""
         before = self._find()
         for _ in range(ATTEMPTS):
             connection = connect()
             after = self._find()
             if before is not None and after is not None and os.path.samestat(before, after):
                 break
-            # The file was created, or replaced just now.
+            # The file was created or replaced meanwhile.
             connection.close()
             before = after
         else:
@@ -174,7 +173,7 @@ class StoreFile:
         return connection
 
     def check(self) -> None:
-        """See that the file is still in its place, and whole, with one call of the system."""
+        """Check that the file is still in its place and whole, with one system call."""
         try:
             found = os.stat(self.path)
         except OSError as error:
@@ -190,9 +189,9 @@ class StoreFile:
             self._look(found)
 
     def check_committed(self) -> None:
-        """Do so after a commit, for the log, too: what was committed may be in no file any more.
+        """Check the file and its log after a commit: the committed data may have no file.
 
-        Call `check` just before the commit: what has changed since then is its own checkpoint.
+        Call `check` just before the commit: a change since then is this process's checkpoint.
         """
         try:
             self._check_own_change()
@@ -213,26 +212,26 @@ class StoreFile:
             self._look(found)
 
     def check_log(self) -> None:
-        """See, before a write, that the log is as long as it was, or has begun again since."""
+        """Check before a write that the log was not truncated, unless it has restarted since."""
         if not self._logged:
             return
         try:
             size = os.stat(self._wal).st_size
         except OSError:
-            # After the commit it is looked for.
+            # `check_committed` looks for it.
             return
-        # An empty one may be what a checkpoint leaves: what is written to it next will say.
+        # A checkpoint may leave an empty log; the next write shows whether it did.
         if 0 < size < self._logged and self._read_header()[WAL_SALT] == self._salt:
             self._refuse(f"{os.path.basename(self._wal)} was cut off")
 
     def forget(self) -> None:
-        """Forget the log, after all connections were closed: SQLite removes it with the last."""
+        """Forget the log after all connections were closed: SQLite removes it with the last."""
         self._companions = {}
         self._salt, self._logged = b"", 0
         self.is_long = False
 
     def shorten(self, connection: sqlite3.Connection) -> None:
-        """Try to cut the log back, without waiting; who still reads from it is warned of."""
+        """Try to truncate the log without waiting; log a warning if a reader holds it."""
         now = time.monotonic()
         if now < self._tried_at + WAL_PATIENCE:
             return
@@ -274,14 +273,14 @@ class StoreFile:
 
     def _remember(self, found: os.stat_result) -> None:
         self._device, self._inode = found.st_dev, found.st_ino
-        # SQLite follows links, too, and keeps its log beside the file itself.
+        # SQLite follows links, and keeps its log beside the file itself.
         real = os.path.realpath(self.path)
         self._wal, self._shm = f"{real}-wal", f"{real}-shm"
         self._contents = contents_of(self.path, found)
         self._is_open = True
 
     def _look(self, found: os.stat_result) -> None:
-        """Find out what has changed the file; most often a part of the log was moved there."""
+        """Examine a changed file; most changes are checkpoints."""
         if self._why is not None:
             self._refuse(self._why)
         if not self._is_open:
@@ -310,7 +309,7 @@ class StoreFile:
         )
 
     def _is_whole(self, size: int) -> bool:
-        """Return whether a file that has become shorter was made so by SQLite, as VACUUM does."""
+        """Return whether SQLite itself shortened the file, as VACUUM does."""
         with closing(sqlite3.connect(self.path, isolation_level=None)) as connection:
             try:
                 pages, page = (
@@ -321,24 +320,24 @@ class StoreFile:
                     return True
                 return bool(connection.execute("PRAGMA quick_check(1)").fetchone()[0] == "ok")
             except sqlite3.OperationalError:
-                # Somebody holds the store. The next look will say.
+                # Another process holds the store: decided at the next check.
                 return True
             except sqlite3.DatabaseError:
                 return False
 
     def _check_log(self) -> int:
-        """Check the log after a commit; give its size, 0 without one."""
+        """Check the log after a commit; return its size, 0 without one."""
         header = self._read_header()
         size = self._companion(self._wal)
         if size and len(header) == WAL_HEADER and header[:4] not in WAL_MAGIC:
-            # SQLite has written on where the last commit ended, and nobody will read it.
+            # SQLite has appended where the last commit ended; no reader finds that.
             self._refuse(f"{os.path.basename(self._wal)} was emptied")
-        # Beyond the limit, SQLite itself cuts a log off that has begun again.
+        # SQLite itself truncates a restarted log to the limit.
         self._salt, self._logged = header[WAL_SALT], min(size, WAL_LIMIT)
         return size
 
     def _read_header(self) -> bytes:
-        # SQLite has no locks on this file that closing it here could end.
+        # SQLite has no locks on this file, which closing it would release.
         with suppress(OSError):
             handle = os.open(self._wal, os.O_RDONLY | getattr(os, "O_CLOEXEC", 0))
             try:
@@ -348,7 +347,7 @@ class StoreFile:
         return b""
 
     def _companion(self, path: str) -> int:
-        """Check a file that SQLite keeps beside the store's; give its size, 0 without one."""
+        """Check a file that SQLite keeps beside the store's; return its size, 0 without one."""
         try:
             found = os.stat(path)
         except OSError as error:
@@ -361,7 +360,7 @@ class StoreFile:
         return found.st_size
 
     def _miss(self, error: OSError, why: str) -> None:
-        # Without a right to the folder it cannot be told.
+        # Without the right to read the folder it is unknown.
         if self._is_open and not isinstance(error, PermissionError):
             self._refuse(why)
 

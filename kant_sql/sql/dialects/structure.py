@@ -2,7 +2,7 @@
 
 The records in `migrations/golden/` consist of the same statements: verification compares a store
 with them. A generated view bears a mark: what it shows, and a digest of its definition. A view
-without a mark belongs to somebody else and is left alone.
+without a mark is not the library's and is left alone.
 """
 
 from __future__ import annotations

@@ -3,43 +3,22 @@
 from __future__ import annotations
 
 from . import definitions as definitions
-from .atoms import (
-    FunctionValueArgumentRow,
-    FunctionValueRow,
-    FunctionValueVersionRow,
-    PropositionArgumentRow,
-    PropositionRow,
-    PropositionVersionRow,
-)
-from .base import Base
-from .plans import (
-    PlanRow,
-    PlanStepArgumentRow,
-    PlanStepRow,
-    PlanStepVersionRow,
-    RevisionPlanStepRow,
-)
-from .revisions import ArchiveRow, HeadRow, KnowledgeBaseRow, RevisionRow
-
-__all__ = [
-    "TABLES",
-    "ArchiveRow",
-    "Base",
-    "FunctionValueArgumentRow",
-    "FunctionValueRow",
-    "FunctionValueVersionRow",
-    "HeadRow",
-    "KnowledgeBaseRow",
-    "PlanRow",
-    "PlanStepArgumentRow",
-    "PlanStepRow",
-    "PlanStepVersionRow",
-    "PropositionArgumentRow",
-    "PropositionRow",
-    "PropositionVersionRow",
-    "RevisionPlanStepRow",
-    "RevisionRow",
-]
+from .atoms import FunctionValueArgumentRow as FunctionValueArgumentRow
+from .atoms import FunctionValueRow as FunctionValueRow
+from .atoms import FunctionValueVersionRow as FunctionValueVersionRow
+from .atoms import PropositionArgumentRow as PropositionArgumentRow
+from .atoms import PropositionRow as PropositionRow
+from .atoms import PropositionVersionRow as PropositionVersionRow
+from .base import Base as Base
+from .plans import PlanRow as PlanRow
+from .plans import PlanStepArgumentRow as PlanStepArgumentRow
+from .plans import PlanStepRow as PlanStepRow
+from .plans import PlanStepVersionRow as PlanStepVersionRow
+from .plans import RevisionPlanStepRow as RevisionPlanStepRow
+from .revisions import ArchiveRow as ArchiveRow
+from .revisions import HeadRow as HeadRow
+from .revisions import KnowledgeBaseRow as KnowledgeBaseRow
+from .revisions import RevisionRow as RevisionRow
 
 # By name. Those of named elements have no class.
 TABLES = Base.metadata.tables
