@@ -311,7 +311,7 @@ class TreeWriter:
             self._fail(f"{shown(formula)} is no constraint of PDDL 3.0")
         position = self._open(parent, formula.operator)
         for number in formula.numbers:
-            self._open(position, kinds.NUMBER, value=self._decimal(number))
+            self._open(position, kinds.NUMBER, value=decimal_text(number.value))
         inner = context.hard()._replace(symbol=Symbol.TRAJECTORY)
         return [(part, inner) for part in formula.formulas]
 
@@ -349,7 +349,7 @@ class TreeWriter:
         self, formula: TimedLiteral, parent: int | None, context: FormulaContext
     ) -> _Parts:
         effect = formula.effect
-        self._open(parent, kinds.AT, value=self._decimal(formula.time))
+        self._open(parent, kinds.AT, value=decimal_text(formula.time.value))
         if isinstance(effect, Assign):
             terms = (*effect.fluent.terms, effect.value)
             is_ground = all(isinstance(term, Constant | Number) for term in terms)
@@ -384,7 +384,7 @@ class TreeWriter:
     def _number(self, expression: object, parent: int, context: FormulaContext) -> None:
         match expression:
             case Number():
-                self._open(parent, kinds.NUMBER, value=self._decimal(expression))
+                self._open(parent, kinds.NUMBER, value=decimal_text(expression.value))
             case Fluent():
                 self._numeric_fluent(expression, parent, context)
             case Variable() if fold(expression.name) == DURATION and self._has_duration:
@@ -396,11 +396,6 @@ class TreeWriter:
                 self._open(parent, kinds.IS_VIOLATED, value=expression.preference)
             case _:
                 self._fail(f"{shown(expression)} is no number here")
-
-    def _decimal(self, number: object) -> str:
-        if not isinstance(number, Number):
-            self._fail(f"{shown(number)} is no Number")
-        return decimal_text(number.value)
 
     def _arithmetic(self, expression: Arithmetic, parent: int) -> int:
         operator, operands = expression.operator, expression.operands
@@ -452,8 +447,6 @@ class TreeWriter:
                 check_name("variable of a durative action", each.name)
 
     def _variable(self, variable: TypedName) -> ParameterDefinition:
-        if not isinstance(variable, TypedName):
-            self._fail(f"{shown(variable)} is no TypedName, as what a quantifier binds")
         check_name("variable", variable.name)
         ids = []
         for name in variable.types:

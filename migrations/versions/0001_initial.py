@@ -225,8 +225,8 @@ def _types(element: str, name: str, column: str = "type_id") -> tuple[Any, ...]:
     return _column(column), _reference(column, "type"), index
 
 
-def _further(element: str, name: str, column: str = "type_id", first: int = 1) -> None:
-    """Make the table of types of an element."""
+def _type_list(element: str, name: str, column: str = "type_id", first: int = 1) -> None:
+    """Make the table of an element's types, or of those after the first."""
     comment = "from 1: the first is in the version" if first else "from 0"
     types = _types(element, name, column)
     _list(element, name, _place("position", comment), *types, _within(element, "version"))
@@ -255,9 +255,8 @@ _NODE = ("section", "position")
 
 
 def _node_key() -> tuple[Any, ...]:
-    return _key("section", sa.String(24), "the part of its owner"), _place(
-        "position", "from 0, in preorder"
-    )
+    section = _key("section", sa.String(24), "the part of its owner")
+    return section, _place("position", "from 0, in preorder")
 
 
 def _trees(element: str, has_parameters: bool, *checks: Any) -> None:
@@ -455,7 +454,7 @@ _version(
     _text(),
     _reference("parent_id", "type"),
 )
-_further("type", "parent", "parent_id")
+_type_list("type", "parent", "parent_id")
 
 _identity("object", _lookup("object", "name"))
 _version(
@@ -465,7 +464,7 @@ _version(
     _column("is_constant", FLAG, "declared in the domain, not in the problem", sa.false()),
     _reference("type_id", "type"),
 )
-_further("object", "type")
+_type_list("object", "type")
 
 _identity("predicate", _lookup("predicate", "name"))
 _version("predicate", _text())
@@ -475,7 +474,7 @@ _identity("function", _lookup("function", "name"))
 _version("function", _text())
 _parameters("function")
 # The types of its values: none for numbers.
-_further("function", "type", first=0)
+_type_list("function", "type", first=0)
 
 _identity("action")
 _version(
@@ -779,6 +778,17 @@ LEFT JOIN predicate AS d ON d.kb_id = v.kb_id AND ONE(d.id = v.predicate_id)
 """
 AUDIT_GOAL = f"""{AUDIT_FACT}WHERE IS(v.is_goal)
 """
+# An argument of the version `v` of an atom, by its predicate or function.
+ARGUMENT = """(
+        SELECT m.name
+        FROM {0}_version AS w
+        JOIN {0}_parameter AS m ON m.kb_id = w.kb_id
+            AND m.{0}_id = w.{0}_id AND m.since = w.since
+        WHERE w.kb_id = v.kb_id AND w.{0}_id = v.{0}_id AND w.since <= v.since
+            AND (w.until IS NULL OR w.until > v.since) AND m.position = a.position
+    ) AS parameter,
+    o.name AS object,
+    a.object_id"""
 AUDIT_FACT_ARGUMENT = f"""
 SELECT
     k.name AS knowledge_base,
@@ -787,16 +797,7 @@ SELECT
     d.name AS predicate,
     p.text,
     a.position,
-    (
-        SELECT m.name
-        FROM predicate_version AS w
-        JOIN predicate_parameter AS m ON m.kb_id = w.kb_id
-            AND m.predicate_id = w.predicate_id AND m.since = w.since
-        WHERE w.kb_id = v.kb_id AND w.predicate_id = v.predicate_id AND w.since <= v.since
-            AND (w.until IS NULL OR w.until > v.since) AND m.position = a.position
-    ) AS parameter,
-    o.name AS object,
-    a.object_id,{INTERVAL}
+    {ARGUMENT.format("predicate")},{INTERVAL}
 FROM proposition_version AS v
 JOIN proposition_argument AS a ON a.kb_id = v.kb_id AND ONE(a.proposition_id = v.proposition_id)
 LEFT JOIN object AS o ON o.kb_id = a.kb_id AND ONE(o.id = a.object_id){PROPOSITION}
@@ -827,16 +828,7 @@ SELECT
     d.name AS function,
     v.text,
     a.position,
-    (
-        SELECT m.name
-        FROM function_version AS w
-        JOIN function_parameter AS m ON m.kb_id = w.kb_id
-            AND m.function_id = w.function_id AND m.since = w.since
-        WHERE w.kb_id = v.kb_id AND w.function_id = v.function_id AND w.since <= v.since
-            AND (w.until IS NULL OR w.until > v.since) AND m.position = a.position
-    ) AS parameter,
-    o.name AS object,
-    a.object_id,{INTERVAL}
+    {ARGUMENT.format("function")},{INTERVAL}
 FROM function_value_version AS v
 JOIN function_value_argument AS a ON a.kb_id = v.kb_id
     AND ONE(a.function_value_id = v.function_value_id)

@@ -110,8 +110,8 @@ def _types(element: str, name: str, column: str = "type_id") -> tuple[Any, ...]:
     return _column(column), reference(column, "type"), index
 
 
-def _further(element: str, name: str, column: str = "type_id", first: int = 1) -> None:
-    """Make the table of types of an element."""
+def _type_list(element: str, name: str, column: str = "type_id", first: int = 1) -> None:
+    """Make the table of an element's types, or of those after the first."""
     comment = "from 1: the first is in the version" if first else "from 0"
     types = _types(element, name, column)
     _list(element, name, _place("position", comment), *types, _within(element, "version"))
@@ -140,9 +140,8 @@ _NODE = ("section", "position")
 
 
 def _node_key() -> tuple[Any, ...]:
-    return _key("section", String(24), "the part of its owner"), _place(
-        "position", "from 0, in preorder"
-    )
+    section = _key("section", String(24), "the part of its owner")
+    return section, _place("position", "from 0, in preorder")
 
 
 def _trees(element: str, has_parameters: bool, *checks: Any) -> None:
@@ -249,7 +248,7 @@ _version(
     _text(),
     reference("parent_id", "type"),
 )
-_further("type", "parent", "parent_id")
+_type_list("type", "parent", "parent_id")
 
 _identity("object", lookup_index("object", "name"))
 _version(
@@ -265,7 +264,7 @@ _version(
     ),
     reference("type_id", "type"),
 )
-_further("object", "type")
+_type_list("object", "type")
 
 _identity("predicate", lookup_index("predicate", "name"))
 _version("predicate", _text())
@@ -275,7 +274,7 @@ _identity("function", lookup_index("function", "name"))
 _version("function", _text())
 _parameters("function")
 # The types of its values: none for numbers.
-_further("function", "type", first=0)
+_type_list("function", "type", first=0)
 
 _identity("action")
 _version(
