@@ -162,10 +162,10 @@ _HEAD_ID, NO_ID, _ARCHIVE_ID = 0, -1, -2
 
 
 class Reading:
-    """One question about what holds, as asked of the present and of the past."""
+    """A query of what holds, with a statement for the present and one for the past."""
 
     def __init__(self, now: _Rows, then: _Rows, *blank: ColumnElement[Any]) -> None:
-        """Make it."""
+        """Build the statements; `blank` fills the columns of the head's rows."""
         head, archive = (
             select(literal_column(str(id_)), column, *blank).where(HeadRow.kb_id == KB)
             for id_, column in (
@@ -177,7 +177,7 @@ class Reading:
         self._then = Query(union_all(then, head, archive))
 
     def rows(self, view: View, **parameters: Any) -> list[Row]:
-        """Ask it."""
+        """Run it on a state; return the rows by id."""
         if view.kb_id is None:
             return []
         query, past = self._now, {}
@@ -436,7 +436,7 @@ class Definer(ABC, Generic[D, F]):
         return found  # type: ignore[no-any-return]
 
     def check(self, transaction: Transaction, dto: D, stored: F, role: str) -> None:
-        """Refuse a reference that says something else than what is stored."""
+        """Refuse a reference that disagrees with the stored definition."""
         if not self._agrees(transaction, dto, stored):
             raise ConflictError(
                 f"{self.kind} {dto.name!r} is stored as {_quoted(stored.text)}, but {role} refers "
@@ -453,7 +453,7 @@ class Definer(ABC, Generic[D, F]):
         return Scope(**{f"{self.kind}s": {*ids}})
 
     def _define(self, transaction: Transaction, dto: D, cascade: bool) -> tuple[F, bool]:
-        """Define an element when what it refers to above its own kind is known."""
+        """Define an element; the types above a type are known."""
         check_name(self._name_kind(dto), dto.name)
         stored: F | None = transaction.definitions.elements(self.kind).named(dto.name)
         made = with_text(transaction.definitions, self._make(transaction, dto, stored))
@@ -491,7 +491,7 @@ class Definer(ABC, Generic[D, F]):
 
     @abstractmethod
     def _agrees(self, transaction: Transaction, dto: D, stored: F) -> bool:
-        """Return whether a DTO that another refers to says what is stored."""
+        """Return whether a DTO in a reference agrees with the stored definition."""
 
 
 def _quoted(text: str) -> str:

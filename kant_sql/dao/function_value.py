@@ -41,7 +41,7 @@ from .function import FUNCTIONS
 from .interfaces import FunctionReference, Number, ObjectReference, PddlFunctionValueDao
 from .proposition import Arguments
 
-# What no decimal says exactly, as a third, or not in `MAX_DIGITS` digits, is rounded to so many.
+# Digits of a result that has no exact decimal, such as a third, or one beyond `MAX_DIGITS` digits.
 ROUNDED_DIGITS = 28
 
 Operation = Callable[[Context, Decimal, Decimal], Decimal]
@@ -170,14 +170,14 @@ class FluentReferences(Arguments):
 def existing_key(
     definitions: Definitions, function: FunctionReference, objects: Sequence[ObjectReference]
 ) -> FluentKey | None:
-    """Find what makes a fluent the one that it is, from names alone."""
+    """Find the key of a fluent from names alone."""
     declared = definitions.functions.named(_name(function))
     ids = definitions.arguments(map(_name, objects))
     return None if declared is None or ids is None else FluentKey(declared.id, ids)
 
 
 def check_fluent(function: FunctionReference, objects: Sequence[ObjectReference]) -> None:
-    """Refuse what is neither a name nor a DTO."""
+    """Refuse references that are neither names nor DTOs."""
     if not isinstance(function, str | PddlFunctionDto):
         raise InvalidKnowledgeError(
             f"the function of {_ROLE} is a name or a PddlFunctionDto, not "

@@ -89,7 +89,7 @@ def agree(definitions: Definitions, types: Sequence[PddlTypeDto], parameters: Pa
 
 
 def check_parents(transaction: Transaction, types: Iterable[PddlTypeDto], role: str) -> None:
-    """Check that types that are referred to say of their parents what is stored."""
+    """Check that the parents that referenced types state are the stored ones."""
     for type_ in types:
         for part in _parts(type_):
             if part.parent is not None:

@@ -111,7 +111,7 @@ _NOW, _THEN = PropositionVersionRow.until.is_(None), held_then(PropositionVersio
 
 
 class PropositionReading(Reading):
-    """One question about propositions, as asked of the present and of the past."""
+    """A query of propositions, with a statement for the present and one for the past."""
 
     @classmethod
     def of_versions(cls, *conditions: ColumnElement[bool]) -> PropositionReading:
@@ -128,7 +128,7 @@ class PropositionReading(Reading):
         return cls(now, then, literal_column("''"), false())
 
     def answer(self, view: View, **parameters: Any) -> list[PddlPropositionDto]:
-        """Ask it."""
+        """Run it on a state."""
         build = DtoBuilder(view.definitions).propositions
         return all_readable("proposition", self.rows(view, **parameters), build)
 
@@ -141,7 +141,7 @@ GOALS = PropositionReading.of_versions(table_of(PropositionVersionRow).c.is_goal
 
 
 def existing_key(transaction: Transaction, dto: PddlPropositionDto) -> AtomKey | None:
-    """Find what makes a proposition the one that it is, from names alone."""
+    """Find the key of a proposition from names alone."""
     expect(dto.predicate, PddlPredicateDto, "the predicate of a proposition")
     definitions = transaction.definitions.current()
     predicate = definitions.predicates.named(dto.predicate.name)

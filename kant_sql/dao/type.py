@@ -121,12 +121,12 @@ class TypeDefiner(Definer[PddlTypeDto, TypeDefinition]):
 
 TYPES = TypeDefiner()
 
-# Types below so many others are compared one by one.
+# Types with more ancestors than this are compared one by one.
 _PLAIN_DEPTH = 8
 
 
 def plain_type(dto: PddlTypeDto) -> Hashable:
-    """Return what a reference says of a type: its name and those above; None if that is more."""
+    """Return the name of a referenced type and those above; None if the DTO states more."""
     if type(dto) is not PddlTypeDto or type(dto.name) is not str:
         return None
     if dto.parent is None:
@@ -144,7 +144,7 @@ def plain_type(dto: PddlTypeDto) -> Hashable:
 
 
 def plain_types(dtos: object) -> Hashable:
-    """Return what a reference says of a list of types, as `plain_type` does."""
+    """Return `plain_type` of each type in a list; None if one of them is None."""
     if type(dtos) is not list:
         return None
     found = tuple([plain_type(dto) for dto in dtos])
@@ -152,7 +152,7 @@ def plain_types(dtos: object) -> Hashable:
 
 
 def _agrees_alone(transaction: Transaction, dto: PddlTypeDto) -> bool:
-    """Tell whether nothing above a type has to be looked at: it is stored, and its parent bare."""
+    """Return whether the types above need no check: the type is stored, its parent states none."""
     parent = dto.parent
     return (
         isinstance(parent, PddlTypeDto)

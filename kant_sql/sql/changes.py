@@ -58,7 +58,7 @@ HIGH: ColumnElement[int] = bindparam("high", type_=BigInteger)
 
 
 class Change(NamedTuple):
-    """A line of what a revision changed. Lines sort as the hash of a revision wants them.
+    """A line of what a revision changed. They sort in the order of the hash.
 
     Attributes:
         sign: `+` asserted, `-` retracted.
@@ -105,7 +105,7 @@ def _of_sources(names: Iterable[str], within: Any, ends: Any) -> list[Select[Any
 
 
 def _others(within: Any, ends: Any = _both_ends) -> list[Select[Any]]:
-    """Return what was asserted and retracted of what is no definition."""
+    """Return the changes of all but definitions."""
     selects = _of_sources((VALUE, PROPOSITION), within, ends)
     step = table_of(PlanStepVersionRow).c
     selects += ends(step, literal_column(f"'{PLAN_STEP}'"), step.text, within)
@@ -117,7 +117,7 @@ def _others(within: Any, ends: Any = _both_ends) -> list[Select[Any]]:
 
 
 def _selects(within: Any, ends: Any = _both_ends) -> list[Select[Any]]:
-    """Give what was asserted and retracted in the revisions for which `within(column)` is true."""
+    """Return the changes of the revisions for which `within(column)` is true."""
     return [*_of_sources(KIND_TABLES, within, ends), *_others(within, ends)]
 
 
@@ -151,7 +151,7 @@ def stream_change_rows(session: Session, kb_id: int, low: int, high: int) -> Ite
 
 
 def stream_rows_left(session: Session, kb_id: int, upto: int) -> Iterator[Row]:
-    """Read what is left of the first revisions once what ended in them is gone, as plain rows."""
+    """Read the changes of the first revisions that remain after an archive, as plain rows."""
     return session.stream(_LEFT, kb=kb_id, low=1, high=upto)
 
 
@@ -165,7 +165,7 @@ def stream_latest(
 def few_changes(
     session: Session, kb_id: int, low: int, high: int, redefined: bool
 ) -> dict[int, tuple[Change, ...]] | None:
-    """Read what a range of revisions changed, if that is not much, with one statement."""
+    """Read the changes of a range of revisions in one statement; None if there are too many."""
     rows = session.rows(_FEW[redefined], kb=kb_id, low=low, high=high)
     if len(rows) > FEW:
         return None
@@ -185,7 +185,7 @@ def few_changes(
 
 
 def unsortable(said: Iterable[tuple[Any, Any]], key: str, error: TypeError) -> StoreIntegrityError:
-    """Make the error for changes of which one has no text, or a kind that is none."""
+    """Return the error for changes one of which has no text or no kind."""
     wrong = sorted(
         {f"{kind}" for kind, text in said if not (isinstance(kind, str) and isinstance(text, str))}
     )

@@ -1,4 +1,4 @@
-"""Interned propositions and fluents, and what is known of them between transactions."""
+"""Interned propositions and fluents, and what transactions cache of them."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ H = TypeVar("H")
 
 
 class AtomKey(NamedTuple):
-    """What makes a proposition the one that it is.
+    """The key of a proposition.
 
     Attributes:
         is_goal: whether it is a goal rather than a fact.
@@ -39,7 +39,7 @@ class GroundAtom(NamedTuple):
 
     Attributes:
         id: its id.
-        key: what makes it the one that it is.
+        key: its predicate or function, and its arguments.
         text: its canonical PDDL text.
     """
 
@@ -52,7 +52,7 @@ class InternCache(Generic[K, A, H]):
     """What is known between transactions: identities for good, and what held.
 
     Attributes:
-        identities: the identities, by what makes each the one that it is.
+        identities: the identities, by their keys.
         held: what held at `revision`, by id: also that something did not.
         revision: the head when `held` was taken; it says nothing about any other.
     """
@@ -98,7 +98,7 @@ class InternCache(Generic[K, A, H]):
 
 
 class FluentKey(NamedTuple):
-    """What makes a fluent the one that it is.
+    """The key of a fluent.
 
     Attributes:
         function_id: its function.
@@ -114,7 +114,7 @@ class GroundFluent(NamedTuple):
 
     Attributes:
         id: its id.
-        key: what makes it the one that it is.
+        key: its predicate or function, and its arguments.
         text: its canonical PDDL text, without a value.
     """
 

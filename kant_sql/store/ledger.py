@@ -210,7 +210,7 @@ class Identity(Protocol):
 
     @property
     def key(self) -> Any:
-        """What makes it the one that it is: a tuple that ends with the ids of its arguments."""
+        """Its key: a tuple that ends with the ids of its arguments."""
 
     @property
     def text(self) -> str:
