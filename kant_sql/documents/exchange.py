@@ -17,7 +17,7 @@ from ..errors import InvalidKnowledgeError, PddlError, printable
 from ..knowledge.definitions import DOMAIN, Definitions
 from ..pddl import read_domain, read_problem, used_requirements
 from ..pddl.document import Domain, PddlWarning, Problem
-from ..pddl.lexer import PddlSource
+from ..pddl.lexer import Source
 from ..pddl.reader import without_collector
 from ..pddl.writer import write, write_domain
 from ..store.snapshot import View, read_revision
@@ -37,7 +37,7 @@ class SqlExchange(SqlDao, Exchange):
     @override
     def load_domain(
         self,
-        *sources: PddlSource,
+        *sources: Source,
         mode: Mode = "replace",
         strict: bool = False,
         progress: Progress | None = None,
@@ -54,7 +54,7 @@ class SqlExchange(SqlDao, Exchange):
     @without_collector()
     def load_problem(
         self,
-        source: PddlSource,
+        source: Source,
         *,
         mode: Mode = "replace",
         strict: bool = False,
@@ -154,7 +154,7 @@ class SqlExchange(SqlDao, Exchange):
         committed = made[0].committed
         return None if committed is None else committed.number
 
-    def _read_problem(self, source: PddlSource, domain: Domain, strict: bool) -> Problem:
+    def _read_problem(self, source: Source, domain: Domain, strict: bool) -> Problem:
         if self._store.read_definitions(lambda known: known.documents.named(DOMAIN)) is not None:
             return read_problem(source, domain=domain, strict=strict)
         # A domain that was made through DAOs fits any name.

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 
 from ..dao.interfaces import Interface, Progress, required
 from ..pddl.document import Domain, PddlWarning, Problem
-from ..pddl.lexer import PddlSource
+from ..pddl.lexer import Source
 from ..pddl.writer import write
 from ..planning import Plan, from_unified_planning, problem_hash, solve, to_unified_planning
 
@@ -54,7 +54,7 @@ class Exchange(Interface):
     @required
     def load_domain(
         self,
-        *sources: PddlSource,
+        *sources: Source,
         mode: Mode = "replace",
         strict: bool = False,
         progress: Progress | None = None,
@@ -92,7 +92,7 @@ class Exchange(Interface):
     @required
     def load_problem(
         self,
-        source: PddlSource,
+        source: Source,
         *,
         mode: Mode = "replace",
         strict: bool = False,

@@ -32,7 +32,7 @@ from ..dto.formulas import (
     When,
 )
 from .document import Action, Domain, Function, FunctionValue, PddlWarning, Predicate, Problem
-from .lexer import PddlSource, Position, Text
+from .lexer import Position, Source, Text
 from .reader import read, read_domain, read_problem
 from .requirements import used_requirements
 from .writer import write
@@ -63,12 +63,12 @@ __all__ = [
     "Not",
     "Number",
     "Or",
-    "PddlSource",
     "PddlWarning",
     "Position",
     "Predicate",
     "Preference",
     "Problem",
+    "Source",
     "Text",
     "Timed",
     "TimedLiteral",

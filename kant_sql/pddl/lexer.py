@@ -122,7 +122,7 @@ class Text:
 
 
 # A path, a text that begins with `(`, or a text with the name of its source.
-PddlSource = str | os.PathLike[str] | Text
+Source = str | os.PathLike[str] | Text
 
 
 def tokenize(text: str) -> list[str]:
@@ -221,7 +221,7 @@ def _open_at_once(path: str, flags: int) -> int:
     return os.open(path, flags | getattr(os, "O_NONBLOCK", 0))
 
 
-def load(source: PddlSource) -> Text:
+def load(source: Source) -> Text:
     """Return the text of a source."""
     if isinstance(source, Text):
         return source

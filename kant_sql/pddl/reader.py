@@ -17,7 +17,7 @@ from .cursor import Cursor, Diagnostics
 from .document import Domain, Problem
 from .domain import DomainReader
 from .forms import DOMAIN, PROBLEM, Form, Scanner
-from .lexer import PddlSource, decode, load, read_file
+from .lexer import Source, decode, load, read_file
 from .problem import ProblemReader
 
 
@@ -42,7 +42,7 @@ Document = TypeVar("Document", Domain, Problem)
 
 
 @without_collector()
-def read_domain(*sources: PddlSource, strict: bool = False) -> Domain:
+def read_domain(*sources: Source, strict: bool = False) -> Domain:
     """Read a domain from one or several sources.
 
     Repetitions in several sources are merged; contradictions are refused.
@@ -69,9 +69,7 @@ def read_domain(*sources: PddlSource, strict: bool = False) -> Domain:
 
 
 @without_collector()
-def read_problem(
-    source: PddlSource, *, domain: Domain | None = None, strict: bool = False
-) -> Problem:
+def read_problem(source: Source, *, domain: Domain | None = None, strict: bool = False) -> Problem:
     """Read a problem.
 
     Args:
@@ -97,7 +95,7 @@ def read_problem(
 
 
 @without_collector()
-def read(source: PddlSource, *, strict: bool = False) -> list[Domain | Problem]:
+def read(source: Source, *, strict: bool = False) -> list[Domain | Problem]:
     """Read all domains and problems of a source.
 
     A problem is checked against its domain if the source contains it.

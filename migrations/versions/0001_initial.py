@@ -40,7 +40,8 @@ LIVE, CLOSED, GOAL = "until IS NULL", "until IS NOT NULL", "is_goal"
 
 def upgrade() -> None:
     """Create the tables, then the views."""
-    METADATA.create_all(_recorder(), checkfirst=False)
+    for table in METADATA.sorted_tables:
+        _create(table)
     fragments = SQLITE if op.get_context().dialect.name == "sqlite" else POSTGRESQL
     for name, query in VIEWS.items():
         op.execute(f"CREATE VIEW {name} AS{_in_dialect(query, fragments).rstrip()}")
@@ -50,13 +51,21 @@ def downgrade() -> None:
     """Drop the views and the tables, with all that is stored."""
     for name in reversed(VIEWS):
         op.execute(f"DROP VIEW {name}")
-    METADATA.drop_all(_recorder(), checkfirst=False)
+    for table in reversed(METADATA.sorted_tables):
+        op.execute(sa.schema.DropTable(table))
 
 
-def _recorder() -> Any:
-    """Return an engine whose statements the migration runs, or writes."""
-    name = op.get_context().dialect.name
-    return sa.create_mock_engine(f"{name}://", lambda ddl, *_, **__: op.execute(ddl))
+def _create(table: sa.Table) -> None:
+    """Create a table, its comments and its indexes, in the same order each time."""
+    op.execute(sa.schema.CreateTable(table))
+    if op.get_context().dialect.supports_comments:
+        if table.comment:
+            op.execute(sa.schema.SetTableComment(table))
+        for column in table.columns:
+            if column.comment:
+                op.execute(sa.schema.SetColumnComment(column))
+    for index in sorted(table.indexes, key=lambda index: str(index.name)):
+        op.execute(sa.schema.CreateIndex(index))
 
 
 # Every table starts with `kb_id`, and so do its keys and indexes.

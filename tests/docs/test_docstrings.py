@@ -125,7 +125,7 @@ def test_help_shows_signature_and_docstring() -> None:
         for method, words in (
             (kb.propositions.save, ("save(dto: 'PddlPropositionDto')", "Insert or update")),
             (kb.log, ("log(since: 'When | None' = None", "Read revisions and their changes")),
-            (kb.load_domain, ("load_domain(*sources: 'PddlSource'", "Load a domain")),
+            (kb.load_domain, ("load_domain(*sources: 'Source'", "Load a domain")),
             (kb.transaction, ("transaction(*, actor: 'str | None' = None", "Make many calls")),
         ):
             text = pydoc.plain(pydoc.render_doc(method))

@@ -63,7 +63,6 @@ MODULES = (
     kant_sql,
     kant_sql.pddl,
     kant_sql.planning,
-    kant_sql.dto.formulas,
     kant_sql.compat,
 )
 
