@@ -35,6 +35,11 @@ SLOW_FOLDERS = {
     *("archive", "benchmarks", "cli", "corpus", "docs", "durability", "examples", "meaning"),
     *("migrations", "planning"),
 }
+# With tests of five seconds and more.
+LONGEST = {
+    *("test_site.py", "test_mutations.py", "test_store.py", "test_document_properties.py"),
+    *("test_val.py", "test_other_parsers.py", "test_properties.py", "test_documents.py"),
+}
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -50,11 +55,13 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
 
 @pytest.hookimpl(trylast=True)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Deselect slow tests and other backends with `--fast`."""
+    """Deselect slow tests and other backends with `--fast`; begin with the longest tests."""
     if config.option.fast:
         left_out = [item for item in items if not is_fast(item)]
         items[:] = [item for item in items if is_fast(item)]
         config.hook.pytest_deselected(items=left_out)
+    # A long test that begins last keeps one worker busy while the other has nothing to do.
+    items.sort(key=lambda item: item.path.name not in LONGEST)
 
 
 def pytest_collection_finish() -> None:

@@ -20,6 +20,7 @@ from typer.main import get_command
 import kant_sql
 from kant_sql import PddlTypeDto
 from kant_sql.cli.main import app, without_passwords
+from tests.cli.conftest import write_history
 from tests.support.processes.commands import (
     CHILD_TIMEOUT,
     PROGRAM,
@@ -30,6 +31,7 @@ from tests.support.processes.commands import (
     run,
     start,
 )
+from tests.support.stores import new_file_store
 from tests.support.worlds.robots import robot_at
 
 SECRET = "hunter2"
@@ -214,8 +216,10 @@ def test_output_that_cannot_be_written_is_an_error(sqlite_store: str) -> None:
 
 
 @pytest.mark.parametrize("words", [["--help"], ["show"], ["log", "--json"]])
-def test_closed_output_is_no_error(words: list[str], sqlite_store: str) -> None:
-    line = shlex.join([*PROGRAM, *words, *([] if "--help" in words else [sqlite_store])])
+def test_closed_output_is_no_error(words: list[str], tmp_path: Path) -> None:
+    url = new_file_store(tmp_path / "store.db")
+    write_history(url)
+    line = shlex.join([*PROGRAM, *words, *([] if "--help" in words else [url])])
     done = child("-c", f"{line} >&-", program=["sh"])
     assert (done.returncode, done.stderr) == (0, "")
 

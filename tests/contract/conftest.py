@@ -94,14 +94,14 @@ def fresh_kb(
 ) -> Iterator[KnowledgeBase]:
     """An empty knowledge base in a store that others may live in, on each backend in turn."""
     name = f"robot {next(_numbers)}"
+    if common_url not in first_kbs:
+        first_kbs[common_url] = kant_sql.connect(common_url)
     if request.node.callspec.params["common_url"] in AIO:
         loop = request.getfixturevalue("event_loop_thread")
-        kb = async_facade.connect(loop, common_url, knowledge_base=name, actor="test")
+        kb = async_facade.beside(loop, first_kbs[common_url], name)
         yield kb
         kb.close()
     else:
-        if common_url not in first_kbs:
-            first_kbs[common_url] = kant_sql.connect(common_url)
         yield beside(first_kbs[common_url], name)
 
 

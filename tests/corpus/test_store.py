@@ -14,9 +14,9 @@ from tests.support.profile import PROFILE
 from tests.support.reading import beside
 from tests.support.stores import Connect, make_store_url
 
-# Bytes of a pair: all but one in a file, half of them on PostgreSQL. The last one is larger than
-# all others together; the profile `long` stores all pairs.
-USUAL = {"sqlite-file": 100_000, "postgresql": 5_000}
+# Bytes of a pair: all but six in a file, a third of them on PostgreSQL. The six are larger than all
+# others together; the profile `long` stores all pairs.
+USUAL = {"sqlite-file": 20_000, "postgresql": 4_000}
 
 
 @needs_corpus

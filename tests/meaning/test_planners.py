@@ -41,8 +41,6 @@ SOLVED = [
     ("enhsp", "ipc2002-driverlog-numeric-automatic.instance-1", "a metric of total-time"),
     ("enhsp", "ipc2002-satellite-numeric-hard-automatic.instance-1", "no goal but a metric"),
     ("fast_downward", "ipc2002-zenotravel-strips-automatic.instance-1", "either"),
-    ("fast_downward", "ipc2004-promela-dining-philosophers-derived-predicates-strips.instance-1",
-     "derived predicates in STRIPS"),
     ("fast_downward", "ipc2004-psr-middle-derived-predicates-adl.instance-2",
      "recursive derived predicates"),
     ("fast_downward", "ipc2004-psr-small-strips.instance-1", "no objects"),
@@ -61,7 +59,6 @@ SOLVED = [
      "costs from functions"),
     ("fast_downward", "ipc2011-barman-sequential-optimal.instance-1", "a hierarchy of types"),
     ("aries", "ipc2011-match-cellar-temporal-satisficing.instance-1", "required concurrency"),
-    ("fast_downward", "ipc2011-tidybot-sequential-optimal.instance-1", "an object named as a type"),
     ("fast_downward", "ipc2011-visit-all-sequential-optimal.instance-2", "a single action"),
     ("fast_downward", "ipc2014-child-snack-sequential-optimal.instance-2", "text beyond ASCII"),
     ("fast_downward", "ipc2014-city-car-sequential-optimal.instance-1",
@@ -71,6 +68,9 @@ SOLVED = [
     ("fast_downward", "ipc2014-hiking-sequential-optimal.instance-1", "inequality"),
 ]  # fmt: skip
 MORE = [
+    ("fast_downward", "ipc2004-promela-dining-philosophers-derived-predicates-strips.instance-1",
+     "derived predicates in STRIPS"),
+    ("fast_downward", "ipc2011-tidybot-sequential-optimal.instance-1", "an object named as a type"),
     ("fast_downward", "ipc2004-psr-middle-derived-predicates-simple-adl.instance-2",
      "derived predicates, conditional effects"),
     ("aries", "ipc2002-driverlog-time-automatic.instance-1", "durations from functions"),

@@ -12,6 +12,7 @@ from typing import Any
 
 from kant_sql import KnowledgeBase, aio
 from kant_sql.factory import Daos
+from tests.support.reading import beside as same_store
 
 
 class Loop:
@@ -150,6 +151,14 @@ class Face(KnowledgeBase):
 
     def close(self) -> None:
         self._loop.call(self._async.close)
+
+
+def beside(loop: Loop, kb: KnowledgeBase, name: str) -> Face:
+    """Another knowledge base on the same connections, which stay open when it is closed."""
+    own = same_store(kb, name)
+    own.close = lambda: None  # type: ignore[method-assign]
+    has_one_connection = kb.factory.has_one_connection
+    return Face(loop, aio.AsyncKnowledgeBase(aio._Door(own, has_one_connection), kb=own))
 
 
 def connect(loop: Loop, url: str, **options: Any) -> Face:
