@@ -216,6 +216,8 @@ def _use() -> None:
             for command in ("show", "log"):
                 with contextlib.redirect_stdout(io.StringIO()), contextlib.suppress(SystemExit):
                     app([command, url])
+    # Each program finds its own, by its environment.
+    tempfile.tempdir = None
 
 
 def main(path: str, *modules: str) -> None:
