@@ -13,7 +13,7 @@ import typer
 from ..errors import KantSqlError, SourceError, printable
 from ..pddl.forms import DOMAIN
 from ..pddl.lexer import read_file
-from ..pddl.reader import CheckedDocument, Finding, Report
+from ..pddl.reader import CheckedDocument, CheckReport, Diagnostic
 from ..pddl.reader import check as check_files
 from .common import AsJson, option
 from .output import Document, Printer, plural, write_json
@@ -71,7 +71,7 @@ def _source(file: str) -> Path | tuple[str, bytes]:
     return read_bytes(file) if file == STANDARD_INPUT else Path(file)
 
 
-def _write_report(report: Report, strict: bool) -> None:
+def _write_report(report: CheckReport, strict: bool) -> None:
     printer = Printer()
     for finding in report.findings:
         place = [finding.source]
@@ -94,7 +94,7 @@ def _result(checked: CheckedDocument) -> str:
     return f"{text}, checked against domain {checked.domain}"
 
 
-def _report_document(report: Report, strict: bool) -> Document:
+def _report_document(report: CheckReport, strict: bool) -> Document:
     return {
         "documents": [checked._asdict() for checked in report.documents],
         "findings": [
@@ -110,5 +110,5 @@ def _report_document(report: Report, strict: bool) -> Document:
     }
 
 
-def _severity(finding: Finding, strict: bool) -> str:
+def _severity(finding: Diagnostic, strict: bool) -> str:
     return "error" if finding.is_error or strict else "warning"

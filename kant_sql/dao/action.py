@@ -109,7 +109,7 @@ def _family(kind: str) -> str:
     return "action" if kind.endswith("action") else kind
 
 
-class ActionReader:
+class ActionChecker:
     """Checks one action's DTO and defines it."""
 
     def __init__(self, transaction: Transaction, dto: PddlActionDto) -> None:
@@ -257,7 +257,7 @@ class _SqlActionDao(SqlNamedDao[A]):
             )
 
     def _put(self, transaction: Transaction, dto: A, cascade: bool) -> bool:
-        return ActionReader(transaction, dto).put()
+        return ActionChecker(transaction, dto).put()
 
     def _remove(self, transaction: Transaction, ids: list[int]) -> None:
         for id_ in ids:

@@ -151,7 +151,7 @@ def _of_kind(diagnostics: Diagnostics, forms: list[Form], kind: str) -> list[For
     return chosen
 
 
-class Finding(NamedTuple):
+class Diagnostic(NamedTuple):
     """An error or a warning about a file; without a place if the file cannot be read at all."""
 
     source: str
@@ -178,14 +178,14 @@ class CheckedDocument(NamedTuple):
     domain: str | None
 
 
-class Report(NamedTuple):
+class CheckReport(NamedTuple):
     """The result of a check, in the order of the files, and of the places in them."""
 
     documents: tuple[CheckedDocument, ...]
-    findings: tuple[Finding, ...]
+    findings: tuple[Diagnostic, ...]
 
 
-def check(files: Iterable[Path | tuple[str, bytes]]) -> Report:
+def check(files: Iterable[Path | tuple[str, bytes]]) -> CheckReport:
     """Check files.
 
     Consecutive domains of one name and one folder are one domain. A problem is checked against the
@@ -223,7 +223,7 @@ class _Checker:
 
     def __init__(self) -> None:
         self._definitions: list[_Definition] = []
-        self._findings: list[Finding] = []
+        self._findings: list[Diagnostic] = []
         self._order: dict[str, int] = {}
 
     @contextmanager
@@ -235,11 +235,13 @@ class _Checker:
         except PddlError as error:
             place = error.source, error.line, error.column
             message = str(error).removeprefix("{}:{}:{}: ".format(*place))
-            self._findings.append(Finding(*place, True, message))
+            self._findings.append(Diagnostic(*place, True, message))
         except SourceError as error:
-            self._findings.append(Finding(error.filename, None, None, True, error.strerror or ""))
+            self._findings.append(
+                Diagnostic(error.filename, None, None, True, error.strerror or "")
+            )
         for source, line, column, message in diagnostics.warnings():
-            self._findings.append(Finding(source, line, column, False, message))
+            self._findings.append(Diagnostic(source, line, column, False, message))
 
     def add(self, name: str, data: bytes | None) -> None:
         """Scan the definitions of a file, which is read unless its data is given."""
@@ -256,7 +258,7 @@ class _Checker:
         else:
             self._definitions.append(definition)
 
-    def report(self) -> Report:
+    def report(self) -> CheckReport:
         """Read the definitions, and report the findings."""
         domains = [one for one in enumerate(self._definitions) if one[1].kind == DOMAIN]
         named: dict[str, list[tuple[int, _Definition]]] = {}
@@ -277,7 +279,7 @@ class _Checker:
             self._findings,
             key=lambda one: (self._order[one.source], one.line or 0, one.column or 0),
         )
-        return Report(tuple(one.checked() for one in self._definitions), tuple(found))
+        return CheckReport(tuple(one.checked() for one in self._definitions), tuple(found))
 
 
 def _nearest(domains: Sequence[tuple[int, _Definition]], position: int) -> Domain | None:

@@ -34,7 +34,7 @@ from .structure import IndexFault, Statement, ViewDialect
 Row = tuple[Any, ...]
 
 
-class Cursor(Protocol):
+class DriverCursor(Protocol):
     """What a session uses of a driver's cursor (PEP 249)."""
 
     rowcount: int
@@ -157,7 +157,7 @@ class Session(ABC):
         self.backend = backend
         self._pooled = connection
         self._pool = backend.engine.pool
-        self._cursor: Cursor = connection.cursor()  # type: ignore[assignment]
+        self._cursor: DriverCursor = connection.cursor()  # type: ignore[assignment]
         self._dialect = backend.dialect
         self._savepoints = 0
         self.is_abandoned = False

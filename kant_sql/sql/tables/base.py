@@ -114,7 +114,7 @@ def position_column(order: int = -60, comment: str | None = "from 0") -> MappedC
     return key_column(order, comment, Integer)
 
 
-class Version:
+class VersionRow:
     """What held of an element from one revision until another."""
 
     kb_id: Mapped[int] = kb_column()
@@ -122,7 +122,7 @@ class Version:
     until: Mapped[int | None] = mapped_column(sort_order=-70, comment=RETRACTED)
 
 
-class Interval(Version):
+class Interval(VersionRow):
     """A version among millions, found by its fork; see `sql/intervals.py`."""
 
     fork: Mapped[int] = mapped_column(

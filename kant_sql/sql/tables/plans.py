@@ -11,7 +11,7 @@ from .base import (
     AT_COMMIT,
     REVISION,
     Base,
-    Version,
+    VersionRow,
     kb_column,
     key_column,
     owner_column,
@@ -109,7 +109,7 @@ class PlanStepArgumentRow(Base):
     object_id: Mapped[int]
 
 
-class PlanStepVersionRow(Version, Base):
+class PlanStepVersionRow(VersionRow, Base):
     """What became of a step, for a time; a step without a row was not started."""
 
     __tablename__ = "plan_step_version"
