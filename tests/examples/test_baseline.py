@@ -17,7 +17,7 @@ from tests.support.worlds.robots import WP2, robot_at
 
 def check(stores: Stores, folder: Path) -> None:
     """Replay on both sides, which compares what they store, and see that all was timed."""
-    measured = measure(stores, 2, folder)
+    measured = measure(stores, 1, folder)
     assert measured.bare.keys() == measured.library.keys() == measured.steps.keys()
     assert all(time > 0 for time in (*measured.bare.values(), *measured.library.values()))
 
