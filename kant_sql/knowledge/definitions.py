@@ -464,14 +464,6 @@ class PendingDefinitions(Definitions):
         """Return the present definitions for immediate use: they may lack later changes."""
         return self if self._by_kind else self.origin
 
-    def changed(self) -> list[tuple[str, PendingElements[Any]]]:
-        """Return the kinds with a definition that was set, even to the same value."""
-        return [(kind, elements) for kind, elements in self.used() if elements.changes]
-
-    def used(self) -> list[tuple[str, PendingElements[Any]]]:
-        """Return the kinds that were accessed; the others are unchanged."""
-        return [(kind, self._by_kind[kind]) for kind in KINDS if kind in self._by_kind]
-
     def elements(self, kind: str) -> PendingElements[Any]:
         """Return the elements of one kind, with their changes."""
         elements: PendingElements[Any] | None = self._by_kind.get(kind)

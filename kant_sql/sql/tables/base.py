@@ -14,7 +14,6 @@ from sqlalchemy import (
     BigInteger,
     Boolean,
     CheckConstraint,
-    Dialect,
     ForeignKeyConstraint,
     Index,
     Integer,
@@ -26,8 +25,6 @@ from sqlalchemy import (
 )
 from sqlalchemy.dialects.postgresql import TIMESTAMP
 from sqlalchemy.orm import DeclarativeBase, Mapped, MappedColumn, mapped_column
-
-from ...knowledge.canonical import time_text
 
 # The collation "C" sorts by code point, as SQLite does and as the hash of a revision demands.
 ShortText = String(255).with_variant(String(255, collation="C"), "postgresql")
@@ -44,18 +41,6 @@ class UtcTime(TypeDecorator[datetime]):
 
     impl = String(27).with_variant(TIMESTAMP(timezone=True), "postgresql")
     cache_ok = True
-
-    def process_bind_param(self, value: datetime | None, dialect: Dialect) -> Any:
-        """Return the driver's form of a time."""
-        if value is None or not isinstance(self.impl_instance, String):
-            return value
-        return time_text(value)
-
-    def process_result_value(self, value: Any, dialect: Dialect) -> datetime | None:
-        """Read the driver's form of a time."""
-        if value is None:
-            return None
-        return text_time(value) if isinstance(value, str) else value.astimezone(UTC)
 
 
 # The text that was hashed: `json` on PostgreSQL keeps it, `jsonb` does not. SQLite has no JSON
