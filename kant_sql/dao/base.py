@@ -12,7 +12,7 @@ from typing import Any, ClassVar, Generic, TypeVar
 from sqlalchemy import ColumnElement, Select, literal_column, select, union_all
 from typing_extensions import override
 
-from ..arguments import expect, flag, iterate
+from ..arguments import expect, flag, iterate, shown
 from ..dto import (
     PddlActionDto,
     PddlConditionEffectDto,
@@ -36,7 +36,14 @@ from ..dto.elements import (
 )
 from ..dto.formulas import Atom, Comparison, Constant, Fluent, Node, Not, Number, Timed, Variable
 from ..dto.lexical import check_name, decimal_text, fold, number_text, variable_name
-from ..errors import ConflictError, InvalidArgumentError, ReadOnlyError, reading_rows, unreadable
+from ..errors import (
+    ConflictError,
+    InvalidArgumentError,
+    InvalidKnowledgeError,
+    ReadOnlyError,
+    reading_rows,
+    unreadable,
+)
 from ..knowledge.canonical import with_text
 from ..knowledge.definitions import (
     ActionDefinition,
@@ -427,13 +434,28 @@ class Definer(ABC, Generic[D, F]):
         found: Any = None if reference is None else agreements.find(reference)
         if found is None:
             expect(dto, self.dto_class, f"the {self.kind} of {role}")
-            found = transaction.definitions.elements(self.kind).named(dto.name)
-            if found is None:
-                return self._define(transaction, dto, False)[0]
-            self.check(transaction, dto, found, role)
+            found = self._find(transaction, dto, role)
             if reference is not None:
                 agreements.new[reference] = found
         return found  # type: ignore[no-any-return]
+
+    def known(self, transaction: Transaction, name: str, role: str) -> F:
+        """Find the element that another one refers to by name alone."""
+        found: F | None = transaction.definitions.elements(self.kind).named(name)
+        if found is None:
+            raise InvalidKnowledgeError(
+                f"{role} refers to {self.kind} {shown(name)}, which is not known; save it first, "
+                f"or give a {self.dto_class.__name__}"
+            )
+        return found
+
+    def _find(self, transaction: Transaction, dto: D, role: str) -> F:
+        """Find an element whose reference was not compared yet; save it when it is missing."""
+        stored: F | None = transaction.definitions.elements(self.kind).named(dto.name)
+        if stored is None:
+            return self._define(transaction, dto, False)[0]
+        self.check(transaction, dto, stored, role)
+        return stored
 
     def check(self, transaction: Transaction, dto: D, stored: F, role: str) -> None:
         """Refuse a reference that disagrees with the stored definition."""

@@ -157,13 +157,7 @@ class FluentReferences(Arguments):
 
     def _function(self, dto: FunctionReference) -> FunctionDefinition:
         if isinstance(dto, str):
-            named = self._transaction.definitions.functions.named(dto)
-            if named is None:
-                raise InvalidKnowledgeError(
-                    f"{_ROLE} refers to function {shown(dto)}, which is not known; save it first, "
-                    "or give a PddlFunctionDto"
-                )
-            return named
+            return FUNCTIONS.known(self._transaction, dto, _ROLE)
         return FUNCTIONS.ensure(self._transaction, dto, _ROLE)
 
 

@@ -8,10 +8,10 @@ from typing import Any
 from sqlalchemy import ColumnElement, bindparam, false, literal_column, select
 from typing_extensions import override
 
-from ..arguments import expect, expect_list, flag, shown
+from ..arguments import expect, expect_list, flag
 from ..dto import PddlObjectDto, PddlPredicateDto, PddlPropositionDto
 from ..dto.elements import atom_text
-from ..errors import ArityError, InvalidKnowledgeError, TypeMismatchError, all_readable
+from ..errors import ArityError, TypeMismatchError, all_readable
 from ..knowledge.canonical import type_text
 from ..knowledge.definitions import FunctionDefinition, ObjectDefinition, PredicateDefinition
 from ..sql.intervals import ANY_PREDICATE, held_then
@@ -65,13 +65,7 @@ class Arguments:
     def object(self, dto: PddlObjectDto | str) -> ObjectDefinition:
         """Find an object; save it when it is missing."""
         if isinstance(dto, str):
-            named = self._transaction.definitions.objects.named(dto)
-            if named is None:
-                raise InvalidKnowledgeError(
-                    f"{self._role} refers to object {shown(dto)}, which is not known; save it "
-                    "first, or give a PddlObjectDto"
-                )
-            return named
+            return OBJECTS.known(self._transaction, dto, self._role)
         return OBJECTS.ensure(self._transaction, dto, self._role)
 
     def mismatch(

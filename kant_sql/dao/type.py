@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Hashable, Sequence
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from ..arguments import expect, expect_list
 from ..dto import PddlEitherTypeDto, PddlTypeDto
@@ -23,17 +23,6 @@ class TypeDefiner(Definer[PddlTypeDto, TypeDefinition]):
     kind = "type"
     dto_class = PddlTypeDto
 
-    def ensure(self, transaction: Transaction, dto: PddlTypeDto, role: str) -> TypeDefinition:
-        """Find the type that an element refers to; save it and those above when missing."""
-        reference = self._reference(dto)
-        found: Any = None if reference is None else transaction.agreements.find(reference)
-        if found is None:
-            expect(dto, PddlTypeDto, f"the type of {role}")
-            if dto.parent is not None:
-                self._ensure_above(transaction, dto, is_saved=False)
-            found = super().ensure(transaction, dto, role)
-        return found  # type: ignore[no-any-return]
-
     def put(self, transaction: Transaction, dto: PddlTypeDto, cascade: bool) -> bool:
         """Insert or redefine a type; return whether that is a change."""
         check_name("type", dto.name)
@@ -44,6 +33,11 @@ class TypeDefiner(Definer[PddlTypeDto, TypeDefinition]):
     def scope(self, definitions: Definitions, ids: Collection[int]) -> Scope:
         """Find what is defined in terms of some types, those below them included."""
         return of_types(definitions, ids)
+
+    def _find(self, transaction: Transaction, dto: PddlTypeDto, role: str) -> TypeDefinition:
+        if dto.parent is not None:
+            self._ensure_above(transaction, dto, is_saved=False)
+        return super()._find(transaction, dto, role)
 
     def _reference(self, dto: PddlTypeDto) -> Hashable:
         name = plain_type(dto)
@@ -92,7 +86,7 @@ class TypeDefiner(Definer[PddlTypeDto, TypeDefinition]):
                 del path[key]
                 done.add(id(current))
                 if current is not dto:
-                    super().ensure(transaction, current, role)
+                    super()._find(transaction, current, role)
                     if agreed is not None:
                         agreed[id(current)] = current
                 continue
@@ -134,9 +128,8 @@ def plain_type(dto: PddlTypeDto) -> Hashable:
     names: list[str] = []
     above: PddlTypeDto | None = dto
     while above is not None:
-        if type(above) is not PddlTypeDto or type(above.name) is not str:
-            return None
-        if len(names) == _PLAIN_DEPTH:
+        is_plain = type(above) is PddlTypeDto and type(above.name) is str
+        if not is_plain or len(names) == _PLAIN_DEPTH:
             return None
         names.append(above.name)
         above = above.parent

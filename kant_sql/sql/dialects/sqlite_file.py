@@ -80,9 +80,9 @@ class Contents:
     def trust(self, found: os.stat_result) -> bool:
         """Attribute a change during a commit of this process to its checkpoint, until `due`."""
         now = time.monotonic()
-        if found.st_size < self.size or now >= (self.due or now + 1):
-            return False
         due = self.due or now + COMPARE_AFTER
+        if found.st_size < self.size or now >= due:
+            return False
         self.confirm(found)
         self.due = due
         return True
@@ -172,20 +172,24 @@ class StoreFile:
             self._refuse("another file has taken its place")
         return connection
 
-    def check(self) -> None:
-        """Check that the file is still in its place and whole, with one system call."""
+    def check(self, is_committed: bool = False) -> None:
+        """Check that the file is still in its place and whole, with one system call.
+
+        After a commit, a change of the file in its place is a checkpoint of this process.
+        """
         try:
             found = os.stat(self.path)
         except OSError as error:
             self._miss(error, "the file is gone")
             return
-        if (
-            found.st_mtime_ns != self._contents.changed
-            or found.st_ino != self._inode
-            or found.st_dev != self._device
-            or self._why is not None
-            or (self._contents.due is not None and time.monotonic() >= self._contents.due)
-        ):
+        contents = self._contents
+        is_moved = found.st_ino != self._inode or found.st_dev != self._device
+        if is_moved or self._why is not None:
+            self._look(found)
+        elif found.st_mtime_ns != contents.changed:
+            if not (is_committed and contents.trust(found)):
+                self._look(found)
+        elif contents.due is not None and time.monotonic() >= contents.due:
             self._look(found)
 
     def check_committed(self) -> None:
@@ -194,7 +198,7 @@ class StoreFile:
         Call `check` just before the commit: a change since then is this process's checkpoint.
         """
         try:
-            self._check_own_change()
+            self.check(is_committed=True)
             self.is_long = self._check_log() > WAL_LIMIT
             self._companion(self._shm)
         except StoreReplacedError as error:
@@ -202,14 +206,6 @@ class StoreFile:
                 f"{error}. What was just committed went to the file that was there before, and is "
                 "lost with it"
             ) from error
-
-    def _check_own_change(self) -> None:
-        found = self._find()
-        is_mine = found is not None and self._why is None and self._is_same(found)
-        if not is_mine or found is None:
-            self.check()
-        elif found.st_mtime_ns != self._contents.changed and not self._contents.trust(found):
-            self._look(found)
 
     def check_log(self) -> None:
         """Check before a write that the log was not truncated, unless it has restarted since."""
