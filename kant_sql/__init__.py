@@ -85,7 +85,7 @@ _HOMES = {
 }
 _SUBPACKAGES = frozenset(
     {"dao", "documents", "factory", "history", "knowledge", "knowledge_base", "pddl", "planning"}
-    | {"plans", "sql", "store"}
+    | {"plans", "reasoning", "sql", "store"}
 )
 
 if not TYPE_CHECKING:

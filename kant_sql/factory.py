@@ -38,6 +38,8 @@ from .history.moments import head_revision, state_at
 from .history.sql_history import SqlHistory
 from .plans.dao import SqlPlanDao, check_step, place_of
 from .plans.interfaces import PlanDao, RecordedStep
+from .reasoning.interfaces import Reasoning
+from .reasoning.sql_reasoning import SqlReasoning
 from .sql.dialects import BACKENDS, create_backend, dialect_name
 from .store.store import Store
 
@@ -227,6 +229,10 @@ class DaoFactory(Connection):
     def create_history(self) -> History:
         """Create the part that reads the past."""
 
+    @abstractmethod
+    def create_reasoning(self) -> Reasoning:
+        """Create the part that asks conditions, acts and validates."""
+
 
 class Daos:
     """The DAOs of a knowledge base.
@@ -337,6 +343,7 @@ class SqlDaoFactory(DaoFactory):
     create_plan_dao = _creates(SqlPlanDao)
     create_exchange = _creates(SqlExchange)
     create_history = _creates(SqlHistory)
+    create_reasoning = _creates(SqlReasoning)
 
     @override
     @contextmanager

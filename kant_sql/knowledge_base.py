@@ -13,10 +13,11 @@ from .documents.interfaces import Exchange
 from .errors import InvalidArgumentError
 from .factory import Connection, DaoFactory, Daos, create_dao_factory
 from .history.interfaces import History
+from .reasoning.interfaces import Reasoning
 
 
-@forwarding(factory=Connection, _exchange=Exchange, _history=History)
-class KnowledgeBase(Daos, Exchange, History, Connection):
+@forwarding(factory=Connection, _exchange=Exchange, _history=History, _reasoning=Reasoning)
+class KnowledgeBase(Daos, Exchange, History, Reasoning, Connection):
     """A robot's knowledge: its present state, its history, and its documents.
 
     Threads may share it. Use it as a context manager, or call `close`.
@@ -34,6 +35,7 @@ class KnowledgeBase(Daos, Exchange, History, Connection):
         self.factory = expect(factory, DaoFactory, "the factory", InvalidArgumentError)
         self._exchange = factory.create_exchange()
         self._history = factory.create_history()
+        self._reasoning = factory.create_reasoning()
         self._create(factory)
 
     @override
