@@ -344,6 +344,7 @@ class Definitions:
 
     Attributes:
         templates: cache of the templates of actions by id, shared with later snapshots.
+        derived: cache of what follows from this snapshot alone, by what computes it.
     """
 
     types: Elements[TypeDefinition]
@@ -357,6 +358,7 @@ class Definitions:
     def __init__(self, *elements: Elements[Any]) -> None:
         self._ancestry: Ancestry[int] | None = None
         self.templates: dict[int, ActionTemplate] = {}
+        self.derived: dict[Any, Any] = {}
         given: Iterable[Elements[Any]] = elements or [Elements() for _ in KINDS]
         self._by_kind: dict[str, Any] = dict(zip(KINDS, given, strict=True))
         for name, of_kind in zip(_ATTRIBUTES, self._by_kind.values(), strict=True):
@@ -454,6 +456,7 @@ class PendingDefinitions(Definitions):
         self._by_kind = {}
         self._ancestry = None
         self.templates = origin.templates
+        self.derived = {}
 
     def __getattr__(self, name: str) -> Any:
         if name not in _ATTRIBUTES:

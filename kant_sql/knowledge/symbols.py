@@ -1,0 +1,101 @@
+"""The names of a state, as readers of PDDL text need them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from typing_extensions import override
+
+from ..dto.formulas import Constant
+from ..dto.lexical import ROOT_TYPE, fold
+from ..pddl.hierarchy import Types
+from ..pddl.symbols import ANY, Entity, Signature, Signatures, SymbolTable
+from .definitions import Definitions, FunctionDefinition
+from .trees import ParameterDefinition
+
+
+class _StoredSignatures(Signatures):
+    """The predicates or the functions of a state, read when they are first asked for."""
+
+    def __init__(self, kind: str, definitions: Definitions) -> None:
+        super().__init__(kind)
+        self._elements = definitions.elements(kind)
+        self._definitions = definitions
+
+    @override
+    def find(self, name: str) -> Signature | None:
+        found = self._found.get(name)
+        if found is None:
+            definition = self._elements.named(name)
+            if definition is None:
+                return super().find(name)
+            named = _types_of(self._definitions)
+            parameters: tuple[ParameterDefinition, ...] = definition.parameters
+            types: Types = ()
+            if isinstance(definition, FunctionDefinition):
+                types = named(definition.type_ids) if definition.type_ids else ()
+            accepted = tuple([named(parameter.type_ids) for parameter in parameters])
+            found = Signature(definition.name, accepted, types)
+            self._found[name] = self._found.setdefault(fold(name), found)
+        return found
+
+    @override
+    def names(self) -> list[str]:
+        return [definition.name for definition in self._elements]
+
+
+class StoredSymbols(SymbolTable):
+    """The names of a state. Objects are looked up one by one: there may be very many."""
+
+    def __init__(self, definitions: Definitions) -> None:
+        super().__init__()
+        self._definitions = definitions
+        self._named = _types_of(definitions)
+        self.predicates = _StoredSignatures("predicate", definitions)
+        self.functions = _StoredSignatures("function", definitions)
+        for type_ in definitions.types:
+            self.types[fold(type_.name)] = type_.name
+            self.parents[type_.name] = self._named(type_.parent_ids)
+
+    @override
+    def object(self, name: str) -> Entity | None:
+        found = self.objects.get(name)
+        if found is None:
+            definition = self._definitions.objects.named(name)
+            if definition is None:
+                return None
+            found = Constant(definition.name), self._named(definition.type_ids)
+            self.objects[name] = found
+        return found
+
+    @override
+    def is_object(self, name: str) -> bool:
+        return self.object(name) is not None
+
+    @override
+    def object_names(self) -> list[str]:
+        return [definition.name for definition in self._definitions.objects]
+
+
+def _types_of(definitions: Definitions) -> Any:
+    """Return what names types, with `object` for none."""
+    live = definitions.types.live
+
+    def named(ids: tuple[int, ...]) -> Types:
+        types = tuple([live(id_).name for id_ in ids])
+        return ANY if not types or ROOT_TYPE in map(fold, types) else types
+
+    return named
+
+
+def symbols_of(definitions: Definitions) -> SymbolTable:
+    """Return the names of a state.
+
+    Those of a snapshot are kept with it; those of a transaction may change with the next write.
+    """
+    if type(definitions) is not Definitions:
+        return StoredSymbols(definitions)
+    found: SymbolTable | None = definitions.derived.get(StoredSymbols)
+    if found is None:
+        found = definitions.derived[StoredSymbols] = StoredSymbols(definitions)
+    return found

@@ -1,0 +1,193 @@
+"""Reading one condition, constraint or step of a caller, with the variables that are free in it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import NamedTuple, TypeVar
+
+from ..dto import formulas as f
+from ..dto.lexical import fold, is_name
+from ..errors import InvalidKnowledgeError
+from .cursor import VARIABLES, Diagnostics, Section, hint
+from .formulas import CONSTRAINTS, EFFECT, PREFERENCES, FormulaReader
+from .lexer import STRING, Text
+from .symbols import ANY, BoundVariable, Entity, SymbolTable
+
+T = TypeVar("T")
+
+
+class ReadCondition(NamedTuple):
+    """A formula, and the variables that are free in it, in the order of their first occurrence.
+
+    Attributes:
+        formula: the formula.
+        free: the free variables; `object` where nothing declares a type.
+        are_declared: whether a list of parameters declared the free variables.
+    """
+
+    formula: f.Formula
+    free: tuple[f.TypedName, ...]
+    are_declared: bool
+
+
+class ReadStep(NamedTuple):
+    """An action's name, and its arguments."""
+
+    action: str
+    arguments: tuple[str, ...]
+
+
+class ConditionReader(FormulaReader):
+    """A reader of formulas that stand alone: a variable that nothing binds is free.
+
+    Args:
+        parameters: the text that declares the free variables; without it, all are allowed.
+    """
+
+    def __init__(
+        self, symbols: SymbolTable, text: str, nesting: str, parameters: str | None = None
+    ) -> None:
+        diagnostics = Diagnostics(strict=False)
+        # A suggestion for each warning would cost more than the reading.
+        diagnostics.suggestions = 0
+        super().__init__(diagnostics, _section(text), symbols, nesting)
+        self.free: dict[str, BoundVariable] = {}
+        self._are_declared = parameters is not None
+        if parameters is not None:
+            for variable in _declared(symbols, parameters):
+                bound = symbols.bound(f"?{variable.name}", variable.types)
+                self.free[bound.key] = bound
+                self.scope.bind(f"?{variable.name}", bound)
+
+    def whole(self, context: int) -> f.Formula:
+        """Read a formula up to the end of the text."""
+        formula = f.And() if self.is_empty() else self.formula(context)
+        if self.is_empty():
+            self.at += 2
+        if self.tokens[self.at]:
+            self.fail("the end of the text: one formula, or (and ...) of several")
+        return formula
+
+    def _named_term(self) -> Entity:
+        token = self.tokens[self.at]
+        if token[:1] != "?" or self._are_declared or self.scope.find(token) is not None:
+            return super()._named_term()
+        if not is_name(token[1:], "variable"):
+            self.fail("a variable")
+        self.at += 1
+        key = fold(token)
+        if key not in self.free:
+            self.free[key] = self.symbols.bound(token, ANY)
+        return self.free[key].entity
+
+
+def _section(text: str) -> Section:
+    whole = Text(STRING, whole=text)
+    return Section(whole, "", 0, len(whole.code))
+
+
+def _declared(symbols: SymbolTable, parameters: str) -> tuple[f.TypedName, ...]:
+    """Read a list of typed variables, with or without its parentheses."""
+    text = parameters if parameters.lstrip().startswith("(") else f"({parameters})"
+    reader = FormulaReader(Diagnostics(strict=False), _section(text), symbols, "the parameters")
+    reader.expect("(", "'(' before the parameters")
+    found = reader.bind(reader.typed_list(VARIABLES))
+    if reader.tokens[reader.at]:
+        reader.fail("the end of the parameters")
+    return found
+
+
+def read_condition(
+    text: str, *, symbols: SymbolTable, parameters: str | None = None
+) -> ReadCondition:
+    """Read a condition.
+
+    Args:
+        text: PDDL text.
+        symbols: the names that it may use.
+        parameters: the free variables with their types, as PDDL text.
+
+    Returns:
+        The condition and its free variables.
+
+    Raises:
+        PddlError: the text is no condition, or it uses what is not declared.
+    """
+    reader = ConditionReader(symbols, text, "the condition", parameters)
+    formula = reader.whole(0)
+    free = tuple(bound.declared for bound in reader.free.values())
+    return ReadCondition(formula, free, parameters is not None)
+
+
+def read_constraints(text: str, *, symbols: SymbolTable) -> f.Formula:
+    """Read constraints on trajectories, with preferences, as in `(:constraints ...)`.
+
+    Raises:
+        PddlError: the text is none, or it uses what is not declared.
+    """
+    reader = ConditionReader(symbols, text, "the constraints", "()")
+    return reader.whole(CONSTRAINTS | PREFERENCES)
+
+
+def read_fact(text: str, *, symbols: SymbolTable) -> f.Atom:
+    """Read a ground atom whose terms are objects.
+
+    Raises:
+        PddlError: the text is none, or it uses what is not declared.
+    """
+    reader = ConditionReader(symbols, text, "the fact", "()")
+    formula = reader.whole(EFFECT)
+    if not isinstance(formula, f.Atom) or not all(
+        isinstance(term, f.Constant) for term in formula.terms
+    ):
+        reader.fail("a fact such as (robot_at rb1 wp1)", f"'{text:.60}'", 0)
+    return formula
+
+
+def read_step(
+    text: str, *, symbols: SymbolTable, actions: Callable[[], Iterable[str]]
+) -> ReadStep:
+    """Read a ground action such as `(move rb1 wp1 wp2)`.
+
+    Args:
+        text: PDDL text; the parentheses may be missing.
+        symbols: the objects.
+        actions: returns the names of the actions.
+
+    Raises:
+        PddlError: the text is none, or it names what is not declared.
+    """
+    given = text if text.lstrip().startswith("(") else f"({text})"
+    reader = FormulaReader(Diagnostics(strict=False), _section(given), symbols, "the step")
+    reader.expect("(", "'(' before the action")
+    known = {fold(name): name for name in actions()}
+    at = reader.at
+    word = reader.word("the name of an action")
+    action = known.get(fold(word))
+    if action is None:
+        expected = f"an action that is declared{hint(word, list(known.values()))}"
+        reader.fail(expected, f"the action '{word}'", at)
+    arguments = []
+    while reader.tokens[reader.at] != ")":
+        if reader.tokens[reader.at] in ("", "("):
+            reader.fail("an object, or ')' after the arguments")
+        arguments.append(str(reader.term()[0]))
+    reader.at += 1
+    if reader.tokens[reader.at]:
+        reader.fail("the end of the text after one step")
+    return ReadStep(action, tuple(arguments))
+
+
+def text_of(given: object, example: str) -> str:
+    """Return the text of a formula given as text or as a node.
+
+    Raises:
+        InvalidKnowledgeError: it is neither.
+    """
+    if isinstance(given, str):
+        return given
+    if isinstance(given, f.Node):
+        return str(given)
+    raise InvalidKnowledgeError(
+        f"{type(given).__name__} is no formula; give PDDL text such as '{example}', or a node"
+    )
