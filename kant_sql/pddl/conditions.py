@@ -144,9 +144,7 @@ def read_fact(text: str, *, symbols: SymbolTable) -> f.Atom:
     return formula
 
 
-def read_step(
-    text: str, *, symbols: SymbolTable, actions: Callable[[], Iterable[str]]
-) -> ReadStep:
+def read_step(text: str, *, symbols: SymbolTable, actions: Callable[[], Iterable[str]]) -> ReadStep:
     """Read a ground action such as `(move rb1 wp1 wp2)`.
 
     Args:
