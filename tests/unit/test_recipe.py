@@ -43,6 +43,7 @@ BEYOND = {
     "history/elements.py": "the history of a value is asked for by its function",
     "history/verify/definitions.py": "parameters of functions and predicates are checked alike",
     "history/verify/identities.py": "terms are objects or numbers by their function",
+    "knowledge/symbols.py": "conditions apply functions",
     "sql/intervals.py": "past values are found by their function",
 }
 
