@@ -35,8 +35,10 @@ from .dao.interfaces import (
 from .dto import Dto, PddlFunctionValueDto, PddlPropositionDto
 from .dto.formulas import Node
 from .errors import ClosedError, StoreBusyError, TransactionCancelledError, TransactionOpenError
+from .history.diff import diff_lines
 from .knowledge_base import KnowledgeBase
 from .plans.interfaces import PlanDao
+from .sql.changes import Change
 
 __all__ = [
     "AsyncDao",
@@ -613,6 +615,34 @@ class AsyncKnowledgeBase(_Part):
     async def at(self, when: int | datetime) -> AsyncKnowledgeBase:
         """Open a past state for reading, as `KnowledgeBase.at`; it is closed with this one."""
         return AsyncKnowledgeBase(self._door, kb=await self._door.read(partial(self._kb.at, when)))
+
+    def branch(
+        self,
+        name: str | None = None,
+        *,
+        at: int | datetime | None = None,
+        url: str | None = None,
+    ) -> Connecting:
+        """Begin a knowledge base with a state of this one, as `KnowledgeBase.branch`.
+
+        Await the result, or use it in `async with`.
+        """
+        self._door.refuse_closed()
+        call = partial(self._kb.branch, name, at=at, url=url)
+        block = self._door.own_block()
+        if block is not None:
+            lane = block.lane
+            return Connecting(lambda: lane.submit(call).result())
+        if self._door.has_one_connection:
+            self._door.refuse_inherited()
+        return Connecting(call)
+
+    async def diff_with(self, other: AsyncKnowledgeBase | KnowledgeBase) -> list[Change]:
+        """Compare this state with that of another knowledge base, as `KnowledgeBase.diff_with`."""
+        if not isinstance(other, AsyncKnowledgeBase):
+            return await self._door.read(partial(self._kb.diff_with, other))
+        here = await self._door.read(self._kb._state_lines)
+        return diff_lines(here, await other._door.read(other._kb._state_lines))
 
     async def revision(self) -> int:
         """Read the number of the last revision, as `KnowledgeBase.revision`."""

@@ -33,6 +33,7 @@ from .dao.type import SqlTypeDao
 from .documents.exchange import SqlExchange
 from .documents.interfaces import Exchange
 from .errors import InvalidUrlError
+from .history.branch import read_origin, write_branch
 from .history.interfaces import History
 from .history.moments import head_revision, state_at
 from .history.sql_history import SqlHistory
@@ -119,6 +120,51 @@ class Connection(Interface):
             []
         """
 
+    @required
+    def branch(
+        self,
+        name: str | None = None,
+        *,
+        at: int | datetime | None = None,
+        url: str | None = None,
+    ) -> Connection:
+        """Begin a knowledge base with a state of this one, to try out what would follow.
+
+        All that belongs to the state goes over: definitions, facts, goals and values, in the same
+        order, so that both write the same documents. (A domain or problem that was never loaded is
+        called as its knowledge base, and so is a branch without `name`.) Recorded plans and the
+        history stay behind. The first revision of the branch names this knowledge base, its
+        revision and that revision's hash in `source`, as `parent`, `revision` and `hash`; a branch
+        of an empty state has no revision yet.
+
+        Args:
+            name: the name of the branch; None for that of this knowledge base.
+            at: a revision's number, or an aware time; None for the present, or for this past
+                state.
+            url: the store of the branch, on any dialect; a new SQLite file is created. None for
+                this store with a `name`, and without one for a store in memory, which ends when
+                the branch is closed. A store in memory holds one knowledge base, so that a branch
+                of it is in another store in memory.
+
+        Returns:
+            The branch, which writes as the same actor; close it as any other.
+
+        Raises:
+            ConflictError: the store has a knowledge base of that name.
+            UnknownRevisionError: there is no such revision yet, or the time lies in the future or
+                has no zone.
+            ArchivedError: a part of that state was moved to an archive.
+            ReadOnlyError: the task or thread has a transaction open: what is pending has no
+                revision that the branch could name.
+            InvalidUrlError: the URL is not valid, or of a family that takes no branches.
+
+        Examples:
+            >>> with kb.branch() as trial:
+            ...     _ = trial.propositions.delete_all()
+            ...     print(kb.diff_with(trial)[0])
+            Change(sign='-', kind='fact', text='(robot_at rb1 wp1)')
+        """
+
     @property
     @required
     def revision(self) -> int:
@@ -152,6 +198,16 @@ class DaoFactory(Connection):
         self, url: str, *, knowledge_base: str = "default", actor: str | None = None
     ) -> None:
         """Open a knowledge base, as `create_dao_factory` describes."""
+
+    @override
+    @abstractmethod
+    def branch(
+        self,
+        name: str | None = None,
+        *,
+        at: int | datetime | None = None,
+        url: str | None = None,
+    ) -> DaoFactory: ...
 
     @abstractmethod
     def create_pddl_type_dao(self) -> daos.PddlTypeDao:
@@ -373,6 +429,29 @@ class SqlDaoFactory(DaoFactory):
         past._open_store = self._store
         past._at = state_at(self._store, when, self._at)
         return past
+
+    @override
+    def branch(
+        self,
+        name: str | None = None,
+        *,
+        at: int | datetime | None = None,
+        url: str | None = None,
+    ) -> DaoFactory:
+        store = self._store
+        origin = read_origin(store, self._at if at is None else state_at(store, at, self._at))
+        if url is None:
+            url = "sqlite://" if name is None else store.backend.address
+        own = store.name if name is None else name
+        made = create_dao_factory(url, knowledge_base=own, actor=store.actor)
+        try:
+            if not isinstance(made, SqlDaoFactory):
+                raise InvalidUrlError(f"{dialect_name(url)}: this DAO family takes no branches")
+            write_branch(made._store, origin)
+        except BaseException:
+            made.close()
+            raise
+        return made
 
     @property
     @override

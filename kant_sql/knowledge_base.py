@@ -42,6 +42,16 @@ class KnowledgeBase(Daos, Exchange, History, Reasoning, Connection):
     def at(self, when: int | datetime) -> Self:
         return type(self)(self.factory.at(when))
 
+    @override
+    def branch(
+        self,
+        name: str | None = None,
+        *,
+        at: int | datetime | None = None,
+        url: str | None = None,
+    ) -> Self:
+        return type(self)(self.factory.branch(name, at=at, url=url))
+
     def __enter__(self) -> Self:
         return self
 

@@ -4,14 +4,23 @@ from __future__ import annotations
 
 from typing import Any
 
-from sqlalchemy import ColumnElement, Select, literal_column, or_, select, union_all
+from sqlalchemy import ColumnElement, Select, and_, literal_column, or_, select, union_all
 
 from ..sql.changes import ASSERTED, RETRACTED, Change, unsortable
 from ..sql.dialects.base import Session
+from ..sql.intervals import ANY_FUNCTION, ANY_PREDICATE, held_then, then
 from ..sql.query import Query, integer
-from ..sql.rows import KB, KIND_TABLES, VERSION_COLUMNS, VersionColumns
+from ..sql.rows import (
+    KB,
+    KIND_TABLES,
+    PROPOSITION,
+    VALUE,
+    VERSION_COLUMNS,
+    VersionColumns,
+    held_at,
+)
 from ..sql.tables import HeadRow
-from ..store.snapshot import refuse_archived
+from ..store.snapshot import View, refuse_archived
 from ..store.store import Store
 from .moments import When, states_at
 
@@ -49,6 +58,48 @@ _DIFFERENCES = {
     True: _differences(*VERSION_COLUMNS),
     False: _differences(*(name for name in VERSION_COLUMNS if name not in KIND_TABLES)),
 }
+
+
+def _state(then: bool) -> Query:
+    """Select kind and text of all that holds."""
+    parts = []
+    for name, source in VERSION_COLUMNS.items():
+        version = source.version
+        held: ColumnElement[bool] = version.until.is_(None)
+        if then:
+            any_owner = {PROPOSITION: ANY_PREDICATE, VALUE: ANY_FUNCTION}.get(name)
+            held = held_at(version) if any_owner is None else and_(any_owner, held_then(version))
+        columns: tuple[Any, ...] = source.kind, source.text
+        parts.append(select(*columns).where(version.kb_id == KB, held))
+    return Query(union_all(*parts))
+
+
+# By whether it is about the past.
+_STATES = {is_past: _state(is_past) for is_past in (False, True)}
+
+
+def state_lines(store: Store, at: int | None) -> list[tuple[str, str]]:
+    """Read kind and text of all that belongs to a state, in one statement."""
+
+    def work(view: View) -> list[tuple[str, str]]:
+        if view.kb_id is None:
+            return []
+        past = {} if view.at is None else then(view.session, view.at)
+        rows = view.session.rows(_STATES[view.at is not None], kb=view.kb_id, **past)
+        return [(kind, text) for kind, text in rows]
+
+    return store.read_in_snapshot(work, at)
+
+
+def diff_lines(here: list[tuple[str, str]], there: list[tuple[str, str]]) -> list[Change]:
+    """Return the changes from one state to another, of their lines."""
+    own, others = set(here), set(there)
+    changes = [Change(ASSERTED, *line) for line in others - own]
+    changes += [Change(RETRACTED, *line) for line in own - others]
+    try:
+        return sorted(changes)
+    except TypeError as error:
+        raise unsortable(((kind, text) for _, kind, text in changes), "now", error) from error
 
 
 def diff(store: Store, a: When, b: When, upto: int | None = None) -> list[Change]:

@@ -157,6 +157,34 @@ class History(Interface):
         """
 
     @required
+    def diff_with(self, other: History) -> list[Change]:
+        """Compare this state with that of another knowledge base, in any store.
+
+        Args:
+            other: the other one, in the present or the past.
+
+        Returns:
+            What would turn this state into the other's: `+` for what holds only there, `-` for what
+            holds only here, sorted by sign, kind and text. Pending changes of open transactions
+            count.
+
+        Raises:
+            InvalidArgumentError: `other` is not a knowledge base.
+
+        Examples:
+            >>> with kb.branch() as trial:
+            ...     _ = trial.propositions.save(PddlPropositionDto(robot_at, [rb1, wp2]))
+            ...     for change in kb.diff_with(trial):
+            ...         print(change.sign, change.kind, change.text)
+            + fact (robot_at rb1 wp2)
+            + object wp2 - wp
+        """
+
+    @required
+    def _state_lines(self) -> list[tuple[str, str]]:
+        """Return kind and text of all that belongs to the state."""
+
+    @required
     def history(self, element: Element) -> list[Version]:
         """Read when an element held, and who asserted and retracted it.
 

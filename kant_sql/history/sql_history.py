@@ -7,12 +7,14 @@ from collections.abc import Iterator
 
 from typing_extensions import override
 
+from ..arguments import expect
 from ..dao.base import SqlDao
 from ..dao.interfaces import Progress
+from ..errors import InvalidArgumentError
 from ..sql.changes import Change
 from .anchors import Anchor, read_anchor
 from .archive.archive import Archived, archive
-from .diff import diff
+from .diff import diff, diff_lines, state_lines
 from .follow import read_changes, watch
 from .interfaces import Element, History, When
 from .log import read_log, read_revisions
@@ -62,6 +64,15 @@ class SqlHistory(SqlDao, History):
     @override
     def diff(self, a: When, b: When) -> list[Change]:
         return diff(self._store, a, b, self._at)
+
+    @override
+    def diff_with(self, other: History) -> list[Change]:
+        expect(other, History, "what it is compared with", InvalidArgumentError)
+        return diff_lines(self._state_lines(), other._state_lines())
+
+    @override
+    def _state_lines(self) -> list[tuple[str, str]]:
+        return state_lines(self._store, self._at)
 
     @override
     def history(self, element: Element) -> list[Version]:

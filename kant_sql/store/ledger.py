@@ -82,6 +82,10 @@ class WriteContext:
         self.next_id = first + number
         return range(first, first + number)
 
+    def reserve(self, ids: Iterable[int]) -> None:
+        """Allocate no id that another knowledge base has given out."""
+        self.next_id = max(self.next_id, 1 + max(ids, default=0))
+
 
 class PendingChanges(ABC):
     """What a transaction has changed of one kind of knowledge.
@@ -392,6 +396,13 @@ class DefinitionLedger(Ledger[int, Definition]):
             self.assign(elements.unwritten, id_, name)
         return identity
 
+    def adopt(self, definition: Definition) -> None:
+        """Keep an element of another knowledge base, whose identity this one lacks."""
+        self.context.reserve((definition.id,))
+        self.assign(self._elements.unwritten, definition.id, definition.name)
+        self.know(definition)
+        self.put(definition.id, definition)
+
     def know(self, definition: Definition) -> None:
         """Keep the identity of an element."""
         identity = (definition.id, definition.name)
@@ -450,6 +461,11 @@ class PropositionLedger(InternedLedger[GroundAtom, GroundAtom]):
         """Assert propositions that were never known before."""
         ids = self.context.allocate(len(texts))
         atoms = dict(zip(ids, map(GroundAtom, ids, texts, texts.values()), strict=True))
+        self._add(atoms, {**atoms})
+
+    def adopt(self, atoms: dict[int, GroundAtom]) -> None:
+        """Assert propositions of another knowledge base, under their ids."""
+        self.context.reserve(atoms)
         self._add(atoms, {**atoms})
 
     def holds(self, atom: GroundAtom) -> bool:
@@ -592,6 +608,11 @@ class FunctionValueLedger(InternedLedger[GroundFluent, HeldValue]):
             fluent = fluents[id_] = GroundFluent(id_, key, text)
             held[id_] = HeldValue(fluent, value)
         self._add(fluents, held)
+
+    def adopt(self, values: dict[int, HeldValue]) -> None:
+        """Set values of another knowledge base, under their fluents' ids."""
+        self.context.reserve(values)
+        self._add({id_: held.fluent for id_, held in values.items()}, {**values})
 
     def unset(self, held: Iterable[HeldValue]) -> None:
         """Unset fluents whose values were read within the transaction, after a flush."""

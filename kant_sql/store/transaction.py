@@ -201,6 +201,12 @@ class Transaction:
         self._ledger(kind).know(definition)
         return True
 
+    def adopt(self, kind: str, definition: Definition) -> None:
+        """Define an element of another knowledge base, under its id, where nothing is known."""
+        if kind == "type":
+            self.definitions.reshape(definition.id)
+        self._ledger(kind).adopt(definition)
+
     def undefine(self, kind: str, id_: int) -> None:
         """Remove the definition of an element."""
         self._forget_shape()

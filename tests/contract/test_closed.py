@@ -44,6 +44,7 @@ def arguments(name: str, owner: str, kb: KnowledgeBase, kept: dict[str, Any]) ->
         "a": 0,
         "b": 1,
         "before": 1,
+        "other": kb,
         "to": "sqlite://",
         "element": "rb1",
         "sources": DOMAIN,

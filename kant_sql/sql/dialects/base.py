@@ -394,6 +394,11 @@ class Backend(ABC):
         """The URL for messages, without passwords."""
         return url_label(self.url)
 
+    @property
+    def address(self) -> str:
+        """The URL by which this process can open the database again, with its password."""
+        return self.url.render_as_string(hide_password=False)
+
     def session(self) -> Session:
         """Take a connection from the pool."""
         if self.is_closed:

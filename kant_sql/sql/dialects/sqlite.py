@@ -589,6 +589,12 @@ class SqliteBackend(Backend):
             return MemorySession(self, connection)
         return FileSession(self, connection)
 
+    @property
+    def address(self) -> str:
+        """The URL by which this process can open the store again, in any working directory."""
+        url = self.url if self.in_memory else self.url.set(database=self.file.path)
+        return url.render_as_string(hide_password=False)
+
     def keep(self, session: SqliteSession) -> bool:
         """Keep a session for the next call, unless it is stale or enough are kept."""
         fit = session.is_current and len(self._idle) < POOL_SIZE
