@@ -1,0 +1,114 @@
+"""What of a condition does not hold, part by part."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from decimal import Decimal
+
+from ..dto import formulas as f
+from ..dto.lexical import fold
+from .conditions import Compiler, Condition, Conditions, Env, junction
+from .grounding import Binding, substitute
+from .world import World
+
+# Parts of one universal quantifier that are named.
+MAX_INSTANCES = 20
+
+
+@dataclass(frozen=True)
+class FailedCondition:
+    """A part of a condition that does not hold, or another reason why a step fails.
+
+    Attributes:
+        text: the part as PDDL text, with objects for its variables.
+        reason: why it fails.
+        left: the value of the left side of a comparison; None without a value.
+        right: the value of its right side.
+    """
+
+    text: str
+    reason: str
+    left: Decimal | None = None
+    right: Decimal | None = None
+
+    def __str__(self) -> str:
+        return f"{self.text}: {self.reason}"
+
+
+def failed_parts(
+    world: World,
+    conditions: Conditions,
+    formula: f.Formula,
+    binding: Binding,
+    duration: Decimal | None = None,
+) -> Iterator[FailedCondition]:
+    """Yield the parts of a condition that do not hold.
+
+    Conjunctions and universal quantifiers are taken apart; of the latter, the first
+    `MAX_INSTANCES` counterexamples are named.
+
+    Args:
+        world: the state.
+        conditions: its compiled conditions.
+        formula: the condition.
+        binding: the objects of its free variables.
+        duration: the value of `?duration`.
+    """
+    stack: list[tuple[f.Formula, bool, Binding]] = [(formula, False, binding)]
+    while stack:
+        part, negated, names = stack.pop()
+        if isinstance(part, f.Preference | f.Timed):
+            if isinstance(part, f.Timed):
+                stack.append((part.formula, negated, names))
+            continue
+        whole = f.Not(part) if negated else part
+        parameters = [f.TypedName(name) for name in names]
+        if Condition(world, whole, parameters).holds(tuple(names.values()), duration):
+            continue
+        inner = junction(part, negated)
+        kind = f.Exists if negated else f.Forall
+        if inner is not None and inner[1]:
+            stack.extend((one, flag, names) for one, flag in reversed(inner[0]))
+        elif isinstance(part, kind):
+            found = _counterexamples(world, part, negated, names, duration)
+            stack.extend((part.formula, negated, one) for one in reversed(found))
+        else:
+            yield _failure(conditions, part, negated, names, duration)
+
+
+def _counterexamples(
+    world: World,
+    part: f.Forall | f.Exists,
+    negated: bool,
+    binding: Binding,
+    duration: Decimal | None,
+) -> list[Binding]:
+    """Return bindings for which the inner formula fails, in the order of declaration."""
+    compiler = Compiler(world, [f.TypedName(name) for name in binding])
+    search, slots = compiler.open_search(part.variables, [(part.formula, not negated)])
+    env: Env = compiler.template.copy()
+    env[: len(binding)] = binding.values()
+    env[compiler.duration] = duration
+    found = {tuple([env[slot] for slot in slots]) for _ in search(env)}
+    order = {name: number for number, name in enumerate(world.objects)}
+    rows = sorted(found, key=lambda row: [order[name] for name in row])[:MAX_INSTANCES]
+    names = [fold(one.name) for one in part.variables]
+    return [{**binding, **dict(zip(names, row, strict=True))} for row in rows]
+
+
+def _failure(
+    conditions: Conditions,
+    part: f.Formula,
+    negated: bool,
+    binding: Binding,
+    duration: Decimal | None,
+) -> FailedCondition:
+    ground = substitute(part, binding)
+    text = str(f.Not(ground) if negated else ground)
+    if isinstance(part, f.Comparison):
+        left = conditions.number(part.left, binding, duration)
+        right = conditions.number(part.right, binding, duration)
+        shown = [f"{side:f}" if side is not None else "no value" for side in (left, right)]
+        return FailedCondition(text, f"the sides are {shown[0]} and {shown[1]}", left, right)
+    return FailedCondition(text, "holds" if negated else "does not hold")

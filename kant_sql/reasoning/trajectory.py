@@ -1,0 +1,365 @@
+"""Trajectory constraints of PDDL 3.0, judged while the states of a trajectory go by.
+
+A trajectory is a sequence of states with times. The semantics is that of Gerevini, Haslum, Long,
+Saetti and Dimopoulos, Deterministic planning in the fifth international planning competition:
+PDDL3 and experimental evaluation of the planners (Artificial Intelligence 173, 2009), section 2.
+For states S0, S1 ... Sn at times t0 <= t1 ... <= tn:
+
+- `(always A)`: A holds in all states.
+- `(sometime A)`: A holds in some state.
+- `(within t A)`: A holds in some state Si with ti <= t.
+- `(at-most-once A)`: the states in which A holds are consecutive.
+- `(sometime-after A B)`: for each Si in which A holds, B holds in some Sj with j >= i.
+- `(sometime-before A B)`: for each Si in which A holds, B holds in some Sj with j < i.
+- `(always-within t A B)`: for each Si in which A holds, B holds in some Sj with j >= i and
+  tj - ti <= t.
+- `(hold-during t u A)`: A holds in each Si with t <= ti < u, and in the state at t: the last Si
+  with ti <= t, if a later state follows.
+- `(hold-after t A)`: A holds in each Si with t <= ti, and in the state at t, likewise.
+- `(at end A)`: A holds in Sn.
+
+`forall` around a preference makes one preference for each object; `forall` and `and` inside one
+belong to it. Modal operators do not nest, and `or`, `not` and `imply` do not contain them.
+
+A monitor keeps the same few values however long the trajectory is. VAL deviates in four cases:
+- it ends a window of `hold-during` with the first state inside it;
+- it does not see that A fails at t when no state has a time inside the window;
+- it counts `(preference p (and ...))` once for each violated conjunct;
+- it judges a quantifier outside a preference as one preference if another one is outside of it.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+from decimal import Decimal
+
+from ..dto import formulas as f
+from ..errors import UnsupportedConstructError
+from .grounding import Binding, combinations, ground_text
+
+# Whether a formula holds in the present state, for a binding of its free variables.
+Truth = Callable[[f.Formula, Binding], bool]
+# The names of the objects that a variable ranges over.
+Range = Callable[[f.TypedName], Sequence[str]]
+
+
+@dataclass(frozen=True, slots=True, order=True)
+class Moment:
+    """The place of a state in its trajectory.
+
+    Attributes:
+        index: its index, from 0.
+        time: its time.
+    """
+
+    index: int
+    time: Decimal
+
+
+class Monitor(ABC):
+    """Judges one modal formula.
+
+    Attributes:
+        formula: the modal formula.
+        binding: the objects of its free variables.
+        violation: the state that violates it, as soon as no further state can help.
+    """
+
+    def __init__(self, formula: f.Modal | f.Timed, binding: Binding) -> None:
+        self.formula = formula
+        self.binding = binding
+        self.violation: Moment | None = None
+        inner = formula.formulas if isinstance(formula, f.Modal) else (formula.formula,)
+        self._first, self._second = inner[0], inner[-1]
+        self._times = [one.value for one in getattr(formula, "numbers", ())]
+
+    @abstractmethod
+    def observe(self, now: Moment, holds: Truth) -> None:
+        """Judge the next state, which `holds` gives access to."""
+
+    def conclude(self, last: Moment) -> None:
+        """Judge the trajectory after its last state."""
+        del last
+
+    def _violate(self, moment: Moment) -> None:
+        if self.violation is None:
+            self.violation = moment
+
+
+class _Always(Monitor):
+    def observe(self, now: Moment, holds: Truth) -> None:
+        if self.violation is None and not holds(self._first, self.binding):
+            self._violate(now)
+
+
+class _Sometime(Monitor):
+    _is_met = False
+
+    def observe(self, now: Moment, holds: Truth) -> None:
+        del now
+        self._is_met = self._is_met or holds(self._first, self.binding)
+
+    def conclude(self, last: Moment) -> None:
+        if not self._is_met:
+            self._violate(last)
+
+
+class _Within(_Sometime):
+    def observe(self, now: Moment, holds: Truth) -> None:
+        if self._is_met or self.violation is not None:
+            return
+        if now.time > self._times[0]:
+            self._violate(now)
+        else:
+            super().observe(now, holds)
+
+
+class _AtMostOnce(Monitor):
+    _has_held = False
+    _holds = False
+
+    def observe(self, now: Moment, holds: Truth) -> None:
+        if self.violation is not None:
+            return
+        held, self._holds = self._holds, holds(self._first, self.binding)
+        if self._holds and not held and self._has_held:
+            self._violate(now)
+        self._has_held = self._has_held or self._holds
+
+
+class _SometimeAfter(Monitor):
+    # The first state that waits for the second formula.
+    _waiting: Moment | None = None
+
+    def observe(self, now: Moment, holds: Truth) -> None:
+        if self._waiting is None and not holds(self._first, self.binding):
+            return
+        self._waiting = self._waiting or now
+        if holds(self._second, self.binding):
+            self._waiting = None
+
+    def conclude(self, last: Moment) -> None:
+        if self._waiting is not None:
+            self._violate(self._waiting)
+
+
+class _AlwaysWithin(_SometimeAfter):
+    def observe(self, now: Moment, holds: Truth) -> None:
+        waiting = self._waiting
+        if self.violation is not None:
+            return
+        if waiting is not None and now.time - waiting.time > self._times[0]:
+            self._violate(waiting)
+        else:
+            super().observe(now, holds)
+
+
+class _SometimeBefore(Monitor):
+    _is_met = False
+
+    def observe(self, now: Moment, holds: Truth) -> None:
+        if self._is_met or self.violation is not None:
+            return
+        if holds(self._first, self.binding):
+            self._violate(now)
+        self._is_met = holds(self._second, self.binding)
+
+
+class _HoldDuring(Monitor):
+    # The last state up to the beginning of the window, if the formula does not hold in it.
+    _failing: Moment | None = None
+
+    def __init__(self, formula: f.Modal | f.Timed, binding: Binding) -> None:
+        super().__init__(formula, binding)
+        self._end = self._times[1] if len(self._times) > 1 else Decimal("Infinity")
+
+    def observe(self, now: Moment, holds: Truth) -> None:
+        begin = self._times[0]
+        if self.violation is not None:
+            return
+        if self._failing is not None and now.time > begin:
+            self._violate(self._failing)
+        elif now.time < self._end and not holds(self._first, self.binding):
+            if now.time >= begin:
+                self._violate(now)
+            else:
+                self._failing = now
+                return
+        self._failing = None
+
+
+class _AtEnd(Monitor):
+    _holds = True
+
+    def observe(self, now: Moment, holds: Truth) -> None:
+        del now
+        self._holds = holds(self._first, self.binding)
+
+    def conclude(self, last: Moment) -> None:
+        if not self._holds:
+            self._violate(last)
+
+
+_MONITORS: dict[str, type[Monitor]] = {
+    "always": _Always,
+    "sometime": _Sometime,
+    "within": _Within,
+    "at-most-once": _AtMostOnce,
+    "sometime-after": _SometimeAfter,
+    "sometime-before": _SometimeBefore,
+    "always-within": _AlwaysWithin,
+    "hold-during": _HoldDuring,
+    "hold-after": _HoldDuring,
+}
+
+
+@dataclass(frozen=True)
+class Rule:
+    """A constraint, or one instance of a preference, with a monitor for each modal formula in it.
+
+    Attributes:
+        formula: the constraint; the whole preference, if it is one.
+        binding: the objects of the variables of quantifiers around it.
+        preference: the name of the preference; None for a hard constraint or without a name.
+        is_soft: whether it is a preference.
+        monitors: the monitors.
+    """
+
+    formula: f.Formula
+    binding: Binding
+    preference: str | None
+    is_soft: bool
+    monitors: tuple[Monitor, ...] = field(repr=False)
+
+    @property
+    def violation(self) -> Moment | None:
+        """The first state that violates it; None while it is satisfied or undecided."""
+        found = [one.violation for one in self.monitors if one.violation is not None]
+        return min(found, default=None)
+
+    @property
+    def violated(self) -> tuple[Monitor, ...]:
+        """The monitors whose formulas are violated."""
+        return tuple([one for one in self.monitors if one.violation is not None])
+
+    def __str__(self) -> str:
+        return ground_text(self.formula, self.binding)
+
+
+class Trajectory:
+    """Judges constraints while states are observed.
+
+    Attributes:
+        rules: the constraints and the instances of preferences.
+        last: the last state that was observed.
+    """
+
+    def __init__(self, constraints: Iterable[f.Formula], objects: Range) -> None:
+        """Create the monitors.
+
+        Args:
+            constraints: trajectory constraints.
+            objects: returns the names of the objects of a variable's types.
+
+        Raises:
+            UnsupportedConstructError: modal operators are nested, or inside `or`, `not`, `imply`,
+                `exists`, or a formula has none.
+        """
+        self.rules = tuple([rule for one in constraints for rule in rules_of(one, objects)])
+        self._monitors = [monitor for rule in self.rules for monitor in rule.monitors]
+        self.last: Moment | None = None
+
+    def observe(self, time: Decimal, holds: Truth) -> None:
+        """Judge the next state.
+
+        Args:
+            time: its time, not before the one of the state before.
+            holds: whether a formula holds in it.
+        """
+        now = self.last = Moment(0 if self.last is None else self.last.index + 1, time)
+        for monitor in self._monitors:
+            monitor.observe(now, holds)
+
+    def conclude(self) -> None:
+        """Judge the trajectory after its last state."""
+        if self.last is not None:
+            for monitor in self._monitors:
+                monitor.conclude(self.last)
+
+    def violated(self) -> list[Rule]:
+        """Return the rules that are violated so far."""
+        return [rule for rule in self.rules if rule.violation is not None]
+
+
+def rules_of(constraint: f.Formula, objects: Range) -> Iterator[Rule]:
+    """Yield the rules that a constraint consists of.
+
+    Args:
+        constraint: a trajectory constraint, with quantifiers and preferences around.
+        objects: returns the names of the objects of a variable's types.
+
+    Raises:
+        UnsupportedConstructError: see `Trajectory`.
+    """
+    for part, binding in _parts(constraint, {}, objects):
+        if isinstance(part, f.Preference):
+            inner = _parts(part.formula, binding, objects)
+            monitors = tuple([_monitor(one, names) for one, names in inner])
+            yield Rule(part, binding, part.name, True, monitors)
+        else:
+            yield Rule(part, binding, None, False, (_monitor(part, binding),))
+
+
+def _parts(
+    constraint: f.Formula, binding: Binding, objects: Range
+) -> Iterator[tuple[f.Formula, Binding]]:
+    """Yield what conjunctions and universal quantifiers consist of, in order."""
+    stack: list[Iterator[tuple[f.Formula, Binding]]] = [iter([(constraint, binding)])]
+    while stack:
+        found = next(stack[-1], None)
+        if found is None:
+            stack.pop()
+            continue
+        part, names = found
+        if isinstance(part, f.And):
+            stack.append(iter([(one, names) for one in part.formulas]))
+        elif isinstance(part, f.Forall):
+            stack.append(_instances(part, names, objects))
+        else:
+            yield part, names
+
+
+def _instances(
+    part: f.Forall, binding: Binding, objects: Range
+) -> Iterator[tuple[f.Formula, Binding]]:
+    ranges = [objects(variable) for variable in part.variables]
+    for extended in combinations(part.variables, ranges, binding):
+        yield part.formula, extended
+
+
+def _monitor(part: f.Formula, binding: Binding) -> Monitor:
+    if isinstance(part, f.Timed) and part.time == f.AT_END:
+        kind: type[Monitor] | None = _AtEnd
+    else:
+        kind = _MONITORS.get(part.operator) if isinstance(part, f.Modal) else None
+    if kind is None:
+        raise _unsupported(
+            part, "a trajectory constraint is a modal operator, such as (always ...)"
+        )
+    assert isinstance(part, f.Modal | f.Timed)
+    inner = part.formulas if isinstance(part, f.Modal) else (part.formula,)
+    for node in f.walk(*inner):
+        if isinstance(node, f.Modal | f.Timed | f.Preference):
+            raise _unsupported(part, f"({f.head(node)} ...) is inside of it")
+    return kind(part, binding)
+
+
+def _unsupported(part: f.Formula, reason: str) -> UnsupportedConstructError:
+    text = str(part)
+    short = text if len(text) <= 120 else text[:117] + "..."
+    return UnsupportedConstructError(
+        f"no semantics is defined for the constraint {short}: {reason}; give modal operators with "
+        "formulas without such operators, in conjunctions, universal quantifiers and preferences"
+    )
