@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from .knowledge_base import KnowledgeBase, connect
     from .planning import Plan, PlanStep
     from .plans.interfaces import RecordedPlan, RecordedStep
+    from .reasoning.ask import Answers
     from .sql.changes import Change
     from .sql.dialects.base import Roles
     from .sql.predicate_views import PredicateView, drop_views, update_views
@@ -32,6 +33,7 @@ __version__ = "0.1.0"
 __all__ = [
     "Anchor",
     "AnchoredHead",
+    "Answers",
     "Archived",
     "Change",
     "DaoFactory",
@@ -76,6 +78,7 @@ _HOMES = {
         ".knowledge_base": ("KnowledgeBase", "connect"),
         ".planning": ("Plan", "PlanStep"),
         ".plans.interfaces": ("RecordedPlan", "RecordedStep"),
+        ".reasoning.ask": ("Answers",),
         ".sql.changes": ("Change",),
         ".sql.dialects.base": ("Roles",),
         ".sql.predicate_views": ("PredicateView", "drop_views", "update_views"),

@@ -38,6 +38,7 @@ from .errors import ClosedError, StoreBusyError, TransactionCancelledError, Tran
 from .history.diff import diff_lines
 from .knowledge_base import KnowledgeBase
 from .plans.interfaces import PlanDao
+from .reasoning.ask import Answers, Binding
 from .sql.changes import Change
 
 __all__ = [
@@ -584,6 +585,7 @@ class AsyncKnowledgeBase(_Part):
     log = _iterate(KnowledgeBase.log)
     changes = _iterate(KnowledgeBase.changes)
     transaction = _Call(KnowledgeBase.transaction, _Transaction)
+    holds = _read(KnowledgeBase.holds)
 
     def __init__(self, door: _Door, *, kb: KnowledgeBase) -> None:
         """Wrap a knowledge base; `connect` does this.
@@ -647,6 +649,24 @@ class AsyncKnowledgeBase(_Part):
     async def revision(self) -> int:
         """Read the number of the last revision, as `KnowledgeBase.revision`."""
         return await self._door.read(lambda: self._kb.revision)
+
+    async def query(
+        self,
+        condition: str | Node,
+        /,
+        *,
+        parameters: str | None = None,
+        limit: int | None = None,
+        **bindings: Binding,
+    ) -> Answers:
+        """Find the objects for which a condition holds, as `KnowledgeBase.query`; all are read."""
+
+        def ask() -> Answers:
+            found = self._kb.query(condition, parameters=parameters, limit=limit, **bindings)
+            len(found)
+            return found
+
+        return await self._door.read(ask)
 
     async def watch(self, after: int | None = None, *, timeout: float | None = None) -> int | None:
         """Wait for a new revision, as `KnowledgeBase.watch`.

@@ -47,10 +47,7 @@ class ConditionReader(FormulaReader):
     def __init__(
         self, symbols: SymbolTable, text: str, nesting: str, parameters: str | None = None
     ) -> None:
-        diagnostics = Diagnostics(strict=False)
-        # A suggestion for each warning would cost more than the reading.
-        diagnostics.suggestions = 0
-        super().__init__(diagnostics, _section(text), symbols, nesting)
+        super().__init__(Diagnostics(strict=False), _section(text), symbols, nesting)
         self.free: dict[str, BoundVariable] = {}
         self._are_declared = parameters is not None
         if parameters is not None:

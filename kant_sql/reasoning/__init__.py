@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from .ask import Answers, Binding
 from .interfaces import Reasoning
 
-__all__ = ["Reasoning"]
+__all__ = ["Answers", "Binding", "Reasoning"]

@@ -75,6 +75,13 @@ class DefinitionCache:
             return known
         return None
 
+    def known(self, revision: int | None) -> Definitions | None:
+        """Return definitions that are in memory: those of a past revision are right for good."""
+        if revision in self._past:
+            return self._past[revision]
+        guess = self.guess(revision)
+        return None if guess is None else guess.definitions
+
     def at_revision(
         self,
         session: Session,

@@ -21,6 +21,7 @@ from ..arguments import shown
 from ..errors import (
     ConnectionLostError,
     InvalidMetadataError,
+    KantSqlError,
     OutcomeUnknownError,
     StaleRevisionError,
     StoreBusyError,
@@ -178,6 +179,20 @@ class Store:
                 open_view(session, self._find(session), self._definitions, at).definitions
             )
         )
+
+    def check_definitions(self, work: Callable[[Definitions], T], at: int | None = None) -> T:
+        """Check something against the definitions, without a statement unless the check fails."""
+        transaction = self.current()
+        if transaction is None or at is not None:
+            self.backend.refuse_closed()
+            known = self._definitions.known(at)
+            if known is not None:
+                try:
+                    return work(known)
+                except KantSqlError:
+                    # Another process may have changed a definition since.
+                    pass
+        return self.read_definitions(work, at)
 
     def _find(self, session: Session) -> int | None:
         if self._kb_id is None:

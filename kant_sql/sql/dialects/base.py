@@ -30,6 +30,7 @@ from ...errors import (
 )
 from ..query import IdsQuery, Insert, Query, insert_text, raw
 from .structure import IndexFault, Statement, ViewDialect
+from .words import Words
 
 Row = tuple[Any, ...]
 
@@ -359,6 +360,7 @@ class Backend(ABC):
             take its versions for past.
         durable: the statement that makes later commits of a connection survive a power cut.
         views: how generated views are written and found.
+        words: how generated conditions are written.
     """
 
     has_answered = False
@@ -370,6 +372,7 @@ class Backend(ABC):
     begin_write: str
     durable: str
     views: ViewDialect
+    words: Words
 
     def __init__(self, url: URL) -> None:
         self.url = url

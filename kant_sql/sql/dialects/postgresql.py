@@ -61,6 +61,7 @@ from .base import (
 from .postgresql_roles import holders, lock_schema, make_roles, roles_set_aside
 from .postgresql_structure import PostgresqlViews, describe, index_faults
 from .structure import IndexFault, Statement
+from .words import POSTGRESQL_WORDS
 
 logger = logging.getLogger("kant_sql.postgresql")
 
@@ -411,6 +412,7 @@ class PostgresqlBackend(Backend):
     # Row policies let a writer change only versions without it.
     revision_comes_last = True
     views = PostgresqlViews()
+    words = POSTGRESQL_WORDS
     _lost_at = 0.0
 
     def create_engine(self) -> Engine:

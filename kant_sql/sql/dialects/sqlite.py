@@ -72,6 +72,7 @@ from .structure import (
     parenthesized,
     parse_statement,
 )
+from .words import SQLITE_WORDS
 
 _OBJECTS = """
 SELECT type, name, tbl_name, sql FROM sqlite_master WHERE sql IS NOT NULL
@@ -478,6 +479,7 @@ class SqliteBackend(Backend):
     begin_write = "BEGIN IMMEDIATE"
     durable = "PRAGMA synchronous=FULL"
     views = SqliteViews()
+    words = SQLITE_WORDS
     no_roles = (
         "SQLite has no roles; restrict writing by the file's permissions, and open it with "
         "?mode=ro for reading only"

@@ -1,0 +1,587 @@
+"""Conditions with their names resolved: what is evaluated, by a statement or in memory.
+
+A condition is brought to a small normal form: negations stand before leaves and quantifiers only,
+`imply` and `forall` are written with `or`, `not` and `exists`, a term that is the value of an
+object fluent is a variable of its own, and each variable has a number that no other one has.
+
+A fluent without a value makes the comparison, the equality or the atom around it false, as the
+validator VAL has it (Howey, Long, Fox 2004); a negation outside of that is classical.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Generator, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from decimal import Decimal
+from itertools import count
+from typing import Any, TypeVar
+
+from ..dto import formulas as f
+from ..dto.lexical import fold
+from ..errors import InvalidKnowledgeError, UnsupportedConstructError
+from ..pddl.conditions import ReadCondition
+from .definitions import Definitions
+
+# The ids of types whose objects fit; None for all objects.
+TypeSet = frozenset[int] | None
+# SQLite refuses expressions of more than 1,000 levels; a level here takes up to six.
+MAX_LEVELS = 150
+
+
+@dataclass(frozen=True, slots=True)
+class Slot:
+    """A variable."""
+
+    number: int
+
+
+@dataclass(frozen=True, slots=True)
+class Known:
+    """An object."""
+
+    id: int
+
+
+Place = Slot | Known
+
+
+@dataclass(frozen=True, slots=True)
+class HoldsFact:
+    """A fact holds, or follows by a rule.
+
+    Attributes:
+        is_stored: whether rules do not count.
+    """
+
+    predicate: int
+    terms: tuple[Place, ...]
+    is_stored: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class FluentIs:
+    """An object fluent has an object as its value."""
+
+    function: int
+    terms: tuple[Place, ...]
+    value: Place
+
+
+@dataclass(frozen=True, slots=True)
+class SameObject:
+    """Two terms are one object."""
+
+    left: Place
+    right: Place
+
+
+@dataclass(frozen=True, slots=True)
+class HasType:
+    """An object has one of some types."""
+
+    term: Place
+    types: TypeSet
+
+
+@dataclass(frozen=True, slots=True)
+class NumberOf:
+    """The value of a numeric fluent."""
+
+    function: int
+    terms: tuple[Place, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Operation:
+    """An operation on numbers: `+`, `-`, `*` or `/`."""
+
+    operator: str
+    operands: tuple[Quantity, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """A number that is given with each evaluation, such as `?duration`."""
+
+    name: str
+
+
+Quantity = Decimal | NumberOf | Operation | Parameter
+
+
+@dataclass(frozen=True, slots=True)
+class Compares:
+    """Two numbers compare."""
+
+    operator: str
+    left: Quantity
+    right: Quantity
+
+
+@dataclass(frozen=True, slots=True)
+class AllOf:
+    """All parts hold; without parts, true."""
+
+    parts: tuple[Part, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class OneOf:
+    """One of the parts holds; without parts, false."""
+
+    parts: tuple[Part, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Lacks:
+    """The part does not hold."""
+
+    part: Part
+
+
+@dataclass(frozen=True, slots=True)
+class Bound:
+    """A variable, and the type sets that its objects fit, each of them."""
+
+    slot: Slot
+    types: tuple[TypeSet, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Witness:
+    """There are objects for which the part holds."""
+
+    bound: tuple[Bound, ...]
+    part: Part
+
+
+Part = HoldsFact | FluentIs | SameObject | HasType | Compares | AllOf | OneOf | Lacks | Witness
+
+TRUE, FALSE = AllOf(()), OneOf(())
+
+
+@dataclass(frozen=True, slots=True)
+class Column:
+    """A free variable: its name without question mark, and its objects."""
+
+    name: str
+    bound: Bound
+
+
+@dataclass(frozen=True, slots=True)
+class Condition:
+    """A condition whose names are resolved.
+
+    Attributes:
+        part: the condition.
+        columns: its free variables that are asked for.
+        given: its free variables that are given.
+    """
+
+    part: Part
+    columns: tuple[Column, ...]
+    given: tuple[Column, ...] = ()
+
+
+def negate(part: Part) -> Part:
+    """Negate a part; the result is in normal form if the part is."""
+    match part:
+        case Lacks(inner):
+            return inner
+        case AllOf(parts):
+            return OneOf(tuple(map(negate, parts)))
+        case OneOf(parts):
+            return AllOf(tuple(map(negate, parts)))
+    return Lacks(part)
+
+
+def all_of(parts: Iterable[Part]) -> Part:
+    """Make a conjunction, flat and without constants."""
+    found: list[Part] = []
+    for part in parts:
+        if part == FALSE:
+            return FALSE
+        found += part.parts if isinstance(part, AllOf) else (part,)
+    return found[0] if len(found) == 1 else AllOf(tuple(found))
+
+
+def any_of(parts: Iterable[Part]) -> Part:
+    """Make a disjunction, flat and without constants."""
+    found: list[Part] = []
+    for part in parts:
+        if part == TRUE:
+            return TRUE
+        found += part.parts if isinstance(part, OneOf) else (part,)
+    return found[0] if len(found) == 1 else OneOf(tuple(found))
+
+
+def closure(definitions: Definitions, type_ids: Iterable[int]) -> TypeSet:
+    """Return the types whose objects fit a parameter of some types; None for all."""
+    key = ("closure", frozenset(type_ids))
+    found = definitions.derived.get(key, 0)
+    if found == 0:
+        ids = key[1]
+        is_any = not ids or any(map(definitions.is_root, ids))
+        found = definitions.derived[key] = None if is_any else frozenset(definitions.subtypes(*ids))
+    types: TypeSet = found
+    return types
+
+
+def fits(definitions: Definitions, object_id: int, types: TypeSet) -> bool:
+    """Return whether an object fits."""
+    if types is None:
+        return True
+    return not types.isdisjoint(definitions.objects.live(object_id).type_ids)
+
+
+T = TypeVar("T")
+_Steps = Generator[Any, Any, T]
+
+
+def run(steps: _Steps[T]) -> T:
+    """Run nested steps on an explicit stack: formulas may be deeper than the interpreter's."""
+    stack: list[_Steps[Any]] = [steps]
+    given: Any = None
+    while True:
+        try:
+            inner = stack[-1].send(given)
+        except StopIteration as end:
+            stack.pop()
+            given = end.value
+            if not stack:
+                result: T = given
+                return result
+            continue
+        stack.append(inner)
+        given = None
+
+
+class Resolver:
+    """Resolves the names of formulas in one state.
+
+    Args:
+        definitions: what is defined in the state.
+        numbers: the numbers of variables; the rules of one state share them with its conditions.
+    """
+
+    def __init__(self, definitions: Definitions, numbers: Iterator[int] | None = None) -> None:
+        self._definitions = definitions
+        self._numbers = count() if numbers is None else numbers
+        # The places of variables in scope, innermost last; and what atoms allow of each variable.
+        self._scope: dict[str, list[Place]] = {}
+        self._allowed: dict[Slot, dict[TypeSet, None]] = {}
+
+    def slot(self) -> Slot:
+        """Make a variable."""
+        return Slot(next(self._numbers))
+
+    def bind(self, name: str, place: Place) -> None:
+        """Let a name denote a variable or an object, for all later formulas."""
+        self._scope.setdefault(fold(name), []).append(place)
+
+    def part(self, formula: f.Node) -> Part:
+        """Resolve a formula."""
+        found = run(self._formula(formula, False))
+        check_levels(found)
+        return found
+
+    def quantity(self, expression: f.Expression) -> tuple[Quantity, tuple[Bound, ...], list[Part]]:
+        """Resolve a number: with the variables that it needs, and what must hold of them."""
+        needed: list[Part] = []
+        bound: list[Bound] = []
+        return run(self._expression(expression, needed, bound)), tuple(bound), needed
+
+    def allowed(self, slot: Slot) -> tuple[TypeSet, ...]:
+        """Return what the atoms that mention a variable allow."""
+        return tuple(self._allowed.get(slot, ()))
+
+    def variables(self, variables: Iterable[f.TypedName]) -> tuple[Bound, ...]:
+        """Make variables of declared types, and bind their names."""
+        found = []
+        for variable in variables:
+            slot = self.slot()
+            self.bind(variable.name, slot)
+            types = self.types(variable.types)
+            found.append(Bound(slot, () if types is None else (types,)))
+        return tuple(found)
+
+    def types(self, names: Iterable[str]) -> TypeSet:
+        """Return the types whose objects fit types given by name."""
+        named = self._definitions.types.named
+        ids = [found.id for name in names if (found := named(name)) is not None]
+        return closure(self._definitions, ids)
+
+    def _formula(self, node: f.Node, negative: bool) -> _Steps[Part]:
+        match node:
+            case f.Not(inner):
+                denied: Part = yield self._formula(inner, not negative)
+                return denied
+            case f.And(parts) | f.Or(parts):
+                found = []
+                for part in parts:
+                    found.append((yield self._formula(part, negative)))
+                return (all_of if isinstance(node, f.And) != negative else any_of)(found)
+            case f.Imply(condition, formula):
+                first = yield self._formula(condition, not negative)
+                second = yield self._formula(formula, negative)
+                return (all_of if negative else any_of)([first, second])
+            case f.Exists(variables, formula) | f.Forall(variables, formula):
+                is_universal = isinstance(node, f.Forall)
+                bound = self.variables(variables)
+                within = yield self._formula(formula, is_universal)
+                for variable in variables:
+                    self._scope[fold(variable.name)].pop()
+                witness: Part = FALSE if within == FALSE else Witness(bound, within)
+                return negate(witness) if negative != is_universal else witness
+        leaf = yield self._leaf(node)
+        return negate(leaf) if negative else leaf
+
+    def _leaf(self, node: f.Node) -> _Steps[Part]:
+        needed: list[Part] = []
+        bound: list[Bound] = []
+        found: Part
+        match node:
+            case f.Atom(name, terms):
+                predicate = self._definitions.predicates.named(name)
+                if predicate is None:
+                    raise InvalidKnowledgeError(
+                        f"{node} is of predicate {name!r}, which is not known; save it first"
+                    )
+                places = self._terms(terms, predicate.parameters, needed, bound)
+                found = HoldsFact(predicate.id, places)
+            case f.Equal(left, right):
+                sides = [self._term(term, needed, bound) for term in (left, right)]
+                found = self._same(*sides)
+            case f.Comparison(operator, first, second):
+                least = yield self._expression(first, needed, bound)
+                most = yield self._expression(second, needed, bound)
+                found = Compares(operator, least, most)
+            case _:
+                raise UnsupportedConstructError(
+                    f"{node} is no condition of one state; give a formula of atoms, comparisons, "
+                    "and, or, not, imply, forall and exists"
+                )
+        return Witness(tuple(bound), all_of([*needed, found])) if bound else found
+
+    @staticmethod
+    def _same(left: Place, right: Place) -> Part:
+        if isinstance(left, Known) and isinstance(right, Known):
+            return TRUE if left == right else FALSE
+        return TRUE if left == right else SameObject(left, right)
+
+    def _terms(
+        self,
+        terms: Sequence[f.Term],
+        parameters: Sequence[Any],
+        needed: list[Part],
+        bound: list[Bound],
+    ) -> tuple[Place, ...]:
+        places = []
+        for term, parameter in zip(terms, parameters, strict=True):
+            place = self._term(term, needed, bound)
+            if isinstance(place, Slot):
+                types = closure(self._definitions, parameter.type_ids)
+                if types is not None:
+                    self._allowed.setdefault(place, {})[types] = None
+            places.append(place)
+        return tuple(places)
+
+    def _term(self, term: f.Term, needed: list[Part], bound: list[Bound]) -> Place:
+        """Resolve a term; the value of a fluent becomes a variable of its own."""
+        opened: list[tuple[f.Fluent, Slot]] = []
+        place = self._place(term, opened)
+        for fluent, slot in opened:
+            function = self._definitions.functions.named(fluent.function)
+            if function is None:
+                raise InvalidKnowledgeError(f"function {fluent.function!r} is not known")
+            # Adds the fluents among its own terms, which the loop comes to.
+            places = tuple([self._place(inner, opened) for inner in fluent.terms])
+            types = closure(self._definitions, function.type_ids)
+            bound.append(Bound(slot, () if types is None else (types,)))
+            needed.append(FluentIs(function.id, places, slot))
+        return place
+
+    def _place(self, term: f.Term, opened: list[tuple[f.Fluent, Slot]]) -> Place:
+        if isinstance(term, f.Fluent):
+            slot = self.slot()
+            opened.append((term, slot))
+            return slot
+        if isinstance(term, f.Constant):
+            found = self._definitions.objects.named(term.name)
+            if found is None:
+                raise InvalidKnowledgeError(f"object {term.name!r} is not known; save it first")
+            return Known(found.id)
+        places = self._scope.get(fold(term.name))
+        if not places:
+            raise InvalidKnowledgeError(f"nothing binds the variable {term}")
+        return places[-1]
+
+    def _expression(
+        self, node: f.Expression | f.Term, needed: list[Part], bound: list[Bound]
+    ) -> _Steps[Quantity]:
+        match node:
+            case f.Number(value):
+                return value
+            case f.Fluent(name, terms):
+                function = self._definitions.functions.named(name)
+                if function is None:
+                    return Parameter(fold(name))
+                places = self._terms(terms, function.parameters, needed, bound)
+                return NumberOf(function.id, places)
+            case f.Arithmetic(operator, operands):
+                found: list[Quantity] = []
+                for operand in operands:
+                    inner = yield self._expression(operand, needed, bound)
+                    is_same = isinstance(inner, Operation) and inner.operator == operator
+                    found += inner.operands if is_same and operator in "+*" else (inner,)
+                return Operation(operator, tuple(found))
+            case f.Variable(name):
+                return Parameter(fold(name))
+            case f.ContinuousTime():
+                return Parameter("#t")
+            case f.IsViolated(name):
+                return Parameter(f"is-violated {fold(name)}")
+        raise UnsupportedConstructError(f"{node} is no number")
+
+
+def check_levels(part: Part) -> None:
+    """Refuse a condition that no database would evaluate."""
+    levels = 0
+    level: list[Any] = [part]
+    while level:
+        levels += 1
+        level = [inner for outer in level for inner in inner_parts(outer)]
+    if levels > MAX_LEVELS:
+        raise UnsupportedConstructError(
+            f"the condition is nested {levels} levels deep once it is simplified, and at most "
+            f"{MAX_LEVELS} can be evaluated; ask for parts of it"
+        )
+
+
+def inner_parts(part: Any) -> Sequence[Any]:
+    """Return the parts and the numbers right within a part or a number."""
+    match part:
+        case AllOf(parts) | OneOf(parts):
+            return parts
+        case Lacks(inner) | Witness(_, inner):
+            return (inner,)
+        case Compares(_, left, right):
+            return left, right
+        case Operation(_, operands):
+            return operands
+    return ()
+
+
+def parts_of(part: Part) -> Iterator[Any]:
+    """Yield a part with all parts and numbers within it."""
+    stack: list[Any] = [part]
+    while stack:
+        found = stack.pop()
+        yield found
+        stack += inner_parts(found)
+
+
+def slots_of(part: Part) -> set[Slot]:
+    """Return the variables that are free in a part."""
+    found: set[Slot] = set()
+    bound: set[Slot] = set()
+    for inner in parts_of(part):
+        match inner:
+            case HoldsFact(_, terms) | NumberOf(_, terms):
+                found.update(term for term in terms if isinstance(term, Slot))
+            case FluentIs(_, terms, value):
+                found.update(term for term in (*terms, value) if isinstance(term, Slot))
+            case SameObject(left, right):
+                found.update(term for term in (left, right) if isinstance(term, Slot))
+            case HasType(term, _) if isinstance(term, Slot):
+                found.add(term)
+            case Witness(variables, _):
+                bound.update(variable.slot for variable in variables)
+    # No two variables share a number, so none is both free and bound.
+    return found - bound
+
+
+def resolve(
+    definitions: Definitions, read: ReadCondition, given: Collection[str] = ()
+) -> Condition:
+    """Resolve a condition.
+
+    Args:
+        definitions: what is defined in the state.
+        read: the condition.
+        given: the free variables that each evaluation gives an object, by folded name.
+    """
+    resolver = Resolver(definitions)
+    slots = [resolver.slot() for _ in read.free]
+    for variable, slot in zip(read.free, slots, strict=True):
+        resolver.bind(variable.name, slot)
+    part = resolver.part(read.formula)
+    columns = []
+    for variable, slot in zip(read.free, slots, strict=True):
+        if read.are_declared:
+            types = resolver.types(variable.types)
+            allowed: tuple[TypeSet, ...] = () if types is None else (types,)
+        else:
+            allowed = resolver.allowed(slot)
+        columns.append(Column(variable.name, Bound(slot, allowed)))
+    return Condition(
+        part,
+        tuple(column for column in columns if fold(column.name) not in given),
+        tuple(column for column in columns if fold(column.name) in given),
+    )
+
+
+def exists(condition: Condition) -> Part:
+    """Return that a condition holds for some objects of its free variables."""
+    if not condition.columns:
+        return condition.part
+    return Witness(tuple(column.bound for column in condition.columns), condition.part)
+
+
+def replaced(part: Part, places: dict[Slot, Place], resolver: Iterator[int]) -> Part:
+    """Copy a part, with places for some variables and new variables for all others it binds."""
+    made: Any = run(_replace(part, places, resolver))
+    return made  # type: ignore[no-any-return]
+
+
+def _replace(part: Any, places: dict[Slot, Place], numbers: Iterator[int]) -> _Steps[Any]:
+    match part:
+        case Witness(bound, inner):
+            for variable in bound:
+                places[variable.slot] = Slot(next(numbers))
+            made = tuple(Bound(places[each.slot], each.types) for each in bound)  # type: ignore[arg-type]
+            return Witness(made, (yield _replace(inner, places, numbers)))
+        case Lacks(inner):
+            return Lacks((yield _replace(inner, places, numbers)))
+        case Compares(operator, left, right):
+            first = yield _replace(left, places, numbers)
+            return Compares(operator, first, (yield _replace(right, places, numbers)))
+        case AllOf(parts) | OneOf(parts) | Operation(_, parts):
+            copies = []
+            for one in parts:
+                copies.append((yield _replace(one, places, numbers)))
+            copied = tuple(copies)
+            if isinstance(part, Operation):
+                return Operation(part.operator, copied)
+            return type(part)(copied)
+    return _replace_terms(part, places)
+
+
+def _replace_terms(part: Any, places: dict[Slot, Place]) -> Any:
+    """Copy a part without parts of its own."""
+
+    def at(term: Place) -> Place:
+        return places.get(term, term) if isinstance(term, Slot) else term
+
+    match part:
+        case HoldsFact(predicate, terms, is_stored):
+            return HoldsFact(predicate, tuple(map(at, terms)), is_stored)
+        case NumberOf(function, terms):
+            return NumberOf(function, tuple(map(at, terms)))
+        case FluentIs(function, terms, value):
+            return FluentIs(function, tuple(map(at, terms)), at(value))
+        case SameObject(left, right):
+            return SameObject(at(left), at(right))
+        case HasType(term, types):
+            return HasType(at(term), types)
+    return part

@@ -1,0 +1,157 @@
+"""The rules of derived predicates at one revision: what each refers to, and their strata.
+
+A predicate that follows by a rule holds in the least model, stratum by stratum (Edelkamp and
+Hoffmann, PDDL 2.2, 2004, section 2.1; Thiebaux, Hoffmann and Nebel, In Defense of PDDL Axioms,
+2005). A fact that is stored of such a predicate holds as well.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from itertools import count
+
+from ..dto import formulas as f
+from ..errors import InvalidKnowledgeError
+from .conditions import AllOf, Bound, HoldsFact, Lacks, OneOf, Part, Resolver, Witness, parts_of
+from .definitions import DERIVED_PREDICATE, Definitions
+from .formulas import TreeReader
+
+
+@dataclass(frozen=True, slots=True)
+class Rule:
+    """A rule: the parameters of the predicate, and what implies it."""
+
+    parameters: tuple[Bound, ...]
+    body: Part
+
+
+class Rules:
+    """The rules of a state.
+
+    Attributes:
+        numbers: gives the numbers of variables, which no two rules share.
+        component: for each derived predicate, those that it depends on and that depend on it.
+    """
+
+    def __init__(self, definitions: Definitions) -> None:
+        self.numbers: Iterator[int] = count(1_000_000)
+        self._rules: dict[int, list[Rule]] = {}
+        for formula in definitions.formulas:
+            if formula.section == DERIVED_PREDICATE:
+                node = TreeReader(definitions, formula.tree).formula()
+                predicate = definitions.predicates.named(node.predicate)
+                assert predicate is not None
+                rule = self._rule(definitions, node)
+                self._rules.setdefault(predicate.id, []).append(rule)
+        self.component = {
+            each: frozenset(component)
+            for component in _components({each: self._uses(each) for each in self._rules})
+            for each in component
+        }
+
+    def _rule(self, definitions: Definitions, node: f.Derived) -> Rule:
+        resolver = Resolver(definitions, self.numbers)
+        parameters = resolver.variables(node.variables)
+        return Rule(parameters, resolver.part(node.formula))
+
+    def of(self, predicate: int) -> list[Rule]:
+        """Return the rules of a predicate; none if it is not derived."""
+        return self._rules.get(predicate, [])
+
+    def is_recursive(self, predicate: int) -> bool:
+        """Return whether a predicate depends on itself."""
+        component = self.component.get(predicate, frozenset())
+        return len(component) > 1 or predicate in self._uses(predicate)
+
+    def _uses(self, predicate: int) -> list[int]:
+        found = (used for rule in self.of(predicate) for used, _ in _mentioned(rule.body))
+        return [each for each in dict.fromkeys(found) if each in self._rules]
+
+    def check_stratified(self, definitions: Definitions) -> None:
+        """Refuse a predicate that depends on its own negation.
+
+        Raises:
+            InvalidKnowledgeError: there is one; the message names it and the rule.
+        """
+        name = {each: definitions.predicates.live(each).name for each in self._rules}
+        for predicate, component in self.component.items():
+            for rule in self.of(predicate):
+                for used, is_negative in _mentioned(rule.body):
+                    if is_negative and used in component:
+                        others = sorted(name[each] for each in component - {predicate})
+                        through = f", through {', '.join(others)}" if others else ""
+                        raise InvalidKnowledgeError(
+                            f"the rules of derived predicates are not stratified: a rule of "
+                            f"{name[predicate]!r} negates {name[used]!r}, which depends on "
+                            f"{name[predicate]!r} itself{through}; a negated predicate must be "
+                            "derived without the predicate whose rule negates it"
+                        )
+
+
+def _mentioned(body: Part) -> Iterator[tuple[int, bool]]:
+    """Yield each predicate of a body, and whether it stands below a negation."""
+    stack: list[tuple[Part, bool]] = [(body, False)]
+    while stack:
+        part, is_negative = stack.pop()
+        match part:
+            case HoldsFact(predicate, _):
+                yield predicate, is_negative
+            case Lacks(inner):
+                stack.append((inner, not is_negative))
+            case Witness(_, inner):
+                stack.append((inner, is_negative))
+            case AllOf(parts) | OneOf(parts):
+                stack += [(inner, is_negative) for inner in parts]
+
+
+def _components(uses: dict[int, list[int]]) -> list[list[int]]:
+    """Return the strongly connected components, those that others use first (Tarjan, 1972)."""
+    index: dict[int, int] = {}
+    low: dict[int, int] = {}
+    open_: list[int] = []
+    found: list[list[int]] = []
+    for start, first in uses.items():
+        pending: list[tuple[int, Iterator[int]]] = []
+        if start not in index:
+            index[start] = low[start] = len(index)
+            open_.append(start)
+            pending.append((start, iter(first)))
+        while pending:
+            each, below = pending[-1]
+            for used in below:
+                if used not in index:
+                    index[used] = low[used] = len(index)
+                    open_.append(used)
+                    pending.append((used, iter(uses[used])))
+                    break
+                if used in open_:
+                    low[each] = min(low[each], index[used])
+            else:
+                pending.pop()
+                if pending:
+                    above = pending[-1][0]
+                    low[above] = min(low[above], low[each])
+                if low[each] == index[each]:
+                    at = open_.index(each)
+                    found.append(open_[at:])
+                    del open_[at:]
+    return found
+
+
+def rules_of(definitions: Definitions) -> Rules:
+    """Return the rules of a state; those of a snapshot are kept with it."""
+    if type(definitions) is not Definitions:
+        return Rules(definitions)
+    found: Rules | None = definitions.derived.get(Rules)
+    if found is None:
+        found = definitions.derived[Rules] = Rules(definitions)
+    return found
+
+
+def predicates_of(parts: Iterable[Part]) -> Iterator[int]:
+    """Yield the predicates that parts mention."""
+    for part in parts:
+        for inner in parts_of(part):
+            if isinstance(inner, HoldsFact):
+                yield inner.predicate

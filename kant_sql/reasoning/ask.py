@@ -1,0 +1,358 @@
+"""Asking: whether a condition holds in a state, and for which objects."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Any, TypeVar, overload
+
+from ..arguments import expect, whole_number
+from ..dto import PddlObjectDto
+from ..dto import formulas as f
+from ..dto.lexical import either_text, fold
+from ..errors import InvalidArgumentError, InvalidKnowledgeError, TypeMismatchError
+from ..knowledge.conditions import (
+    Column,
+    Condition,
+    HoldsFact,
+    Slot,
+    exists,
+    fits,
+    negate,
+    resolve,
+)
+from ..knowledge.definitions import Definitions, ObjectDefinition
+from ..knowledge.rules import rules_of
+from ..knowledge.symbols import symbols_of
+from ..pddl.conditions import read_condition, text_of
+from ..pddl.cursor import hint
+from ..sql.dialects.base import Row
+from ..sql.questions import GUARDS, Question, literal_values, run
+from ..sql.relations import ConditionStatement
+from ..store.snapshot import DefinitionsMovedError, View, refuse_archived
+from ..store.store import Store
+
+T = TypeVar("T")
+Binding = str | PddlObjectDto
+EXAMPLE = "(robot_at ?r kitchen)"
+# How many prepared conditions a snapshot of definitions keeps, and rows that `str` shows.
+KEPT, SHOWN = 512, 20
+
+Answer = tuple[str, ...]
+
+
+class Prepared:
+    """A condition that is resolved, with its statements for the present and for the past.
+
+    Attributes:
+        condition: the condition.
+        definitions: what it was resolved with.
+    """
+
+    def __init__(self, condition: Condition, definitions: Definitions) -> None:
+        self.condition = condition
+        self.definitions = definitions
+        self.places = {
+            column.bound.slot: f":b{number}" for number, column in enumerate(condition.given)
+        }
+        self._statements: dict[Any, ConditionStatement] = {}
+
+    def statement(
+        self, view: View, kind: str, write: Callable[[Question], ConditionStatement]
+    ) -> ConditionStatement:
+        """Return a statement for a state; write it when it is first needed."""
+        key = (kind, view.at is not None, view.session.backend.dialect.name)
+        found = self._statements.get(key)
+        if found is None:
+            found = self._statements[key] = write(question(view))
+        return found
+
+    def values(self, definitions: Definitions, bindings: Mapping[str, Binding]) -> dict[str, int]:
+        """Return the ids of the objects that the variables are given."""
+        values = {}
+        for number, column in enumerate(self.condition.given):
+            [given] = [value for name, value in bindings.items() if _is(name, column.name)]
+            object_ = find_object(definitions, given)
+            check_fit(definitions, object_, column)
+            values[f"b{number}"] = object_.id
+        return values
+
+
+def question(view: View) -> Question:
+    """Begin a question about a state."""
+    return Question(view.session.backend.words, view.definitions, view.at is not None)
+
+
+def find_object(definitions: Definitions, given: Binding) -> ObjectDefinition:
+    """Return the object of a name or a DTO."""
+    kinds: tuple[type[Any], ...] = (str, PddlObjectDto)
+    expect(given, kinds, "an object", InvalidArgumentError)
+    name = given if isinstance(given, str) else given.name
+    found = definitions.objects.named(name)
+    if found is None:
+        names = [object_.name for object_ in definitions.objects]
+        raise InvalidKnowledgeError(f"the object {name!r} is not known{hint(name, names)}")
+    return found
+
+
+def check_fit(definitions: Definitions, object_: ObjectDefinition, column: Column) -> None:
+    """Refuse an object that a variable cannot be."""
+    for types in column.bound.types:
+        if not fits(definitions, object_.id, types):
+            live = definitions.types.live
+            given = either_text(live(id_).name for id_ in object_.type_ids)
+            wanted = either_text(live(id_).name for id_ in sorted(types or ()))
+            raise TypeMismatchError(
+                f"?{column.name} is {object_.name} of type {given}, expected {wanted}"
+            )
+
+
+def _is(keyword: str, variable: str) -> bool:
+    """Return whether a keyword names a variable: it has `_` where PDDL may have `-`."""
+    return fold(keyword).replace("-", "_") == fold(variable).replace("-", "_")
+
+
+def prepare(
+    definitions: Definitions,
+    condition: object,
+    parameters: str | None,
+    bindings: Mapping[str, Binding],
+) -> Prepared:
+    """Read and resolve a condition, or find it among those of the snapshot."""
+    text = text_of(condition, EXAMPLE)
+    if parameters is not None:
+        expect(parameters, str, "the parameters", InvalidArgumentError)
+    key = (text, parameters, *sorted(bindings))
+    kept: dict[Any, Prepared] = definitions.derived.setdefault(Prepared, {})
+    found = kept.get(key)
+    if found is None or found.definitions is not definitions:
+        read = read_condition(text, symbols=symbols_of(definitions), parameters=parameters)
+        given = {_given(name, [variable.name for variable in read.free]) for name in bindings}
+        found = Prepared(resolve(definitions, read, given), definitions)
+        if type(definitions) is Definitions:
+            if len(kept) >= KEPT:
+                kept.clear()
+            kept[key] = found
+    return found
+
+
+def _given(keyword: str, variables: Sequence[str]) -> str:
+    """Return the variable that a keyword names, folded."""
+    for name in variables:
+        if _is(keyword, name):
+            return fold(name)
+    known = ", ".join(f"?{name}" for name in variables) or "none"
+    raise InvalidArgumentError(
+        f"the condition has no free variable ?{keyword}{hint(keyword, [*variables])}; it has "
+        f"{known}"
+    )
+
+
+def asked(
+    view: View, statement: ConditionStatement, given: Mapping[str, Any], head: Callable[[Row], Row]
+) -> list[Row]:
+    """Run a statement whose first row has the head's guards, and compare these."""
+    if statement.steps and view.definition_revision is not None:
+        # Several statements need one snapshot.
+        raise DefinitionsMovedError
+    rows = run(view.session, statement, kb=view.kb_id, at=view.at, given=given)
+    if not rows or view.kb_id is None:
+        return rows
+    definition_revision, archived = head(rows[0])
+    if view.definition_revision not in (None, definition_revision):
+        raise DefinitionsMovedError
+    if view.at is not None:
+        refuse_archived(view.session, view.kb_id, view.at, archived)
+    return rows
+
+
+def first_two(row: Row) -> Row:
+    """Return the guards of a row of truths."""
+    return row[:GUARDS]
+
+
+def holds(store: Store, at: int | None, condition: object, bindings: Mapping[str, Binding]) -> bool:
+    """Return whether a condition holds for some objects of its free variables."""
+
+    def work(view: View) -> bool:
+        prepared, values = _ground(view.definitions, condition) if not bindings else (None, {})
+        if prepared is None:
+            prepared = prepare(view.definitions, condition, None, bindings)
+            values = prepared.values(view.definitions, bindings)
+        statement = prepared.statement(view, "truth", lambda asked: _truth(asked, prepared))
+        [row] = asked(view, statement, values, first_two)
+        return bool(row[GUARDS])
+
+    return store.read(work, at)
+
+
+def _truth(question: Question, prepared: Prepared) -> ConditionStatement:
+    return question.truths([exists(prepared.condition)], prepared.places)
+
+
+def _ground(definitions: Definitions, condition: object) -> tuple[Prepared | None, dict[str, int]]:
+    """Prepare a ground literal by its predicate, whatever its objects: there are many of them."""
+    text = text_of(condition, EXAMPLE)
+    formula = read_condition(text, symbols=symbols_of(definitions)).formula
+    is_negative = isinstance(formula, f.Not)
+    atom = formula.formula if isinstance(formula, f.Not) else formula
+    if not isinstance(atom, f.Atom) or not all(isinstance(x, f.Constant) for x in atom.terms):
+        return None, {}
+    predicate = definitions.predicates.named(atom.predicate)
+    assert predicate is not None
+    key = ("ground", predicate.id, is_negative)
+    kept: dict[Any, Prepared] = definitions.derived.setdefault(Prepared, {})
+    found = kept.get(key)
+    if found is None or found.definitions is not definitions:
+        if rules_of(definitions).of(predicate.id):
+            return None, {}
+        slots = tuple(map(Slot, range(len(atom.terms))))
+        part = HoldsFact(predicate.id, slots)
+        found = Prepared(Condition(negate(part) if is_negative else part, ()), definitions)
+        found.places = {slot: f":b{slot.number}" for slot in slots}
+        kept[key] = found
+    named = definitions.objects.named
+    values = {}
+    for number, term in enumerate(atom.terms):
+        object_ = named(str(term))
+        assert object_ is not None
+        values[f"b{number}"] = object_.id
+    return found, values
+
+
+class Answers:
+    """The objects for which a condition holds, without duplicates, as the objects were declared.
+
+    They are read from the state once, when the first one is needed; iterate, index and `len` as
+    with a list. An answer is a tuple of objects' names.
+
+    Attributes:
+        columns: the free variables, without question marks.
+    """
+
+    def __init__(
+        self,
+        read: Callable[[], tuple[Definitions, list[Row]]],
+        *,
+        columns: tuple[str, ...],
+        sql: Callable[[], str],
+    ) -> None:
+        self._read = read
+        self.columns = columns
+        self._sql = sql
+        self._rows: list[Row] | None = None
+        self._definitions: Definitions | None = None
+
+    @property
+    def sql(self) -> str:
+        """The statement that finds them, with its values bound in, for `sqlite3` or `psql`."""
+        return self._sql()
+
+    def _found(self) -> list[Row]:
+        if self._rows is None:
+            self._definitions, self._rows = self._read()
+        return self._rows
+
+    def _answer(self, row: Row) -> Answer:
+        assert self._definitions is not None
+        live = self._definitions.objects.live
+        return tuple([live(id_).name for id_ in row[1 : len(self.columns) + 1]])
+
+    def __iter__(self) -> Iterator[Answer]:
+        """Return the answers one by one."""
+        return map(self._answer, self._found())
+
+    def __len__(self) -> int:
+        """Return how many there are."""
+        return len(self._found())
+
+    @overload
+    def __getitem__(self, index: int) -> Answer: ...
+    @overload
+    def __getitem__(self, index: slice) -> list[Answer]: ...
+    def __getitem__(self, index: int | slice) -> Answer | list[Answer]:
+        """Return an answer, or several."""
+        rows = self._found()
+        if isinstance(index, slice):
+            return [self._answer(row) for row in rows[index]]
+        return self._answer(rows[index])
+
+    def to_dicts(self) -> list[dict[str, str]]:
+        """Return each answer as a dictionary.
+
+        Returns:
+            The objects' names by variable.
+        """
+        return [dict(zip(self.columns, answer, strict=True)) for answer in self]
+
+    def __str__(self) -> str:
+        """Write the first answers as a table."""
+        shown = [self._answer(row) for row in self._found()[:SHOWN]]
+        if not self.columns:
+            return "holds" if self else "does not hold"
+        lines = [tuple(f"?{name}" for name in self.columns), *shown]
+        widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
+        text = "\n".join("  ".join(map(str.ljust, line, widths)).rstrip() for line in lines)
+        more = len(self) - len(shown)
+        return f"{text}\n... and {more} more" if more else text
+
+    def __repr__(self) -> str:
+        """Write the columns, and the answers once they are read."""
+        found = "not read yet" if self._rows is None else f"{len(self._rows)} answers"
+        return f"<Answers {', '.join(self.columns) or 'without columns'}: {found}>"
+
+
+def query(
+    store: Store,
+    at: int | None,
+    condition: object,
+    parameters: str | None,
+    limit: int | None,
+    bindings: Mapping[str, Binding],
+) -> Answers:
+    """Prepare the answers to a condition."""
+    if limit is not None:
+        whole_number(limit, "the limit")
+    is_limited = limit is not None
+
+    def prepared_in(view: View) -> tuple[Prepared, dict[str, Any]]:
+        prepared = prepare(view.definitions, condition, parameters, bindings)
+        given: dict[str, Any] = {**prepared.values(view.definitions, bindings)}
+        return prepared, {**given, "most": limit} if is_limited else given
+
+    def read(view: View) -> tuple[Definitions, list[Row]]:
+        prepared, given = prepared_in(view)
+        columns = prepared.condition.columns
+
+        def write(asked: Question) -> ConditionStatement:
+            part = prepared.condition.part
+            return asked.answers(part, columns, prepared.places, is_limited)
+
+        statement = prepared.statement(view, f"answers {is_limited}", write)
+        rows = asked(view, statement, given, lambda row: row[1:3])
+        return view.definitions, rows[1:]
+
+    def sql(view: View) -> str:
+        prepared, given = prepared_in(view)
+        condition = prepared.condition
+        made = question(view).readable(
+            condition.part, condition.columns, prepared.places, is_limited
+        )
+        return literal(view, made, given)
+
+    def columns(definitions: Definitions) -> tuple[str, ...]:
+        prepared = prepare(definitions, condition, parameters, bindings)
+        prepared.values(definitions, bindings)
+        return tuple(column.name for column in prepared.condition.columns)
+
+    return Answers(
+        lambda: store.read(read, at),
+        columns=store.check_definitions(columns, at),
+        sql=lambda: store.read_in_snapshot(sql, at),
+    )
+
+
+def literal(view: View, statement: ConditionStatement, given: Mapping[str, Any]) -> str:
+    """Write a statement with all its values, those that are computed first included."""
+    words = view.session.backend.words
+    values = literal_values(view.session, statement, kb=view.kb_id, at=view.at, given=given)
+    return statement.literal(words, values)

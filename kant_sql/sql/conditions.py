@@ -1,0 +1,429 @@
+"""Conditions as SQL: one statement for a condition without recursion, whatever its size.
+
+A conjunction becomes a join of the facts that give its variables their objects; all else becomes a
+filter of those rows: `EXISTS` for what is bound, `NOT EXISTS` for what is negated. The order of the
+join is ours, because SQLite without statistics takes every index for equally good: first what
+constants bind, then what is connected to it. A variable that no positive atom binds ranges over the
+objects of its types. A rule that is not recursive is put in the place of its predicate, a recursive
+one is a relation of the WITH clause, or of a parameter that `sql/fixpoint.py` computes.
+"""
+
+from __future__ import annotations
+
+import re
+from abc import ABC, abstractmethod
+from collections.abc import Iterable, Mapping, Sequence
+from decimal import Decimal
+from typing import Any
+
+from ..errors import UnsupportedConstructError
+from ..knowledge.conditions import (
+    AllOf,
+    Bound,
+    Compares,
+    FluentIs,
+    HasType,
+    HoldsFact,
+    Known,
+    Lacks,
+    NumberOf,
+    OneOf,
+    Operation,
+    Parameter,
+    Part,
+    Place,
+    Quantity,
+    SameObject,
+    Slot,
+    TypeSet,
+    Witness,
+    fits,
+    replaced,
+)
+from ..knowledge.definitions import Definitions
+from ..knowledge.rules import Rule, Rules, rules_of
+from .dialects.words import Words
+
+# The first arguments of a fact that its version has, too.
+ARGUMENT_COLUMNS: tuple[str, ...] = ()
+# Rules are put in the place of their predicates up to this many; then they become relations.
+MAX_INLINED = 60
+# From this many ground facts of one predicate on, one list replaces as many lookups.
+FEW_GROUND = 8
+# The `sqlite` library joins at most 64 tables.
+MAX_JOINED = 40
+
+Places = Mapping[Slot, str]
+_PARAMETER = re.compile(r":(\w+)")
+
+
+class JoinedTables:
+    """The tables that a conjunction joins, and the conditions on their rows."""
+
+    def __init__(self, places: Places) -> None:
+        self.places: dict[Slot, str] = dict(places)
+        self.tables: list[str] = []
+        self.where: list[str] = []
+        # Whether each assignment of the variables is found once only.
+        self.is_distinct = True
+
+    def text(self, columns: str) -> str:
+        """Write it as a SELECT."""
+        sql = f"SELECT {columns}"
+        if self.tables:
+            sql += " FROM " + " CROSS JOIN ".join(self.tables)
+        if self.where:
+            sql += f" WHERE {balanced('AND', self.where)}"
+        return sql
+
+
+def balanced(operator: str, parts: Sequence[str]) -> str:
+    """Write a chain of operands as a balanced tree: a database limits the depth of expressions."""
+    if len(parts) <= 100:
+        return f" {operator} ".join(parts)
+    half = len(parts) // 2
+    sides = balanced(operator, parts[:half]), balanced(operator, parts[half:])
+    return f"({sides[0]}) {operator} ({sides[1]})"
+
+
+class ConditionWriter(ABC):
+    """Writes the conditions of one statement.
+
+    Args:
+        words: the dialect's.
+        definitions: what is defined in the state.
+        is_past: whether the state is that of the parameter `at`, not the present.
+    """
+
+    def __init__(self, words: Words, definitions: Definitions, is_past: bool) -> None:
+        self.words = words
+        self.definitions = definitions
+        self.is_past = is_past
+        self.rules: Rules = rules_of(definitions)
+        self.values: dict[str, Any] = {}
+        # Recursive predicates that are being computed -> the table that has them so far.
+        self.growing: dict[int, str] = {}
+        self._types: dict[Slot, tuple[TypeSet, ...]] = {}
+        self._parameters: dict[tuple[type[Any], Any], str] = {}
+        self._aliases = 0
+        self._inlined = 0
+
+    # Parameters and names.
+
+    def parameter(self, value: Any) -> str:
+        """Bind a value; return the parameter as it stands in the text."""
+        key = (type(value), value)
+        name = self._parameters.get(key)
+        if name is None:
+            name = self._parameters[key] = f"v{len(self._parameters)}"
+            self.values[name] = value
+        return f":{name}"
+
+    def list_parameter(self, values: Iterable[Any]) -> str:
+        """Bind a list."""
+        return self.parameter(tuple(values))
+
+    def alias(self, letter: str) -> str:
+        """Make the alias of a table."""
+        self._aliases += 1
+        return f"{letter}{self._aliases}"
+
+    def place(self, term: Place, places: Places) -> str:
+        """Write a term that is bound."""
+        return self.parameter(term.id) if isinstance(term, Known) else places[term]
+
+    def held(self, alias: str) -> str:
+        """Write that a version held in the state."""
+        if not self.is_past:
+            return f"{alias}.until IS NULL"
+        return f"{alias}.since <= :at AND ({alias}.until IS NULL OR {alias}.until > :at)"
+
+    def _key(self, terms: Sequence[Place], places: Places) -> str:
+        """Write the text that interns an atom or a fluent: the ids of its objects."""
+        if all(isinstance(term, Known) for term in terms):
+            return self.parameter(" ".join(str(term.id) for term in terms))  # type: ignore[union-attr]
+        parts = [f"CAST({self.place(term, places)} AS TEXT)" for term in terms]
+        return " || ' ' || ".join(parts)
+
+    # Conditions on what is bound.
+
+    def truth(self, part: Part, places: Places) -> str:
+        """Write a part whose variables are bound as a condition that is true or false."""
+        match part:
+            case HoldsFact():
+                return self._fact_holds(part, places)
+            case FluentIs(function, terms, value):
+                versions, where = self.value_version(function, terms, places)
+                where.append(f"{versions.split()[-1]}.object_id = {self.place(value, places)}")
+                return f"EXISTS (SELECT 1 FROM {versions} WHERE {' AND '.join(where)})"
+            case SameObject(left, right):
+                return f"{self.place(left, places)} = {self.place(right, places)}"
+            case HasType(term, types):
+                return self.has_type(term, types, places)
+            case Compares(operator, left, right):
+                sides = self.number(left, places), self.number(right, places)
+                return f"COALESCE({sides[0]} {operator} {sides[1]}, FALSE)"
+            case Lacks(inner):
+                return f"NOT ({self.truth(inner, places)})"
+            case AllOf(parts) | OneOf(parts):
+                return self._junction(part, parts, places)
+            case Witness(bound, inner):
+                selection = self.selection([inner], bound, places)
+                if not selection.tables:
+                    return self._together(selection.where)
+                return f"EXISTS ({selection.text('1')})"
+
+    def _together(self, conditions: Sequence[str]) -> str:
+        return f"({balanced('AND', conditions)})" if conditions else "TRUE"
+
+    def _junction(self, part: AllOf | OneOf, parts: Sequence[Part], places: Places) -> str:
+        if not parts:
+            return "TRUE" if isinstance(part, AllOf) else "FALSE"
+        is_all = isinstance(part, AllOf)
+        found, rest = self._ground_lists(parts, is_all)
+        found += [self.truth(inner, places) for inner in rest]
+        return f"({balanced('AND' if is_all else 'OR', found)})"
+
+    def conjuncts(self, parts: Sequence[Part], places: Places) -> list[str]:
+        """Write the parts of a conjunction."""
+        found, rest = self._ground_lists(parts, True)
+        return found + [self.truth(part, places) for part in rest]
+
+    def _ground_lists(
+        self, parts: Sequence[Part], is_all: bool
+    ) -> tuple[list[str], Sequence[Part]]:
+        """Write many ground facts of one predicate with one list; return the other parts."""
+        if len(parts) < FEW_GROUND:
+            return [], parts
+        groups: dict[tuple[int, bool], dict[str, None]] = {}
+        rest: list[Part] = []
+        for part in parts:
+            fact = part.part if isinstance(part, Lacks) else part
+            is_ground = (
+                isinstance(fact, HoldsFact)
+                and bool(fact.terms)
+                and not self.rules.of(fact.predicate)
+                and all(isinstance(term, Known) for term in fact.terms)
+            )
+            if is_ground:
+                assert isinstance(fact, HoldsFact)
+                key = " ".join(str(term.id) for term in fact.terms)  # type: ignore[union-attr]
+                groups.setdefault((fact.predicate, isinstance(part, Lacks)), {})[key] = None
+            else:
+                rest.append(part)
+        found = []
+        for (predicate, is_negative), keys in groups.items():
+            held = self._number_held(predicate, keys)
+            # All hold, none holds, one holds, one does not.
+            compared = {
+                (True, False): f"= {len(keys)}",
+                (True, True): "= 0",
+                (False, False): "> 0",
+                (False, True): f"< {len(keys)}",
+            }[is_all, is_negative]
+            found.append(f"{held} {compared}")
+        return found, rest
+
+    def _number_held(self, predicate: int, keys: Iterable[str]) -> str:
+        atom = self.alias("p")
+        among = self.words.in_list.format(f"{atom}.arguments", self.list_parameter(keys))
+        where = [*self.atom(atom, predicate), among, self.atom_holds(atom)]
+        return f"(SELECT count(*) FROM proposition AS {atom} WHERE {' AND '.join(where)})"
+
+    def atom(self, alias: str, predicate: int) -> list[str]:
+        """Write that an interned atom is a fact of a predicate."""
+        return [
+            f"{alias}.kb_id = :kb",
+            self.words.is_fact.format(alias),
+            f"{alias}.predicate_id = {self.parameter(predicate)}",
+        ]
+
+    def atom_holds(self, atom: str) -> str:
+        """Write that an interned atom holds."""
+        version = self.alias("v")
+        key = f"{version}.kb_id = :kb AND {version}.proposition_id = {atom}.id"
+        if not self.is_past:
+            return (
+                f"EXISTS (SELECT 1 FROM proposition_version AS {version} "
+                f"WHERE {key} AND {version}.until IS NULL)"
+            )
+        # The last version that began by then: a fact may have come and gone a million times.
+        return (
+            f"COALESCE((SELECT COALESCE({version}.until, :at + 1) FROM proposition_version AS "
+            f"{version} WHERE {key} AND {version}.since <= :at ORDER BY {version}.since DESC "
+            "LIMIT 1), 0) > :at"
+        )
+
+    def _fact_holds(self, fact: HoldsFact, places: Places) -> str:
+        if self.is_derived(fact):
+            return self._derived_holds(fact, places)
+        return self._stored_holds(fact, places)
+
+    def is_derived(self, fact: HoldsFact) -> bool:
+        """Return whether rules count for a fact."""
+        if fact.predicate in self.growing:
+            return True
+        return not fact.is_stored and bool(self.rules.of(fact.predicate))
+
+    def _stored_holds(self, fact: HoldsFact, places: Places) -> str:
+        terms = fact.terms
+        if not self.is_past and len(terms) <= len(ARGUMENT_COLUMNS):
+            version = self.alias("v")
+            where = self.versions(version, fact.predicate)
+            where += [
+                f"{version}.{column} = {self.place(term, places)}"
+                for column, term in zip(ARGUMENT_COLUMNS, terms, strict=False)
+            ]
+            sql = f"proposition_version AS {version} WHERE {' AND '.join(where)}"
+            return f"EXISTS (SELECT 1 FROM {sql})"
+        atom = self.alias("p")
+        where = self.atom(atom, fact.predicate)
+        where += [f"{atom}.arguments = {self._key(terms, places)}", self.atom_holds(atom)]
+        return f"EXISTS (SELECT 1 FROM proposition AS {atom} WHERE {' AND '.join(where)})"
+
+    def versions(self, alias: str, predicate: int) -> list[str]:
+        """Write that a version is that of a fact of a predicate that holds now."""
+        return [
+            f"{alias}.kb_id = :kb",
+            f"{alias}.predicate_id = {self.parameter(predicate)}",
+            self.words.is_fact.format(alias),
+            f"{alias}.until IS NULL",
+        ]
+
+    def _derived_holds(self, fact: HoldsFact, places: Places) -> str:
+        body = self.inline(fact)
+        if body is not None:
+            return self.truth(body, places)
+        given = {n: term for n, term in enumerate(fact.terms) if self.is_given(term, places)}
+        relation = self.relation(fact, given, places)
+        if not fact.terms:
+            return f"EXISTS (SELECT 1 FROM {relation})"
+        # Uncorrelated, so that SQLite builds one index for all rows that ask.
+        values = ", ".join(self.place(term, places) for term in fact.terms)
+        columns = ", ".join(f"c{n}" for n in range(len(fact.terms)))
+        return f"({values}) IN (SELECT {columns} FROM {relation})"
+
+    def has_type(self, term: Place, types: TypeSet, places: Places) -> str:
+        """Write that an object has one of some types."""
+        if types is None:
+            return "TRUE"
+        if isinstance(term, Known):
+            return "TRUE" if fits(self.definitions, term.id, types) else "FALSE"
+        version = self.alias("o")
+        where = [f"{version}.object_id = {places[term]}", *self.objects(version, (types,))]
+        return f"EXISTS (SELECT 1 FROM object_version AS {version} WHERE {' AND '.join(where)})"
+
+    def objects(self, alias: str, types: Iterable[TypeSet]) -> list[str]:
+        """Write that a version is that of an object of each of some type sets."""
+        where = [f"{alias}.kb_id = :kb", self.held(alias)]
+        for each in types:
+            if each is not None:
+                ids = self.list_parameter(sorted(each))
+                first = self.words.in_list.format(f"{alias}.type_id", ids)
+                # Those that are declared with `either` have further types.
+                other = self.words.in_list.format("e.type_id", ids)
+                where.append(
+                    f"({first} OR ({alias}.object_id, {alias}.since) IN (SELECT e.object_id, "
+                    f"e.since FROM object_type AS e WHERE e.kb_id = :kb AND {other}))"
+                )
+        return where
+
+    # Numbers.
+
+    def number(self, quantity: Quantity, places: Places) -> str:
+        """Write a number; NULL where a fluent has no value, and for a division by zero."""
+        match quantity:
+            case Decimal():
+                return f"CAST({self.parameter(float(quantity))} AS DOUBLE PRECISION)"
+            case Parameter(name):
+                raise UnsupportedConstructError(f"{name} has no value in a state")
+            case NumberOf(function, terms):
+                versions, where = self.value_version(function, terms, places)
+                column = f"{versions.split()[-1]}.number"
+                return f"(SELECT {column} FROM {versions} WHERE {' AND '.join(where)})"
+            case Operation(operator, operands):
+                found = [self.number(each, places) for each in operands]
+                if len(found) == 1:
+                    return f"(- {found[0]})"
+                if operator == "/":
+                    return f"({found[0]} / NULLIF({found[1]}, 0))"
+                return f"({balanced(operator, found)})"
+
+    def value_version(
+        self, function: int, terms: Sequence[Place], places: Places
+    ) -> tuple[str, list[str]]:
+        """Write the version of a fluent whose arguments are bound; the last table has it."""
+        fluent, version = self.alias("f"), self.alias("w")
+        where = [
+            f"{fluent}.kb_id = :kb",
+            f"{fluent}.function_id = {self.parameter(function)}",
+            f"{fluent}.arguments = {self._key(terms, places)}",
+            f"{version}.kb_id = :kb",
+            f"{version}.function_value_id = {fluent}.id",
+            self.held(version),
+        ]
+        if self.is_past:
+            # The last that began by then; a fluent may have had a million values.
+            last = self.alias("w")
+            where.append(
+                f"{version}.since = (SELECT {last}.since FROM function_value_version AS {last} "
+                f"WHERE {last}.kb_id = :kb AND {last}.function_value_id = {fluent}.id "
+                f"AND {last}.since <= :at ORDER BY {last}.since DESC LIMIT 1)"
+            )
+        tables = f"function_value AS {fluent} CROSS JOIN function_value_version AS {version}"
+        return tables, where
+
+    # Joins.
+
+    @abstractmethod
+    def selection(
+        self, parts: Iterable[Part], bound: Iterable[Bound], places: Places
+    ) -> JoinedTables:
+        """Join what gives variables their objects, and filter by all else."""
+
+    @abstractmethod
+    def relation(self, fact: HoldsFact, given: Mapping[int, Place], places: Places) -> str:
+        """Return the table of a recursive predicate, with columns `c0` ...
+
+        The facts with the given terms are complete in it; it may lack others.
+        """
+
+    def types_of(self, slot: Slot) -> tuple[TypeSet, ...]:
+        """Return the type sets that the objects of a variable fit."""
+        return self._types.get(slot, ())
+
+    def declare(self, bound: Iterable[Bound]) -> None:
+        """Note the types of variables."""
+        for each in bound:
+            self._types[each.slot] = each.types
+
+    # Rules.
+
+    def inline(self, fact: HoldsFact) -> Part | None:
+        """Return what implies a derived fact; None if its rules are recursive or too many."""
+        if fact.predicate in self.growing:
+            return None
+        if self.rules.is_recursive(fact.predicate) or self._inlined >= MAX_INLINED:
+            return None
+        rules = self.rules.of(fact.predicate)
+        self._inlined += len(rules)
+        stored = HoldsFact(fact.predicate, fact.terms, is_stored=True)
+        return OneOf((*(self.instance(rule, fact.terms) for rule in rules), stored))
+
+    def instance(self, rule: Rule, terms: Sequence[Place]) -> Part:
+        """Return the body of a rule for some terms, with the types of its parameters."""
+        places = {
+            parameter.slot: term for parameter, term in zip(rule.parameters, terms, strict=True)
+        }
+        body = replaced(rule.body, places, self.rules.numbers)
+        typed = [
+            HasType(term, types)
+            for parameter, term in zip(rule.parameters, terms, strict=True)
+            for types in parameter.types
+            if types is not None
+        ]
+        return AllOf((*typed, body)) if typed else body
+
+    def is_given(self, term: Place, places: Places) -> bool:
+        """Return whether a term is a parameter of the statement."""
+        return isinstance(term, Known) or places.get(term, "").startswith(":")

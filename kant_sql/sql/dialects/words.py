@@ -1,0 +1,64 @@
+"""The few words in which generated conditions differ between dialects.
+
+Conditions are written as text: building one of ten tables with SQLAlchemy Core takes 3 ms, as text
+0.2 ms, and it must keep its join order on SQLite.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+
+class Words(NamedTuple):
+    """How one dialect writes what differs.
+
+    Attributes:
+        is_fact: the condition that the proposition version of an alias is a fact.
+        in_list: the condition that an expression is among the values of a list parameter.
+        rows: the relation of a parameter that holds rows of ids, as JSON, with columns `c0` ...
+        list_text: writes a list as a literal.
+    """
+
+    is_fact: str
+    in_list: str
+    rows: Callable[[str, int], str]
+    list_text: Callable[[Sequence[int] | Sequence[str]], str]
+
+
+def quoted(text: str) -> str:
+    """Write a text as an SQL literal."""
+    return "'" + text.replace("'", "''") + "'"
+
+
+def _sqlite_rows(parameter: str, columns: int) -> str:
+    fields = ", ".join(f"json_extract(value, '$[{n}]') AS c{n}" for n in range(columns))
+    return f"(SELECT {fields or '1 AS present'} FROM json_each(:{parameter}))"
+
+
+def _sqlite_list(values: Sequence[int] | Sequence[str]) -> str:
+    if all(isinstance(value, int) for value in values):
+        return quoted(f"[{', '.join(map(str, values))}]")
+    # Arguments are ids and spaces: nothing in them needs an escape.
+    return quoted("[" + ", ".join(f'"{value}"' for value in values) + "]")
+
+
+def _postgresql_rows(parameter: str, columns: int) -> str:
+    fields = ", ".join(f"CAST(value ->> {n} AS bigint) AS c{n}" for n in range(columns))
+    rows = f"json_array_elements(CAST(:{parameter} AS json)) AS listed (value)"
+    return f"(SELECT {fields or '1 AS present'} FROM {rows})"
+
+
+def _postgresql_list(values: Sequence[int] | Sequence[str]) -> str:
+    if all(isinstance(value, int) for value in values):
+        return f"CAST(ARRAY[{', '.join(map(str, values))}] AS bigint[])"
+    return f"CAST(ARRAY[{', '.join(quoted(str(value)) for value in values)}] AS text[])"
+
+
+SQLITE_WORDS = Words(
+    "{0}.is_goal = 0",
+    "{0} IN (SELECT value FROM json_each({1}))",
+    _sqlite_rows,
+    _sqlite_list,
+)
+POSTGRESQL_WORDS = Words("NOT {0}.is_goal", "{0} = ANY({1})", _postgresql_rows, _postgresql_list)

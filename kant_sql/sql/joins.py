@@ -1,0 +1,371 @@
+"""The join of a conjunction: which facts give which variables their objects, and in which order."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Iterable
+
+from typing_extensions import override
+
+from ..errors import UnsupportedConstructError
+from ..knowledge.conditions import (
+    FALSE,
+    AllOf,
+    Bound,
+    FluentIs,
+    HoldsFact,
+    Known,
+    OneOf,
+    Part,
+    Place,
+    SameObject,
+    Slot,
+    TypeSet,
+    Witness,
+    closure,
+    slots_of,
+)
+from ..knowledge.trees import ParameterDefinition
+from .conditions import ARGUMENT_COLUMNS, ConditionWriter, JoinedTables, Places
+
+# SQLite joins at most 64 tables.
+MAX_JOINED = 60
+
+
+class _Join:
+    """One join in the making.
+
+    Args:
+        writer: writes what is not a join.
+        places: the variables that are bound outside.
+    """
+
+    def __init__(self, writer: JoinWriter, places: Places) -> None:
+        self._writer = writer
+        self._selection = JoinedTables(places)
+        self._outer = places
+        # Variables that are yet to be bound, in order, and what may bind them.
+        self._unbound: dict[Slot, tuple[TypeSet, ...]] = {}
+        self._facts: list[HoldsFact | FluentIs] = []
+        self._equalities: list[SameObject] = []
+        self._choices: list[OneOf] = []
+        self._filters: list[Part] = []
+
+    def run(self, parts: Iterable[Part], bound: Iterable[Bound]) -> JoinedTables:
+        """Join."""
+        self._open(bound)
+        self._spread(list(parts))
+        self._join_growing()
+        while self._unbound:
+            if not (self._equate() or self._next_fact() or self._next_choice()):
+                self._range(next(iter(self._unbound)))
+        self._equate()
+        rest = [*self._equalities, *self._facts, *self._choices, *self._filters]
+        selection = self._selection
+        selection.where += self._writer.conjuncts(rest, selection.places)
+        if len(selection.tables) > MAX_JOINED:
+            raise UnsupportedConstructError(
+                f"a conjunction of the condition binds {len(selection.tables)} variables or more, "
+                f"and a database joins at most {MAX_JOINED}; ask for parts of it"
+            )
+        return selection
+
+    def _join_growing(self) -> None:
+        """Join first what a recursive statement has found so far: it is read row by row."""
+        for fact in list(self._facts):
+            if isinstance(fact, HoldsFact) and fact.predicate in self._writer.growing:
+                self._facts.remove(fact)
+                self._join_relation(fact)
+
+    def _open(self, bound: Iterable[Bound]) -> None:
+        bound = tuple(bound)
+        self._writer.declare(bound)
+        self._unbound.update((each.slot, each.types) for each in bound)
+
+    def _spread(self, parts: list[Part]) -> None:
+        """Part a conjunction by what its parts can do; quantifiers become part of the join."""
+        parts.reverse()
+        while parts:
+            part = parts.pop()
+            match part:
+                case AllOf(inner):
+                    parts += reversed(inner)
+                case Witness(bound, inner_part):
+                    self._selection.is_distinct = False
+                    self._open(bound)
+                    parts.append(inner_part)
+                case HoldsFact() if self._writer.is_derived(part):
+                    body = self._writer.inline(part)
+                    if body is None:
+                        self._facts.append(part)
+                    else:
+                        parts.append(body)
+                case HoldsFact() | FluentIs():
+                    self._facts.append(part)
+                case SameObject():
+                    self._equalities.append(part)
+                case OneOf() if part != FALSE:
+                    alternatives = [each for each in part.parts if each != FALSE]
+                    if len(alternatives) == 1:
+                        parts.append(alternatives[0])
+                    else:
+                        self._choices.append(part)
+                case _:
+                    self._filters.append(part)
+
+    def _is_bound(self, term: Place) -> bool:
+        return term not in self._unbound
+
+    def _bind(self, slot: Slot, place: str, have: tuple[TypeSet, ...]) -> None:
+        """Bind a variable; check its types where what binds it allows more."""
+        wanted = self._unbound.pop(slot)
+        self._selection.places[slot] = place
+        for types in wanted:
+            if types is not None and not any(one is not None and one <= types for one in have):
+                self._selection.where.append(
+                    self._writer.has_type(slot, types, self._selection.places)
+                )
+
+    def _equate(self) -> bool:
+        """Bind the variables that equal what is bound."""
+        found = False
+        for part in list(self._equalities):
+            for one, other in ((part.left, part.right), (part.right, part.left)):
+                if isinstance(one, Slot) and one in self._unbound and self._is_bound(other):
+                    place = self._writer.place(other, self._selection.places)
+                    self._bind(one, place, self._types_of(other))
+                    self._equalities.remove(part)
+                    found = True
+                    break
+        return found
+
+    def _types_of(self, term: Place) -> tuple[TypeSet, ...]:
+        if isinstance(term, Known):
+            object_ = self._writer.definitions.objects.live(term.id)
+            # One type of an object suffices to fit.
+            return tuple(frozenset((id_,)) for id_ in object_.type_ids)
+        return self._writer.types_of(term)
+
+    def _next_fact(self) -> bool:
+        """Join the most selective fact that binds a variable."""
+        best: tuple[tuple[float, ...], HoldsFact | FluentIs] | None = None
+        for position, fact in enumerate(self._facts):
+            rank = self._rank(fact)
+            if rank is not None and (best is None or (*rank, position) < best[0]):
+                best = (*rank, position), fact
+        if best is None:
+            return False
+        fact = best[1]
+        self._facts.remove(fact)
+        if isinstance(fact, FluentIs):
+            self._join_value(fact)
+        elif self._writer.is_derived(fact):
+            self._join_relation(fact)
+        else:
+            self._join_fact(fact)
+        return True
+
+    def _rank(self, fact: HoldsFact | FluentIs) -> tuple[float, ...] | None:
+        """Rank a fact: the smaller, the earlier; None where it binds nothing."""
+        terms = fact.terms if isinstance(fact, HoldsFact) else (*fact.terms, fact.value)
+        unbound = {term for term in terms if not self._is_bound(term)}
+        if not unbound:
+            return None
+        bound = len(terms) - sum(1 for term in terms if term in unbound)
+        if isinstance(fact, FluentIs):
+            # A function has one value: once its arguments are bound, one row.
+            if all(self._is_bound(term) for term in fact.terms):
+                return (0, 0, 0)
+            return (3 if bound else 5, -bound, len(unbound))
+        if self._writer.is_derived(fact):
+            return (2 if bound else 4, -bound, len(unbound))
+        return (1 if bound else 3, -bound, len(unbound))
+
+    def _join_fact(self, fact: HoldsFact) -> None:
+        predicate = self._writer.definitions.predicates.live(fact.predicate)
+        columns = self._past_facts(fact) if self._writer.is_past else self._present_facts(fact)
+        self._match(fact.terms, columns, predicate.parameters)
+
+    def _present_facts(self, fact: HoldsFact) -> list[str]:
+        """Join the versions of a predicate, and the arguments that these do not have."""
+        writer, selection = self._writer, self._selection
+        version = writer.alias("v")
+        columns = [f"{version}.{column}" for column in ARGUMENT_COLUMNS[: len(fact.terms)]]
+        is_indexed = any(map(self._is_bound, fact.terms[: len(columns)]))
+        further = range(len(columns), len(fact.terms))
+        # Without an indexed argument, a bound one further on finds the facts.
+        first = [n for n in further if not is_indexed and self._is_bound(fact.terms[n])][:1]
+        arguments = {n: writer.alias("a") for n in further}
+        tables = {n: f"proposition_argument AS {alias}" for n, alias in arguments.items()}
+        selection.tables += [tables[n] for n in first]
+        selection.tables.append(f"proposition_version AS {version}")
+        selection.tables += [tables[n] for n in further if n not in first]
+        selection.where += writer.versions(version, fact.predicate)
+        for position, alias in arguments.items():
+            selection.where += [
+                f"{alias}.kb_id = :kb",
+                f"{alias}.proposition_id = {version}.proposition_id",
+                f"{alias}.position = {position}",
+            ]
+        return columns + [f"{alias}.object_id" for alias in arguments.values()]
+
+    def _past_facts(self, fact: HoldsFact) -> list[str]:
+        """Join what held of a predicate."""
+        writer, selection = self._writer, self._selection
+        arity = len(fact.terms)
+        if not any(isinstance(term, Known) or term in self._outer for term in fact.terms):
+            alias = writer.alias("h")
+            selection.tables.append(f"{writer.past(fact.predicate, arity)} AS {alias}")
+            return [f"{alias}.c{n}" for n in range(arity)]
+        # What is bound outside finds few atoms, each of which is looked up at that time.
+        bound = [
+            n for n, term in enumerate(fact.terms) if isinstance(term, Known) or term in self._outer
+        ]
+        order = [bound[0], *(n for n in range(arity) if n != bound[0])]
+        aliases = {n: writer.alias("a") for n in order}
+        atom = writer.alias("p")
+        for n, alias in aliases.items():
+            selection.tables.append(f"proposition_argument AS {alias}")
+            selection.where += [
+                f"{alias}.kb_id = :kb",
+                f"{alias}.proposition_id = {atom}.id",
+                f"{alias}.position = {n}",
+            ]
+        selection.tables.insert(len(selection.tables) - arity + 1, f"proposition AS {atom}")
+        selection.where += [*writer.atom(atom, fact.predicate), writer.atom_holds(atom)]
+        return [f"{aliases[n]}.object_id" for n in range(arity)]
+
+    def _match(
+        self,
+        terms: Iterable[Place],
+        columns: Iterable[str],
+        parameters: Iterable[ParameterDefinition | None],
+    ) -> None:
+        """Bind the terms of a joined fact, or compare them with what they are bound to."""
+        writer, selection = self._writer, self._selection
+        for term, column, parameter in zip(terms, columns, parameters, strict=True):
+            if isinstance(term, Slot) and term in self._unbound:
+                have: tuple[TypeSet, ...] = ()
+                if parameter is not None:
+                    have = (closure(writer.definitions, parameter.type_ids),)
+                self._bind(term, column, have)
+            else:
+                selection.where.append(f"{column} = {writer.place(term, selection.places)}")
+
+    def _join_relation(self, fact: HoldsFact) -> None:
+        writer, selection = self._writer, self._selection
+        given = {n: term for n, term in enumerate(fact.terms) if writer.is_given(term, self._outer)}
+        alias = writer.alias("r")
+        selection.tables.append(f"{writer.relation(fact, given, selection.places)} AS {alias}")
+        columns = [f"{alias}.c{n}" for n in range(len(fact.terms))]
+        self._match(fact.terms, columns, [None] * len(columns))
+
+    def _join_value(self, fact: FluentIs) -> None:
+        """Join the versions of an object fluent, with its arguments and its value."""
+        writer, selection = self._writer, self._selection
+        function = writer.definitions.functions.live(fact.function)
+        if all(self._is_bound(term) for term in fact.terms):
+            tables, where = writer.value_version(fact.function, fact.terms, selection.places)
+            version = tables.split()[-1]
+            selection.tables += tables.split(" CROSS JOIN ")
+            selection.where += where
+        else:
+            version = writer.alias("w")
+            selection.tables.append(f"function_value_version AS {version}")
+            selection.where += [
+                f"{version}.kb_id = :kb",
+                f"{version}.function_id = {writer.parameter(fact.function)}",
+                writer.held(version),
+            ]
+            for position, term in enumerate(fact.terms):
+                argument = writer.alias("a")
+                selection.tables.append(f"function_value_argument AS {argument}")
+                selection.where += [
+                    f"{argument}.kb_id = :kb",
+                    f"{argument}.function_value_id = {version}.function_value_id",
+                    f"{argument}.position = {position}",
+                ]
+                parameter = function.parameters[position]
+                self._match([term], [f"{argument}.object_id"], [parameter])
+        value = ParameterDefinition("value", function.type_ids)
+        self._match([fact.value], [f"{version}.object_id"], [value])
+
+    def _next_choice(self) -> bool:
+        """Join a disjunction that binds variables, as the union of its parts."""
+        for choice in self._choices:
+            slots = sorted(slots_of(choice), key=lambda slot: slot.number)
+            if any(slot in self._unbound for slot in slots):
+                self._choices.remove(choice)
+                self._join_choice(choice, slots)
+                return True
+        return False
+
+    def _join_choice(self, choice: OneOf, slots: list[Slot]) -> None:
+        writer, selection = self._writer, self._selection
+        # A table of FROM cannot refer to another one, so what those bind is a column, too.
+        given = {
+            slot: place
+            for slot, place in selection.places.items()
+            if slot in slots and place.startswith(":")
+        }
+        columns = [slot for slot in slots if slot not in given]
+        bound = [Bound(slot, writer.types_of(slot)) for slot in columns]
+        branches = [writer.rows([part], bound, given) for part in choice.parts]
+        alias = writer.alias("u")
+        selection.tables.append(f"({' UNION '.join(branches)}) AS {alias}")
+        for number, slot in enumerate(columns):
+            column = f"{alias}.c{number}"
+            if slot in self._unbound:
+                self._bind(slot, column, self._unbound[slot])
+            else:
+                selection.where.append(f"{column} = {selection.places[slot]}")
+
+    def _range(self, slot: Slot) -> None:
+        """Join the objects of a variable that nothing else binds."""
+        writer, selection = self._writer, self._selection
+        version = writer.alias("o")
+        types = self._unbound[slot]
+        selection.tables.append(f"object_version AS {version}")
+        selection.where += writer.objects(version, types)
+        self._bind(slot, f"{version}.object_id", types)
+
+
+class JoinWriter(ConditionWriter):
+    """Writes conditions with the joins within them."""
+
+    @override
+    def selection(
+        self, parts: Iterable[Part], bound: Iterable[Bound], places: Places
+    ) -> JoinedTables:
+        return _Join(self, places).run(parts, bound)
+
+    def rows(
+        self,
+        parts: Iterable[Part],
+        bound: Iterable[Bound],
+        places: Places,
+        *,
+        columns: Iterable[Place] | None = None,
+        first: str = "",
+    ) -> str:
+        """Write the SELECT of the variables, or of other terms, as columns `c0` ...
+
+        `first` is a table that the places refer to.
+        """
+        bound = tuple(bound)
+        selection = self.selection(parts, bound, places)
+        if first:
+            selection.tables.insert(0, first)
+        terms = [each.slot for each in bound] if columns is None else columns
+        found = []
+        for number, term in enumerate(terms):
+            place = self.place(term, selection.places)
+            # A parameter alone would have the driver's type.
+            typed = f"CAST({place} AS BIGINT)" if place.startswith(":") else place
+            found.append(f"{typed} AS c{number}")
+        distinct = "" if selection.is_distinct else "DISTINCT "
+        return selection.text(f"{distinct}{', '.join(found) or '1 AS present'}")
+
+    @abstractmethod
+    def past(self, predicate: int, arity: int) -> str:
+        """Return the relation of the facts of a predicate that held, with columns `c0` ..."""

@@ -1,0 +1,183 @@
+"""Questions: whether a condition holds in a state, and for which objects.
+
+A statement begins with the head, so that the reader sees whether the definitions that it was
+written with are still those of the state.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+from ..knowledge.conditions import Column, Part, Quantity, Slot
+from ..knowledge.definitions import Definitions
+from .dialects.base import Row, Session
+from .dialects.words import Words
+from .intervals import forks_at
+from .relations import Compiler, ConditionStatement, Iteration, delta_parameter, rows_parameter
+
+_HEAD = "(SELECT h.{0} FROM head AS h WHERE h.kb_id = :kb)"
+_GUARD = f"{_HEAD.format('definition_revision')}, {_HEAD.format('archived_revision')}"
+# How many columns of a statement come before those that were asked for.
+GUARDS = 2
+_TO_JSON = json.JSONEncoder(separators=(",", ":")).encode
+
+
+class Question:
+    """Statements about one state.
+
+    Args:
+        words: the dialect's.
+        definitions: what is defined in the state.
+        is_past: whether the state is that of a revision, not the present.
+    """
+
+    def __init__(self, words: Words, definitions: Definitions, is_past: bool) -> None:
+        self._words = words
+        self._compiler = Compiler(words, definitions, is_past)
+
+    def truths(
+        self,
+        parts: Iterable[Part],
+        places: Mapping[Slot, str],
+        numbers: Iterable[Quantity] = (),
+    ) -> ConditionStatement:
+        """Write the statement of whether parts hold, as 0 or 1, and of some numbers."""
+        compiler = self._compiler
+        found = [f"CASE WHEN {compiler.truth(part, places)} THEN 1 ELSE 0 END" for part in parts]
+        found += [compiler.number(number, places) for number in numbers]
+        return compiler.statement(f"SELECT {', '.join([_GUARD, *found])}")
+
+    def answers(
+        self, part: Part, columns: Sequence[Column], places: Mapping[Slot, str], is_limited: bool
+    ) -> ConditionStatement:
+        """Write the statement of the objects for which a part holds, as ids, in order.
+
+        Its first row is that of the head.
+        """
+        select = self._select(part, columns, places)
+        width = max(len(columns), GUARDS)
+        numbers = range(width)
+        own = ", ".join(f"c{n}" if n < len(columns) else f"0 AS c{n}" for n in numbers)
+        order = ", ".join(f"c{n}" for n in range(len(columns))) or "present"
+        if is_limited:
+            select = f"SELECT * FROM ({select}) AS found ORDER BY {order} LIMIT :most"
+        head = ", ".join(
+            f"{name} AS c{n}" for n, name in enumerate(["definition_revision", "archived_revision"])
+        )
+        head += "".join(f", 0 AS c{n}" for n in range(GUARDS, width))
+        sorted_by = ", ".join(str(n + 1) for n in range(width + 1))
+        return self._compiler.statement(
+            f"SELECT 0 AS part, {head} FROM head WHERE kb_id = :kb "
+            f"UNION ALL SELECT 1 AS part, {own} FROM ({select}) AS answers ORDER BY {sorted_by}"
+        )
+
+    def readable(
+        self, part: Part, columns: Sequence[Column], places: Mapping[Slot, str], is_limited: bool
+    ) -> ConditionStatement:
+        """Write the statement of the names of those objects, for a reader."""
+        select = self._select(part, columns, places)
+        if not columns:
+            return self._compiler.statement(
+                f"SELECT CASE WHEN EXISTS ({select}) THEN 1 ELSE 0 END AS holds"
+            )
+        names = ", ".join(
+            f'o{n}.name AS "{column.name.replace(chr(34), chr(34) * 2)}"'
+            for n, column in enumerate(columns)
+        )
+        joined = " ".join(
+            f"JOIN object AS o{n} ON o{n}.kb_id = :kb AND o{n}.id = answers.c{n}"
+            for n in range(len(columns))
+        )
+        order = ", ".join(f"answers.c{n}" for n in range(len(columns)))
+        limit = " LIMIT :most" if is_limited else ""
+        return self._compiler.statement(
+            f"SELECT {names} FROM ({select}) AS answers {joined} ORDER BY {order}{limit}"
+        )
+
+    def _select(self, part: Part, columns: Sequence[Column], places: Mapping[Slot, str]) -> str:
+        return self._compiler.rows([part], [column.bound for column in columns], places)
+
+
+def run(
+    session: Session,
+    statement: ConditionStatement,
+    *,
+    kb: int | None,
+    at: int | None,
+    given: Mapping[str, Any],
+) -> list[Row]:
+    """Run a statement on a state, with what has to be computed before it."""
+    values = parameters(session, statement, kb=kb, at=at, given=given)
+    for step in statement.steps:
+        values.update(_computed(session, step, kb, at, values))
+    return session.rows(statement.query, **values)
+
+
+def literal_values(
+    session: Session,
+    statement: ConditionStatement,
+    *,
+    kb: int | None,
+    at: int | None,
+    given: Mapping[str, Any],
+) -> dict[str, Any]:
+    """Return the values of a statement's parameters, what is computed first included."""
+    values = {"kb": kb, **statement.values, **given}
+    if at is not None:
+        values |= {"at": at, "forks": forks_at(at)}
+    computed: dict[str, Any] = {}
+    for step in statement.steps:
+        computed |= _computed(session, step, kb, at, {**given, **computed})
+    return values | computed
+
+
+def parameters(
+    session: Session,
+    statement: ConditionStatement,
+    *,
+    kb: int | None,
+    at: int | None,
+    given: Mapping[str, Any],
+) -> dict[str, Any]:
+    """Return the values of a statement's parameters, in the driver's forms."""
+    values: dict[str, Any] = {"kb": kb, **given}
+    for name, value in statement.values.items():
+        values[name] = session.list_value(value) if isinstance(value, tuple) else value
+    if at is not None:
+        values["at"] = at
+        if ":forks" in statement.sql:
+            values["forks"] = session.list_value(forks_at(at))
+    return values
+
+
+def _computed(
+    session: Session, step: Iteration, kb: int | None, at: int | None, known: Mapping[str, Any]
+) -> dict[str, str]:
+    """Compute a recursive component round by round; return the parameters of its facts."""
+    found: dict[int, set[Row]] = {each: set() for each in step.arities}
+    newest: dict[int, set[Row]] = {each: set() for each in step.arities}
+    values = {**known, **_lists(found, newest)}
+    given = parameters(session, step.first, kb=kb, at=at, given=values)
+    rows = session.rows(step.first.query, **given)
+    while True:
+        for each in newest.values():
+            each.clear()
+        for predicate, *terms in rows:
+            fact = tuple(terms[: step.arities[predicate]])
+            if fact not in found[predicate]:
+                newest[predicate].add(fact)
+        if step.further is None or not any(newest.values()):
+            return _lists(found, {})
+        for predicate, facts in newest.items():
+            found[predicate] |= facts
+        values.update(_lists(found, newest))
+        given = parameters(session, step.further, kb=kb, at=at, given=values)
+        rows = session.rows(step.further.query, **given)
+
+
+def _lists(found: Mapping[int, set[Row]], newest: Mapping[int, set[Row]]) -> dict[str, str]:
+    lists = {rows_parameter(each): _TO_JSON([*facts]) for each, facts in found.items()}
+    lists |= {delta_parameter(each): _TO_JSON([*facts]) for each, facts in newest.items()}
+    return lists

@@ -1,0 +1,434 @@
+"""Recursive predicates as relations, and whole statements of conditions.
+
+A predicate with one recursive rule that uses it once is a recursive table of the WITH clause. What
+the condition gives of its arguments is pushed into it: an argument that the rule hands on unchanged
+limits the table, and for one that it replaces the table follows the replaced argument alone (the
+factoring of right-linear rules: Naughton, Ramakrishnan, Sagiv, Ullman, Argument reduction by
+factoring, 1989). All other recursion is computed round by round, semi-naively (Bancilhon 1986), by
+`sql/fixpoint.py`.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import chain, product
+from math import prod
+from typing import Any, NamedTuple
+
+from sqlalchemy import text
+from typing_extensions import override
+
+from ..knowledge.conditions import (
+    FALSE,
+    AllOf,
+    Bound,
+    HasType,
+    HoldsFact,
+    OneOf,
+    Part,
+    Place,
+    Slot,
+    Witness,
+    closure,
+    parts_of,
+    slots_of,
+)
+from ..knowledge.definitions import Definitions
+from ..knowledge.rules import Rule
+from .conditions import Places
+from .dialects.words import Words, quoted
+from .joins import JoinWriter
+from .query import Query
+
+# A rule whose recursive disjunctions have more combinations is computed without parting them.
+MAX_ALTERNATIVES = 64
+_PARAMETER = re.compile(r":(\w+)")
+
+
+class Iteration(NamedTuple):
+    """A recursive component that is computed round by round.
+
+    Each row of a statement has the predicate's id, and the arguments of a fact.
+
+    Attributes:
+        arities: the predicates, each with its number of parameters.
+        first: finds what follows without the component itself.
+        further: finds what follows from the facts of the last round.
+    """
+
+    arities: Mapping[int, int]
+    first: ConditionStatement
+    further: ConditionStatement | None
+
+
+@dataclass(eq=False)
+class ConditionStatement:
+    """A statement: its text, and the values of its parameters.
+
+    Attributes:
+        sql: the text, with named parameters.
+        values: the values of the parameters that do not come with each evaluation.
+        steps: what is computed first, in this order.
+    """
+
+    sql: str
+    values: Mapping[str, Any]
+    steps: Sequence[Iteration] = ()
+    query: Query = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.query = Query(text(self.sql))
+
+    def literal(self, words: Words, values: Mapping[str, Any]) -> str:
+        """Write it with all values in their places."""
+        known = {**self.values, **values}
+
+        def write(found: re.Match[str]) -> str:
+            value = known[found[1]]
+            if isinstance(value, str):
+                return quoted(value)
+            return words.list_text(value) if isinstance(value, tuple | list) else repr(value)
+
+        return _PARAMETER.sub(write, self.sql)
+
+
+class _Alternative(NamedTuple):
+    """A conjunction that implies a predicate, without disjunctions that contain its component."""
+
+    parameters: tuple[Bound, ...]
+    parts: tuple[Part, ...]
+    bound: tuple[Bound, ...]
+    uses: tuple[HoldsFact, ...]
+
+
+def rows_parameter(predicate: int) -> str:
+    """Return the parameter that has the facts of a predicate computed round by round."""
+    return f"rows_{predicate}"
+
+
+def delta_parameter(predicate: int) -> str:
+    """Return the parameter that has the facts of the last round."""
+    return f"delta_{predicate}"
+
+
+class Compiler(JoinWriter):
+    """Writes the statements of one condition, with the relations that it needs."""
+
+    def __init__(self, words: Words, definitions: Definitions, is_past: bool) -> None:
+        super().__init__(words, definitions, is_past)
+        self.steps: list[Iteration] = []
+        self._tables: list[str] = []
+        self._relations: dict[Any, str] = {}
+
+    def statement(self, sql: str) -> ConditionStatement:
+        """Make the statement of a SELECT, with the WITH clause that it needs."""
+        if self._tables:
+            sql = f"WITH RECURSIVE {', '.join(self._tables)} {sql}"
+        return ConditionStatement(sql, self.values, tuple(self.steps))
+
+    def _table(self, name: str, columns: int, sql: str) -> None:
+        listed = ", ".join(f"c{n}" for n in range(columns)) or "present"
+        self._tables.append(f"{name} ({listed}) AS ({sql})")
+
+    @override
+    def past(self, predicate: int, arity: int) -> str:
+        name = f"past_{predicate}"
+        if ("past", predicate) not in self._relations:
+            self._relations["past", predicate] = name
+            among = self.words.in_list.format("v.fork", ":forks")
+            columns, tables = [], "proposition_version AS v"
+            where = [
+                "v.kb_id = :kb",
+                f"v.predicate_id = {self.parameter(predicate)}",
+                self.words.is_fact.format("v"),
+                among,
+                self.held("v"),
+            ]
+            for n in range(arity):
+                tables += f" CROSS JOIN proposition_argument AS a{n}"
+                where += [
+                    f"a{n}.kb_id = :kb",
+                    f"a{n}.proposition_id = v.proposition_id",
+                    f"a{n}.position = {n}",
+                ]
+                columns.append(f"a{n}.object_id")
+            sql = f"SELECT {', '.join(columns) or '1'} FROM {tables} WHERE {' AND '.join(where)}"
+            listed = ", ".join(f"c{n}" for n in range(arity)) or "present"
+            self._tables.append(f"{name} ({listed}) AS MATERIALIZED ({sql})")
+        return name
+
+    # Recursion.
+
+    @override
+    def relation(self, fact: HoldsFact, given: Mapping[int, Place], places: Places) -> str:
+        predicate = fact.predicate
+        growing = self.growing.get(predicate)
+        if growing is not None:
+            return growing
+        texts = {n: self.place(term, places) for n, term in given.items()}
+        alternatives = self._alternatives(predicate)
+        recursive = [each for each in alternatives or () if each.uses]
+        is_linear = (
+            alternatives is not None
+            and len(self.rules.component[predicate]) == 1
+            and len(recursive) <= 1
+            and all(len(each.uses) == 1 for each in recursive)
+        )
+        if not is_linear or alternatives is None:
+            return self._iterated(predicate, len(fact.terms))
+        limits = self._limits(alternatives, recursive, texts)
+        key = (predicate, *sorted(limits.items())) if limits is not None else None
+        if key is None:
+            key = ("factored", predicate, *sorted(texts.items()))
+        name = self._relations.get(key)
+        if name is None:
+            name = self._relations[key] = f"derived_{len(self._relations)}"
+            if limits is None:
+                self._factored(name, alternatives, recursive[0], texts)
+            else:
+                self._recursive(name, predicate, alternatives, limits)
+        return name
+
+    def _alternatives(self, predicate: int) -> list[_Alternative] | None:
+        """Part the rules of a predicate; None if one uses the component outside of conjunctions."""
+        component = self.rules.component[predicate]
+        found = []
+        for rule in self.rules.of(predicate):
+            made = _alternatives(rule, component)
+            if made is None:
+                return None
+            found += made
+        declared = self.definitions.predicates.live(predicate).parameters
+        # New variables: a fact that is stored holds, too.
+        slots = [Bound(Slot(next(self.rules.numbers)), ()) for _ in declared]
+        stored = HoldsFact(predicate, tuple(each.slot for each in slots), is_stored=True)
+        return [*found, _Alternative(tuple(slots), (stored,), (), ())]
+
+    def _limits(
+        self,
+        alternatives: Sequence[_Alternative],
+        recursive: Sequence[_Alternative],
+        texts: Mapping[int, str],
+    ) -> dict[int, str] | None:
+        """Return which given arguments limit the table; None if following them is better."""
+
+        def is_kept(position: int) -> bool:
+            return all(
+                each.uses[0].terms[position] == each.parameters[position].slot for each in recursive
+            )
+
+        limits = {n: place for n, place in texts.items() if is_kept(n)}
+        if limits or not texts or not recursive:
+            return limits
+        others = [n for n in range(len(recursive[0].parameters)) if n not in texts]
+        step = recursive[0]
+        rest = [part for part in step.parts if part is not step.uses[0]]
+        mentioned = set().union(*map(slots_of, rest)) if rest else set()
+        mentioned |= {term for n, term in enumerate(step.uses[0].terms) if n in texts}  # type: ignore[misc]
+        are_apart = all(
+            is_kept(n)
+            and step.parameters[n].slot not in mentioned
+            and self._have_one_type(alternatives, step, n)
+            for n in others
+        )
+        return None if are_apart else limits
+
+    def _have_one_type(
+        self, alternatives: Sequence[_Alternative], step: _Alternative, position: int
+    ) -> bool:
+        """Return whether all rules allow the same objects at a position, and facts no others."""
+        wanted = step.parameters[position].types
+        predicate = self.definitions.predicates.live(step.uses[0].predicate)
+        have = closure(self.definitions, predicate.parameters[position].type_ids)
+        return all(
+            types is None or (have is not None and have <= types) for types in wanted
+        ) and all(each.parameters[position].types == wanted for each in alternatives[:-1])
+
+    def _select(
+        self,
+        alternative: _Alternative,
+        given: Mapping[int, str],
+        columns: Iterable[Place] | None = None,
+        parts: Iterable[Part] | None = None,
+        first: str = "",
+    ) -> str:
+        """Write the facts that an alternative implies."""
+        parameters = alternative.parameters
+        self.declare(parameters)
+        places = {parameters[n].slot: place for n, place in given.items()}
+        typed = [
+            HasType(parameters[n].slot, types)
+            for n in given
+            for types in parameters[n].types
+            if types is not None
+        ]
+        free = [each for n, each in enumerate(parameters) if n not in given]
+        terms = [each.slot for each in parameters] if columns is None else columns
+        conjuncts = [*typed, *(alternative.parts if parts is None else parts)]
+        return self.rows(conjuncts, [*free, *alternative.bound], places, columns=terms, first=first)
+
+    def _recursive(
+        self,
+        name: str,
+        predicate: int,
+        alternatives: Sequence[_Alternative],
+        limits: Mapping[int, str],
+    ) -> None:
+        """Add the table of a predicate, limited to some arguments."""
+        arity = len(alternatives[0].parameters)
+        selects = [self._select(each, limits) for each in alternatives if not each.uses]
+        self.growing[predicate] = name
+        selects += [self._select(each, limits) for each in alternatives if each.uses]
+        del self.growing[predicate]
+        self._table(name, arity, " UNION ".join(selects))
+
+    def _factored(
+        self,
+        name: str,
+        alternatives: Sequence[_Alternative],
+        step: _Alternative,
+        texts: Mapping[int, str],
+    ) -> None:
+        """Add the table of what the given arguments lead to, and that of the facts from there."""
+        given = sorted(texts)
+        reached = f"{name}_from"
+        start = ", ".join(f"CAST({texts[n]} AS BIGINT)" for n in given)
+        from_here = {n: f"{reached}.c{column}" for column, n in enumerate(given)}
+        parts = [part for part in step.parts if part is not step.uses[0]]
+        next_ = [step.uses[0].terms[n] for n in given]
+        # The other parameters are handed on, so the step does not need them.
+        own = step._replace(parameters=tuple(step.parameters[n] for n in given), parts=tuple(parts))
+        places = {column: from_here[n] for column, n in enumerate(given)}
+        select = self._select(own, places, next_, first=reached)
+        self._table(reached, len(given), f"SELECT {start} UNION {select}")
+        selects = [
+            self._select(each, from_here, first=reached) for each in alternatives if not each.uses
+        ]
+        facts = " UNION ".join(selects)
+        arity = len(step.parameters)
+        columns = ", ".join(
+            f"CAST({texts[n]} AS BIGINT)" if n in texts else f"c{n}" for n in range(arity)
+        )
+        self._table(name, arity, f"SELECT {columns} FROM ({facts}) AS facts")
+
+    def _iterated(self, predicate: int, arity: int) -> str:
+        """Have a component computed round by round; return the relation of one predicate."""
+        del arity
+        component = sorted(self.rules.component[predicate])
+        if ("iterated", *component) not in self._relations:
+            self._relations["iterated", *component] = ""
+            made, steps = iteration(self.words, self.definitions, self.is_past, component)
+            known = [each.arities for each in self.steps]
+            self.steps += [each for each in (*steps, made) if each.arities not in known]
+        return self.listed(predicate, rows_parameter(predicate))
+
+    def listed(self, predicate: int, parameter: str) -> str:
+        """Return the relation of the facts of a predicate that a parameter has."""
+        declared = self.definitions.predicates.live(predicate).parameters
+        return self.words.rows(parameter, len(declared))
+
+
+# The parts of a conjunction, and the variables that it binds.
+_Conjunction = tuple[tuple[Part, ...], tuple[Bound, ...]]
+
+
+def _spread(part: Part, component: frozenset[int]) -> list[_Conjunction] | None:
+    """Part a body at its disjunctions that contain a component."""
+    if isinstance(part, HoldsFact) or not _uses(part, component):
+        return [((part,), ())]
+    if isinstance(part, Witness):
+        within = _spread(part.part, component)
+        return within and [(parts, (*part.bound, *bound)) for parts, bound in within]
+    if not isinstance(part, AllOf | OneOf):
+        return None
+    each = [_spread(inner, component) for inner in part.parts]
+    found = [one for one in each if one is not None]
+    if len(found) < len(each):
+        return None
+    if isinstance(part, OneOf):
+        return [one for several in found for one in several]
+    if prod(map(len, found)) > MAX_ALTERNATIVES:
+        return None
+    return [
+        (tuple(chain(*(parts for parts, _ in chosen))), tuple(chain(*(one for _, one in chosen))))
+        for chosen in product(*found)
+    ]
+
+
+def _uses(part: Part, component: frozenset[int]) -> bool:
+    return any(
+        isinstance(inner, HoldsFact) and inner.predicate in component for inner in parts_of(part)
+    )
+
+
+def _alternatives(rule: Rule, component: frozenset[int]) -> list[_Alternative] | None:
+    """Part a rule at its disjunctions; None if it uses the component outside of conjunctions."""
+    made = _spread(rule.body, component)
+    if made is None or len(made) > MAX_ALTERNATIVES:
+        return None
+    return [
+        _Alternative(
+            rule.parameters,
+            parts,
+            bound,
+            tuple(
+                part
+                for part in parts
+                if isinstance(part, HoldsFact) and part.predicate in component
+            ),
+        )
+        for parts, bound in made
+        if FALSE not in parts
+    ]
+
+
+def iteration(
+    words: Words, definitions: Definitions, is_past: bool, component: Sequence[int]
+) -> tuple[Iteration, Sequence[Iteration]]:
+    """Make the statements that compute a component; return also what they need before."""
+    arities = {each: len(definitions.predicates.live(each).parameters) for each in component}
+    width = max(arities.values())
+    first, further = (Compiler(words, definitions, is_past) for _ in range(2))
+    for writer in (first, further):
+        for each in component:
+            writer.growing[each] = writer.listed(each, rows_parameter(each))
+            # A use that is limited to the facts of the last round.
+            writer.growing[-each] = writer.listed(each, delta_parameter(each))
+    made = {True: list[str](), False: list[str]()}
+    for predicate in component:
+        for select, is_first in _selects(first, further, predicate, frozenset(component)):
+            pad = "".join(", 0" for _ in range(width - arities[predicate]))
+            columns = ", ".join(f"c{n}" for n in range(arities[predicate]))
+            listed = f"{predicate} AS predicate{', ' if columns else ''}{columns}{pad}"
+            made[is_first].append(f"SELECT {listed} FROM ({select}) AS found")
+    before = first.statement(" UNION ALL ".join(made[True]))
+    after = further.statement(" UNION ALL ".join(made[False])) if made[False] else None
+    needed = [*before.steps, *(after.steps if after else ())]
+    return Iteration(arities, before, after), list({id(each): each for each in needed}.values())
+
+
+def _selects(
+    first: Compiler, further: Compiler, predicate: int, component: frozenset[int]
+) -> Iterator[tuple[str, bool]]:
+    """Yield the SELECTs of a predicate's rules, and whether each belongs to the first round."""
+    for rule in first.rules.of(predicate):
+        alternatives = _alternatives(rule, component)
+        if alternatives is None:
+            # Not in conjunctions alone: each round asks it of all that is known.
+            whole = _Alternative(rule.parameters, (rule.body,), (), ())
+            yield first._select(whole, {}), True
+            yield further._select(whole, {}), False
+            continue
+        for each in alternatives:
+            if not each.uses:
+                yield first._select(each, {}), True
+            for use in each.uses:
+                newest = HoldsFact(-use.predicate, use.terms)
+                parts = [newest if part is use else part for part in each.parts]
+                yield further._select(each, {}, parts=parts), False
+    declared = first.definitions.predicates.live(predicate).parameters
+    slots = tuple(Bound(Slot(next(first.rules.numbers)), ()) for _ in declared)
+    stored = HoldsFact(predicate, tuple(each.slot for each in slots), is_stored=True)
+    yield first._select(_Alternative(slots, (stored,), (), ()), {}), True
