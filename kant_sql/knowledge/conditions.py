@@ -169,7 +169,7 @@ class Column:
 
 
 @dataclass(frozen=True, slots=True)
-class Condition:
+class ResolvedCondition:
     """A condition whose names are resolved.
 
     Attributes:
@@ -503,7 +503,7 @@ def slots_of(part: Part) -> set[Slot]:
 
 def resolve(
     definitions: Definitions, read: ReadCondition, given: Collection[str] = ()
-) -> Condition:
+) -> ResolvedCondition:
     """Resolve a condition.
 
     Args:
@@ -524,14 +524,14 @@ def resolve(
         else:
             allowed = resolver.allowed(slot)
         columns.append(Column(variable.name, Bound(slot, allowed)))
-    return Condition(
+    return ResolvedCondition(
         part,
         tuple(column for column in columns if fold(column.name) not in given),
         tuple(column for column in columns if fold(column.name) in given),
     )
 
 
-def exists(condition: Condition) -> Part:
+def exists(condition: ResolvedCondition) -> Part:
     """Return that a condition holds for some objects of its free variables."""
     if not condition.columns:
         return condition.part

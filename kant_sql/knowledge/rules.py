@@ -19,14 +19,14 @@ from .formulas import TreeReader
 
 
 @dataclass(frozen=True, slots=True)
-class Rule:
+class DerivationRule:
     """A rule: the parameters of the predicate, and what implies it."""
 
     parameters: tuple[Bound, ...]
     body: Part
 
 
-class Rules:
+class DerivationRules:
     """The rules of a state.
 
     Attributes:
@@ -36,7 +36,7 @@ class Rules:
 
     def __init__(self, definitions: Definitions) -> None:
         self.numbers: Iterator[int] = count(1_000_000)
-        self._rules: dict[int, list[Rule]] = {}
+        self._rules: dict[int, list[DerivationRule]] = {}
         for formula in definitions.formulas:
             if formula.section == DERIVED_PREDICATE:
                 node = TreeReader(definitions, formula.tree).formula()
@@ -50,12 +50,12 @@ class Rules:
             for each in component
         }
 
-    def _rule(self, definitions: Definitions, node: f.Derived) -> Rule:
+    def _rule(self, definitions: Definitions, node: f.Derived) -> DerivationRule:
         resolver = Resolver(definitions, self.numbers)
         parameters = resolver.variables(node.variables)
-        return Rule(parameters, resolver.part(node.formula))
+        return DerivationRule(parameters, resolver.part(node.formula))
 
-    def of(self, predicate: int) -> list[Rule]:
+    def of(self, predicate: int) -> list[DerivationRule]:
         """Return the rules of a predicate; none if it is not derived."""
         return self._rules.get(predicate, [])
 
@@ -139,13 +139,13 @@ def _components(uses: dict[int, list[int]]) -> list[list[int]]:
     return found
 
 
-def rules_of(definitions: Definitions) -> Rules:
+def rules_of(definitions: Definitions) -> DerivationRules:
     """Return the rules of a state; those of a snapshot are kept with it."""
     if type(definitions) is not Definitions:
-        return Rules(definitions)
-    found: Rules | None = definitions.derived.get(Rules)
+        return DerivationRules(definitions)
+    found: DerivationRules | None = definitions.derived.get(DerivationRules)
     if found is None:
-        found = definitions.derived[Rules] = Rules(definitions)
+        found = definitions.derived[DerivationRules] = DerivationRules(definitions)
     return found
 
 

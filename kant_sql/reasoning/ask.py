@@ -12,8 +12,8 @@ from ..dto.lexical import either_text, fold
 from ..errors import InvalidArgumentError, InvalidKnowledgeError, TypeMismatchError
 from ..knowledge.conditions import (
     Column,
-    Condition,
     HoldsFact,
+    ResolvedCondition,
     Slot,
     exists,
     fits,
@@ -48,7 +48,7 @@ class Prepared:
         definitions: what it was resolved with.
     """
 
-    def __init__(self, condition: Condition, definitions: Definitions) -> None:
+    def __init__(self, condition: ResolvedCondition, definitions: Definitions) -> None:
         self.condition = condition
         self.definitions = definitions
         self.places = {
@@ -207,7 +207,7 @@ def _ground(definitions: Definitions, condition: object) -> tuple[Prepared | Non
             return None, {}
         slots = tuple(map(Slot, range(len(atom.terms))))
         part = HoldsFact(predicate.id, slots)
-        found = Prepared(Condition(negate(part) if is_negative else part, ()), definitions)
+        found = Prepared(ResolvedCondition(negate(part) if is_negative else part, ()), definitions)
         found.places = {slot: f":b{slot.number}" for slot in slots}
         kept[key] = found
     named = definitions.objects.named

@@ -41,12 +41,12 @@ from ..knowledge.conditions import (
     replaced,
 )
 from ..knowledge.definitions import Definitions
-from ..knowledge.rules import Rule, Rules, rules_of
+from ..knowledge.rules import DerivationRule, DerivationRules, rules_of
 from .dialects.words import Words
 
 # The first arguments of a fact that its version has, too.
 ARGUMENT_COLUMNS: tuple[str, ...] = ()
-# Rules are put in the place of their predicates up to this many; then they become relations.
+# DerivationRules are put in the place of their predicates up to this many; then they become relations.
 MAX_INLINED = 60
 # From this many ground facts of one predicate on, one list replaces as many lookups.
 FEW_GROUND = 8
@@ -99,7 +99,7 @@ class ConditionWriter(ABC):
         self.words = words
         self.definitions = definitions
         self.is_past = is_past
-        self.rules: Rules = rules_of(definitions)
+        self.rules: DerivationRules = rules_of(definitions)
         self.values: dict[str, Any] = {}
         # Recursive predicates that are being computed -> the table that has them so far.
         self.growing: dict[int, str] = {}
@@ -397,7 +397,7 @@ class ConditionWriter(ABC):
         for each in bound:
             self._types[each.slot] = each.types
 
-    # Rules.
+    # DerivationRules.
 
     def inline(self, fact: HoldsFact) -> Part | None:
         """Return what implies a derived fact; None if its rules are recursive or too many."""
@@ -410,7 +410,7 @@ class ConditionWriter(ABC):
         stored = HoldsFact(fact.predicate, fact.terms, is_stored=True)
         return OneOf((*(self.instance(rule, fact.terms) for rule in rules), stored))
 
-    def instance(self, rule: Rule, terms: Sequence[Place]) -> Part:
+    def instance(self, rule: DerivationRule, terms: Sequence[Place]) -> Part:
         """Return the body of a rule for some terms, with the types of its parameters."""
         places = {
             parameter.slot: term for parameter, term in zip(rule.parameters, terms, strict=True)

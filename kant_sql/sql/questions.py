@@ -15,7 +15,13 @@ from ..knowledge.definitions import Definitions
 from .dialects.base import Row, Session
 from .dialects.words import Words
 from .intervals import forks_at
-from .relations import Compiler, ConditionStatement, Iteration, delta_parameter, rows_parameter
+from .relations import (
+    ConditionCompiler,
+    ConditionStatement,
+    Iteration,
+    delta_parameter,
+    rows_parameter,
+)
 
 _HEAD = "(SELECT h.{0} FROM head AS h WHERE h.kb_id = :kb)"
 _GUARD = f"{_HEAD.format('definition_revision')}, {_HEAD.format('archived_revision')}"
@@ -35,7 +41,7 @@ class Question:
 
     def __init__(self, words: Words, definitions: Definitions, is_past: bool) -> None:
         self._words = words
-        self._compiler = Compiler(words, definitions, is_past)
+        self._compiler = ConditionCompiler(words, definitions, is_past)
 
     def truths(
         self,

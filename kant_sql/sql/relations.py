@@ -36,7 +36,7 @@ from ..knowledge.conditions import (
     slots_of,
 )
 from ..knowledge.definitions import Definitions
-from ..knowledge.rules import Rule
+from ..knowledge.rules import DerivationRule
 from .conditions import Places
 from .dialects.words import Words, quoted
 from .joins import JoinWriter
@@ -113,7 +113,7 @@ def delta_parameter(predicate: int) -> str:
     return f"delta_{predicate}"
 
 
-class Compiler(JoinWriter):
+class ConditionCompiler(JoinWriter):
     """Writes the statements of one condition, with the relations that it needs."""
 
     def __init__(self, words: Words, definitions: Definitions, is_past: bool) -> None:
@@ -363,7 +363,7 @@ def _uses(part: Part, component: frozenset[int]) -> bool:
     )
 
 
-def _alternatives(rule: Rule, component: frozenset[int]) -> list[_Alternative] | None:
+def _alternatives(rule: DerivationRule, component: frozenset[int]) -> list[_Alternative] | None:
     """Part a rule at its disjunctions; None if it uses the component outside of conjunctions."""
     made = _spread(rule.body, component)
     if made is None or len(made) > MAX_ALTERNATIVES:
@@ -390,7 +390,7 @@ def iteration(
     """Make the statements that compute a component; return also what they need before."""
     arities = {each: len(definitions.predicates.live(each).parameters) for each in component}
     width = max(arities.values())
-    first, further = (Compiler(words, definitions, is_past) for _ in range(2))
+    first, further = (ConditionCompiler(words, definitions, is_past) for _ in range(2))
     for writer in (first, further):
         for each in component:
             writer.growing[each] = writer.listed(each, rows_parameter(each))
@@ -410,7 +410,7 @@ def iteration(
 
 
 def _selects(
-    first: Compiler, further: Compiler, predicate: int, component: frozenset[int]
+    first: ConditionCompiler, further: ConditionCompiler, predicate: int, component: frozenset[int]
 ) -> Iterator[tuple[str, bool]]:
     """Yield the SELECTs of a predicate's rules, and whether each belongs to the first round."""
     for rule in first.rules.of(predicate):
