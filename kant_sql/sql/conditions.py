@@ -46,7 +46,7 @@ from .dialects.words import Words
 
 # The first arguments of a fact that its version has, too.
 ARGUMENT_COLUMNS: tuple[str, ...] = ()
-# DerivationRules are put in the place of their predicates up to this many; then they become relations.
+# Rules take the place of their predicates up to this many; then they become relations.
 MAX_INLINED = 60
 # From this many ground facts of one predicate on, one list replaces as many lookups.
 FEW_GROUND = 8
