@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from ..dto import formulas as f
 from ..errors import InvalidKnowledgeError
 from ..pddl.document import Domain, Problem
+from ..pddl.symbols import ANY
 from .conditions import Compiler, alternatives, junction
 from .relations import Relation, Row, picker
 from .world import World
@@ -192,12 +193,24 @@ class _Rule:
     ) -> None:
         self.head = rule.predicate
         compiler = Compiler(world, ())
-        self._search, slots = compiler.open_search(rule.variables, [(rule.formula, False)], delta)
+        # A variable without a type has that of the parameter.
+        variables = [
+            f.TypedName(one.name, types if one.types == ANY else one.types)
+            for one, types in zip(rule.variables, world.parameters(self.head), strict=True)
+        ]
+        self._search, slots = compiler.open_search(variables, [(rule.formula, False)], delta)
         self._pick = picker(slots)
+        self._kinds = [
+            (at, world.members(types))
+            for at, types in enumerate(world.parameters(self.head))
+            if variables[at].types != types
+        ]
         self._template = compiler.template
 
     def rows(self) -> Iterator[Row]:
         """Yield the facts that the rule derives, perhaps repeatedly."""
         env = self._template.copy()
         for _ in self._search(env):
-            yield self._pick(env)
+            row = self._pick(env)
+            if all(row[at] in members for at, members in self._kinds):
+                yield row

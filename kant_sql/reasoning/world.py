@@ -136,6 +136,10 @@ class World:
         """Return the objects of a variable's types."""
         return self.range(variable.types)
 
+    def parameters(self, predicate: str) -> tuple[Types, ...]:
+        """Return the types of a predicate's parameters."""
+        return self._parameters[predicate]
+
     def always_fits(self, predicate: str, position: int, wanted: Types) -> bool:
         """Return whether any argument of a predicate at a position is of some types."""
         declared = self._parameters.get(predicate, ())[position : position + 1]

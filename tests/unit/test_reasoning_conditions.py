@@ -134,7 +134,7 @@ class Plain:
         while size != len(self.facts):
             size = len(self.facts)
             for rule in rules:
-                for row in itertools.product(*(self.range(one) for one in rule.variables)):
+                for row in itertools.product(*(RANGES[kind] for kind in ARITIES[name])):
                     names = {
                         one.name.lower(): n for one, n in zip(rule.variables, row, strict=True)
                     }
