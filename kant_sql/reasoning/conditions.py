@@ -104,6 +104,20 @@ class Compiler:
                 done.append(slot)
         return done[0]
 
+    def row(self, terms: Sequence[f.Term]) -> Callable[[Env], Row | None]:
+        """Compile terms; the result is None where an object fluent has no value."""
+        slots, lookups = self.terms(terms)
+        pick = picker(slots)
+
+        def row(env: Env) -> Row | None:
+            for slot, table, key in lookups:
+                env[slot] = table.get(key(env))
+                if env[slot] is None:
+                    return None
+            return pick(env)
+
+        return row
+
     # Tests.
 
     def program(self, formula: f.Formula, negated: bool = False) -> Test:
@@ -532,6 +546,11 @@ def junction(part: f.Node, negated: bool) -> tuple[list[tuple[f.Formula, bool]],
     if isinstance(part, f.Imply):
         return [(part.condition, not negated), (part.formula, negated)], negated
     return None
+
+
+def positive(formulas: Iterable[f.Formula]) -> list[tuple[f.Formula, bool]]:
+    """Return formulas as the parts of a search, not negated."""
+    return [(formula, False) for formula in formulas]
 
 
 def flatten(

@@ -80,6 +80,7 @@ class World:
         }
         self._actions = {fold(one.name): one for one in domain.actions}
         self._functions = {fold(one.name) for one in domain.functions}
+        self._of_objects = {one.name for one in domain.functions if one.types}
         self._parameters = {
             one.name: tuple([parameter.types for parameter in one.parameters])
             for one in domain.predicates
@@ -168,6 +169,10 @@ class World:
     def is_declared_function(self, name: str) -> bool:
         """Return whether the domain declares a function."""
         return fold(name) in self._functions
+
+    def is_numeric(self, function: str) -> bool:
+        """Return whether the values of a function are numbers."""
+        return function not in self._of_objects
 
     def has(self, predicate: str, row: Row) -> bool:
         """Return whether a fact holds, derived ones included."""

@@ -1,0 +1,473 @@
+"""Validating plans: executing them in memory from a state.
+
+A plan is a sequence of happenings: instantaneous steps, starts and ends of durative steps, and
+timed initial literals. Those at most `SIMULTANEOUS` after the first one of a group are at one time,
+and may not interfere. Over all conditions hold from right after the start until right before the
+end (PDDL 2.1, Fox and Long 2003, definition 18). A step without a start time is at 1, 2, 3 ... in
+the order of the plan.
+
+As in VAL, durations may deviate from their constraints by `TOLERANCE`, and timed initial literals
+after the last step happen, too, before the goal is judged. Unlike in VAL, comparisons have no
+tolerance (VAL accepts a difference of 0.0001), and an effect such as `increase` on a fluent without
+a value fails (VAL takes it for 0).
+
+While fluents change continuously, a comparison changes its value only where its sides, which are
+linear in time, are equal. So an invariant is evaluated at these times and once between each two of
+them, which is exact. Trajectory constraints are judged in the states at happenings.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from decimal import Decimal
+from fractions import Fraction
+from itertools import pairwise
+from typing import NamedTuple
+
+from ..dto import formulas as f
+from ..dto.lexical import fold
+from ..errors import UnsupportedConstructError
+from ..pddl.document import DURATIVE_ACTION, EVENT, PROCESS, Domain, Problem
+from ..planning import Plan, PlanStep
+from ..plans.interfaces import RecordedPlan, RecordedStep
+from .actions import Changes, Schema, Snap, Update, apply_changes, interference, pass_time
+from .conditions import Conditions
+from .derived import read_world
+from .failures import FailedCondition, failed_parts
+from .grounding import Binding, combinations, ground_text
+from .trajectory import Moment, Rule, Trajectory
+from .world import World
+
+TOLERANCE = Decimal("0.01")
+SIMULTANEOUS = Decimal("0.001")
+ANONYMOUS = "anonymous"
+
+Step = PlanStep | RecordedStep
+
+
+@dataclass(frozen=True)
+class FailedStep:
+    """The step that cannot be executed.
+
+    Attributes:
+        position: its index in the plan, from 0.
+        step: the step.
+        time: when it fails, from the start of the plan.
+        phase: `at start`, `over all` or `at end` of a durative step; None for another one.
+        unsatisfied: what does not hold, or why it cannot be executed.
+    """
+
+    position: int
+    step: Step
+    time: Decimal
+    phase: str | None
+    unsatisfied: tuple[FailedCondition, ...]
+
+    def __str__(self) -> str:
+        phase = "" if self.phase is None else f" {self.phase}"
+        lines = [f"step {self.position}, {self.step}, fails at {self.time:f}{phase}:"]
+        return "\n".join([*lines, *(f"  {one}" for one in self.unsatisfied)])
+
+
+@dataclass(frozen=True)
+class ViolatedConstraint:
+    """A trajectory constraint that a plan violates.
+
+    Attributes:
+        text: the constraint as PDDL text, with objects for its variables.
+        time: the time of the first state that violates it.
+        position: the index of the last step with an effect on that state; None for the initial one.
+    """
+
+    text: str
+    time: Decimal
+    position: int | None
+
+    def __str__(self) -> str:
+        return f"{self.text} is violated at {self.time:f}"
+
+
+@dataclass(frozen=True)
+class Validation:
+    """What executing a plan shows.
+
+    Attributes:
+        valid: whether all steps can be executed, the goal is reached, and no constraint is
+            violated.
+        failed_step: the first step that cannot be executed, with the reasons.
+        is_goal_reached: whether the goal holds after the plan.
+        unsatisfied_goals: the parts of the goal that do not hold then; none are named if a step
+            fails.
+        makespan: the time at which the last step ends; the number of steps in a domain without
+            durative actions.
+        metric_value: the value of the metric; None without one, without a defined value, or if a
+            step fails.
+        violated_preferences: how often each preference is violated, by name; those without a name
+            are counted as `anonymous`. None are counted if a step fails.
+        violated_constraints: the trajectory constraints that are violated.
+    """
+
+    valid: bool
+    failed_step: FailedStep | None
+    is_goal_reached: bool
+    unsatisfied_goals: tuple[FailedCondition, ...]
+    makespan: Decimal
+    metric_value: Decimal | None
+    violated_preferences: Mapping[str, int]
+    violated_constraints: tuple[ViolatedConstraint, ...]
+
+    def __str__(self) -> str:
+        lines = ["the plan is valid" if self.valid else "the plan is not valid"]
+        if self.failed_step is not None:
+            lines.append(str(self.failed_step))
+        else:
+            lines += [f"the goal {goal}" for goal in self.unsatisfied_goals]
+        lines += [str(one) for one in self.violated_constraints]
+        if self.failed_step is None:
+            lines.append(f"makespan {self.makespan:f}")
+            if self.metric_value is not None:
+                lines.append(f"metric {self.metric_value:f}")
+            lines += [
+                f"preference {name} violated {count} time{'s' * (count > 1)}"
+                for name, count in self.violated_preferences.items()
+            ]
+        return "\n".join(lines)
+
+
+def validate(domain: Domain, problem: Problem, plan: Plan | RecordedPlan) -> Validation:
+    """Execute a plan.
+
+    Args:
+        domain: the domain.
+        problem: the initial state, the goal, the constraints and the metric.
+        plan: the plan.
+
+    Returns:
+        What the execution shows.
+
+    Raises:
+        UnsupportedConstructError: the domain has processes or events, change that is not linear, or
+            a constraint without a semantics.
+        InvalidKnowledgeError: the derived predicates cannot be stratified.
+    """
+    for action in domain.actions:
+        if action.kind in (PROCESS, EVENT):
+            raise UnsupportedConstructError(
+                f"the {action.kind} {action.name} happens by itself, which cannot be validated; "
+                "remove it from the domain, or use a validator for PDDL+, such as VAL"
+            )
+    return _Execution(domain, problem, plan.steps).run()
+
+
+class _Entry(NamedTuple):
+    """A part of a happening: a step or a timed initial literal, by position."""
+
+    time: Decimal
+    phase: str | None
+    position: int
+    is_literal: bool = False
+
+
+@dataclass
+class _Running:
+    """A durative step that has started."""
+
+    snap: Snap
+    schema: Schema
+    end: Decimal
+
+
+class _Failure(Exception):  # noqa: N818
+    """A step fails."""
+
+    def __init__(
+        self, position: int, phase: str | None, unsatisfied: Sequence[FailedCondition]
+    ) -> None:
+        super().__init__()
+        self.position, self.phase, self.unsatisfied = position, phase, tuple(unsatisfied)
+
+
+@dataclass
+class _Execution:
+    """The execution of one plan."""
+
+    domain: Domain
+    problem: Problem
+    steps: Sequence[Step]
+    now: Decimal = Decimal(0)
+    running: dict[int, _Running] = field(default_factory=dict)
+    memories: dict[int, dict[int, set[tuple[str, ...]]]] = field(default_factory=dict)
+    positions: list[int | None] = field(default_factory=list)
+    violated: dict[str, int] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.world: World = read_world(self.domain, self.problem)
+        self.conditions = Conditions(self.world)
+        self.schemas: dict[str, Schema] = {}
+        constraints = (*self.domain.constraints, *self.problem.constraints)
+        self.trajectory = Trajectory(constraints, self.world.range_of)
+        self.is_temporal = any(one.kind == DURATIVE_ACTION for one in self.domain.actions)
+        self.makespan = Decimal(0)
+
+    def run(self) -> Validation:
+        """Execute the plan, and judge what is left."""
+        failed = self._execute()
+        self.trajectory.conclude()
+        constraints = [
+            self._constraint(rule, rule.violation)
+            for rule in self.trajectory.violated()
+            if not rule.is_soft and rule.violation is not None
+        ]
+        goals: list[FailedCondition] = []
+        value = None
+        if failed is None:
+            for goal in self.problem.goal:
+                goals += failed_parts(self.world, self.conditions, goal, {})
+            self._count_preferences()
+            value = self._value()
+        return Validation(
+            valid=failed is None and not goals and not constraints,
+            failed_step=failed,
+            is_goal_reached=failed is None and not goals,
+            unsatisfied_goals=tuple(goals),
+            makespan=self.makespan,
+            metric_value=value,
+            violated_preferences=dict(sorted(self.violated.items())) if failed is None else {},
+            violated_constraints=tuple(constraints),
+        )
+
+    def _execute(self) -> FailedStep | None:
+        self._observe(None)
+        for happening in self._happenings():
+            time = happening[0].time
+            try:
+                self._pass(time)
+                self._happen(happening)
+            except _Failure as failure:
+                step = self.steps[failure.position]
+                place = failure.position, step, time, failure.phase
+                return FailedStep(*place, failure.unsatisfied)
+            positions = [one.position for one in happening if not one.is_literal]
+            self._observe(max(positions) if positions else self.positions[-1])
+            if positions:
+                self.makespan = time if self.is_temporal else Decimal(len(self.steps))
+        return None
+
+    def _observe(self, position: int | None) -> None:
+        self.positions.append(position)
+        self.trajectory.observe(self.now, self.conditions.holds)
+
+    # What happens when.
+
+    def _happenings(self) -> Iterator[list[_Entry]]:
+        """Yield groups of entries at one time, in order."""
+        entries = sorted(self._entries(), key=lambda entry: entry.time)
+        group: list[_Entry] = []
+        for entry in entries:
+            if group and entry.time - group[0].time > SIMULTANEOUS:
+                yield group
+                group = []
+            group.append(entry)
+        if group:
+            yield group
+
+    def _entries(self) -> Iterator[_Entry]:
+        for number, literal in enumerate(self.problem.timed):
+            yield _Entry(literal.time.value, None, number, True)
+        untimed = 0
+        for position, step in enumerate(self.steps):
+            start = step.start
+            if start is None:
+                untimed += 1
+                start = Decimal(untimed)
+            action = self.world.action(step.action)
+            if action is None or action.kind != DURATIVE_ACTION:
+                yield _Entry(start, None, position)
+                continue
+            yield _Entry(start, f.AT_START, position)
+            if step.duration is not None:
+                yield _Entry(start + step.duration, f.AT_END, position)
+
+    def _happen(self, entries: Sequence[_Entry]) -> None:
+        """Carry out what happens at one time."""
+        literals = [self._literal(one.position) for one in entries if one.is_literal]
+        snaps = [self._snap(one) for one in entries if not one.is_literal]
+        for snap in snaps:
+            failed = [*snap.unmet(self.conditions, TOLERANCE)] or snap.prepare()
+            if failed:
+                raise _Failure(snap.position, snap.time, failed)
+        self._check_interference(snaps, literals)
+        for snap in snaps:
+            self._note_preferences(snap.conditions, snap.binding)
+        apply_changes(self.world, [*literals, *(snap.changes for snap in snaps)])
+        for snap in snaps:
+            if snap.time == f.AT_START:
+                assert snap.duration is not None
+                end = self.now + snap.duration
+                self.running[snap.position] = _Running(snap, snap.schema, end)
+            else:
+                self.running.pop(snap.position, None)
+
+    def _literal(self, number: int) -> Changes:
+        """Return what a timed initial literal changes."""
+        effect = self.problem.timed[number].effect
+        changes = Changes()
+        if isinstance(effect, f.Assign):
+            row = tuple([str(term) for term in effect.fluent.terms])
+            value = effect.value
+            assert isinstance(value, f.Number | f.Constant)
+            new = value.value if isinstance(value, f.Number) else value.name
+            changes.updates[effect.fluent.function, row] = [Update("assign", new)]
+        elif isinstance(effect, f.Atom):
+            changes.adds.add((effect.predicate, tuple([str(term) for term in effect.terms])))
+        else:
+            assert isinstance(effect.formula, f.Atom)
+            row = tuple([str(term) for term in effect.formula.terms])
+            changes.deletes.add((effect.formula.predicate, row))
+        return changes
+
+    def _snap(self, entry: _Entry) -> Snap:
+        """Return a step at one of its times."""
+        step = self.steps[entry.position]
+        action = self.world.action(step.action)
+        if action is None:
+            failed = FailedCondition(str(step), f"there is no action {step.action}")
+            raise _Failure(entry.position, None, [failed])
+        key = fold(action.name)
+        if key not in self.schemas:
+            self.schemas[key] = Schema(self.world, action)
+        schema = self.schemas[key]
+        misfit = schema.misfit(self.world, step.arguments)
+        if misfit is not None:
+            raise _Failure(entry.position, entry.phase, [misfit])
+        if action.kind == DURATIVE_ACTION and (step.duration is None or step.duration < 0):
+            failed = FailedCondition(str(step), "a durative action has a duration from 0 on")
+            raise _Failure(entry.position, entry.phase, [failed])
+        arguments = [self.world.object(name) or name for name in step.arguments]
+        memory = self.memories.setdefault(entry.position, {})
+        return Snap(
+            self.world, schema, arguments, entry.phase, entry.position, step.duration, memory
+        )
+
+    def _check_interference(self, snaps: Sequence[Snap], literals: Sequence[Changes]) -> None:
+        if len(snaps) + len(literals) < 2:
+            return
+        for number, snap in enumerate(snaps):
+            reads = snap.reads()
+            others = [(one.changes, at < number) for at, one in enumerate(snaps) if at != number]
+            for changes, _ in [*others, *((one, True) for one in literals)]:
+                found = interference(snap.changes, reads, changes)
+                if found is not None:
+                    raise _Failure(snap.position, snap.time, [found])
+
+    # What holds while time passes.
+
+    def _pass(self, time: Decimal) -> None:
+        """Go to the time of the next happening."""
+        elapsed = Fraction(time - self.now)
+        rates = self._rates()
+        if rates and elapsed > 0:
+            self._check_continuously(rates, elapsed)
+            self.world.rates = rates
+            pass_time(self.world, elapsed)
+        else:
+            self._check_invariants()
+        was, self.now = self.now, time
+        if rates and time > was:
+            self._observe(self.positions[-1])
+
+    def _rates(self) -> dict[tuple[str, tuple[str, ...]], Fraction]:
+        """Return the rates at which fluents change, which are constant until the next happening."""
+        rates: dict[tuple[str, tuple[str, ...]], Fraction] = {}
+        effects = [
+            (effect, one.snap) for one in self.running.values() for effect in one.schema.continuous
+        ]
+        for effect, snap in effects:
+            for fluent, rate in effect.rates(snap.arguments, snap.duration):
+                rates[fluent] = rates.get(fluent, Fraction(0)) + rate
+        # A rate that depends on what changes is refused: its product with #t is not linear.
+        self.world.rates = rates
+        for effect, snap in effects:
+            for _ in effect.rates(snap.arguments, snap.duration):
+                pass
+        self.world.rates = {}
+        return rates
+
+    def _check_invariants(self) -> None:
+        for position, one in self.running.items():
+            binding, duration = one.snap.binding, one.snap.duration
+            for formula in one.schema.invariants:
+                if not self.conditions.holds(formula, binding, duration):
+                    parts = failed_parts(self.world, self.conditions, formula, binding, duration)
+                    raise _Failure(position, f.OVER_ALL, [*parts])
+
+    def _check_continuously(
+        self, rates: dict[tuple[str, tuple[str, ...]], Fraction], elapsed: Fraction
+    ) -> None:
+        """Check invariants in the open interval of linear change."""
+        world = self.world
+        world.rates = rates
+        bounds = [Fraction(0), elapsed]
+        checked: set[Fraction] = set()
+        try:
+            while True:
+                middles = [(low + high) / 2 for low, high in pairwise(bounds)]
+                moments = [one for one in [*bounds[1:-1], *middles] if one not in checked]
+                if not moments:
+                    return
+                world.roots = set()
+                for moment in moments:
+                    checked.add(moment)
+                    world.move(moment)
+                    self._check_invariants()
+                bounds = sorted({*bounds, *(one for one in world.roots if 0 < one < elapsed)})
+        finally:
+            world.move(Fraction(0))
+            world.rates = {}
+
+    # Preferences, constraints and the metric.
+
+    def _note_preferences(self, formulas: Sequence[f.Formula], binding: Binding) -> None:
+        """Count the preferences that are violated now."""
+        for formula in formulas:
+            for name in self._violated(formula, binding):
+                self.violated[name] = self.violated.get(name, 0) + 1
+
+    def _violated(self, formula: f.Formula, binding: Binding) -> Iterator[str]:
+        stack: list[tuple[f.Formula, Binding]] = [(formula, binding)]
+        while stack:
+            part, names = stack.pop()
+            if isinstance(part, f.And):
+                stack.extend((one, names) for one in part.formulas)
+            elif isinstance(part, f.Forall) and _has_preferences(part):
+                ranges = [self.world.range_of(variable) for variable in part.variables]
+                found = combinations(part.variables, ranges, names)
+                stack.extend((part.formula, extended) for extended in found)
+            elif isinstance(part, f.Preference) and not self.conditions.holds(part.formula, names):
+                yield part.name or ANONYMOUS
+
+    def _count_preferences(self) -> None:
+        self._note_preferences(self.problem.goal, {})
+        for rule in self.trajectory.violated():
+            if rule.is_soft:
+                name = rule.preference or ANONYMOUS
+                self.violated[name] = self.violated.get(name, 0) + 1
+
+    def _constraint(self, rule: Rule, violation: Moment) -> ViolatedConstraint:
+        parts = [one for one in rule.violated if one.violation == violation]
+        text = ground_text(parts[0].formula, parts[0].binding)
+        return ViolatedConstraint(text, violation.time, self.positions[violation.index])
+
+    def _value(self) -> Decimal | None:
+        if self.problem.metric is None:
+            return None
+        self.world.total_time = self.makespan
+        for name, count in self.violated.items():
+            key = fold(name)
+            self.world.violations[key] = self.world.violations.get(key, 0) + count
+        return self.conditions.number(self.problem.metric.expression, {})
+
+
+def _has_preferences(part: f.Formula) -> bool:
+    return any(isinstance(node, f.Preference) for node in f.walk(part))
