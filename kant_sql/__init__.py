@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from .planning import Plan, PlanStep
     from .plans.interfaces import RecordedPlan, RecordedStep
     from .reasoning.ask import Answers
+    from .reasoning.failures import FailedCondition
+    from .reasoning.validate import FailedStep, Validation, ViolatedConstraint
     from .sql.changes import Change
     from .sql.dialects.base import Roles
     from .sql.predicate_views import PredicateView, drop_views, update_views
@@ -37,6 +39,8 @@ __all__ = [
     "Archived",
     "Change",
     "DaoFactory",
+    "FailedCondition",
+    "FailedStep",
     "Finding",
     "KnowledgeBase",
     "Loaded",
@@ -48,8 +52,10 @@ __all__ = [
     "RecordedStep",
     "Revision",
     "Roles",
+    "Validation",
     "Verification",
     "Version",
+    "ViolatedConstraint",
     "connect",
     "create_dao_factory",
     "create_roles",
@@ -79,6 +85,8 @@ _HOMES = {
         ".planning": ("Plan", "PlanStep"),
         ".plans.interfaces": ("RecordedPlan", "RecordedStep"),
         ".reasoning.ask": ("Answers",),
+        ".reasoning.failures": ("FailedCondition",),
+        ".reasoning.validate": ("FailedStep", "Validation", "ViolatedConstraint"),
         ".sql.changes": ("Change",),
         ".sql.dialects.base": ("Roles",),
         ".sql.predicate_views": ("PredicateView", "drop_views", "update_views"),

@@ -574,6 +574,7 @@ class AsyncKnowledgeBase(_Part):
     requirements = _read(KnowledgeBase.requirements)
     to_unified_planning = _read(KnowledgeBase.to_unified_planning)
     plan = _read(KnowledgeBase.plan)
+    validate = _read(KnowledgeBase.validate)
     revisions = _read(KnowledgeBase.revisions)
     diff = _read(KnowledgeBase.diff)
     history = _read(KnowledgeBase.history)

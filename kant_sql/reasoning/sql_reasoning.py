@@ -4,10 +4,18 @@ from __future__ import annotations
 
 from typing_extensions import override
 
+from ..arguments import expect
 from ..dao.base import SqlDao
+from ..documents.exchange import SqlExchange
+from ..documents.interfaces import State
 from ..dto.formulas import Node
+from ..history.interfaces import When
+from ..history.moments import state_at
+from ..planning import Plan
+from ..plans.interfaces import RecordedPlan
 from .ask import Answers, Binding, holds, query
 from .interfaces import Reasoning
+from .validate import Validation, validate
 
 
 class SqlReasoning(SqlDao, Reasoning):
@@ -36,6 +44,18 @@ class SqlReasoning(SqlDao, Reasoning):
     # Act.
 
     # Plans.
+
+    @override
+    def validate(self, plan: Plan | RecordedPlan, *, at: When | None = None) -> Validation:
+        expect(plan, (Plan, RecordedPlan), "the plan")
+        state = self._state(at)
+        return validate(state.domain, state.problem, plan)
+
+    def _state(self, when: When | None) -> State:
+        """Read the whole state at a moment; by default the one that this is a view of."""
+        store = self._store
+        revision = self._at if when is None else state_at(store, when, self._at)
+        return SqlExchange(store, revision)._state()
 
     # The past.
 

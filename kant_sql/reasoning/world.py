@@ -93,6 +93,10 @@ class World:
             table = self.table(fluent.function)
             row = tuple([str(term) for term in fluent.terms])
             table[row] = value.value if isinstance(value, f.Number) else value.name
+        for function in domain.functions:
+            if fold(function.name) == f.TOTAL_COST and not (function.parameters or function.types):
+                # Action costs count from 0 (IPC 2008), whether the problem says so or not.
+                self.table(function.name).setdefault((), Decimal(0))
 
     def add_rules(self, rules: Rules) -> None:
         """Derive the facts of some predicates by rules."""
