@@ -428,6 +428,12 @@ class DefinitionLedger(Ledger[int, Definition]):
             yield whole_rows(table), its_rows
 
 
+def _first_two(arguments: str) -> tuple[int | None, int | None]:
+    """Return the ids of the first two arguments of a key; None where it has fewer."""
+    ids = [int(id_) for id_ in arguments.split(" ", 2)[:2]] if arguments else []
+    return ids[0] if ids else None, ids[1] if len(ids) > 1 else None
+
+
 class PropositionLedger(InternedLedger[GroundAtom, GroundAtom]):
     """The propositions that a transaction asserts and retracts."""
 
@@ -441,6 +447,7 @@ class PropositionLedger(InternedLedger[GroundAtom, GroundAtom]):
     new_version = Insert(
         VERSIONS.table,
         *("kb_id", "proposition_id", "since", "until", "predicate_id", "is_goal", "fork"),
+        *("first_object_id", "second_object_id"),
     )
 
     def hold_all(self, texts: Mapping[AtomKey, str], old: Collection[AtomKey] | None = None) -> int:
@@ -530,7 +537,10 @@ class PropositionLedger(InternedLedger[GroundAtom, GroundAtom]):
     def _rows(self, opened: list[tuple[int, GroundAtom]]) -> Iterable[tuple[Insert, list[Row]]]:
         kb, number = self.context.kb_id, self.context.number
         rows: list[Row] = [
-            (kb, id_, number, None, key.predicate_id, key.is_goal, HOLDS_NOW)
+            (
+                *(kb, id_, number, None, key.predicate_id, key.is_goal, HOLDS_NOW),
+                *_first_two(key.arguments),
+            )
             for id_, (_, key, _) in opened
         ]
         return ((self.new_version, rows),)

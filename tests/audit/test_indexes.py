@@ -39,7 +39,7 @@ INSERT INTO proposition
 SELECT kb_id, 1000000 * id + n, id, false, 'x' || n, '(p ' || n || ')'
 FROM predicate, generate_series(1, 5000) AS n;
 INSERT INTO proposition_version
-SELECT p.kb_id, p.id, 30, CAST(NULL AS bigint), p.predicate_id, false, 0
+SELECT p.kb_id, p.id, 30, CAST(NULL AS bigint), p.predicate_id, false, 0, NULL, NULL
 FROM proposition AS p WHERE p.id > 1000000;
 INSERT INTO function_value
 SELECT kb_id, 2000000 + n, id, 'x' || n, '(f ' || n || ')'

@@ -59,7 +59,11 @@ DEFINITION = (
 )
 
 
-ASSERT = "INSERT INTO proposition_version VALUES (?, ?, ?, ?, ?, ?, 0) ON CONFLICT DO NOTHING"
+ASSERT = "INSERT INTO proposition_version VALUES (?, ?, ?, ?, ?, ?, 0, ?, ?) ON CONFLICT DO NOTHING"
+
+
+# Its id, its predicate, its text, and its first two arguments.
+Atom = tuple[int, int, str, tuple[Any, ...]]
 
 
 @cache
@@ -79,7 +83,7 @@ class Bare:
         self.kb = 1
         self.head_sql = HEAD + driver.lock
         self.ids: dict[tuple[str, str], int] = {}
-        self.atoms: dict[Row, tuple[int, int, str]] = {}
+        self.atoms: dict[Row, Atom] = {}
         self.changes: list[Row] = []
         self.number = self.next_id = 0
         self.defined = False
@@ -136,19 +140,19 @@ class Bare:
 
     def save_proposition(self, dto: PddlPropositionDto) -> None:
         """Let a fact or a goal hold."""
-        id_, predicate, text = self.atom(dto)
-        row = (self.kb, id_, self.number, None, predicate, dto.is_goal)
+        id_, predicate, text, first_two = self.atom(dto)
+        row = (self.kb, id_, self.number, None, predicate, dto.is_goal, *first_two)
         if self.run(ASSERT, row).rowcount:
             self.changes.append(("+", "goal" if dto.is_goal else "fact", text))
 
     def delete_proposition(self, dto: PddlPropositionDto) -> None:
         """Let a fact or a goal hold no more."""
-        id_, _, text = self.atom(dto)
+        id_, _, text, _ = self.atom(dto)
         if self.run(RETRACT, (*[self.number] * 5, self.kb, id_)).rowcount:
             self.changes.append(("-", "goal" if dto.is_goal else "fact", text))
 
-    def atom(self, dto: PddlPropositionDto) -> tuple[int, int, str]:
-        """Find the identity of a proposition, or make it: id, predicate and text."""
+    def atom(self, dto: PddlPropositionDto) -> Atom:
+        """Find the identity of a proposition, or make it."""
         names = [object_.name.lower() for object_ in dto.objects]
         key = (dto.is_goal, dto.predicate.name.lower(), *names)
         known = self.atoms.get(key)
@@ -165,7 +169,7 @@ class Bare:
                     insert("proposition_argument", 4),
                     [(self.kb, id_, place, object_) for place, object_ in enumerate(objects)],
                 )
-            known = self.atoms[key] = (id_, predicate, text)
+            known = self.atoms[key] = (id_, predicate, text, (*objects, None, None)[:2])
         return known
 
     def allocate(self) -> int:

@@ -89,7 +89,7 @@ def by_driver(url: str, number: int) -> Any:
         text = f"(near {one} {other})"
         propositions.append((kb_id, id_, predicate, False, f"{a} {b}", text))
         arguments += [(kb_id, id_, 0, a), (kb_id, id_, 1, b)]
-        versions.append((kb_id, id_, revision + 1, None, predicate, False, 0))
+        versions.append((kb_id, id_, revision + 1, None, predicate, False, 0, a, b))
 
     def insert() -> None:
         store.execute("BEGIN")
@@ -99,7 +99,7 @@ def by_driver(url: str, number: int) -> Any:
             end = start + BATCH
             store.insert("proposition", 6, propositions[start:end])
             store.insert("proposition_argument", 4, arguments[2 * start : 2 * end])
-            store.insert("proposition_version", 7, versions[start:end])
+            store.insert("proposition_version", 9, versions[start:end])
         store.execute("UPDATE head SET revision = ?, next_id = ?", (revision + 1, first + number))
         store.execute("COMMIT")
         store.close()

@@ -131,8 +131,11 @@ def load(store: Bare, past: Past, rows: int) -> None:
     store.insert("proposition_argument", 4, arguments())
     store.insert("revision", 9, revisions())
     versions = past.versions(rows, next_id, revision)
-    rows_ = ((kb, id_, s, u, predicate, past.is_goal, fork(s, u)) for id_, s, u in versions)
-    store.insert("proposition_version", 7, rows_)
+    rows_ = (
+        (kb, id_, s, u, predicate, past.is_goal, fork(s, u), *(a for a, _ in pairs[id_ - next_id]))
+        for id_, s, u in versions
+    )
+    store.insert("proposition_version", 9, rows_)
     store.execute(
         "UPDATE head SET revision = ?, next_id = ?, hash = ?, committed_at = ?",
         (last, next_id + past.atoms, f"{last:064x}", moment.isoformat()[:19] + ".000000Z"),

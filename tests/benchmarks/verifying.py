@@ -39,8 +39,8 @@ _REVISIONS = """
 _ROWS = (
     "SELECT id, predicate_id, arguments, text, is_goal FROM proposition ORDER BY id",
     "SELECT proposition_id, position, object_id FROM proposition_argument ORDER BY 1, 2",
-    "SELECT proposition_id, since, until, predicate_id, fork, is_goal FROM proposition_version"
-    " ORDER BY 1, 2",
+    "SELECT proposition_id, since, until, predicate_id, fork, is_goal, first_object_id,"
+    " second_object_id FROM proposition_version ORDER BY 1, 2",
     "SELECT id, function_id, arguments, text FROM function_value ORDER BY id",
     "SELECT function_value_id, position, object_id FROM function_value_argument ORDER BY 1, 2",
     "SELECT function_value_id, since, until, function_id, fork, value, number, object_id, text"

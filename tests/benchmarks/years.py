@@ -126,7 +126,8 @@ class Writer:
         return self.atoms[key]
 
     def fact(self, key: Key, since: int, until: int | None) -> Row:
-        predicate, _ = self.parts(key)
+        predicate, names = self.parts(key)
+        objects = (*(self.ids["object", name] for name in names), None)
         return (
             self.kb,
             self.atom(key),
@@ -135,6 +136,7 @@ class Writer:
             self.ids["predicate", predicate],
             False,
             fork(since, until),
+            *objects[:2],
         )
 
     def value(self, key: Key, since: int, until: int | None) -> Row:

@@ -66,6 +66,14 @@ def without(rows: list[dict[str, Any]], *columns: str) -> list[dict[str, Any]]:
     return sorted(kept, key=repr)
 
 
+ADDED = "first_object_id", "second_object_id"
+
+
+def as_before(url: str) -> Rows:
+    """All rows, as the first versions of the tables had them: without the columns added since."""
+    return {table: without(rows, *ADDED) for table, rows in rows_of(url).items()}
+
+
 def views(url: str) -> set[str]:
     """The names of all views."""
     with connected(url) as connection:

@@ -18,6 +18,7 @@ from kant_sql.sql.tables import PropositionVersionRow as VERSION
 from tests.migrations.stores import (
     REVISIONS,
     Make,
+    as_before,
     record,
     rows_of,
     write_migrated_story,
@@ -49,16 +50,16 @@ def open_tiago(url: str, connect: Connect) -> KnowledgeBase:
 
 
 def test_every_row_survives_each_step_up_and_down(old_url: str) -> None:
-    before = rows_of(old_url)
+    before = as_before(old_url)
     assert len(before) > 25
     assert dump_of(old_url) == record("0001", old_url)
     for version in VERSIONS[1:]:
         kant_sql.upgrade(old_url, revision=version)
-        assert rows_of(old_url) == before
+        assert as_before(old_url) == before
         assert dump_of(old_url) == record(version, old_url)
     for version in VERSIONS[-2::-1]:
         kant_sql.downgrade(old_url, revision=version)
-        assert rows_of(old_url) == before
+        assert as_before(old_url) == before
         assert dump_of(old_url) == record(version, old_url)
 
 

@@ -69,7 +69,13 @@ def test_every_key_and_index_starts_with_the_knowledge_base(named: list[Named]) 
     # An auditor asks for these; the index is a hash on PostgreSQL, which takes one column alone.
     asked = {"ix_proposition_text", "ix_function_value_text"}
     asked |= {"ix_object_name", "ix_predicate_name", "ix_function_name"}
-    assert {item.name for item in others} == {"pk_knowledge_base", "uq_knowledge_base_name"} | asked
+    # It has the knowledge base, which distribution needs; see `PropositionVersionRow`.
+    last = "uq_proposition_version_live"
+    assert [item.columns for item in others if item.name == last] == [["proposition_id", "kb_id"]]
+    assert {item.name for item in others} == {
+        *("pk_knowledge_base", "uq_knowledge_base_name", last),
+        *asked,
+    }
 
 
 def test_every_foreign_key_stays_in_its_knowledge_base(named: list[Named]) -> None:

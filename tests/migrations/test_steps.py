@@ -19,6 +19,7 @@ from tests.migrations.extra import VERSION, add_migration
 from tests.migrations.stores import (
     REVISIONS,
     Make,
+    as_before,
     record,
     refusal,
     rows_of,
@@ -115,19 +116,20 @@ def test_data_is_carried_up_and_down(old_url: str, add: Add) -> None:
 
 
 def test_several_steps_at_once(old_url: str, add: Add) -> None:
-    before = rows_of(old_url)
+    before = as_before(old_url)
     add(DEPTHS)
     kant_sql.upgrade(old_url, revision="+1")
     whole = dump_of(old_url)
-    assert earlier_version(old_url, "-2") == "0001"
-    kant_sql.downgrade(old_url, revision="-2")
-    assert (current(old_url), rows_of(old_url)) == ("0001", before)
-    with pytest.raises(SchemaError, match=f"only 0001, {LAST}, {VERSION}"):
-        kant_sql.upgrade(old_url, revision="+3")
-    kant_sql.upgrade(old_url, revision="+2")
+    first, steps = schema.VERSIONS[0], len(schema.VERSIONS) - 1
+    assert earlier_version(old_url, f"-{steps}") == first
+    kant_sql.downgrade(old_url, revision=f"-{steps}")
+    assert (current(old_url), rows_of(old_url)) == (first, before)
+    with pytest.raises(SchemaError, match=f"only {', '.join(schema.VERSIONS)}"):
+        kant_sql.upgrade(old_url, revision=f"+{steps + 1}")
+    kant_sql.upgrade(old_url, revision=f"+{steps}")
     assert (current(old_url), dump_of(old_url)) == (VERSION, whole)
-    assert earlier_version(old_url, "-3") == "base"
-    kant_sql.downgrade(old_url, revision="-3")
+    assert earlier_version(old_url, f"-{steps + 1}") == "base"
+    kant_sql.downgrade(old_url, revision=f"-{steps + 1}")
     assert (current(old_url), rows_of(old_url)) == (None, {})
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from hashlib import sha256
 from math import copysign
 from typing import NamedTuple
@@ -52,7 +52,7 @@ _FACTS = _atoms(
     t.PropositionArgumentRow,
     t.PropositionVersionRow,
     ("predicate_id", "is_goal"),
-    ("is_goal",),
+    ("is_goal", "first_object_id", "second_object_id"),
 )
 _FLUENTS = _atoms(
     t.FunctionValueRow,
@@ -82,20 +82,24 @@ class FactCheck:
 
     def run(self) -> None:
         """Run the checks."""
-        self._compare(_FACTS, "predicate", _has_its_kind)
+        self._compare(_FACTS, "predicate", _is_fact_right)
         self._compare(_FLUENTS, "function", self._is_value_right)
         for atoms in (_FACTS, _FLUENTS):
             table = atoms.identity.name
             for first, second in self._check.rows(atoms.doubles):
                 self._add(None, table, f"rows {first} and {second} of {table} are the same")
 
-    def _compare(self, atoms: _Atoms, kind: str, is_right: Callable[[Row, Row], bool]) -> None:
+    def _compare(
+        self, atoms: _Atoms, kind: str, is_right: Callable[[Row, Row, Sequence[int]], bool]
+    ) -> None:
         """Merge identities, arguments and versions by the id of the identity."""
         table, owners = atoms.identity, self._names[kind]
         arguments = self._check.side(atoms.arguments, table)
         versions = self._check.side(atoms.version, table, *atoms.held)
         for row in self._check.stream(in_order(table, *atoms.said)):
-            self._check_text(atoms, row, owners[row[1]], [*arguments.take(row[0])])
+            own = [*arguments.take(row[0])]
+            ids = [argument[2] for argument in own]
+            self._check_text(atoms, row, owners[row[1]], own)
             before: int | None = 0
             for version in versions.take(row[0]):
                 _, since, until, owner, kept, *_ = version
@@ -108,7 +112,7 @@ class FactCheck:
                     fault = interval_fault(before, since, until)
                     fault = fault or f"has the fork {kept}, which is not that of its revisions"
                     self._report_version(atoms, row[3], since, fault)
-                if owner != row[1] or not is_right(row, version):
+                if owner != row[1] or not is_right(row, version, ids):
                     text = version[-1] if "text" in atoms.held else row[3]
                     self._report_version(atoms, text, since, _DIFFERS[kind])
                 before = until
@@ -138,7 +142,7 @@ class FactCheck:
     def _report_version(self, atoms: _Atoms, text: str, since: int, fault: str) -> None:
         self._add(since, atoms.version.name, f"'{text}' since revision {since} {fault}")
 
-    def _is_value_right(self, row: Row, version: Row) -> bool:
+    def _is_value_right(self, row: Row, version: Row, _: Sequence[int]) -> bool:
         value, number, object_id, text = version[5:]
         # Otherwise a number could pass for an object of that name.
         if (object_id is not None) != (row[1] in self._object_functions.at(version[1])):
@@ -153,15 +157,18 @@ class FactCheck:
 
 # The fault of a version that contradicts its identity or its text, by kind.
 _DIFFERS = {
-    "predicate": "has another predicate_id or is_goal than its proposition",
+    "predicate": "has another predicate_id, is_goal, first_object_id or second_object_id than its "
+    "proposition",
     "function": "has another function_id than its fluent, or a value, number or object that its "
     "text does not show",
 }
 
 
-def _has_its_kind(row: Row, version: Row) -> bool:
+def _is_fact_right(row: Row, version: Row, arguments: Sequence[int]) -> bool:
+    is_goal, *objects = version[5:]
+    first_two = [*arguments[:2], None, None][:2]
     # SQLite takes any number for true, the queries only 1.
-    return version[5] == row[4] and row[4] in (False, True)
+    return is_goal == row[4] and row[4] in (False, True) and objects == first_two
 
 
 def _is_nearest(number: float, value: str) -> bool:

@@ -45,19 +45,21 @@ def _argument_args(atom: str) -> tuple[Any, ...]:
     return reference(f"{atom}_id", atom), reference("object_id", "object"), index
 
 
-def _interval_args(atom: str, owner: str) -> tuple[Any, ...]:
+def _interval_args(atom: str, owner: str, live: tuple[str, ...] = ()) -> tuple[Any, ...]:
     """Return the constraints and indexes of a table of intervals."""
     table, id_ = f"{atom}_version", f"{atom}_id"
-    now = f"ix_{table}_now", "kb_id", f"{owner}_id", id_, "until"
     history = f"ix_{table}_history", "kb_id", f"{owner}_id", "fork", "since", "until", id_
     return (
-        *version_args(table, id_),
+        *version_args(table, id_, live=live),
         reference(id_, atom),
         reference(f"{owner}_id", owner),
-        # `until` makes the index cover reads of the present state.
-        partial_index(*now, where=LIVE),
         Index(*history),
     )
+
+
+# `until` makes an index cover reads of the present state.
+def _now(table: str, *columns: str) -> Index:
+    return partial_index(f"ix_{table}_now", "kb_id", *columns, "until", where=LIVE)
 
 
 class PropositionRow(_Atom, Base):
@@ -98,14 +100,30 @@ def _goal_index(name: str, *columns: str) -> Index:
     )
 
 
+_FIRST, _SECOND = "first_object_id", "second_object_id"
+
+
 class PropositionVersionRow(Interval, Base):
     """When a fact held, or a goal stood: one thin row for each time."""
 
     __tablename__ = "proposition_version"
     __table_args__ = (
-        *_interval_args("proposition", "predicate"),
+        # Without statistics PostgreSQL takes any index that begins with `kb_id` for as good as
+        # another, and the smallest for the best: among 20,000 facts it would read all of them by
+        # this one, to find those of a predicate or with an argument.
+        *_interval_args("proposition", "predicate", live=("proposition_id", "kb_id")),
+        # `is_goal` comes before the arguments: PostgreSQL 18 takes a column that a condition skips
+        # for many searches.
+        _now("proposition_version", "predicate_id", "is_goal", _FIRST, _SECOND, "proposition_id"),
+        partial_index(
+            "ix_proposition_version_second",
+            *("kb_id", "predicate_id", "is_goal", _SECOND, _FIRST, "proposition_id", "until"),
+            where=f"{LIVE} AND {_SECOND} IS NOT NULL",
+        ),
         # Goals are few among many facts, and current goals are few among past ones.
-        _goal_index("goal", "until", "since", "proposition_id"),
+        # `is_goal` makes the index cover: SQLite would else read all that holds now, by an index
+        # that does.
+        _goal_index("goal", "until", "since", "proposition_id", "is_goal"),
         _goal_index("goal_history", "fork", "since", "until", "proposition_id"),
         # Finds the latest goals without reading facts.
         _goal_index("goal_since", "since"),
@@ -114,6 +132,14 @@ class PropositionVersionRow(Interval, Base):
     proposition_id: Mapped[int] = owner_column()
     predicate_id: Mapped[int]
     is_goal: Mapped[bool] = mapped_column(server_default=false())
+    # Copies of the argument rows, which have the foreign keys: two more on each version would cost
+    # two lookups a row, and two indexes for the side that they refer to.
+    first_object_id: Mapped[int | None] = mapped_column(
+        sort_order=20, comment="its first argument; NULL: it has none"
+    )
+    second_object_id: Mapped[int | None] = mapped_column(
+        sort_order=20, comment="its second argument; NULL: it has fewer"
+    )
 
 
 class FunctionValueRow(_Atom, Base):
@@ -145,6 +171,7 @@ class FunctionValueVersionRow(Interval, Base):
     __tablename__ = "function_value_version"
     __table_args__ = (
         *_interval_args("function_value", "function"),
+        _now("function_value_version", "function_id", "function_value_id"),
         reference("object_id", "object"),
         CheckConstraint("(value IS NULL) <> (object_id IS NULL)", name="value_or_object"),
         CheckConstraint("(value IS NULL) = (number IS NULL)", name="number_of_value"),
