@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import sqlalchemy as sa
 from alembic import op
 
@@ -75,7 +77,10 @@ def _goal_index(*columns: str) -> None:
 def _create(
     name: str, *columns: str, where: str = LIVE, on_sqlite: str = "", unique: bool = False
 ) -> None:
-    options = {"sqlite_where": sa.text(on_sqlite or where), "postgresql_where": sa.text(where)}
+    options: dict[str, Any] = {
+        "sqlite_where": sa.text(on_sqlite or where),
+        "postgresql_where": sa.text(where),
+    }
     op.create_index(name, TABLE, columns, unique=unique, **options)
 
 

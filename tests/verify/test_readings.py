@@ -35,6 +35,8 @@ def test_two_arguments_are_not_one_with_a_space(bare: Bare) -> None:
     bare.run(f"DELETE FROM proposition_argument WHERE position = 1 AND {mine}")
     bare.run(f"UPDATE proposition_argument SET object_id = {FREE} WHERE {mine}")
     bare.run(f"UPDATE proposition SET arguments = '{FREE}' WHERE text = '{GOAL}'")
+    copies = f"first_object_id = {FREE}, second_object_id = NULL"
+    bare.run(f"UPDATE proposition_version SET {copies} WHERE {mine}")
     assert messages(bare) == "no object can be called 't1 p2'"
 
 

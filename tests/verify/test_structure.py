@@ -70,7 +70,10 @@ def hide_a_fact(url: str) -> None:
             "SELECT id FROM proposition WHERE NOT is_goal ORDER BY id LIMIT 1", {}
         )
     name = "ix_proposition_version_now"
-    on = "ON proposition_version (kb_id, predicate_id, proposition_id, until) WHERE until IS NULL"
+    columns = (
+        "kb_id, predicate_id, is_goal, first_object_id, second_object_id, proposition_id, until"
+    )
+    on = f"ON proposition_version ({columns}) WHERE until IS NULL"
     narrow = f"CREATE INDEX {name} {on} AND proposition_id <> {hidden}"
     if is_sqlite(url):
         with sqlite3.connect(str(make_url(url).database), isolation_level=None) as file:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from functools import cache
-from itertools import product
+from itertools import product, takewhile
 from typing import Any
 
 from sqlalchemy import ColumnElement, exists, func, literal_column, select, union_all
@@ -91,7 +91,13 @@ def _difference(expected: str, found: str) -> str:
         next((line.strip(" ,;") for line in lines if line not in others), "the same in other order")
         for lines, others in ((made, {*there}), (there, {*made}))
     ]
-    return f"expected {_shortened(instead[0])!r}, found {_shortened(instead[1])!r}"
+    # Of long lines that begin alike, the beginning says nothing.
+    begin = 0
+    if max(map(len, instead)) > _SHOWN:
+        alike = takewhile(lambda pair: pair[0] == pair[1], zip(*instead, strict=False))
+        begin = instead[0].rfind(" ", 0, sum(1 for _ in alike)) + 1
+    expected, found = (f"{'... ' * bool(begin)}{_shortened(line[begin:])}" for line in instead)
+    return f"expected {expected!r}, found {found!r}"
 
 
 _KB = table_of(KnowledgeBaseRow).c
