@@ -72,6 +72,7 @@ from ..knowledge.definitions import (
     formula_name,
 )
 from ..knowledge.formulas import TreeReader
+from ..knowledge.rules import check_stratified
 from ..knowledge.trees import ParameterDefinition, Tree, TreeNode, TreeTerm
 from ..pddl.document import DURATIVE_ACTION, PROCESS
 from ..pddl.formulas import flatten
@@ -751,6 +752,14 @@ class SqlDerivedPredicateDao(SqlFormulaDao[Derived], DerivedPredicateDao):
 
     section = DERIVED_PREDICATE
     node_classes = (Derived,)
+
+    @override
+    def save_all(self, formulas: Iterable[Derived]) -> int:
+        with self._store.transaction() as transaction:
+            changed = super().save_all(formulas)
+            if changed:
+                check_stratified(transaction.definitions)
+        return changed
 
 
 class SqlTimedInitialLiteralDao(SqlFormulaDao[TimedLiteral], TimedInitialLiteralDao):

@@ -24,6 +24,7 @@ from ..dto.lexical import ROOT_TYPE, decimal_text, fold
 from ..errors import ConflictError, InvalidKnowledgeError
 from ..knowledge import definitions as d
 from ..knowledge.canonical import with_text
+from ..knowledge.rules import check_stratified
 from ..knowledge.trees import ParameterDefinition
 from ..pddl.document import Action, Domain, Function, FunctionValue, Predicate, Problem
 from ..store.caches import AtomKey, FluentKey, FluentValue, GroundAtom, HeldValue
@@ -394,6 +395,8 @@ def load_domain(
         formulas.retract_others(d.DOMAIN_SECTIONS)
         _retract_unsaid(transaction, declaring, actions)
         retract_misfits(transaction)
+    if domain.derived:
+        check_stratified(transaction.definitions)
     put_document(transaction, d.DOMAIN, domain.name, None, _items(domain, formulas), replace)
 
 

@@ -281,9 +281,7 @@ class Resolver:
 
     def part(self, formula: f.Node) -> Part:
         """Resolve a formula."""
-        found = run(self._formula(formula, False))
-        check_levels(found)
-        return found
+        return run(self._formula(formula, False))
 
     def quantity(self, expression: f.Expression) -> tuple[Quantity, tuple[Bound, ...], list[Part]]:
         """Resolve a number: with the variables that it needs, and what must hold of them."""
@@ -516,6 +514,7 @@ def resolve(
     for variable, slot in zip(read.free, slots, strict=True):
         resolver.bind(variable.name, slot)
     part = resolver.part(read.formula)
+    check_levels(part)
     columns = []
     for variable, slot in zip(read.free, slots, strict=True):
         if read.are_declared:

@@ -13,7 +13,18 @@ from itertools import count
 
 from ..dto import formulas as f
 from ..errors import InvalidKnowledgeError
-from .conditions import AllOf, Bound, HoldsFact, Lacks, OneOf, Part, Resolver, Witness, parts_of
+from .conditions import (
+    AllOf,
+    Bound,
+    HoldsFact,
+    Lacks,
+    OneOf,
+    Part,
+    Resolver,
+    Witness,
+    check_levels,
+    parts_of,
+)
 from .definitions import DERIVED_PREDICATE, Definitions
 from .formulas import TreeReader
 
@@ -37,6 +48,7 @@ class DerivationRules:
     def __init__(self, definitions: Definitions) -> None:
         self.numbers: Iterator[int] = count(1_000_000)
         self._rules: dict[int, list[DerivationRule]] = {}
+        self._checked: set[int] = set()
         for formula in definitions.formulas:
             if formula.section == DERIVED_PREDICATE:
                 node = TreeReader(definitions, formula.tree).formula()
@@ -58,6 +70,15 @@ class DerivationRules:
     def of(self, predicate: int) -> list[DerivationRule]:
         """Return the rules of a predicate; none if it is not derived."""
         return self._rules.get(predicate, [])
+
+    def evaluated(self, predicate: int) -> list[DerivationRule]:
+        """Return the rules of a predicate that is evaluated, which may be stored at any depth."""
+        rules = self.of(predicate)
+        if predicate not in self._checked:
+            for rule in rules:
+                check_levels(rule.body)
+            self._checked.add(predicate)
+        return rules
 
     def is_recursive(self, predicate: int) -> bool:
         """Return whether a predicate depends on itself."""
@@ -147,6 +168,11 @@ def rules_of(definitions: Definitions) -> DerivationRules:
     if found is None:
         found = definitions.derived[DerivationRules] = DerivationRules(definitions)
     return found
+
+
+def check_stratified(definitions: Definitions) -> None:
+    """Refuse rules by which a predicate depends on its own negation."""
+    rules_of(definitions).check_stratified(definitions)
 
 
 def predicates_of(parts: Iterable[Part]) -> Iterator[int]:

@@ -405,7 +405,7 @@ class ConditionWriter(ABC):
             return None
         if self.rules.is_recursive(fact.predicate) or self._inlined >= MAX_INLINED:
             return None
-        rules = self.rules.of(fact.predicate)
+        rules = self.rules.evaluated(fact.predicate)
         self._inlined += len(rules)
         stored = HoldsFact(fact.predicate, fact.terms, is_stored=True)
         return OneOf((*(self.instance(rule, fact.terms) for rule in rules), stored))

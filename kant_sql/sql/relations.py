@@ -195,7 +195,7 @@ class ConditionCompiler(JoinWriter):
         """Part the rules of a predicate; None if one uses the component outside of conjunctions."""
         component = self.rules.component[predicate]
         found = []
-        for rule in self.rules.of(predicate):
+        for rule in self.rules.evaluated(predicate):
             made = _alternatives(rule, component)
             if made is None:
                 return None
@@ -413,7 +413,7 @@ def _selects(
     first: ConditionCompiler, further: ConditionCompiler, predicate: int, component: frozenset[int]
 ) -> Iterator[tuple[str, bool]]:
     """Yield the SELECTs of a predicate's rules, and whether each belongs to the first round."""
-    for rule in first.rules.of(predicate):
+    for rule in first.rules.evaluated(predicate):
         alternatives = _alternatives(rule, component)
         if alternatives is None:
             # Not in conjunctions alone: each round asks it of all that is known.

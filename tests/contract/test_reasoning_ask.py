@@ -18,7 +18,7 @@ from kant_sql import (
     TypeMismatchError,
     UnsupportedConstructError,
 )
-from kant_sql.pddl import Atom, Not, Variable
+from kant_sql.pddl import Atom, Derived, Not, Or, Variable
 from tests.support.statements import count
 from tests.support.worlds import graph
 
@@ -331,3 +331,23 @@ def test_an_object_may_be_new(fresh_kb: KnowledgeBase) -> None:
     assert len(fresh_kb.query("(not (blocked ?w))")) == 6
     fresh_kb.objects.save(PddlObjectDto(PddlTypeDto("place"), "w7"))
     assert len(fresh_kb.query("(not (blocked ?w))")) == 7
+
+
+UNSTRATIFIED = """(define (domain u) (:predicates (base) (p) (q))
+  (:derived (p) (not (q))) (:derived (q) (or (base) (p))))"""
+
+
+def test_rules_that_are_not_stratified_are_refused_by_name(fresh_kb: KnowledgeBase) -> None:
+    message = "not stratified: a rule of 'p' negates 'q', which depends on 'p' itself, through q"
+    with pytest.raises(InvalidKnowledgeError, match=message):
+        fresh_kb.load_domain(UNSTRATIFIED)
+    assert fresh_kb.revision == 0
+    fresh_kb.load_domain("(define (domain u) (:predicates (base) (p) (q)))")
+    rules = fresh_kb.derived_predicates
+    rules.save(Derived("p", (), Not(Atom("q"))))
+    with pytest.raises(InvalidKnowledgeError, match="not stratified"):
+        rules.save_all([Derived("q", (), Or((Atom("base"), Atom("p"))))])
+    assert len(rules.get_all()) == 1
+    assert fresh_kb.holds("(p)")
+    rules.save(Derived("q", (), Not(Not(Atom("q")))))
+    assert not fresh_kb.holds("(q)")
