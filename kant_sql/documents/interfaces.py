@@ -239,20 +239,30 @@ class Exchange(Interface):
         domain, own = from_unified_planning(problem)
         return self._load(domain, problem=own, mode=mode)
 
-    def plan(self, engine: str | None = None, *, timeout: float | None = None) -> Plan:
+    def plan(
+        self, engine: str | None = None, *, timeout: float | None = None, strict: bool = False
+    ) -> Plan:
         """Find a plan from the present state to the goals.
+
+        Preferences and metrics reach a planner as costs of actions (Keyder and Geffner, Soft goals
+        can be compiled away, 2009). What of them it cannot be given is named in the plan's
+        `ignored` and logged as a warning; all other parts of the problem are always given.
 
         Args:
             engine: an engine's name in unified-planning, for example `fast-downward`; None to
                 choose an installed one that supports the problem.
-            timeout: seconds to wait; None to wait without limit.
+            timeout: seconds to wait; None to wait without limit. Plans of problems with soft
+                goals are improved for 10 seconds, or half of the timeout if that is less.
+            strict: refuse to ignore a part of the metric or a preference.
 
         Returns:
-            The plan, with the revision of the state.
+            The plan, with the revision of the state. If soft goals were compiled away or ignored,
+            it has the planner's input as `domain_pddl` and `problem_pddl`.
 
         Raises:
             NoPlanError: there is no plan, or none was found in time.
-            UnsupportedConstructError: planners cannot express something of the problem.
+            UnsupportedConstructError: planners cannot express something of the problem, or with
+                `strict` something of its metric or preferences.
             PlannerMissingError: unified-planning or the engine is not installed.
 
         Examples:
@@ -266,8 +276,12 @@ class Exchange(Interface):
             (unlock)
         """
         state = self._state()
-        plan = solve(state.domain, problem=state.problem, engine=engine, timeout=timeout)
-        digest = problem_hash(write(state.domain), problem=write(state.problem))
+        plan = solve(
+            state.domain, problem=state.problem, engine=engine, timeout=timeout, strict=strict
+        )
+        domain = write(state.domain) if plan.domain_pddl is None else plan.domain_pddl
+        problem = write(state.problem) if plan.problem_pddl is None else plan.problem_pddl
+        digest = problem_hash(domain, problem=problem)
         return replace(plan, revision=state.revision, problem_hash=digest)
 
     @required

@@ -15,8 +15,9 @@ from dataclasses import dataclass, field
 from decimal import Decimal
 from hashlib import sha256
 from pathlib import Path
+from typing import NamedTuple
 
-from ..arguments import expect, expect_tuple, optional_text, seconds, whole_number
+from ..arguments import expect, expect_tuple, flag, optional_text, seconds, whole_number
 from ..dto.lexical import check_number
 from ..errors import (
     InvalidArgumentError,
@@ -79,6 +80,9 @@ class Plan:
         status: the engine's verdict: `solved_satisficing` or `solved_optimally`.
         revision: the revision of the knowledge base that was planned from.
         problem_hash: the `problem_hash` of the planner's input; None when unknown.
+        ignored: what of the metric and the preferences the planner was not given, as readable text.
+        domain_pddl: the domain that the planner was given, if it is not the state's.
+        problem_pddl: the problem that the planner was given, if it is not the state's.
     """
 
     steps: tuple[PlanStep, ...]
@@ -86,6 +90,9 @@ class Plan:
     status: str
     revision: int | None = None
     problem_hash: str | None = field(default=None, compare=False)
+    ignored: tuple[str, ...] = ()
+    domain_pddl: str | None = field(default=None, compare=False, repr=False)
+    problem_pddl: str | None = field(default=None, compare=False, repr=False)
 
     def __post_init__(self) -> None:
         steps = expect_tuple(self.steps, PlanStep, "the steps of a Plan")
@@ -93,7 +100,11 @@ class Plan:
             object.__setattr__(self, "steps", steps)
         expect(self.engine, str, "the engine of a Plan")
         expect(self.status, str, "the status of a Plan")
-        optional_text(self.problem_hash, "the problem_hash of a Plan", InvalidKnowledgeError)
+        for name in ("problem_hash", "domain_pddl", "problem_pddl"):
+            optional_text(getattr(self, name), f"the {name} of a Plan", InvalidKnowledgeError)
+        ignored = expect_tuple(self.ignored, str, "the ignored of a Plan")
+        if ignored is not self.ignored:
+            object.__setattr__(self, "ignored", ignored)
         if self.revision is not None:
             whole_number(self.revision, "the revision of a Plan", error=InvalidKnowledgeError)
 
@@ -117,38 +128,60 @@ def problem_hash(domain: str, *, problem: str) -> str:
     return sha256((domain + problem).encode(errors="surrogatepass")).hexdigest()
 
 
+class Task(NamedTuple):
+    """What a planner's process is asked for; `solve` explains the fields."""
+
+    domain: Domain
+    problem: Problem
+    engine: str | None
+    timeout: float | None
+    strict: bool
+
+
 def solve(
-    domain: Domain, *, problem: Problem, engine: str | None = None, timeout: float | None = None
+    domain: Domain,
+    *,
+    problem: Problem,
+    engine: str | None = None,
+    timeout: float | None = None,
+    strict: bool = False,
 ) -> Plan:
     """Find a plan.
 
     Without an engine's name, the installed engines that support the problem are tried in turn:
     aries first for durations, ENHSP for numbers, otherwise Fast Downward and pyperplan.
     unified-planning may compile away constructs that an engine does not support: quantifiers,
-    conditional effects, trajectory constraints, object fluents. A metric that no engine supports is
-    ignored: the plan is valid, but not optimized.
+    conditional effects, trajectory constraints, object fluents.
+
+    Preferences and metrics that unified-planning does not know become costs of actions
+    (`soft_goals.py`), which a planner improves for at most 10 seconds, or half of the timeout. What
+    of them an engine still cannot be given is named in the plan's `ignored`, and logged as a
+    warning. Nothing else is ever left out.
 
     Args:
         domain: the domain.
         problem: the problem.
         engine: the name that unified-planning has for an engine, for example `fast-downward-opt`.
         timeout: the longest time to wait, in seconds; None is infinite.
+        strict: refuse to ignore a part of the metric or a preference.
 
     Returns:
         The plan, in the names of the documents.
 
     Raises:
         PlannerMissingError: unified-planning or the engine is not installed.
-        UnsupportedConstructError: a construct has no exact counterpart in unified-planning.
+        UnsupportedConstructError: a construct has no exact counterpart in unified-planning; or,
+            with `strict`, a soft goal cannot be given to a planner.
         NoPlanError: there is no plan, or none was found in time; `status` is the reason.
     """
     check_documents(domain, problem)
     optional_text(engine, "engine")
     longest = seconds(timeout)
+    flag(strict, "strict", InvalidArgumentError)
     require_unified_planning()
     with tempfile.TemporaryDirectory(prefix="kant-sql-plan-") as directory:
         task, result = Path(directory, "task"), Path(directory, "result")
-        task.write_bytes(pickle.dumps((domain, problem, engine)))
+        task.write_bytes(pickle.dumps(Task(domain, problem, engine, timeout, strict)))
         log = _run(directory, longest)
         if not result.exists():
             reason = log.strip().splitlines()[-1:] or ["no reason was given"]
@@ -157,6 +190,9 @@ def solve(
     for fallback in fallbacks:
         logger.warning("%s", printable(fallback))
     if isinstance(outcome, Plan):
+        if outcome.ignored:
+            ignored = printable("; ".join(outcome.ignored))
+            logger.warning("%s was not given a part of the problem: %s", outcome.engine, ignored)
         return outcome
     kind, message, status = outcome
     if kind in _ERRORS:

@@ -21,6 +21,7 @@ from .names import (
     static_functions,
 )
 from .plan import check_documents
+from .soft_goals import refusal, variants
 from .up_actions import SingleEffect, UpActions, UpEffects
 from .up_formulas import Bindings, ConversionContext, UpFormulas, UpPreferences, UpTypes, mentions
 
@@ -242,6 +243,28 @@ def convert(
         ) from error
 
 
+def convert_whole(domain: Domain, problem: Problem, environment: Environment) -> UpProblem:
+    """Convert documents, or a variant of them in which no soft goal is left out."""
+    error: UnsupportedConstructError | None = None
+    ignored: tuple[str, ...] = ()
+    for variant in variants(domain, problem):
+        is_whole = not (variant.ignored or ignored)
+        ignored = ignored or variant.ignored
+        if not is_whole and variant.problem.metric is not None:
+            continue
+        try:
+            made = convert(variant.domain, variant.problem, environment).problem
+        except UnsupportedConstructError as refused:
+            error = refused
+            continue
+        if is_whole:
+            return made
+        # Without the soft goals it can be expressed, so these are to blame.
+        raise refusal(ignored) from error
+    assert error is not None
+    raise error
+
+
 def to_unified_planning(
     domain: Domain, *, problem: Problem, environment: Environment | None = None
 ) -> UpProblem:
@@ -255,8 +278,12 @@ def to_unified_planning(
     - a derived predicate that does not depend on itself: the formula it follows from;
     - `scale-up` and `scale-down`: assignments;
     - `(at end ...)` among the constraints: a goal;
-    - `?duration`: the value of the duration, where that is fixed;
-    - preferences in the goal, if the metric counts only these: an oversubscription metric.
+    - `?duration`: the value of the duration, where that is an equation;
+    - preferences in the goal, if the metric counts only these: an oversubscription metric;
+    - a metric without such a counterpart: costs of actions (Keyder and Geffner, Soft goals can be
+      compiled away, 2009). The problem then has steps of its own: `end-of-plan`, `collect-` and
+      `forgo-` a preference, and `observe`; and copies of actions, as `move-forgoing-p1`.
+      `kant_sql.Plan`s of `solve` are without them.
 
     Preferences that no metric counts are left out: they affect neither which plans are valid nor
     their quality.
@@ -281,4 +308,4 @@ def to_unified_planning(
     if environment is not None:
         expect(environment, Environment, "the environment", InvalidArgumentError)
 
-    return convert(domain, problem, get_environment(environment)).problem
+    return convert_whole(domain, problem, get_environment(environment))

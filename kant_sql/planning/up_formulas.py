@@ -14,6 +14,7 @@ from ..dto import formulas as f
 from ..dto.lexical import ROOT_TYPE, fold
 from ..errors import UnsupportedConstructError
 from ..pddl.document import Domain, Problem, typed_names
+from .costs import ONE, NotLinearError, linear
 from .names import (
     FUNCTION,
     PREDICATE,
@@ -370,9 +371,6 @@ class UpFormulas(UpConverter):
         return self.formula(body, within)
 
 
-_CONSTANT = ""
-
-
 class UpPreferences(UpConverter):
     """The preferences of a problem and their weights in the metric.
 
@@ -390,9 +388,21 @@ class UpPreferences(UpConverter):
         if metric is not None and mentions(f.IsViolated, metric.expression):
             with context.at("the metric"):
                 sign = 1 if metric.optimization == "minimize" else -1
-                weights = self._linear(metric.expression)
-                weights.pop(_CONSTANT, None)
-                self._weights = {name: sign * weight for name, weight in weights.items() if weight}
+                self._weights = {
+                    name: sign * weight for name, weight in self._violations(metric) if weight
+                }
+
+    def _violations(self, metric: f.Metric) -> Iterator[tuple[str, Fraction]]:
+        reason = "a sum of violations and other quantities has no counterpart"
+        try:
+            weights = linear(metric.expression)
+        except NotLinearError as error:
+            raise self._unsupported(error.args[0], reason) from None
+        for node, weight in weights.items():
+            if isinstance(node, f.IsViolated):
+                yield node.preference, weight
+            elif node != ONE:
+                raise self._unsupported(node, reason)
 
     @property
     def counted(self) -> bool:
@@ -450,42 +460,6 @@ class UpPreferences(UpConverter):
 
     def _weight(self, name: str | None) -> Fraction:
         return self._weights.get(fold(name), Fraction(0)) if name else Fraction(0)
-
-    def _linear(self, node: f.Expression) -> dict[str, Fraction]:
-        match node:
-            case f.Number(value):
-                return {_CONSTANT: Fraction(value)}
-            case f.IsViolated(preference):
-                return {fold(preference): Fraction(1)}
-            case f.Arithmetic(operator, operands):
-                parts = [self._linear(operand) for operand in operands]
-                if operator in {"+", "-"}:
-                    first = -1 if operator == "-" and len(parts) == 1 else 1
-                    sign = 1 if operator == "+" else -1
-                    return _sum([(first, parts[0]), *((sign, part) for part in parts[1:])])
-                constants = [part.get(_CONSTANT) for part in parts if part.keys() <= {_CONSTANT}]
-                if operator == "*" and len(constants) >= len(parts) - 1:
-                    return self._product(parts)
-                if operator == "/" and len(parts) == 2 and parts[1].keys() == {_CONSTANT}:
-                    divisor = parts[1][_CONSTANT]
-                    if divisor:
-                        return _sum([(1 / divisor, parts[0])])
-        raise self._unsupported(node, "a sum of violations and other quantities has no counterpart")
-
-    def _product(self, parts: Sequence[dict[str, Fraction]]) -> dict[str, Fraction]:
-        result: dict[str, Fraction] = {_CONSTANT: Fraction(1)}
-        for part in parts:
-            left, right = (result, part) if part.keys() <= {_CONSTANT} else (part, result)
-            result = _sum([(right.get(_CONSTANT, Fraction(0)), left)])
-        return result
-
-
-def _sum(parts: Iterable[tuple[Fraction | int, dict[str, Fraction]]]) -> dict[str, Fraction]:
-    total: dict[str, Fraction] = {}
-    for factor, part in parts:
-        for name, weight in part.items():
-            total[name] = total.get(name, Fraction(0)) + factor * weight
-    return total
 
 
 def mentions(kind: type[f.Node], *nodes: f.Node) -> bool:

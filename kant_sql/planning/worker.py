@@ -21,11 +21,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..dto.formulas import Arithmetic, Assign, ContinuousTime, Node, Number, walk
+from ..dto.lexical import fold
 from ..errors import KantSqlError, PlannerMissingError, UnsupportedConstructError
 from ..pddl.document import Domain, Problem, formulas
-from .plan import Plan, PlanStep
+from ..pddl.writer import write
+from .plan import Plan, PlanStep, Task
+from .soft_goals import Variant, refusal, variants
+from .to_up import convert, convert_whole
 
 if TYPE_CHECKING:
+    from unified_planning.engines.results import PlanGenerationResult
     from unified_planning.environment import Environment
     from unified_planning.model import Problem as UpProblem
     from unified_planning.plans import ActionInstance
@@ -54,6 +59,10 @@ CLASSICAL = ("fast-downward", "pyperplan", "enhsp", "aries")
 PREFERRED_GOALS = ("oversubscription[fast-downward]", "oversubscription[enhsp]")
 # These engines solve the problem once for each subset of the goals.
 MOST_PREFERRED_GOALS = 5
+# The engines that improve their plans, in place of others.
+ANYTIME = {"enhsp": "enhsp-any"}
+# The seconds for improving a plan. A plan that forgoes all soft goals is found at once.
+IMPROVING_SECONDS = 10.0
 # The compilations that remove features, in the order of trial.
 COMPILATIONS = (
     ("TRAJECTORY_CONSTRAINTS_REMOVING", {"TRAJECTORY_CONSTRAINTS", "STATE_INVARIANTS"}),
@@ -81,17 +90,18 @@ class EngineProblem:
     back: tuple[Callable[[ActionInstance], ActionInstance | None], ...] = field(default=())
 
 
-def candidates(problem: UpProblem) -> tuple[str, ...]:
-    """Return the names of the engines to try, in order."""
+def candidates(problem: UpProblem, improves: bool = False) -> tuple[str, ...]:
+    """Return the names of the engines to try, in order; `improves` asks for better plans."""
     kind = problem.kind
     if kind.has_oversubscription():
         goals = sum(len(metric.goals) for metric in problem.quality_metrics)
         return PREFERRED_GOALS if goals <= MOST_PREFERRED_GOALS else ()
     if kind.has_continuous_time():
         return TEMPORAL
+    found: tuple[str, ...] = CLASSICAL
     if kind.has_real_fluents() or kind.has_int_fluents() or kind.has_processes():
-        return NUMERIC
-    return CLASSICAL
+        found = NUMERIC
+    return tuple(ANYTIME.get(name, name) for name in found) if improves else found
 
 
 def form_for(form: EngineProblem, engine: str, environment: Environment) -> EngineProblem | None:
@@ -140,25 +150,12 @@ def numbers_are_integers(domain: Domain, problem: Problem) -> bool:
 
 
 def forms(
-    domain: Domain, problem: Problem, convert: Callable[[Problem, bool], UpProblem]
+    variant: Variant, convert: Callable[[Variant, bool], UpProblem]
 ) -> Iterator[EngineProblem]:
-    """Yield the variants of a problem to solve, the most faithful first."""
-    measured = problem.metric is not None
-    try:
-        yield from _numbered(domain, problem, convert)
-    except UnsupportedConstructError:
-        if not measured:
-            raise
-    if measured:
-        yield from _numbered(domain, replace(problem, metric=None), convert)
-
-
-def _numbered(
-    domain: Domain, problem: Problem, convert: Callable[[Problem, bool], UpProblem]
-) -> Iterator[EngineProblem]:
-    yield EngineProblem(convert(problem, False))
-    if numbers_are_integers(domain, problem):
-        yield EngineProblem(convert(problem, True))
+    """Yield a variant with real numbers, and with integers where these suffice."""
+    yield EngineProblem(convert(variant, False))
+    if numbers_are_integers(variant.domain, variant.problem):
+        yield EngineProblem(convert(variant, True))
 
 
 _PLACES = 6
@@ -175,10 +172,10 @@ class GroupedProcess(subprocess.Popen[bytes]):
 class Search:
     """The search for a plan, engine by engine."""
 
-    def __init__(self, domain: Domain, problem: Problem, engine: str | None) -> None:
+    def __init__(self, task: Task) -> None:
         from unified_planning.environment import get_environment
 
-        self._domain, self._problem, self._engine = domain, problem, engine
+        self._task = task
         self._environment: Environment = get_environment()
         self._environment.credits_stream = None
         self._environment.factory.add_engine(
@@ -194,31 +191,58 @@ class Search:
 
     def run(self) -> Plan | tuple[str, str, str]:
         """Try the engines in turn."""
-        installed = self._environment.factory.engines
-        if self._engine is not None and self._engine not in installed:
+        installed, engine = self._environment.factory.engines, self._task.engine
+        if engine is not None and engine not in installed:
             planners = ", ".join(_planners(installed, self._environment))
             raise PlannerMissingError(
-                f"engine {self._engine} is not installed; install it, or choose one of {planners}"
+                f"engine {engine} is not installed; install it, or choose one of {planners}"
             )
-        for form in forms(self._domain, self._problem, self._convert):
-            names = (self._engine,) if self._engine else candidates(form.problem)
-            for name in names:
-                if name not in installed or name in self._failures:
-                    continue
-                plan = self._ask(name, form)
-                if plan is not None:
-                    self._note_fallbacks(name, form)
-                    return plan
-                if self._failures.get(name) == "unsolvable_proven":
+        domain, problem = self._task.domain, self._task.problem
+        if self._task.strict:
+            # What it refuses is refused here, in the same words.
+            convert_whole(domain, problem, self._environment)
+        error: UnsupportedConstructError | None = None
+        asked = False
+        for variant in variants(domain, problem):
+            if variant.ignored and self._task.strict:
+                if self._failures:
                     return self._failed()
+                raise refusal(variant.ignored)
+            try:
+                plan = self._solve(variant)
+            except UnsupportedConstructError as refused:
+                error = refused
+                continue
+            asked = True
+            if plan is not None:
+                return plan
+            if "unsolvable_proven" in self._failures.values():
+                break
+        if error is not None and not asked:
+            raise error
         return self._failed()
 
-    def _note_fallbacks(self, name: str, form: EngineProblem) -> None:
-        if self._failures:
-            failed = ", ".join(f"{engine}: {why}" for engine, why in self._failures.items())
+    def _solve(self, variant: Variant) -> Plan | None:
+        tried: set[str] = set()
+        for form in forms(variant, self._convert):
+            names = (self._task.engine,) if self._task.engine else None
+            for name in names or candidates(form.problem, bool(variant.steps)):
+                if name not in self._environment.factory.engines or name in tried:
+                    continue
+                plan = self._ask(name, form, variant)
+                if plan is not None:
+                    self._note_fallbacks(name)
+                    return plan
+                if name in self._failures:
+                    tried.add(name)
+                if self._failures.get(name) == "unsolvable_proven":
+                    return None
+        return None
+
+    def _note_fallbacks(self, name: str) -> None:
+        failed = ", ".join(f"{e}: {why}" for e, why in self._failures.items() if e != name)
+        if failed:
             self.fallbacks.append(f"{name} was asked because others found no plan ({failed})")
-        if self._problem.metric is not None and not form.problem.quality_metrics:
-            self.fallbacks.append(f"{name} was asked without the metric: the plan is not measured")
 
     def _failed(self) -> tuple[str, str, str]:
         if self._failures:
@@ -232,23 +256,19 @@ class Search:
         message = f"no installed engine supports the problem: {reasons or 'install one'}"
         return "NoPlanError", message, "unsupported_problem"
 
-    def _convert(self, problem: Problem, integers: bool) -> UpProblem:
-        from .to_up import convert
-
-        context = convert(self._domain, problem, self._environment, integers)
+    def _convert(self, variant: Variant, integers: bool) -> UpProblem:
+        context = convert(variant.domain, variant.problem, self._environment, integers)
         self._names = context.names
         return context.problem
 
-    def _ask(self, name: str, form: EngineProblem) -> Plan | None:
+    def _ask(self, name: str, form: EngineProblem, variant: Variant) -> Plan | None:
         made = form_for(form, name, self._environment)
         if made is None:
             missing = missing_features(form.problem, name, self._environment)
             self._missing.setdefault(name, missing)
             return None
         try:
-            factory, parameters = self._environment.factory, engine_parameters(name)
-            with factory.OneshotPlanner(name=name, params=parameters) as planner:
-                result = planner.solve(made.problem)
+            result = self._result(name, made.problem, bool(variant.steps))
         except Exception as error:  # an engine may fail in any way; the next one is tried
             self._failures[name] = f"internal_error ({type(error).__name__}: {error})"
             return None
@@ -258,7 +278,28 @@ class Search:
         plan = result.plan
         for back in made.back:
             plan = plan.replace_action_instances(back)
-        return Plan(tuple(self._steps(plan, form.problem)), name, result.status.name.lower())
+        steps = _original(self._steps(plan, form.problem), variant)
+        status = _plan_status(result.status.name.lower())
+        found = Plan(tuple(steps), name, status, ignored=variant.ignored)
+        if variant.problem is self._task.problem:
+            return found
+        given = write(variant.domain), write(variant.problem)
+        return replace(found, domain_pddl=given[0], problem_pddl=given[1])
+
+    def _result(self, name: str, problem: UpProblem, improves: bool) -> PlanGenerationResult:
+        factory, parameters = self._environment.factory, engine_parameters(name)
+        if improves and factory.engine(name).is_anytime_planner():
+            longest = IMPROVING_SECONDS
+            if self._task.timeout is not None:
+                longest = min(longest, self._task.timeout / 2)
+            best = None
+            with factory.AnytimePlanner(name=name, params=parameters) as planner:
+                for result in planner.get_solutions(problem, timeout=longest):
+                    best = result if result.plan is not None else best
+            if best is not None:
+                return best
+        with factory.OneshotPlanner(name=name, params=parameters) as planner:
+            return planner.solve(problem)
 
     def _steps(self, plan: UpPlan, problem: UpProblem) -> list[PlanStep]:
         from unified_planning.plans import PlanKind
@@ -278,6 +319,19 @@ class Search:
             )
             for start, instance, duration in timed
         ]
+
+
+def _original(steps: list[PlanStep], variant: Variant) -> Iterator[PlanStep]:
+    """Yield the steps of the original problem."""
+    for step in steps:
+        action = variant.steps.get(fold(step.action), step.action)
+        if action is not None:
+            yield replace(step, action=action)
+
+
+def _plan_status(status: str) -> str:
+    """Return the status of a plan, though it was interrupted while it was improved."""
+    return status if status == "solved_optimally" else "solved_satisficing"
 
 
 def _planners(installed: list[str], environment: Environment) -> list[str]:
@@ -313,11 +367,11 @@ def main(directory: str) -> None:
     """Solve the task in a directory, and write the result there."""
     threading.Thread(target=_end_with_parent, daemon=True).start()
     subprocess.Popen = GroupedProcess  # type: ignore[misc,assignment]
-    domain, problem, engine = pickle.loads(Path(directory, "task").read_bytes())
+    task: Task = pickle.loads(Path(directory, "task").read_bytes())
     outcome: Plan | tuple[str, str, str]
     fallbacks: list[str] = []
     try:
-        search = Search(domain, problem, engine)
+        search = Search(task)
         outcome, fallbacks = search.run(), search.fallbacks
     except KantSqlError as error:
         outcome = (type(error).__name__, str(error), "unsupported_problem")

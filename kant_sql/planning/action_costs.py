@@ -1,0 +1,215 @@
+"""Costs of actions, written into documents: `total-cost`, tables of costs, and no other numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from fractions import Fraction
+from typing import TypeVar
+
+from ..dto import formulas as f
+from ..dto.lexical import fold
+from ..pddl.document import (
+    DURATIVE_ACTION,
+    Action,
+    Domain,
+    Function,
+    FunctionValue,
+    Predicate,
+    Problem,
+    formulas,
+)
+from ..pddl.requirements import used_requirements
+from .costs import ActionCost, Values, rebuilt, whole
+from .names import number
+
+TOTAL_COST = f.Fluent(f.TOTAL_COST)
+N = TypeVar("N", bound=f.Node)
+
+
+@dataclass(frozen=True)
+class CostedAction:
+    """An action and what it adds to a metric to minimize.
+
+    Attributes:
+        amount: what it adds besides `cost`.
+    """
+
+    action: Action
+    cost: ActionCost = field(default_factory=ActionCost)
+    amount: Fraction = Fraction(0)
+
+
+def write_costs(
+    domain: Domain,
+    problem: Problem,
+    actions: Sequence[CostedAction],
+    free: frozenset[str],
+    unused: Callable[[str], str],
+) -> tuple[Domain, Problem]:
+    """Write the costs of actions into documents, as whole numbers.
+
+    Args:
+        domain: the domain.
+        problem: the problem.
+        actions: the actions, in place of the domain's.
+        free: the folded names of functions that are left out.
+        unused: returns a name that no element has.
+    """
+    actions = [replace(one, action=_without(one.action, free)) for one in actions]
+    domain = replace(domain, actions=tuple(one.action for one in actions))
+    domain, problem = _pruned(*_renamed(domain, problem, unused))
+    tables = [costed.cost.plus(costed.amount) for costed in actions]
+    writer = _Writer(unused, whole(value for table in tables for value in table.values()))
+    made = tuple(
+        writer.costed(action, costed.cost, table)
+        for action, costed, table in zip(domain.actions, actions, tables, strict=True)
+    )
+    domain = replace(domain, actions=made, predicates=(*domain.predicates, *writer.predicates))
+    problem = replace(problem, facts=(*problem.facts, *writer.facts), requirements=())
+    if writer.is_used:
+        functions = (*domain.functions, *writer.functions, Function(f.TOTAL_COST))
+        values = (*problem.values, *writer.values, FunctionValue(TOTAL_COST, f.Number(0)))
+        domain = replace(domain, functions=functions)
+        metric = f.Metric("minimize", TOTAL_COST)
+        problem = replace(problem, values=values, metric=metric)
+    return replace(domain, requirements=used_requirements(domain, problem=problem)), problem
+
+
+class _Writer:
+    """Adds costs to actions.
+
+    Attributes:
+        is_used: whether an action costs anything.
+    """
+
+    def __init__(self, unused: Callable[[str], str], scale: Fraction) -> None:
+        self._unused, self._scale = unused, scale
+        self.functions: list[Function] = []
+        self.values: list[FunctionValue] = []
+        self.predicates: list[Predicate] = []
+        self.facts: list[f.Atom] = []
+        self.is_used = False
+
+    def costed(self, action: Action, cost: ActionCost, table: Values) -> Action:
+        """Return an action that costs what a table says."""
+        amounts = set(table.values())
+        variables = tuple(f.Variable(part.name) for part in cost.parameters)
+        if cost.is_partial:
+            action = self._restricted(action, cost, variables)
+        if not any(amounts):
+            return action
+        value: f.Expression = number(next(iter(amounts)) * self._scale)
+        if len(amounts) > 1:
+            name = self._unused(f"cost-of-{action.name}")
+            self.functions.append(Function(name, cost.parameters))
+            self.values += [
+                FunctionValue(
+                    f.Fluent(name, tuple(map(f.Constant, objects))),
+                    f.Number(int(amount * self._scale)),
+                )
+                for objects, amount in table.items()
+            ]
+            value = f.Fluent(name, variables)
+        self.is_used = True
+        effect: f.Formula = f.Assign("increase", TOTAL_COST, value)
+        if action.kind == DURATIVE_ACTION:
+            effect = f.Timed(f.AT_END, effect)
+        return replace(action, effect=(*action.effect, effect))
+
+    def _restricted(
+        self, action: Action, cost: ActionCost, variables: tuple[f.Variable, ...]
+    ) -> Action:
+        """Restrict an action to the objects for which its cost is defined."""
+        name = self._unused(f"costs-{action.name}")
+        self.predicates.append(Predicate(name, cost.parameters))
+        self.facts += [
+            f.Atom(name, tuple(map(f.Constant, objects))) for objects in cost.values or {}
+        ]
+        condition: f.Formula = f.Atom(name, variables)
+        if action.kind == DURATIVE_ACTION:
+            condition = f.Timed(f.AT_START, condition)
+        return replace(action, condition=(*action.condition, condition))
+
+
+def _without(action: Action, free: frozenset[str]) -> Action:
+    return replace(action, effect=tuple(_kept(action.effect, free)))
+
+
+def _kept(effects: Iterable[f.Formula], free: frozenset[str]) -> Iterator[f.Formula]:
+    """Yield the effects without those on some functions; these have no conditions."""
+    for effect in effects:
+        match effect:
+            case f.And(parts):
+                yield from _kept(parts, free)
+            case f.Timed(time, inner):
+                yield from (f.Timed(time, one) for one in _kept([inner], free))
+            case f.Assign() if fold(effect.fluent.function) in free:
+                continue
+            case _:
+                yield effect
+
+
+def _pruned(domain: Domain, problem: Problem) -> tuple[Domain, Problem]:
+    """Leave out the numeric functions that nothing mentions."""
+    nodes = [*formulas(domain, problem), *problem.timed]
+    mentioned = {fold(n.function) for n in f.walk(*nodes) if isinstance(n, f.Fluent)}
+    mentioned |= {fold(one.name) for one in domain.functions if one.types}
+    functions = tuple(one for one in domain.functions if fold(one.name) in mentioned)
+    values = tuple(one for one in problem.values if fold(one.fluent.function) in mentioned)
+    return replace(domain, functions=functions), replace(problem, values=values)
+
+
+def _renamed(
+    domain: Domain, problem: Problem, unused: Callable[[str], str]
+) -> tuple[Domain, Problem]:
+    """Rename what is called like the costs, if it is needed."""
+    nodes = [*formulas(domain, problem), *problem.timed]
+    if not any(_is_named_total(node) for node in f.walk(*nodes)):
+        return domain, problem
+    name = unused(f.TOTAL_COST)
+
+    def change(node: f.Node) -> f.Node:
+        made = rebuilt(node, change)
+        if isinstance(made, f.Fluent) and _is_named_total(made):
+            return f.Fluent(name, made.terms)
+        return made
+
+    def changed(nodes: Iterable[N]) -> tuple[N, ...]:
+        return tuple(map(change, nodes))  # type: ignore[arg-type]
+
+    actions = tuple(
+        replace(
+            action,
+            duration=changed(action.duration),
+            condition=changed(action.condition),
+            effect=changed(action.effect),
+        )
+        for action in domain.actions
+    )
+    functions = tuple(
+        replace(one, name=name) if fold(one.name) == f.TOTAL_COST else one
+        for one in domain.functions
+    )
+    return replace(
+        domain,
+        functions=functions,
+        constraints=changed(domain.constraints),
+        derived=changed(domain.derived),
+        actions=actions,
+    ), replace(
+        problem,
+        values=tuple(
+            FunctionValue(f.Fluent(name, value.fluent.terms), value.value)
+            if _is_named_total(value.fluent)
+            else value
+            for value in problem.values
+        ),
+        timed=changed(problem.timed),
+        goal=changed(problem.goal),
+        constraints=changed(problem.constraints),
+    )
+
+
+def _is_named_total(node: f.Node) -> bool:
+    return isinstance(node, f.Fluent) and fold(node.function) == f.TOTAL_COST

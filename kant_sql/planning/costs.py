@@ -1,0 +1,406 @@
+"""The metric as a weighted sum, and its fluents as costs of actions.
+
+Cost planners minimize the sum of the costs of a plan's actions (PDDL 3.1, `:action-costs`). A
+numeric fluent that actions only increase, by amounts that never change, is such a sum.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from itertools import product
+from math import gcd, lcm, prod
+from typing import TypeVar
+
+from ..dto import formulas as f
+from ..dto.lexical import ROOT_TYPE, fold
+from ..pddl.document import ACTION, DURATIVE_ACTION, Action, Domain, Problem
+from .names import static_functions
+
+# The entries of the largest table of costs of an action.
+MOST_COSTS = 50_000
+
+
+class NotLinearError(Exception):
+    """An expression is not a weighted sum; its argument is the part that is to blame."""
+
+
+# The key of the constant.
+ONE = f.Number(1)
+Sum = dict[f.Node, Fraction]
+N = TypeVar("N", bound=f.Node)
+
+
+def linear(node: f.Expression) -> Sum:
+    """Return the weights of the fluents and violations in a weighted sum, with folded names."""
+    match node:
+        case f.Number(value):
+            return {ONE: Fraction(value)}
+        case f.IsViolated(preference):
+            return {f.IsViolated(fold(preference)): Fraction(1)}
+        case f.Fluent():
+            return {folded(node): Fraction(1)}
+        case f.Arithmetic(operator, operands):
+            parts = [linear(operand) for operand in operands]
+            if operator in {"+", "-"}:
+                first = -1 if operator == "-" and len(parts) == 1 else 1
+                sign = 1 if operator == "+" else -1
+                return _total([(first, parts[0]), *((sign, part) for part in parts[1:])])
+            constants = [part for part in parts if part.keys() <= {ONE}]
+            if operator == "*" and len(constants) >= len(parts) - 1:
+                return _product(parts)
+            if operator == "/" and len(parts) == 2 and parts[1].keys() == {ONE} and parts[1][ONE]:
+                return _total([(1 / parts[1][ONE], parts[0])])
+    raise NotLinearError(node)
+
+
+def folded(node: f.Fluent) -> f.Fluent:
+    """Return a fluent of constants with folded names."""
+    terms: list[f.Term] = []
+    for term in node.terms:
+        if not isinstance(term, f.Constant):
+            raise NotLinearError(node)
+        terms.append(f.Constant(fold(term.name)))
+    return f.Fluent(fold(node.function), tuple(terms))
+
+
+def _product(parts: Sequence[Sum]) -> Sum:
+    result: Sum = {ONE: Fraction(1)}
+    for part in parts:
+        left, right = (result, part) if part.keys() <= {ONE} else (part, result)
+        result = _total([(right.get(ONE, Fraction(0)), left)])
+    return result
+
+
+def _total(parts: Iterable[tuple[Fraction | int, Sum]]) -> Sum:
+    total: Sum = {}
+    for factor, part in parts:
+        for key, weight in part.items():
+            total[key] = total.get(key, Fraction(0)) + factor * weight
+    return total
+
+
+class Objects:
+    """The objects and constants of documents, by type."""
+
+    def __init__(self, domain: Domain, problem: Problem) -> None:
+        self._above = {fold(part.name): tuple(map(fold, part.types)) for part in domain.types}
+        given = {fold(part.name): part for part in (*domain.constants, *problem.objects)}
+        self._objects = [(part.name, self._ancestors(part.types)) for part in given.values()]
+        self._found: dict[tuple[str, ...], tuple[str, ...]] = {}
+
+    def of(self, types: Iterable[str]) -> tuple[str, ...]:
+        """Return the names of the objects that fit a parameter of some types."""
+        wanted = tuple(map(fold, types))
+        if wanted not in self._found:
+            self._found[wanted] = tuple(
+                name for name, above in self._objects if not above.isdisjoint(wanted)
+            )
+        return self._found[wanted]
+
+    def _ancestors(self, types: Iterable[str]) -> set[str]:
+        found, pending = {ROOT_TYPE}, list(map(fold, types))
+        while pending:
+            one = pending.pop()
+            if one not in found:
+                found.add(one)
+                pending.extend(self._above.get(one, ()))
+        return found
+
+
+# Amounts by the names of objects.
+Values = dict[tuple[str, ...], Fraction]
+# The weights of the fluents of each function in a metric to minimize, with folded names.
+Weights = dict[str, Values]
+
+
+@dataclass(frozen=True)
+class ActionCost:
+    """The cost of an action.
+
+    Attributes:
+        parameters: the parameters that it depends on; none for a constant.
+        values: the cost by the objects that these stand for.
+        is_partial: whether it is undefined for some objects: the action is not applicable there.
+    """
+
+    parameters: tuple[f.TypedName, ...] = ()
+    values: Values | None = None
+    is_partial: bool = False
+
+    def plus(self, amount: Fraction) -> Values:
+        """Return the costs, increased by an amount."""
+        values = {(): Fraction(0)} if self.values is None else self.values
+        return {objects: value + amount for objects, value in values.items()}
+
+
+@dataclass(frozen=True)
+class _Increase:
+    fluent: f.Fluent
+    value: f.Expression
+    sign: int
+
+
+class NoCostError(Exception):
+    """A fluent is no sum of costs; the argument says why."""
+
+
+class Costs:
+    """The weighted fluents of a metric as costs of actions.
+
+    Args:
+        weights: the weight of each fluent in a metric to minimize, with folded names.
+    """
+
+    def __init__(
+        self, domain: Domain, problem: Problem, weights: Mapping[f.Fluent, Fraction]
+    ) -> None:
+        self._domain, self._objects = domain, Objects(domain, problem)
+        self._static = static_functions(domain, problem)
+        self._initial: dict[f.Fluent, Fraction] = {
+            folded(fluent): Fraction(value.value)
+            for fluent, value in problem.values
+            if isinstance(value, f.Number)
+        }
+        self._timed = {
+            fold(timed.effect.fluent.function)
+            for timed in problem.timed
+            if isinstance(timed.effect, f.Assign)
+        }
+        self._weights: Weights = {}
+        for fluent, weight in weights.items():
+            terms = tuple(str(term) for term in fluent.terms)
+            self._weights.setdefault(fluent.function, {})[terms] = weight
+        # The amounts that each action adds to the weighted functions, by its name.
+        self._increases: dict[str, list[_Increase]] = {}
+        self.refused: dict[str, str] = {}
+        for function in list(self._weights):
+            self._take(function)
+        self.free = self._free_functions(problem)
+
+    def _free_functions(self, problem: Problem) -> frozenset[str]:
+        """Return the functions that change, and that no condition needs."""
+        numeric = {fold(one.name) for one in self._domain.functions if not one.types}
+        found = numeric - self._static - functions_read(self._domain, problem) - self._timed
+        return frozenset(name for name in found if name in self._weights or self._is_total(name))
+
+    def _is_total(self, function: str) -> bool:
+        """Return whether all amounts that actions add to a function are defined."""
+        try:
+            return not any(
+                self._table(action, list(self._of_action(action, function)), {}).is_partial
+                for action in self._domain.actions
+            )
+        except NoCostError:
+            return False
+
+    def _take(self, function: str) -> None:
+        if function in self._static:
+            return  # a constant changes no comparison of plans
+        try:
+            found = {
+                fold(action.name): list(self._of_action(action, function))
+                for action in self._domain.actions
+            }
+            if function in self._timed:
+                raise NoCostError("it changes at given times")
+            for action in self._domain.actions:
+                values = self._table(action, found[fold(action.name)], self._weights).values or {}
+                if any(value < 0 for value in values.values()):
+                    raise NoCostError(f"action {action.name} makes the metric better")
+        except NoCostError as error:
+            self.refused[function] = str(error)
+            del self._weights[function]
+            return
+        for name, increases in found.items():
+            self._increases.setdefault(name, []).extend(increases)
+
+    def _of_action(self, action: Action, function: str) -> Iterator[_Increase]:
+        for effect in _flat(action.effect):
+            changed = effect.fluent if isinstance(effect, f.Assign) else None
+            if changed is None or fold(changed.function) != function:
+                if any(_changes(node, function) for node in f.walk(effect)):
+                    raise NoCostError(f"action {action.name} changes it under a condition")
+                continue
+            assert isinstance(effect, f.Assign)
+            if action.kind not in {ACTION, DURATIVE_ACTION}:
+                raise NoCostError(f"{action.kind} {action.name} changes it")
+            if effect.operator not in {"increase", "decrease"}:
+                raise NoCostError(f"action {action.name} assigns it")
+            if isinstance(effect.value, f.Constant):
+                raise NoCostError(f"action {action.name} assigns it an object")
+            sign = 1 if effect.operator == "increase" else -1
+            yield _Increase(changed, _with_duration(effect.value, action), sign)
+
+    def of(self, action: Action) -> ActionCost:
+        """Return the cost of an action."""
+        return self._table(action, self._increases.get(fold(action.name), []), self._weights)
+
+    def _table(
+        self, action: Action, increases: Sequence[_Increase], weights: Weights
+    ) -> ActionCost:
+        if not increases:
+            return ActionCost()
+        nodes = [node for one in increases for node in (one.fluent, one.value)]
+        used = {fold(node.name) for node in f.walk(*nodes) if isinstance(node, f.Variable)}
+        parameters = tuple(part for part in action.parameters if fold(part.name) in used)
+        if len(parameters) != len(used):
+            raise NoCostError(f"the amount in action {action.name} is no constant")
+        ranges = [self._objects.of(part.types) for part in parameters]
+        if prod(map(len, ranges)) > MOST_COSTS:
+            raise NoCostError(f"action {action.name} would have more than {MOST_COSTS} costs")
+        values: Values = {}
+        is_partial = False
+        for chosen in product(*ranges):
+            bound = {fold(p.name): fold(o) for p, o in zip(parameters, chosen, strict=True)}
+            cost = self._cost(action, increases, weights, bound)
+            if cost is None:
+                is_partial = True
+            else:
+                values[chosen] = cost
+        return ActionCost(parameters, values, is_partial)
+
+    def _cost(
+        self,
+        action: Action,
+        increases: Sequence[_Increase],
+        weights: Weights,
+        bound: Mapping[str, str],
+    ) -> Fraction | None:
+        total = Fraction(0)
+        for one in increases:
+            value = self._evaluate(action, one.value, bound)
+            if value is None:
+                return None
+            terms = tuple(self._object(action, term, bound) for term in one.fluent.terms)
+            weight = weights.get(fold(one.fluent.function), {}).get(terms, Fraction(0))
+            total += one.sign * value * weight
+        return total
+
+    def _object(self, action: Action, term: f.Term, bound: Mapping[str, str]) -> str:
+        match term:
+            case f.Constant(name):
+                return fold(name)
+            case f.Variable(name) if fold(name) in bound:
+                return bound[fold(name)]
+        raise NoCostError(f"the amount in action {action.name} depends on the state")
+
+    def _evaluate(
+        self, action: Action, node: f.Expression | f.Term, bound: Mapping[str, str]
+    ) -> Fraction | None:
+        match node:
+            case f.Number(value):
+                return Fraction(value)
+            case f.Fluent(function, terms) if fold(function) in self._static:
+                names = tuple(f.Constant(self._object(action, term, bound)) for term in terms)
+                return self._initial.get(f.Fluent(fold(function), names))
+            case f.Arithmetic(operator, operands):
+                values = [self._evaluate(action, operand, bound) for operand in operands]
+                known = [value for value in values if value is not None]
+                return _calculate(operator, known) if len(known) == len(values) else None
+        raise NoCostError(f"the amount in action {action.name} depends on the state")
+
+
+def functions_read(domain: Domain, problem: Problem) -> set[str]:
+    """Return the folded names of the functions that decide what is possible."""
+    effects = [effect for action in domain.actions for effect in action.effect]
+    pending: list[f.Node] = [*domain.derived, *domain.constraints, *problem.goal]
+    pending += [*problem.constraints, *effects, *(one.effect for one in problem.timed)]
+    for action in domain.actions:
+        pending += [*action.condition, *action.duration]
+    read: set[str] = set()
+    # The values that are assigned to each function: they matter if that matters.
+    sources: dict[str, set[str]] = {}
+    while pending:
+        node = pending.pop()
+        if isinstance(node, f.Assign):
+            pending.extend(node.fluent.terms)
+            names = {fold(one.function) for one in f.walk(node.value) if isinstance(one, f.Fluent)}
+            sources.setdefault(fold(node.fluent.function), set()).update(names)
+            continue
+        if isinstance(node, f.Fluent):
+            read.add(fold(node.function))
+        pending.extend(f.children(node))
+    reached = list(read)
+    while reached:
+        for name in sources.pop(reached.pop(), set()) - read:
+            read.add(name)
+            reached.append(name)
+    return read
+
+
+def _flat(effects: Iterable[f.Formula]) -> Iterator[f.Formula]:
+    for effect in effects:
+        if isinstance(effect, f.And):
+            yield from _flat(effect.formulas)
+        elif isinstance(effect, f.Timed):
+            yield from _flat((effect.formula,))
+        else:
+            yield effect
+
+
+def _changes(node: f.Node, function: str) -> bool:
+    return isinstance(node, f.Assign) and fold(node.fluent.function) == function
+
+
+def _with_duration(value: f.Expression, action: Action) -> f.Expression:
+    """Replace `?duration` by its value, where the action has one equation for it."""
+    match action.duration:
+        case (f.Comparison("=", f.Variable(name), bound),) if fold(name) == f.DURATION:
+            return replaced(value, {f.DURATION: bound})
+    return value
+
+
+def replaced(node: N, values: Mapping[str, f.Node]) -> N:
+    """Replace free variables of a node, by their folded names."""
+    if not values:
+        return node
+    if isinstance(node, f.Variable):
+        return values.get(fold(node.name), node)  # type: ignore[return-value]
+    if isinstance(node, f.Forall | f.Exists):
+        hidden = {fold(variable.name) for variable in node.variables}
+        values = {name: value for name, value in values.items() if name not in hidden}
+    return rebuilt(node, lambda child: replaced(child, values))
+
+
+def rebuilt(node: N, change: Callable[[f.Node], f.Node]) -> N:
+    """Rebuild a node with each child changed."""
+    fields: list[object] = []
+    names: tuple[str, ...] = type(node).__slots__
+    for name in names:
+        value = getattr(node, name)
+        if isinstance(value, f.Node):
+            fields.append(change(value))
+        elif isinstance(value, tuple) and value and isinstance(value[0], f.Node):
+            fields.append(tuple(map(change, value)))
+        else:
+            fields.append(value)
+    return type(node)(*fields)
+
+
+def _calculate(operator: str, values: Sequence[Fraction]) -> Fraction | None:
+    if operator == "+":
+        return sum(values, Fraction(0))
+    if operator == "*":
+        return prod(values, start=Fraction(1))
+    if operator == "-":
+        return -values[0] if len(values) == 1 else values[0] - sum(values[1:])
+    result = values[0]
+    for divisor in values[1:]:
+        if not divisor:
+            return None
+        result /= divisor
+    return result
+
+
+def whole(amounts: Iterable[Fraction]) -> Fraction:
+    """Return the factor that makes amounts whole numbers without a common divisor.
+
+    Cost planners add up 32-bit integers.
+    """
+    known = [amount for amount in amounts if amount]
+    if not known:
+        return Fraction(1)
+    scale = lcm(*(amount.denominator for amount in known))
+    return Fraction(scale, gcd(*(int(amount * scale) for amount in known)))

@@ -1,0 +1,494 @@
+"""Soft goals compiled away: preferences and a metric become costs of actions.
+
+The compilation is that of Keyder and Geffner (Soft goals can be compiled away, 2009), extended from
+goals to what PDDL 3.0 has. At the end of the plan, a chain of steps settles one preference after
+another: each is collected if it is satisfied, or forgone at the cost of its weight. An action with
+preferences among its conditions has a copy for each set of them that is violated. Constraints on
+the trajectory are watched by a step that observes the state after each action. Fluents of the
+metric that only increase are costs of the actions that increase them.
+
+The costs of a plan of the compiled problem are, up to a constant and a factor, at least the metric
+of the plan without the steps that were added, and equal to it if each preference that is satisfied
+is collected.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from fractions import Fraction
+from itertools import product
+
+from ..dto import formulas as f
+from ..dto.lexical import fold
+from ..errors import UnsupportedConstructError
+from ..pddl.document import (
+    ACTION,
+    DURATIVE_ACTION,
+    EVENT,
+    PROCESS,
+    Action,
+    Domain,
+    Predicate,
+    Problem,
+)
+from ..pddl.requirements import is_function
+from .action_costs import CostedAction, write_costs
+from .costs import ONE, Costs, NotLinearError, Objects, linear, replaced
+from .names import SHARED_MODALS, unused_name
+
+# Preferences of one action that are compiled away: each doubles its copies.
+MOST_CHOICES = 6
+# Preferences of one quantifier.
+MOST_INSTANCES = 5_000
+
+
+@dataclass(frozen=True)
+class Variant:
+    """Documents that stand for others, with fewer or other constructs.
+
+    Attributes:
+        steps: the name of the original action of each action that was added, by folded name; None
+            for a step that is left out of plans.
+        ignored: what of the soft goals is not in them, as readable text.
+    """
+
+    domain: Domain
+    problem: Problem
+    steps: Mapping[str, str | None] = field(default_factory=dict)
+    ignored: tuple[str, ...] = ()
+
+
+def variants(domain: Domain, problem: Problem) -> Iterator[Variant]:
+    """Yield the documents, then stand-ins for a metric that planners do not know.
+
+    This is the one place that decides what of preferences and metrics can be expressed, for
+    `to_unified_planning` and for `solve`.
+    """
+    yield Variant(domain, problem)
+    if problem.metric is None:
+        return
+    compiled = SoftGoals(domain, problem).compiled()
+    if compiled.problem.metric is not None:
+        yield compiled
+    if compiled.problem.metric is not None or compiled.ignored:
+        yield SoftGoals(domain, problem, measured=False).compiled()
+
+
+def refusal(ignored: Sequence[str]) -> UnsupportedConstructError:
+    """Make the error for what cannot be given to a planner."""
+    return UnsupportedConstructError(
+        f"planners cannot be given all soft goals: {'; '.join(ignored)}; leave these out"
+    )
+
+
+@dataclass(frozen=True)
+class _Preference:
+    """An instance of a preference.
+
+    Attributes:
+        weight: what violating it adds to a metric to minimize.
+    """
+
+    name: str
+    weight: Fraction
+    formula: f.Formula
+
+    @property
+    def is_rewarded(self) -> bool:
+        """Whether violating it makes a plan better."""
+        return self.weight < 0
+
+    def __str__(self) -> str:
+        return str(f.Preference(self.name, self.formula))
+
+
+class _NotGivenError(Exception):
+    """A planner cannot be given a construct; the argument says why."""
+
+
+class SoftGoals:
+    """A compilation of soft goals.
+
+    Args:
+        measured: whether to compile the metric; otherwise it and all preferences are left out.
+    """
+
+    def __init__(self, domain: Domain, problem: Problem, *, measured: bool = True) -> None:
+        self._domain, self._problem = domain, problem
+        self._measured = measured
+        self._objects = Objects(domain, problem)
+        self._taken = {
+            fold(part.name)
+            for parts in (
+                domain.types,
+                domain.constants,
+                problem.objects,
+                domain.predicates,
+                domain.functions,
+                domain.actions,
+            )
+            for part in parts
+        } | {f.TOTAL_COST, f.TOTAL_TIME}
+        kinds = {action.kind for action in domain.actions}
+        self._changes_by_itself = bool(problem.timed) or bool(kinds & {PROCESS, EVENT})
+        self._takes_time = self._changes_by_itself or DURATIVE_ACTION in kinds
+        self._ignored: dict[str, None] = {}
+        self._steps: dict[str, str | None] = {}
+        self._predicates: list[Predicate] = []
+        self._initial: list[f.Atom] = []
+        # The effects of observing a state.
+        self._observed: list[f.Formula] = []
+        self._weights: dict[str, Fraction] = {}
+        self._step_cost = Fraction(0)
+        self._costs = Costs(domain, problem, {})
+        self._read_metric()
+
+    def compiled(self) -> Variant:
+        """Compile the documents."""
+        softened: list[_Preference] = []
+        goal = tuple(
+            self._without_preferences(self._problem.goal, "the goal", softened, self._settled)
+        )
+        constraints = [
+            tuple(self._without_preferences(given, "the constraints", softened, self._watched))
+            for given in (self._domain.constraints, self._problem.constraints)
+        ]
+        acting = observing = None
+        if softened:
+            observing = self._atom("observing") if self._observed else None
+            acting = self._atom("acting", initially=observing is None)
+        actions = [
+            copy
+            for action in self._domain.actions
+            for copy in self._copies(action, acting, observing)
+        ]
+        if acting is not None:
+            settlement, goal = self._settlement(softened, goal, acting)
+            actions += settlement
+            if observing is not None:
+                actions.append(self._observation(acting, observing))
+        domain = replace(
+            self._domain,
+            predicates=(*self._domain.predicates, *self._predicates),
+            constraints=constraints[0],
+            actions=tuple(costed.action for costed in actions),
+        )
+        problem = replace(
+            self._problem,
+            facts=(*self._problem.facts, *self._initial),
+            goal=goal,
+            constraints=constraints[1],
+            metric=None,
+        )
+        domain, problem = write_costs(domain, problem, actions, self._costs.free, self._unused)
+        return Variant(domain, problem, self._steps, tuple(self._ignored))
+
+    # The metric.
+
+    def _read_metric(self) -> None:
+        metric = self._problem.metric
+        if metric is None:
+            return
+        if not self._measured:
+            self._ignore("the metric", metric, "the planner knows no such metric")
+            return
+        try:
+            weights = linear(metric.expression)
+        except NotLinearError as error:
+            self._ignore("the metric", error.args[0], "it is no weighted sum")
+            return
+        sign = 1 if metric.optimization == "minimize" else -1
+        signed = {node: sign * weight for node, weight in weights.items() if weight}
+        signed.pop(ONE, None)
+        fluents: dict[f.Fluent, Fraction] = {}
+        for node, weight in signed.items():
+            if isinstance(node, f.IsViolated):
+                self._weights[node.preference] = weight
+            elif is_function(node, f.TOTAL_TIME):
+                self._weigh_time(node, weight)
+            elif isinstance(node, f.Fluent):
+                fluents[node] = weight
+        self._costs = Costs(self._domain, self._problem, fluents)
+        for fluent in fluents:
+            if reason := self._costs.refused.get(fluent.function):
+                self._ignore("the metric", fluent, f"it is no sum of costs: {reason}")
+
+    def _weigh_time(self, node: f.Node, weight: Fraction) -> None:
+        if self._takes_time:
+            self._ignore("the metric", node, "the duration of a plan is no sum of costs")
+        elif weight < 0:
+            self._ignore("the metric", node, "longer plans would be better without limit")
+        else:
+            self._step_cost = weight
+
+    def _ignore(self, where: str, construct: object, reason: str) -> None:
+        text = " ".join(str(construct).split())
+        self._ignored[f"{text} in {where}: {reason}"] = None
+
+    # Preferences.
+
+    def _without_preferences(
+        self,
+        nodes: Iterable[f.Formula],
+        where: str,
+        found: list[_Preference],
+        known: Callable[[f.Formula], f.Formula] | None = None,
+    ) -> Iterator[f.Formula]:
+        """Yield what is no preference; collect the instances of those that the metric counts."""
+        for node in nodes:
+            match node:
+                case f.Preference(name, inner):
+                    weight = self._weight(name, node, where)
+                    if name is None or not weight:
+                        continue
+                    try:
+                        found.append(_Preference(name, weight, known(inner) if known else inner))
+                    except _NotGivenError as error:
+                        self._ignore(where, node, str(error))
+                case f.And(parts):
+                    yield from self._without_preferences(parts, where, found, known)
+                case f.Timed(time, inner) if _mentions_preference(inner):
+                    own: list[_Preference] = []
+                    for rest in self._without_preferences([inner], where, own, known):
+                        yield f.Timed(time, rest)
+                    found += [replace(one, formula=f.Timed(time, one.formula)) for one in own]
+                case f.Forall(variables, inner) if _mentions_preference(inner):
+                    yield from self._instances(variables, inner, where, found, known)
+                case _:
+                    yield node
+
+    def _instances(
+        self,
+        variables: Sequence[f.TypedName],
+        inner: f.Formula,
+        where: str,
+        found: list[_Preference],
+        known: Callable[[f.Formula], f.Formula] | None,
+    ) -> Iterator[f.Formula]:
+        node = f.Forall(tuple(variables), inner)
+        grounded = self._grounded(node)
+        if grounded is None:
+            self._ignore(where, node, f"it has more than {MOST_INSTANCES} instances")
+            # The conditions beside the preferences still hold.
+            rest = tuple(SoftGoals.hard([inner]))
+            if rest:
+                yield f.Forall(tuple(variables), f.And(rest))
+            return
+        for one in grounded:
+            yield from self._without_preferences([one], where, found, known)
+
+    def _grounded(self, node: f.Forall) -> list[f.Formula] | None:
+        ranges = [self._objects.of(variable.types) for variable in node.variables]
+        count = 1
+        for names in ranges:
+            count *= len(names)
+        if count > MOST_INSTANCES:
+            return None
+        keys = [fold(variable.name) for variable in node.variables]
+        return [
+            replaced(node.formula, dict(zip(keys, map(f.Constant, chosen), strict=True)))
+            for chosen in product(*ranges)
+        ]
+
+    @staticmethod
+    def hard(nodes: Iterable[f.Formula]) -> Iterator[f.Formula]:
+        """Yield formulas without their preferences."""
+        for node in nodes:
+            match node:
+                case f.Preference():
+                    continue
+                case f.And(parts) if _mentions_preference(node):
+                    yield from SoftGoals.hard(parts)
+                case f.Forall(variables, inner) if _mentions_preference(inner):
+                    rest = tuple(SoftGoals.hard([inner]))
+                    if rest:
+                        yield f.Forall(variables, f.And(rest))
+                case f.Timed(time, inner) if _mentions_preference(inner):
+                    yield from (f.Timed(time, rest) for rest in SoftGoals.hard([inner]))
+                case _:
+                    yield node
+
+    def _weight(self, name: str | None, node: f.Formula, where: str) -> Fraction:
+        if self._measured or name is None:
+            return self._weights.get(fold(name), Fraction(0)) if name else Fraction(0)
+        metric = self._problem.metric
+        counted = f.walk(metric) if metric else ()
+        if any(isinstance(n, f.IsViolated) and fold(n.preference) == fold(name) for n in counted):
+            self._ignore(where, node, "the planner knows no metric that counts it")
+        return Fraction(0)
+
+    # When preferences are satisfied.
+
+    def _settled(self, node: f.Formula) -> f.Formula:
+        """Return the condition at the end of the plan that a goal is satisfied."""
+        if self._changes_by_itself:
+            raise _NotGivenError("the state changes after the last step")
+        return node
+
+    def _watched(self, node: f.Formula) -> f.Formula:
+        """Return the condition at the end of the plan that a constraint was satisfied."""
+        match node:
+            case f.And(parts):
+                return f.And(tuple(map(self._watched, parts)))
+            case f.Forall():
+                grounded = self._grounded(node)
+                if grounded is None:
+                    raise _NotGivenError(f"it has more than {MOST_INSTANCES} instances")
+                return f.And(tuple(map(self._watched, grounded)))
+            case f.Timed(time, inner) if time == f.AT_END:
+                return self._settled(inner)
+            case f.Modal(operator, _, parts):
+                if operator not in SHARED_MODALS:
+                    raise _NotGivenError(f"no planner that is known here takes {operator}")
+                if self._takes_time:
+                    raise _NotGivenError("a plan with durations has no step after each state")
+                return self._monitor(operator, parts)
+        raise _NotGivenError("it is no constraint on the trajectory")
+
+    def _monitor(self, operator: str, parts: Sequence[f.Formula]) -> f.Formula:
+        """Watch a constraint (PDDL 3.0, section 2); all conditions are of the observed state."""
+        held = self._atom("held", initially=operator != "sometime")
+        first, last = parts[0], parts[-1]
+        broken = f.Not(held)
+        if operator == "always":
+            self._observed.append(f.When(f.Not(first), broken))
+        elif operator == "sometime":
+            self._observed.append(f.When(first, held))
+        elif operator == "sometime-after":
+            self._observed.append(f.When(last, held))
+            self._observed.append(f.When(f.And((first, f.Not(last))), broken))
+        elif operator == "sometime-before":
+            seen = self._atom("seen", initially=False)
+            self._observed.append(f.When(f.And((first, f.Not(seen))), broken))
+            self._observed.append(f.When(last, seen))
+        else:
+            begun, ended = (self._atom(word, initially=False) for word in ("begun", "ended"))
+            self._observed.append(f.When(first, begun))
+            self._observed.append(f.When(f.And((begun, f.Not(first))), ended))
+            self._observed.append(f.When(f.And((ended, first)), broken))
+        return held
+
+    def _atom(self, word: str, *, initially: bool = True) -> f.Atom:
+        """Declare a proposition."""
+        name = self._unused(word)
+        self._predicates.append(Predicate(name))
+        atom = f.Atom(name)
+        if initially:
+            self._initial.append(atom)
+        return atom
+
+    def _unused(self, wanted: str) -> str:
+        name = unused_name(wanted, self._taken)
+        self._taken.add(fold(name))
+        return name
+
+    # Actions.
+
+    def _copies(
+        self, action: Action, acting: f.Atom | None, observing: f.Atom | None
+    ) -> Iterator[CostedAction]:
+        """Yield an action once for each set of its preferences that is violated."""
+        where = f"{action.kind} {action.name}"
+        softened: list[_Preference] = []
+        condition = tuple(self._without_preferences(action.condition, where, softened))
+        if action.kind in {PROCESS, EVENT}:
+            for one in softened:
+                self._ignore(where, one, f"{_article(action.kind)} happens by itself")
+            yield CostedAction(replace(action, condition=condition))
+            return
+        cost, chosen = self._costs.of(action), self._choices(softened, where)
+        for violated in product((False, True), repeat=len(chosen)):
+            amount, demands = self._step_cost, list(condition)
+            for one, is_violated in zip(chosen, violated, strict=True):
+                if is_violated != one.is_rewarded:
+                    amount += abs(one.weight)
+                else:
+                    demands.append(negated(one.formula) if is_violated else one.formula)
+            name = action.name
+            if any(violated):
+                names = [one.name for one, is_ in zip(chosen, violated, strict=True) if is_]
+                name = self._unused("-".join([name, "forgoing", *names]))
+                self._steps[fold(name)] = action.name
+            copy = replace(action, name=name, condition=tuple(demands))
+            yield CostedAction(_in_turn(copy, acting, observing), cost, amount)
+
+    def _choices(self, softened: list[_Preference], where: str) -> list[_Preference]:
+        """Return the preferences of an action that its copies violate or not, heaviest first."""
+        possible = []
+        for one in softened:
+            if one.is_rewarded and not _can_negate(one.formula):
+                self._ignore(where, one, "planners know no violation of it at one time")
+            else:
+                possible.append(one)
+        possible.sort(key=lambda one: -abs(one.weight))
+        for one in possible[MOST_CHOICES:]:
+            reason = f"an action is copied for {MOST_CHOICES} preferences at most"
+            self._ignore(where, one, reason)
+        return possible[:MOST_CHOICES]
+
+    def _settlement(
+        self, softened: Sequence[_Preference], goal: tuple[f.Formula, ...], acting: f.Atom
+    ) -> tuple[list[CostedAction], tuple[f.Formula, ...]]:
+        """Return the steps at the end of the plan, and the goal that they reach."""
+        turn = self._atom("settled", initially=False)
+        steps = [self._step("end-of-plan", (acting, *goal), (f.Not(acting), turn))]
+        for one in softened:
+            after = self._atom("settled", initially=False)
+            effect = (f.Not(turn), after)
+            satisfied: tuple[f.Formula, ...] = (turn, one.formula)
+            violated: tuple[f.Formula, ...] = (turn,)
+            if one.is_rewarded:
+                satisfied, violated = (turn,), (turn, f.Not(one.formula))
+            collect = self._step(f"collect-{one.name}", satisfied, effect)
+            forgo = self._step(f"forgo-{one.name}", violated, effect)
+            costly = collect if one.is_rewarded else forgo
+            steps += [collect, forgo]
+            steps[steps.index(costly)] = replace(costly, amount=abs(one.weight))
+            turn = after
+        return steps, (turn,)
+
+    def _observation(self, acting: f.Atom, observing: f.Atom) -> CostedAction:
+        return self._step("observe", (observing,), (*self._observed, f.Not(observing), acting))
+
+    def _step(
+        self, name: str, condition: tuple[f.Formula, ...], effect: tuple[f.Formula, ...]
+    ) -> CostedAction:
+        """Make an action that is left out of plans."""
+        chosen = self._unused(name)
+        self._steps[fold(chosen)] = None
+        return CostedAction(Action(ACTION, chosen, (), (), condition, effect))
+
+
+def _in_turn(action: Action, acting: f.Atom | None, observing: f.Atom | None) -> Action:
+    """Allow an action before the end of the plan only, and each after an observation."""
+    if acting is None:
+        return action
+    if action.kind == DURATIVE_ACTION:
+        turn = tuple(f.Timed(time, acting) for time in f.TIMES)
+        return replace(action, condition=(*action.condition, *turn))
+    effect = action.effect
+    if observing is not None:
+        effect = (*effect, f.Not(acting), observing)
+    return replace(action, condition=(*action.condition, acting), effect=effect)
+
+
+def negated(node: f.Formula) -> f.Formula:
+    """Negate a condition, at its time."""
+    if isinstance(node, f.Timed):
+        return f.Timed(node.time, negated(node.formula))
+    return f.Not(node)
+
+
+def _can_negate(node: f.Formula) -> bool:
+    if isinstance(node, f.Timed):
+        return node.time != f.OVER_ALL and _can_negate(node.formula)
+    return not any(isinstance(part, f.Timed) for part in f.walk(node))
+
+
+def _mentions_preference(node: f.Node) -> bool:
+    return any(isinstance(part, f.Preference) for part in f.walk(node))
+
+
+def _article(kind: str) -> str:
+    return f"{'an' if kind == EVENT else 'a'} {kind}"
