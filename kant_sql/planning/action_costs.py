@@ -95,7 +95,7 @@ class _Writer:
         """Return an action that costs what a table says."""
         amounts = set(table.values())
         variables = tuple(f.Variable(part.name) for part in cost.parameters)
-        if cost.is_partial:
+        if cost.undefined:
             action = self._restricted(action, cost, variables)
         if not any(amounts):
             return action
@@ -103,12 +103,14 @@ class _Writer:
         if len(amounts) > 1:
             name = self._unused(f"cost-of-{action.name}")
             self.functions.append(Function(name, cost.parameters))
+            # Planners want a value for all objects.
+            values = {**table, **dict.fromkeys(cost.undefined, Fraction(0))}
             self.values += [
                 FunctionValue(
                     f.Fluent(name, tuple(map(f.Constant, objects))),
                     f.Number(int(amount * self._scale)),
                 )
-                for objects, amount in table.items()
+                for objects, amount in values.items()
             ]
             value = f.Fluent(name, variables)
         self.is_used = True

@@ -122,12 +122,12 @@ class ActionCost:
     Attributes:
         parameters: the parameters that it depends on; none for a constant.
         values: the cost by the objects that these stand for.
-        is_partial: whether it is undefined for some objects: the action is not applicable there.
+        undefined: the objects for which it is undefined: the action is not applicable there.
     """
 
     parameters: tuple[f.TypedName, ...] = ()
     values: Values | None = None
-    is_partial: bool = False
+    undefined: tuple[tuple[str, ...], ...] = ()
 
     def plus(self, amount: Fraction) -> Values:
         """Return the costs, increased by an amount."""
@@ -183,38 +183,39 @@ class Costs:
         """Return the functions that change, and that no condition needs."""
         numeric = {fold(one.name) for one in self._domain.functions if not one.types}
         found = numeric - self._static - functions_read(self._domain, problem) - self._timed
-        return frozenset(name for name in found if name in self._weights or self._is_total(name))
-
-    def _is_total(self, function: str) -> bool:
-        """Return whether all amounts that actions add to a function are defined."""
-        try:
-            return not any(
-                self._table(action, list(self._of_action(action, function)), {}).is_partial
-                for action in self._domain.actions
-            )
-        except NoCostError:
-            return False
+        for function in sorted(found - self._weights.keys() - self.refused.keys()):
+            self._take(function)
+        return frozenset(found & self._weights.keys())
 
     def _take(self, function: str) -> None:
+        """Take the amounts that actions add to a function as costs, or say why not."""
         if function in self._static:
             return  # a constant changes no comparison of plans
+        is_weighted = bool(self._weights.setdefault(function, {}))
         try:
-            found = {
-                fold(action.name): list(self._of_action(action, function))
-                for action in self._domain.actions
-            }
             if function in self._timed:
                 raise NoCostError("it changes at given times")
-            for action in self._domain.actions:
-                values = self._table(action, found[fold(action.name)], self._weights).values or {}
-                if any(value < 0 for value in values.values()):
-                    raise NoCostError(f"action {action.name} makes the metric better")
+            found = {
+                fold(action.name): self._of_whole_action(action, function, is_weighted)
+                for action in self._domain.actions
+            }
         except NoCostError as error:
             self.refused[function] = str(error)
             del self._weights[function]
             return
-        for name, increases in found.items():
-            self._increases.setdefault(name, []).extend(increases)
+        self._increases.update(found)
+
+    def _of_whole_action(self, action: Action, function: str, is_weighted: bool) -> list[_Increase]:
+        """Return the amounts of an action, with those that it adds to another function."""
+        known = self._increases.get(fold(action.name), [])
+        found = list(self._of_action(action, function))
+        table = self._table(action, found)
+        if any(value < 0 for value in (table.values or {}).values()):
+            raise NoCostError(f"action {action.name} makes it better")
+        if not (is_weighted or table.undefined):
+            return known
+        self._table(action, [*known, *found])
+        return [*known, *found]
 
     def _of_action(self, action: Action, function: str) -> Iterator[_Increase]:
         for effect in _flat(action.effect):
@@ -235,11 +236,9 @@ class Costs:
 
     def of(self, action: Action) -> ActionCost:
         """Return the cost of an action."""
-        return self._table(action, self._increases.get(fold(action.name), []), self._weights)
+        return self._table(action, self._increases.get(fold(action.name), []))
 
-    def _table(
-        self, action: Action, increases: Sequence[_Increase], weights: Weights
-    ) -> ActionCost:
+    def _table(self, action: Action, increases: Sequence[_Increase]) -> ActionCost:
         if not increases:
             return ActionCost()
         nodes = [node for one in increases for node in (one.fluent, one.value)]
@@ -251,22 +250,18 @@ class Costs:
         if prod(map(len, ranges)) > MOST_COSTS:
             raise NoCostError(f"action {action.name} would have more than {MOST_COSTS} costs")
         values: Values = {}
-        is_partial = False
+        undefined: list[tuple[str, ...]] = []
         for chosen in product(*ranges):
             bound = {fold(p.name): fold(o) for p, o in zip(parameters, chosen, strict=True)}
-            cost = self._cost(action, increases, weights, bound)
+            cost = self._cost(action, increases, bound)
             if cost is None:
-                is_partial = True
+                undefined.append(chosen)
             else:
                 values[chosen] = cost
-        return ActionCost(parameters, values, is_partial)
+        return ActionCost(parameters, values, tuple(undefined))
 
     def _cost(
-        self,
-        action: Action,
-        increases: Sequence[_Increase],
-        weights: Weights,
-        bound: Mapping[str, str],
+        self, action: Action, increases: Sequence[_Increase], bound: Mapping[str, str]
     ) -> Fraction | None:
         total = Fraction(0)
         for one in increases:
@@ -274,7 +269,7 @@ class Costs:
             if value is None:
                 return None
             terms = tuple(self._object(action, term, bound) for term in one.fluent.terms)
-            weight = weights.get(fold(one.fluent.function), {}).get(terms, Fraction(0))
+            weight = self._weights[fold(one.fluent.function)].get(terms, Fraction(0))
             total += one.sign * value * weight
         return total
 

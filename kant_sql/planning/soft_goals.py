@@ -31,12 +31,15 @@ from ..pddl.document import (
     Domain,
     Predicate,
     Problem,
+    formulas,
 )
 from ..pddl.requirements import is_function
 from .action_costs import CostedAction, write_costs
 from .costs import ONE, Costs, NotLinearError, Objects, linear, replaced
 from .names import SHARED_MODALS, unused_name
 
+# Conditional effects of an action that are compiled away: each doubles its copies.
+MOST_COMPILED_EFFECTS = 4
 # Preferences of one action that are compiled away: each doubles its copies.
 MOST_CHOICES = 6
 # Preferences of one quantifier.
@@ -68,10 +71,12 @@ def variants(domain: Domain, problem: Problem) -> Iterator[Variant]:
     yield Variant(domain, problem)
     if problem.metric is None:
         return
-    compiled = SoftGoals(domain, problem).compiled()
+    soft_goals = SoftGoals(domain, problem)
+    compiled = soft_goals.compiled()
+    yield compiled
+    if soft_goals.observes_much:
+        yield SoftGoals(domain, problem, chained=True).compiled()
     if compiled.problem.metric is not None:
-        yield compiled
-    if compiled.problem.metric is not None or compiled.ignored:
         yield SoftGoals(domain, problem, measured=False).compiled()
 
 
@@ -112,11 +117,14 @@ class SoftGoals:
 
     Args:
         measured: whether to compile the metric; otherwise it and all preferences are left out.
+        chained: whether a state is observed in steps of one conditional effect each.
     """
 
-    def __init__(self, domain: Domain, problem: Problem, *, measured: bool = True) -> None:
+    def __init__(
+        self, domain: Domain, problem: Problem, *, measured: bool = True, chained: bool = False
+    ) -> None:
         self._domain, self._problem = domain, problem
-        self._measured = measured
+        self._measured, self._chained = measured, chained
         self._objects = Objects(domain, problem)
         self._taken = {
             fold(part.name)
@@ -167,7 +175,7 @@ class SoftGoals:
             settlement, goal = self._settlement(softened, goal, acting)
             actions += settlement
             if observing is not None:
-                actions.append(self._observation(acting, observing))
+                actions += self._observations(acting, observing)
         domain = replace(
             self._domain,
             predicates=(*self._domain.predicates, *self._predicates),
@@ -182,7 +190,12 @@ class SoftGoals:
             metric=None,
         )
         domain, problem = write_costs(domain, problem, actions, self._costs.free, self._unused)
-        return Variant(domain, problem, self._steps, tuple(self._ignored))
+        return Variant(*_with_constants(domain, problem), self._steps, tuple(self._ignored))
+
+    @property
+    def observes_much(self) -> bool:
+        """Whether an observation has more conditional effects than planners may compile away."""
+        return len(self._observed) > MOST_COMPILED_EFFECTS
 
     # The metric.
 
@@ -275,8 +288,14 @@ class SoftGoals:
             if rest:
                 yield f.Forall(tuple(variables), f.And(rest))
             return
+        outer, self._ignored = self._ignored, {}
         for one in grounded:
             yield from self._without_preferences([one], where, found, known)
+        ignored, self._ignored = self._ignored, outer
+        for text in ignored:
+            # Once, with its variables.
+            self._ignore(where, node, text.rpartition(f" in {where}: ")[2])
+            break
 
     def _grounded(self, node: f.Forall) -> list[f.Formula] | None:
         ranges = [self._objects.of(variable.types) for variable in node.variables]
@@ -347,7 +366,10 @@ class SoftGoals:
         raise _NotGivenError("it is no constraint on the trajectory")
 
     def _monitor(self, operator: str, parts: Sequence[f.Formula]) -> f.Formula:
-        """Watch a constraint (PDDL 3.0, section 2); all conditions are of the observed state."""
+        """Watch a constraint (PDDL 3.0, section 2); all conditions are of the observed state.
+
+        No effect changes what a later one needs, so these may happen one after another.
+        """
         held = self._atom("held", initially=operator != "sometime")
         first, last = parts[0], parts[-1]
         broken = f.Not(held)
@@ -364,9 +386,9 @@ class SoftGoals:
             self._observed.append(f.When(last, seen))
         else:
             begun, ended = (self._atom(word, initially=False) for word in ("begun", "ended"))
-            self._observed.append(f.When(first, begun))
-            self._observed.append(f.When(f.And((begun, f.Not(first))), ended))
             self._observed.append(f.When(f.And((ended, first)), broken))
+            self._observed.append(f.When(f.And((begun, f.Not(first))), ended))
+            self._observed.append(f.When(first, begun))
         return held
 
     def _atom(self, word: str, *, initially: bool = True) -> f.Atom:
@@ -448,8 +470,14 @@ class SoftGoals:
             turn = after
         return steps, (turn,)
 
-    def _observation(self, acting: f.Atom, observing: f.Atom) -> CostedAction:
-        return self._step("observe", (observing,), (*self._observed, f.Not(observing), acting))
+    def _observations(self, acting: f.Atom, observing: f.Atom) -> Iterator[CostedAction]:
+        """Yield the step that observes a state, or several of them in a chain."""
+        parts = [(one,) for one in self._observed] if self._chained else [tuple(self._observed)]
+        turn = observing
+        for number, effects in enumerate(parts, 1):
+            after = acting if number == len(parts) else self._atom("observing", initially=False)
+            yield self._step("observe", (turn,), (*effects, f.Not(turn), after))
+            turn = after
 
     def _step(
         self, name: str, condition: tuple[f.Formula, ...], effect: tuple[f.Formula, ...]
@@ -458,6 +486,17 @@ class SoftGoals:
         chosen = self._unused(name)
         self._steps[fold(chosen)] = None
         return CostedAction(Action(ACTION, chosen, (), (), condition, effect))
+
+
+def _with_constants(domain: Domain, problem: Problem) -> tuple[Domain, Problem]:
+    """Make constants of the objects that the domain mentions."""
+    nodes = f.walk(*formulas(domain))
+    mentioned = {fold(node.name) for node in nodes if isinstance(node, f.Constant)}
+    mentioned -= {fold(part.name) for part in domain.constants}
+    constants = [part for part in problem.objects if fold(part.name) in mentioned]
+    objects = tuple(part for part in problem.objects if fold(part.name) not in mentioned)
+    domain = replace(domain, constants=(*domain.constants, *constants))
+    return domain, replace(problem, objects=objects)
 
 
 def _in_turn(action: Action, acting: f.Atom | None, observing: f.Atom | None) -> Action:

@@ -278,7 +278,8 @@ def to_unified_planning(
     - a derived predicate that does not depend on itself: the formula it follows from;
     - `scale-up` and `scale-down`: assignments;
     - `(at end ...)` among the constraints: a goal;
-    - `?duration`: the value of the duration, where that is an equation;
+    - `?duration`: the value of the duration, where that is an equation; a fluent
+      `duration-of-` the action keeps it for the end, where it depends on the state;
     - preferences in the goal, if the metric counts only these: an oversubscription metric;
     - a metric without such a counterpart: costs of actions (Keyder and Geffner, Soft goals can be
       compiled away, 2009). The problem then has steps of its own: `end-of-plan`, `collect-` and

@@ -15,7 +15,13 @@ from .names import ACTION_CLASSES
 from .up_formulas import Bindings, ConversionContext, UpConverter, UpFormulas, UpPreferences
 
 if TYPE_CHECKING:
-    from unified_planning.model import DurationInterval, FNode, Timing, Transition
+    from unified_planning.model import (
+        DurationInterval,
+        DurativeAction,
+        FNode,
+        Timing,
+        Transition,
+    )
     from unified_planning.model import Variable as UpVariable
     from unified_planning.model.types import Type
 
@@ -48,9 +54,26 @@ class UpDurations(UpConverter):
     def fixed(self, action: Action) -> f.Expression | None:
         """Return the value of a duration that is fixed when the action starts."""
         bounds = list(self._bounds(action.duration))
-        if len(bounds) == 1 and bounds[0][0] == "=" and self._is_static(bounds[0][1]):
-            return bounds[0][1]
-        return None
+        return bounds[0][1] if len(bounds) == 1 and bounds[0][0] == "=" else None
+
+    def remembered(self, made: DurativeAction, value: FNode) -> FNode:
+        """Return a fluent that has the duration of an action while that goes on.
+
+        What the duration was computed from may change before the action ends.
+        """
+        from unified_planning.model import Fluent, Parameter, StartTiming
+
+        context = self._context
+        manager = context.environment.type_manager
+        type_ = manager.IntType() if context.integers else manager.RealType()
+        signature = [Parameter(one.name, one.type, one.environment) for one in made.parameters]
+        name = context.names.unused(f"duration-of-{made.name}")
+        fluent = Fluent(name, type_, signature, context.environment)
+        context.problem.add_fluent(fluent, default_initial_value=self._manager.Int(0))
+        arguments = [self._manager.ParameterExp(one) for one in made.parameters]
+        node = self._manager.FluentExp(fluent, arguments)
+        made.add_effect(StartTiming(), node, value)
+        return node
 
     def _bounds(
         self, constraints: Iterable[f.Formula], time: str | None = None
@@ -66,14 +89,15 @@ class UpDurations(UpConverter):
                         operator, left, right = _FLIPPED[operator], right, left
                     if not _is_duration(left) or any(map(_is_duration, f.walk(right))):
                         raise self._unsupported(constraint, "it is no bound of ?duration")
-                    if time == f.AT_END and not self._is_static(right):
+                    if time == f.AT_END and not self.is_static(right):
                         reason = "a bound that is only known at the end has no counterpart"
                         raise self._unsupported(constraint, reason)
                     yield operator, right
                 case _:
                     raise self._unsupported(constraint, "it is no bound of ?duration")
 
-    def _is_static(self, node: f.Expression) -> bool:
+    def is_static(self, node: f.Expression) -> bool:
+        """Return whether the state has no part in the value of a duration."""
         fluents = (part for part in f.walk(node) if isinstance(part, f.Fluent))
         return all(fold(fluent.function) in self._context.static for fluent in fluents)
 
@@ -311,16 +335,30 @@ class UpActions(UpConverter):
         for parameter in made.parameters:
             node = self._manager.ParameterExp(parameter)
             scope = scope.bind(parameter.name, node)
+        later = scope
         if action.kind == DURATIVE_ACTION:
             made.set_duration_constraint(self._durations.interval(action, scope, self._formulas))
-            value = self._durations.fixed(action)
-            if value is not None and f.DURATION not in scope.bound:
-                scope = scope.bind(f.DURATION, self._formulas.expression(value, scope))
+            scope, later = self._with_duration(action, made, scope)
         self._conditions(action, made, scope)
         for effect in action.effect:
-            for single in self._effects.split(effect, SingleEffect(scope)):
-                self._effect(action, made, single)
+            at_start = self._effects.split(effect, SingleEffect(scope))
+            after = self._effects.split(effect, SingleEffect(later))
+            for early, late in zip(at_start, after, strict=True):
+                self._effect(action, made, early if early.time == f.AT_START else late)
         self._register(action, made)
+
+    def _with_duration(
+        self, action: Action, made: DurativeAction, scope: Bindings
+    ) -> tuple[Bindings, Bindings]:
+        """Bind `?duration`, at the start and later."""
+        value = self._durations.fixed(action)
+        if value is None or f.DURATION in scope.bound:
+            return scope, scope
+        node = self._formulas.expression(value, scope)
+        early = scope.bind(f.DURATION, node)
+        if self._durations.is_static(value) or not any(map(_is_duration, f.walk(*action.effect))):
+            return early, early
+        return early, scope.bind(f.DURATION, self._durations.remembered(made, node))
 
     def _register(self, action: Action, made: Transition) -> None:
         problem = self._context.problem

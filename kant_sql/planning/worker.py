@@ -26,7 +26,7 @@ from ..errors import KantSqlError, PlannerMissingError, UnsupportedConstructErro
 from ..pddl.document import Domain, Problem, formulas
 from ..pddl.writer import write
 from .plan import Plan, PlanStep, Task
-from .soft_goals import Variant, refusal, variants
+from .soft_goals import MOST_COMPILED_EFFECTS, Variant, refusal, variants
 from .to_up import convert, convert_whole
 
 if TYPE_CHECKING:
@@ -63,6 +63,11 @@ MOST_PREFERRED_GOALS = 5
 ANYTIME = {"enhsp": "enhsp-any"}
 # The seconds for improving a plan. A plan that forgoes all soft goals is found at once.
 IMPROVING_SECONDS = 10.0
+# Conditional effects of an action that are compiled away: each doubles its copies.
+MOST_EFFECTS = 10
+# Features that engines claim to support. Fast Downward makes axioms of quantifiers, which its
+# heuristic LM-cut does not know.
+OVERSTATED = {"fast-downward-opt": {"UNIVERSAL_CONDITIONS", "EXISTENTIAL_CONDITIONS"}}
 # The compilations that remove features, in the order of trial.
 COMPILATIONS = (
     ("TRAJECTORY_CONSTRAINTS_REMOVING", {"TRAJECTORY_CONSTRAINTS", "STATE_INVARIANTS"}),
@@ -104,7 +109,9 @@ def candidates(problem: UpProblem, improves: bool = False) -> tuple[str, ...]:
     return tuple(ANYTIME.get(name, name) for name in found) if improves else found
 
 
-def form_for(form: EngineProblem, engine: str, environment: Environment) -> EngineProblem | None:
+def form_for(
+    form: EngineProblem, engine: str, environment: Environment, most_effects: int = MOST_EFFECTS
+) -> EngineProblem | None:
     """Compile a problem until an engine supports it; None if that is impossible."""
     from unified_planning.engines import CompilationKind
     from unified_planning.exceptions import UPException
@@ -115,6 +122,8 @@ def form_for(form: EngineProblem, engine: str, environment: Environment) -> Engi
             return form
         if not missing & features:
             continue
+        if "CONDITIONAL_EFFECTS" in features and conditional_effects(form.problem) > most_effects:
+            return None
         try:
             with environment.factory.Compiler(
                 problem_kind=form.problem.kind, compilation_kind=CompilationKind[name]
@@ -126,14 +135,27 @@ def form_for(form: EngineProblem, engine: str, environment: Environment) -> Engi
     return None if missing_features(form.problem, engine, environment) else form
 
 
+def conditional_effects(problem: UpProblem) -> int:
+    """Return the largest number of conditional effects of an action."""
+    counts = [0]
+    for action in problem.actions:
+        effects = getattr(action, "conditional_effects", None)
+        if isinstance(effects, dict):
+            counts.append(sum(map(len, effects.values())))
+        else:
+            counts.append(len(effects or ()))
+    return max(counts)
+
+
 def missing_features(problem: UpProblem, engine: str, environment: Environment) -> set[str]:
     """Return the features of a problem that an engine does not support."""
     made = environment.factory.engine(engine)
     kind = problem.kind
+    wrong: set[str] = kind.features & OVERSTATED.get(engine, set())
     if made.supports(kind):
-        return set()
+        return wrong
     features: set[str] = kind.features - made.supported_kind().features
-    return features or {"PROBLEM_KIND"}
+    return features | wrong or {"PROBLEM_KIND"}
 
 
 def numbers_are_integers(domain: Domain, problem: Problem) -> bool:
@@ -153,8 +175,12 @@ def forms(
     variant: Variant, convert: Callable[[Variant, bool], UpProblem]
 ) -> Iterator[EngineProblem]:
     """Yield a variant with real numbers, and with integers where these suffice."""
+    integers = numbers_are_integers(variant.domain, variant.problem)
+    if integers and variant.steps:
+        # Of planners for costs, most want integers.
+        yield EngineProblem(convert(variant, True))
     yield EngineProblem(convert(variant, False))
-    if numbers_are_integers(variant.domain, variant.problem):
+    if integers and not variant.steps:
         yield EngineProblem(convert(variant, True))
 
 
@@ -205,7 +231,7 @@ class Search:
         asked = False
         for variant in variants(domain, problem):
             if variant.ignored and self._task.strict:
-                if self._failures:
+                if self._failures or not self._is_taken(variant):
                     return self._failed()
                 raise refusal(variant.ignored)
             try:
@@ -225,8 +251,7 @@ class Search:
     def _solve(self, variant: Variant) -> Plan | None:
         tried: set[str] = set()
         for form in forms(variant, self._convert):
-            names = (self._task.engine,) if self._task.engine else None
-            for name in names or candidates(form.problem, bool(variant.steps)):
+            for name in self._engines(form, variant):
                 if name not in self._environment.factory.engines or name in tried:
                     continue
                 plan = self._ask(name, form, variant)
@@ -238,6 +263,20 @@ class Search:
                 if self._failures.get(name) == "unsolvable_proven":
                     return None
         return None
+
+    def _is_taken(self, variant: Variant) -> bool:
+        """Return whether an engine supports a variant."""
+        return any(
+            name in self._environment.factory.engines
+            and form_for(form, name, self._environment) is not None
+            for form in forms(variant, self._convert)
+            for name in self._engines(form, variant)
+        )
+
+    def _engines(self, form: EngineProblem, variant: Variant) -> tuple[str, ...]:
+        if self._task.engine is not None:
+            return (self._task.engine,)
+        return candidates(form.problem, bool(variant.steps))
 
     def _note_fallbacks(self, name: str) -> None:
         failed = ", ".join(f"{e}: {why}" for e, why in self._failures.items() if e != name)
@@ -262,7 +301,8 @@ class Search:
         return context.problem
 
     def _ask(self, name: str, form: EngineProblem, variant: Variant) -> Plan | None:
-        made = form_for(form, name, self._environment)
+        most = MOST_COMPILED_EFFECTS if variant.steps else MOST_EFFECTS
+        made = form_for(form, name, self._environment, most)
         if made is None:
             missing = missing_features(form.problem, name, self._environment)
             self._missing.setdefault(name, missing)

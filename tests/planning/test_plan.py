@@ -18,9 +18,8 @@ from kant_sql import NoPlanError, PlannerMissingError, UnsupportedConstructError
 from kant_sql.pddl import read_domain, read_problem
 from kant_sql.pddl.document import Domain, Problem
 from kant_sql.pddl.writer import write
-from kant_sql.planning import Plan, PlanStep, solve
+from kant_sql.planning import Plan, PlanStep, solve, to_unified_planning
 from kant_sql.planning.worker import GroupedProcess
-from tests.support.processes.warm import PLANNING, python
 
 pytest.importorskip("unified_planning")
 
@@ -80,12 +79,6 @@ TEMPORAL = documents(
     init="(= (length a b) 4) (= (length b c) 2)",
     more="(:metric minimize (total-time))",
 )
-
-
-@pytest.fixture
-def quick_start(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let the process that is asked be one that has imported all, which takes most of its time."""
-    monkeypatch.setattr(sys, "executable", str(python(*PLANNING)))
 
 
 @pytest.fixture(scope="module")
@@ -196,19 +189,88 @@ def test_preferred_goals() -> None:
     assert plan.steps == STEPS[:1]
 
 
+PAID = documents(
+    functions="(:functions (total-cost))",
+    effect="(increase (total-cost) 1)",
+    init="(= (total-cost) 0) (path a c)",
+    more="(:metric minimize (+ (total-cost) (* 3 (total-time)) (* 2 (is-violated p))))",
+    goal="(and (at rb c) (preference p (at rb a)))",
+)
+
+
 @pytest.mark.usefixtures("quick_start")
-def test_a_metric_that_no_engine_knows_is_left_aside(caplog: pytest.LogCaptureFixture) -> None:
-    given = documents(
-        functions="(:functions (total-cost))",
-        effect="(increase (total-cost) 1)",
-        init="(= (total-cost) 0)",
-        more="(:metric minimize (+ (total-cost) (total-time)))",
-        goal="(at rb c)",
+def test_costs_time_and_preferences_reach_a_planner(caplog: pytest.LogCaptureFixture) -> None:
+    plan = solve_pair(PAID, engine="fast-downward-opt", timeout=60)
+    assert [step.arguments for step in plan.steps] == [("rb", "a", "c")]
+    assert (plan.status, plan.ignored) == ("solved_optimally", ())
+    assert not caplog.records
+
+
+@pytest.mark.usefixtures("quick_start")
+def test_what_a_planner_is_not_given_is_named(caplog: pytest.LogCaptureFixture) -> None:
+    plan = solve_pair(PAID, engine="pyperplan", timeout=60)
+    assert plan.ignored == (
+        "(:metric minimize (+ (total-cost) (* 3 (total-time)) (* 2 (is-violated p)))) in the "
+        "metric: the planner knows no such metric",
+        "(preference p (at rb a)) in the goal: the planner knows no metric that counts it",
     )
-    assert solve_pair(given, timeout=60).steps == STEPS
+    assert plan.problem_pddl is not None
+    read = read_problem(plan.problem_pddl, domain=read_domain(plan.domain_pddl or ""))
+    assert (read.metric, str(read.goal[0])) == (None, "(at rb c)")
     (record,) = [record for record in caplog.records if record.name == "kant_sql.planning"]
     assert record.levelname == "WARNING"
-    assert "was asked without the metric: the plan is not measured" in record.getMessage()
+    assert record.getMessage() == (
+        f"pyperplan was not given a part of the problem: {'; '.join(plan.ignored)}"
+    )
+    with pytest.raises(UnsupportedConstructError, match=r"cannot be given .*metric minimize \(\+"):
+        solve(PAID[0], problem=PAID[1], engine="pyperplan", timeout=60, strict=True)
+
+
+@pytest.mark.usefixtures("quick_start")
+def test_durations_of_plans_are_no_costs() -> None:
+    given = documents(
+        TAKE_TIME,
+        functions="(:functions (length ?a ?b - wp))",
+        init="(= (length a b) 4) (= (length b c) 2)",
+        goal="(and (at rb b) (preference p (at rb c)))",
+        more="""(:constraints (preference q (sometime (at rb c))))
+          (:metric minimize (+ (total-time) (* 5 (is-violated p)) (is-violated q)))""",
+    )
+    refused = (
+        "(total-time) in the metric: the duration of a plan is no sum of costs",
+        "(preference q (sometime (at rb c))) in the constraints: a plan with durations has no step "
+        "after each state",
+    )
+    for call in (
+        lambda: solve(given[0], problem=given[1], timeout=60, strict=True),
+        lambda: to_unified_planning(given[0], problem=given[1]),
+    ):
+        with pytest.raises(UnsupportedConstructError) as caught:
+            call()
+        assert str(caught.value) == (
+            f"planners cannot be given all soft goals: {'; '.join(refused)}; leave these out"
+        )
+    plan = solve_pair(given, timeout=60)
+    assert (plan.engine, plan.ignored) == ("aries", refused)
+    # What it is given says what remains.
+    assert plan.problem_pddl is not None
+    assert "(minimize (total-cost))" in plan.problem_pddl.replace(":metric minimize", "(minimize")
+
+
+@pytest.mark.usefixtures("quick_start")
+@pytest.mark.skipif(shutil.which("java") is None, reason="ENHSP needs Java")
+def test_soft_goals_of_a_numeric_problem(val: Path, tmp_path: Path) -> None:
+    given = documents(
+        functions="(:functions (fuel) (worn) (toll ?a ?b - wp))",
+        precondition="(>= (fuel) 1.5)",
+        effect="(decrease (fuel) 1.5) (increase (worn) (* 0.5 (toll ?a ?b)))",
+        init="(= (fuel) 3) (= (worn) 0) (= (toll a b) 4) (= (toll b c) 1)",
+        goal="(and (preference p (at rb b)) (preference q (at rb c)))",
+        more="(:metric maximize (- 10 (+ (* 0.25 (is-violated p)) (* 7 (is-violated q)) (worn))))",
+    )
+    plan = solve_pair(given, timeout=60)
+    assert (plan.engine, plan.steps, plan.ignored) == ("enhsp-any", STEPS, ())
+    assert valid(val, tmp_path, given, plan)
 
 
 # Imported by each Python when it starts: the engine that is asked first fails.

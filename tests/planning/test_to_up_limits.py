@@ -13,7 +13,7 @@ from kant_sql import PlannerMissingError, UnsupportedConstructError
 from kant_sql.pddl import read_domain, read_problem
 from kant_sql.planning import from_unified_planning, to_unified_planning
 from tests.planning.normal_form import normal_form, spelled
-from tests.planning.yard import FREE, convert, durative
+from tests.planning.yard import convert, durative
 from tests.support.corpus import PAIRS, needs_corpus, small_pairs
 from tests.support.profile import PROFILE
 
@@ -33,22 +33,38 @@ from unified_planning.environment import Environment  # noqa: E402
             r"\(within 5 \(clean t1\)\) in the constraints: within has no counterpart",
         ),
         (
-            {"problem": "(:metric minimize (+ (fuel t1) (total-time)))"},
-            r"\(total-time\) in the metric",
+            {
+                "effect": "(decrease (fuel ?v) 1)",
+                "problem": "(:metric minimize (+ (fuel t1) (total-time)))",
+            },
+            r"\(fuel t1\) in the metric: it is no sum of costs: action move makes it better",
         ),
         (
             {
+                "effect": "(increase (fuel ?v) (fuel ?v))",
                 "goal": "(and (move) (preference p (clean t1)))",
                 "problem": "(:metric minimize (+ (fuel t1) (is-violated p)))",
             },
-            r"\(fuel t1\) in the metric: a sum of violations and other quantities",
+            r"\(fuel t1\) in the metric: .*: the amount in action move depends on the state",
         ),
         (
             {
-                "precondition": f"(and {FREE} (preference p (clean ?v)))",
-                "problem": "(:metric minimize (is-violated p))",
+                "effect": "(when (clean ?v) (increase (fuel ?v) 1))",
+                "goal": "(and (move) (preference p (clean t1)))",
+                "problem": "(:metric minimize (+ (fuel t1) (is-violated p)))",
             },
-            r"\(preference p \(clean \?v\)\) in action move",
+            r"\(fuel t1\) in the metric: .*: action move changes it under a condition",
+        ),
+        (
+            {"problem": "(:metric minimize (* (fuel t1) (total-time)))"},
+            r"\(\* \(fuel t1\) \(total-time\)\) in the metric: it is no weighted sum",
+        ),
+        (
+            {
+                "problem": """(:constraints (preference p (within 3 (clean t1))))
+                (:metric minimize (is-violated p))"""
+            },
+            r"\(preference p \(within 3 \(clean t1\)\)\) in the constraints: no planner .* within",
         ),
         (
             {"effect": "(assign (fuel ?v) (/ (rate) 0))"},
@@ -73,7 +89,7 @@ def test_what_has_no_counterpart_is_named_with_its_place(
         ),
         (
             {
-                "duration": "(= ?duration (fuel ?v))",
+                "duration": "(<= ?duration (fuel ?v))",
                 "effect": "(at end (decrease (fuel ?v) ?duration))",
             },
             r"\?duration in durative-action wash",
