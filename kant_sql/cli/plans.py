@@ -29,6 +29,9 @@ _Engine = Annotated[
     ),
 ]
 _Timeout = Annotated[float | None, option("How long to plan.", metavar="SECONDS", min=0)]
+_Strict = Annotated[
+    bool, option("Refuse to ignore a part of the metric or a preference.", "--strict")
+]
 _Record = Annotated[bool, option("Record the plan, as a new revision.", "--record")]
 _RecordActor = Annotated[
     str | None, option("With --record: the actor of the revision.", "--actor", metavar="NAME")
@@ -44,6 +47,7 @@ def plan(
     at: At = None,
     engine: _Engine = None,
     timeout: _Timeout = None,
+    strict: _Strict = False,
     record: _Record = False,
     actor: _RecordActor = None,
     reason: _RecordReason = None,
@@ -56,7 +60,7 @@ def plan(
     if not record and (actor is not None or reason is not None):
         raise typer.BadParameter("these go with --record", param_hint="--actor and --reason")
     with open_state(url, kb, at) as (name, state):
-        found = state.plan(engine=engine, timeout=timeout)
+        found = state.plan(engine=engine, timeout=timeout, strict=strict)
     recorded = _record(url, name, found, actor, reason) if record else None
     if as_json:
         write_json({"knowledge_base": name, **_plan_document(found, recorded)})
@@ -82,6 +86,8 @@ def _record(
 def _write_plan(printer: Printer, found: Plan, recorded: RecordedPlan | None) -> None:
     printer.line(f"; revision {found.revision}")
     printer.line(f"; {found.status} by {found.engine}")
+    for part in found.ignored:
+        printer.line(f"; ignored: {printable(part)}")
     if recorded is not None:
         printer.line(f"; plan {recorded.id}, recorded in revision {recorded.recorded_in}")
     for step in found.steps:
@@ -93,6 +99,7 @@ def _plan_document(found: Plan, recorded: RecordedPlan | None) -> Document:
         "revision": found.revision,
         "engine": found.engine,
         "status": found.status,
+        "ignored": list(found.ignored),
         "steps": [_step_document(step) for step in found.steps],
     }
     if recorded is not None:

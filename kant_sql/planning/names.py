@@ -59,6 +59,14 @@ def unsupported(
     return UnsupportedConstructError(f"{system} cannot express {short} in {where}: {reason}")
 
 
+def too_deep(problem: Problem) -> UnsupportedConstructError:
+    """Make the error for formulas that recursion cannot handle."""
+    return UnsupportedConstructError(
+        f"problem {problem.name} or its domain has formulas that are nested too deeply for a "
+        "conversion to unified-planning; give their parts predicates of their own"
+    )
+
+
 class UpNames:
     """The name of each element in unified-planning: the same for the same documents."""
 

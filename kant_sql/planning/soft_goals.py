@@ -36,7 +36,7 @@ from ..pddl.document import (
 from ..pddl.requirements import is_function
 from .action_costs import CostedAction, write_costs
 from .costs import ONE, Costs, NotLinearError, Objects, linear, replaced
-from .names import SHARED_MODALS, unused_name
+from .names import SHARED_MODALS, too_deep, unused_name
 
 # Conditional effects of an action that are compiled away: each doubles its copies.
 MOST_COMPILED_EFFECTS = 4
@@ -154,6 +154,12 @@ class SoftGoals:
 
     def compiled(self) -> Variant:
         """Compile the documents."""
+        try:
+            return self._compiled()
+        except RecursionError as error:
+            raise too_deep(self._problem) from error
+
+    def _compiled(self) -> Variant:
         softened: list[_Preference] = []
         goal = tuple(
             self._without_preferences(self._problem.goal, "the goal", softened, self._settled)
@@ -211,11 +217,15 @@ class SoftGoals:
         except NotLinearError as error:
             self._ignore("the metric", error.args[0], "it is no weighted sum")
             return
+        except RecursionError as error:
+            raise too_deep(self._problem) from error
         sign = 1 if metric.optimization == "minimize" else -1
-        signed = {node: sign * weight for node, weight in weights.items() if weight}
-        signed.pop(ONE, None)
+        weights.pop(ONE, None)
+        self._weigh({node: sign * weight for node, weight in weights.items() if weight})
+
+    def _weigh(self, weights: Mapping[f.Node, Fraction]) -> None:
         fluents: dict[f.Fluent, Fraction] = {}
-        for node, weight in signed.items():
+        for node, weight in weights.items():
             if isinstance(node, f.IsViolated):
                 self._weights[node.preference] = weight
             elif is_function(node, f.TOTAL_TIME):

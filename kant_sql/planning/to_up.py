@@ -19,6 +19,7 @@ from .names import (
     is_sum_of_costs,
     require_unified_planning,
     static_functions,
+    too_deep,
 )
 from .plan import check_documents
 from .soft_goals import refusal, variants
@@ -237,10 +238,7 @@ def convert(
     try:
         return UpConversion(domain, problem, environment, integers).context
     except RecursionError as error:
-        raise UnsupportedConstructError(
-            f"problem {problem.name} or its domain has formulas that are nested too deeply for a "
-            "conversion to unified-planning; give their parts predicates of their own"
-        ) from error
+        raise too_deep(problem) from error
 
 
 def convert_whole(domain: Domain, problem: Problem, environment: Environment) -> UpProblem:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import defaultdict
 from collections.abc import Iterable
 from dataclasses import replace
@@ -35,6 +36,9 @@ from ..store.snapshot import View
 from ..store.store import Store
 from ..store.transaction import Transaction
 from .interfaces import Given, PlanDao, RecordedPlan, RecordedStep, StepStatus
+
+# The metric in the text that the library writes.
+_GIVEN_METRIC = re.compile(r"^  \(:metric (.*)\)$", re.MULTILINE)
 
 
 def check_steps(definitions: Definitions, revision: int, plan: Plan) -> tuple[StepDefinition, ...]:
@@ -395,7 +399,11 @@ class SqlPlanDao(SqlDao, PlanDao):
             raise PlanError(f"the plan is a Plan of kant_sql, not {shown(plan)}")
         revision = self._state_of(plan)
         # A past state never changes, so its text is written without a lock.
-        digest, kept = self._compare(plan, revision, (domain_pddl, problem_pddl))
+        said = (
+            plan.domain_pddl if domain_pddl is None else domain_pddl,
+            plan.problem_pddl if problem_pddl is None else problem_pddl,
+        )
+        digest, kept = self._compare(plan, revision, said)
         metric, steps = self._store.read_definitions(
             lambda known: (_metric(known), check_steps(known, revision, plan)), revision
         )
@@ -405,7 +413,7 @@ class SqlPlanDao(SqlDao, PlanDao):
             digest,
             check_text(planner or plan.engine or None, "the planner's name"),
             check_text(planner_version, "the planner's version"),
-            check_text(metric if objective is None else objective, "the objective"),
+            check_text(_objective(plan, metric, objective), "the objective"),
             exact_text(value, "the objective's value"),
             check_text(plan.status or None, "the plan's status"),
             *kept,
@@ -478,6 +486,16 @@ class SqlPlanDao(SqlDao, PlanDao):
     def set_status(self, step: RecordedStep, *, status: StepStatus) -> bool:
         self._check_writable()
         return self._store.write(lambda transaction: set_status(transaction, step, status))
+
+
+def _objective(plan: Plan, metric: str | None, stated: str | None) -> str | None:
+    """Return the metric that a planner was given: the state's, a part of it, or none."""
+    if stated is not None:
+        return stated
+    if not plan.ignored or plan.problem_pddl is None:
+        return metric
+    given = _GIVEN_METRIC.search(plan.problem_pddl)
+    return None if given is None else given[1]
 
 
 def _metric(definitions: Definitions) -> str | None:

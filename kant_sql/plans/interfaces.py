@@ -138,10 +138,11 @@ class PlanDao(ABC):
                 Names are in any case.
             planner: the planner's name; by default the plan's engine.
             planner_version: the planner's version.
-            objective: the metric as PDDL text; by default the state's metric.
+            objective: the metric as PDDL text; by default the state's metric, or if the plan
+                ignores a part of it, the metric that the planner was given, if any.
             value: the value of the objective.
-            domain_pddl: the domain that the planner was given, if it differs from the text that the
-                store writes for the state.
+            domain_pddl: the domain that the planner was given, by default the plan's own, if it
+                differs from the text that the store writes for the state.
             problem_pddl: the problem that the planner was given, likewise.
 
         Returns:

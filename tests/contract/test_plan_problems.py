@@ -195,3 +195,49 @@ def test_nothing_that_comes_later_changes_what_a_planner_was_given() -> None:
             episode(beside(kb, name), [first, second, first])
 
     hold()
+
+
+WISHES = """
+(define (problem wishes) (:domain tour)
+  (:objects rb1 - robot wp1 wp2 wp3 - wp)
+  (:init (at rb1 wp1) (road wp1 wp2) (road wp2 wp3))
+  (:goal (and (preference far (at rb1 wp3)) (preference near (at rb1 wp2))))
+  (:constraints (preference soon (within 5 (at rb1 wp3))))
+  (:metric minimize (+ (* 3 (is-violated far)) (* 0.5 (is-violated near)) (is-violated soon))))
+"""
+TOURED = """
+(define (domain tour) (:types robot wp)
+  (:predicates (at ?r - robot ?w - wp) (road ?a ?b - wp))
+  (:action move :parameters (?r - robot ?a ?b - wp)
+    :precondition (and (at ?r ?a) (road ?a ?b))
+    :effect (and (not (at ?r ?a)) (at ?r ?b))))
+"""
+
+
+def test_what_the_planner_was_really_given_is_kept(fresh_kb: KnowledgeBase) -> None:
+    pytest.importorskip("unified_planning")
+    fresh_kb.load_domain(TOURED)
+    fresh_kb.load_problem(WISHES)
+    found = fresh_kb.plan("fast-downward-opt", timeout=120)
+    ignored = "(preference soon (within 5 (at rb1 wp3))) in the constraints: "
+    assert [text.startswith(ignored) for text in found.ignored] == [True]
+    assert [step.arguments for step in found.steps] == [
+        ("rb1", "wp1", "wp2"),
+        ("rb1", "wp2", "wp3"),
+    ]
+    plan = fresh_kb.plans.record(found)
+    assert given_to(plan) == given_to(found_in(newcomer(fresh_kb), plan.id))
+    assert given_to(plan) == (found.domain_pddl, found.problem_pddl)
+    assert plan.problem_hash == found.problem_hash
+    assert plan.problem_hash != problem_hash(fresh_kb.domain_pddl(), problem=WISHES)
+    assert plan.objective == "minimize (total-cost)"
+    for texts in (given_to(plan), rows(fresh_kb, KEPT)[0]):
+        assert "forgo-near" in texts[0]
+        assert "within" not in texts[1]
+    # Without a part that is left out, the objective is the state's.
+    fresh_kb.load_problem(WISHES.replace("(within 5 (at rb1 wp3))", "(sometime (at rb1 wp3))"))
+    whole = fresh_kb.plan("fast-downward-opt", timeout=120, strict=True)
+    assert whole.ignored == ()
+    assert fresh_kb.plans.record(whole).objective == (
+        "minimize (+ (* 3 (is-violated far)) (* 0.5 (is-violated near)) (is-violated soon))"
+    )
