@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from .plans.interfaces import RecordedPlan, RecordedStep
     from .reasoning.ask import Answers
     from .reasoning.failures import FailedCondition
+    from .reasoning.held import Held, HeldPeriods
     from .reasoning.validate import FailedStep, Validation, ViolatedConstraint
     from .sql.changes import Change
     from .sql.dialects.base import Roles
@@ -42,6 +43,8 @@ __all__ = [
     "FailedCondition",
     "FailedStep",
     "Finding",
+    "Held",
+    "HeldPeriods",
     "KnowledgeBase",
     "Loaded",
     "LogEntry",
@@ -87,6 +90,7 @@ _HOMES = {
         ".reasoning.ask": ("Answers",),
         ".reasoning.failures": ("FailedCondition",),
         ".reasoning.validate": ("FailedStep", "Validation", "ViolatedConstraint"),
+        ".reasoning.held": ("Held", "HeldPeriods"),
         ".sql.changes": ("Change",),
         ".sql.dialects.base": ("Roles",),
         ".sql.predicate_views": ("PredicateView", "drop_views", "update_views"),

@@ -12,7 +12,7 @@ import threading
 import time
 import weakref
 from collections import deque
-from collections.abc import AsyncIterator, Callable, Coroutine, Generator, Iterator
+from collections.abc import AsyncIterator, Callable, Coroutine, Generator, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import AbstractAsyncContextManager, AbstractContextManager, suppress
 from contextvars import ContextVar
@@ -398,7 +398,7 @@ class _Transaction(AbstractAsyncContextManager[None]):
 class _Entries(AsyncIterator[R]):
     """The items of a store's iterator, read in batches in a thread."""
 
-    def __init__(self, door: _Door, make: Callable[[], Iterator[R]]) -> None:
+    def __init__(self, door: _Door, make: Callable[[], Iterable[R]]) -> None:
         self._door = door
         self._make = make
         self._iterator: Iterator[R] | None = None
@@ -423,7 +423,7 @@ class _Entries(AsyncIterator[R]):
         with self._reading:
             try:
                 if self._iterator is None:
-                    self._iterator = self._make()
+                    self._iterator = iter(self._make())
                 while len(self._ready) < BATCH:
                     self._ready.append(next(self._iterator))
             except StopIteration:
@@ -470,7 +470,7 @@ def _write(method: Callable[Concatenate[S, P], R]) -> _Call[P, Coroutine[object,
     return _Call(method, _Door.write)
 
 
-def _iterate(method: Callable[Concatenate[S, P], Iterator[R]]) -> _Call[P, AsyncIterator[R]]:
+def _iterate(method: Callable[Concatenate[S, P], Iterable[R]]) -> _Call[P, AsyncIterator[R]]:
     return _Call(method, _Entries)
 
 
@@ -585,6 +585,7 @@ class AsyncKnowledgeBase(_Part):
     archive = _write(KnowledgeBase.archive)
     log = _iterate(KnowledgeBase.log)
     changes = _iterate(KnowledgeBase.changes)
+    when = _iterate(KnowledgeBase.when)
     transaction = _Call(KnowledgeBase.transaction, _Transaction)
     holds = _read(KnowledgeBase.holds)
 

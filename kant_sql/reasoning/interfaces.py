@@ -6,11 +6,13 @@
 from __future__ import annotations
 
 from ..dao.interfaces import Interface, required
-from ..dto.formulas import Node
+from ..dto import PddlObjectDto
+from ..dto.formulas import Formula, Node
 from ..history.interfaces import When
 from ..planning import Plan
 from ..plans.interfaces import RecordedPlan
 from .ask import Answers, Binding
+from .held import HeldPeriods
 from .validate import Validation
 
 
@@ -144,4 +146,44 @@ class Reasoning(Interface):
 
     # The past.
 
-    # What if.
+    @required
+    def when(
+        self,
+        condition: Formula | str,
+        /,
+        *,
+        since: When | None = None,
+        until: When | None = None,
+        parameters: str | None = None,
+        **bindings: str | PddlObjectDto,
+    ) -> HeldPeriods:
+        """Find the periods during which a condition held, for each binding of its free variables.
+
+        What was committed counts. Where a name in the condition is not defined, or has another
+        meaning, the condition does not hold. Of a conjunction of atoms, the database joins the
+        intervals of the facts; any other condition is evaluated at each revision that changed
+        something that it mentions.
+
+        Args:
+            condition: PDDL text, or a formula.
+            since: the first revision, or the earliest time of commit; both inclusive.
+            until: the last revision, or the latest time of commit; both inclusive.
+            parameters: the free variables with their types, as `(?r - robot ?w - wp)`; by default
+                those of the condition, which range over what its atoms allow.
+            bindings: objects for some of the free variables, as names or DTOs.
+
+        Returns:
+            The periods, in the order of their beginnings; none of them adjoin.
+
+        Raises:
+            PddlError: the condition is not well-formed, or a name in it was never defined.
+            InvalidArgumentError: a binding names no free variable.
+            UnknownRevisionError: `since` or `until` lies in the future, or is a time without zone.
+            ArchivedError: a part of the range was moved to an archive.
+
+        Examples:
+            >>> _ = kb.propositions.delete(PddlPropositionDto(robot_at, [rb1, wp1]))
+            >>> for held in kb.when("(robot_at ?r wp1)"):
+            ...     print(held.binding["r"], held.since.number, held.until.number)
+            rb1 1 2
+        """

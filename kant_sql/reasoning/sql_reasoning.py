@@ -8,14 +8,17 @@ from ..arguments import expect
 from ..dao.base import SqlDao
 from ..documents.exchange import SqlExchange
 from ..documents.interfaces import State
-from ..dto.formulas import Node
+from ..dto import PddlObjectDto
+from ..dto.formulas import Formula, Node
 from ..history.interfaces import When
 from ..history.moments import state_at
 from ..planning import Plan
 from ..plans.interfaces import RecordedPlan
 from .ask import Answers, Binding, holds, query
+from .held import HeldPeriods
 from .interfaces import Reasoning
 from .validate import Validation, validate
+from .when import when
 
 
 class SqlReasoning(SqlDao, Reasoning):
@@ -59,4 +62,15 @@ class SqlReasoning(SqlDao, Reasoning):
 
     # The past.
 
-    # What if.
+    @override
+    def when(
+        self,
+        condition: Formula | str,
+        /,
+        *,
+        since: When | None = None,
+        until: When | None = None,
+        parameters: str | None = None,
+        **bindings: str | PddlObjectDto,
+    ) -> HeldPeriods:
+        return when(self._store, condition, since, until, parameters, bindings, self._at)

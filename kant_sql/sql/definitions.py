@@ -171,13 +171,18 @@ def _list_part(kind: Kind, list_: ListTable, held: Any) -> Select[Any]:
         table.c.kb_id == KB,
         *is_of_version(table, version.table, version.owner.name, which),
         # Redundant, but it keeps the index scan away from older versions.
-        table.c.since > _AFTER if held is _newer else true(),
+        table.c.since > _AFTER if held in (_newer, _newer_then) else true(),
     )
 
 
 def _newer(version: Any) -> ColumnElement[bool]:
     """Return whether a version holds now, and did not yet at the revision `after`."""
     return and_(version.since > _AFTER, version.until.is_(None))
+
+
+def _newer_then(version: Any) -> ColumnElement[bool]:
+    """Return whether a version held at the revision `at`, and not yet at `after`."""
+    return and_(version.since > _AFTER, held_at(version))
 
 
 def _parts(held: Any) -> list[Select[Any]]:
@@ -187,10 +192,10 @@ def _parts(held: Any) -> list[Select[Any]]:
     ]
 
 
-def _gone_part(kind: str, version: VersionTable) -> Select[Any]:
+def _gone_part(kind: str, version: VersionTable, *ended: ColumnElement[bool]) -> Select[Any]:
     columns = version.table.c
     return _part(f"{GONE}{kind}", [version.owner]).where(
-        columns.kb_id == KB, columns.until > _AFTER
+        columns.kb_id == KB, columns.until > _AFTER, *ended
     )
 
 
@@ -217,6 +222,16 @@ _SINCE = Query(
     )
 )
 
+_ADVANCE = Query(
+    union_all(
+        *(
+            _gone_part(kind, tables.version, tables.version.table.c.until <= THEN)
+            for kind, tables in KIND_TABLES.items()
+        ),
+        *_parts(_newer_then),
+    )
+)
+
 
 def load(session: Session, kb_id: int) -> tuple[int, Definitions]:
     """Read the head and all that is defined now."""
@@ -231,6 +246,13 @@ def load(session: Session, kb_id: int) -> tuple[int, Definitions]:
 def load_at(session: Session, kb_id: int, at: int) -> Definitions:
     """Read all that was defined at a revision."""
     return evolve(Definitions(), session.rows(_AT, kb=kb_id, at=at))
+
+
+def advance(
+    session: Session, kb_id: int, definitions: Definitions, after: int, at: int
+) -> Definitions:
+    """Bring definitions of one past revision to a later one, by reading only what has changed."""
+    return evolve(definitions, session.rows(_ADVANCE, kb=kb_id, after=after, at=at))
 
 
 def last_change(session: Session, kb_id: int, at: int) -> int:

@@ -1,0 +1,246 @@
+"""The states of a range of revisions, one after the other, as far as some formulas mention them.
+
+Only what is mentioned is kept, and only revisions that touch it are visited: facts that the atoms
+match, values of the fluents, and the definitions of what is named. Where a quantifier or a free
+variable ranges over objects, all objects are.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator, Sequence
+from decimal import Decimal
+from itertools import groupby
+from typing import NamedTuple
+
+from ..documents.build import build_domain
+from ..dto import formulas as f
+from ..dto.lexical import fold
+from ..history.moments import Bounds
+from ..history.revisions import read_archived_revision
+from ..knowledge.definitions import Definitions
+from ..knowledge.formulas import typed_name
+from ..knowledge.trees import ParameterDefinition
+from ..pddl.document import Problem
+from ..sql.definitions import advance, find_identities, load_at
+from ..sql.dialects.base import Session
+from ..sql.held import Pattern, read_all_names, read_meanings
+from ..sql.touches import (
+    Meaning,
+    Touch,
+    mentioned,
+    read_redefinitions,
+    state_of,
+    stream_touches,
+)
+from ..store.snapshot import refuse_archived
+from .derived import read_world
+from .world import World
+
+RULE = re.compile(r"\(:derived \(([^\s()]+)")
+_WORD = re.compile(r"[^\s()?]+")
+
+
+class Range(NamedTuple):
+    """A range of revisions.
+
+    Attributes:
+        low: the first.
+        high: the last.
+        archived: what ended up to this revision is in an archive; not after `low`.
+    """
+
+    low: int
+    high: int
+    archived: int
+
+
+def read_range(session: Session, kb_id: int, bounds: Bounds) -> Range:
+    """Return a range that was not archived.
+
+    Raises:
+        ArchivedError: a part of it was.
+    """
+    archived = read_archived_revision(session, kb_id)
+    refuse_archived(session, kb_id, min(bounds.low, bounds.high), archived)
+    return Range(bounds.low, bounds.high, archived)
+
+
+class Visit(NamedTuple):
+    """A state that is visited.
+
+    Attributes:
+        revision: its revision; that before the range in the first state, if there is one.
+        world: the state, as far as it matters; the same object while definitions stay.
+        definitions: what is defined in it.
+    """
+
+    revision: int
+    world: World
+    definitions: Definitions
+
+
+class Sweep:
+    """Visits the states of a range in which something changed that formulas mention.
+
+    Attributes:
+        ids: the ids of objects by name.
+    """
+
+    def __init__(
+        self,
+        session: Session,
+        kb_id: int,
+        formulas: Sequence[f.Formula],
+        definitions: Definitions,
+        span: Range,
+        ranges: bool,
+    ) -> None:
+        """Find out what matters.
+
+        Args:
+            session: the session, in a transaction that sees one state.
+            kb_id: the knowledge base.
+            formulas: the formulas.
+            definitions: those with which their names have a meaning.
+            span: the range; not empty.
+            ranges: whether variables range over objects besides those of quantifiers.
+        """
+        self._session = session
+        self._kb_id = kb_id
+        self._range = span
+        self._definitions = definitions
+        names = read_all_names(session, kb_id)
+        self.ids = {name: id_ for id_, name in names.items()}
+        self._objects = names
+        self._names: dict[tuple[bool, int], str] = {}
+        nodes = [*f.walk(*formulas)]
+        facts, values = self._patterns(nodes)
+        _, rules = read_meanings(session, kb_id, [], span.low, span.high)
+        derived = {fold(found[1]) for rule in rules if (found := RULE.match(rule))}
+        has_rules = any(fold(one.predicate) in derived for one in nodes if isinstance(one, f.Atom))
+        if has_rules:
+            more_facts, more_values = self._of_rules(rules)
+            facts, values = facts + more_facts, values + more_values
+        self._mentioned = mentioned(session, kb_id, facts, values, span.low, span.high)
+        ranges = ranges or has_rules or any(isinstance(one, f.Forall | f.Exists) for one in nodes)
+        known = [
+            definitions.objects.named(one.name) for one in nodes if isinstance(one, f.Constant)
+        ]
+        self._meaning = Meaning(
+            tuple(sorted({one.owner for one in facts})),
+            tuple(sorted({one.owner for one in values})),
+            None if ranges else tuple(sorted({one.id for one in known if one is not None})),
+            has_rules,
+        )
+
+    def _patterns(self, nodes: Iterable[f.Node]) -> tuple[list[Pattern], list[Pattern]]:
+        """Return the facts and values that atoms and fluents may be about."""
+        definitions = self._definitions
+        facts: list[Pattern] = []
+        values: list[Pattern] = []
+        for node in nodes:
+            if not isinstance(node, f.Atom | f.Fluent):
+                continue
+            objects: list[int | None] = []
+            for term in node.terms:
+                objects.append(object_id(definitions, term))
+            if isinstance(node, f.Atom):
+                predicate = definitions.predicates.named(node.predicate)
+                if predicate is not None:
+                    facts.append(Pattern(predicate.id, tuple(objects)))
+                    self._names[True, predicate.id] = predicate.name
+            else:
+                function = definitions.functions.named(node.function)
+                if function is not None:
+                    values.append(Pattern(function.id, tuple(objects)))
+                    self._names[False, function.id] = function.name
+        return facts, values
+
+    def _of_rules(self, rules: Iterable[str]) -> tuple[list[Pattern], list[Pattern]]:
+        """Return all facts and values of what any rule names."""
+        words = {fold(word) for rule in rules for word in _WORD.findall(rule)}
+        found: list[list[Pattern]] = []
+        for is_fact, kind in ((True, "predicate"), (False, "function")):
+            identities = find_identities(self._session, self._kb_id, kind, words)
+            known = [identity for identity in identities.values() if identity is not None]
+            self._names.update({(is_fact, id_): name for id_, name in known})
+            # Any objects: only a pattern of none would be a fact without arguments.
+            found.append([Pattern(id_, (None,)) for id_, _ in known])
+        return found[0], found[1]
+
+    def visits(self) -> Iterator[Visit]:
+        """Yield the states, first that before the range.
+
+        Where earlier revisions are archived, the first state is that of the range's first revision.
+        """
+        session, kb_id, (low, high, archived) = self._session, self._kb_id, self._range
+        base = low if low == archived else low - 1
+        definitions = load_at(session, kb_id, base) if base else Definitions()
+        world = _world(definitions)
+        for touch in state_of(session, kb_id, self._mentioned, base) if base else ():
+            self._apply(world, touch)
+        if base:
+            yield Visit(low - 1, world, definitions)
+        changed = iter(read_redefinitions(session, kb_id, self._meaning, base, high))
+        redefined = next(changed, None)
+        last = base
+        for revision, touches in self._revisions(base, high):
+            while redefined is not None and redefined <= revision:
+                definitions = advance(session, kb_id, definitions, last, redefined)
+                world, last = _moved(world, definitions), redefined
+                if redefined < revision:
+                    yield Visit(redefined, world, definitions)
+                redefined = next(changed, None)
+            for touch in touches:
+                self._apply(world, touch)
+            yield Visit(revision, world, definitions)
+        while redefined is not None:
+            definitions = advance(session, kb_id, definitions, last, redefined)
+            world, last = _moved(world, definitions), redefined
+            yield Visit(redefined, world, definitions)
+            redefined = next(changed, None)
+
+    def _revisions(self, after: int, high: int) -> Iterator[tuple[int, Iterator[Touch]]]:
+        touches = stream_touches(self._session, self._kb_id, self._mentioned, after, high)
+        return groupby(touches, key=lambda touch: touch.revision)
+
+    def _apply(self, world: World, touch: Touch) -> None:
+        name = self._names[touch.is_fact, touch.owner]
+        row = tuple([self._objects[id_] for id_ in touch.objects])
+        if touch.is_fact:
+            (world.remove if touch.is_end else world.add)(name, row)
+        elif touch.is_end:
+            world.set(name, row, None)
+        else:
+            value = touch.value
+            held = self._objects[value] if isinstance(value, int) else Decimal(str(value))
+            world.set(name, row, held)
+
+
+def object_id(definitions: Definitions, term: f.Term) -> int | None:
+    """Return the id of the object that a term names."""
+    known = definitions.objects.named(term.name) if isinstance(term, f.Constant) else None
+    return None if known is None else known.id
+
+
+def _world(definitions: Definitions) -> World:
+    """Make a state without facts and values."""
+    domain = build_domain(definitions, "domain")
+    objects = tuple(
+        [
+            typed_name(definitions, ParameterDefinition(one.name, one.type_ids))
+            for one in definitions.objects
+        ]
+    )
+    return read_world(domain, Problem("problem", domain.name, objects=objects))
+
+
+def _moved(world: World, definitions: Definitions) -> World:
+    """Make the same state with other definitions."""
+    made = _world(definitions)
+    for name, row in world.facts():
+        made.add(name, row)
+    for (name, row), value in world.values().items():
+        made.set(name, row, value)
+    return made

@@ -1,0 +1,329 @@
+"""When conditions held: interval joins of facts, and sweeps over revisions for all else."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from typing import Any, NamedTuple
+
+from ..dto import formulas as f
+from ..dto.lexical import ROOT_TYPE, fold
+from ..errors import InvalidKnowledgeError
+from ..history.interfaces import When
+from ..history.moments import find_bounds
+from ..history.revisions import Revision, read_numbered
+from ..knowledge.definitions import Definitions, PredicateDefinition
+from ..knowledge.formulas import typed_name
+from ..knowledge.symbols import symbols_of
+from ..pddl.conditions import ReadCondition
+from ..sql.dialects.base import Session
+from ..sql.held import (
+    FoundFact,
+    Pattern,
+    find_facts,
+    read_meanings,
+    read_names,
+    stream_overlaps,
+)
+from ..store.store import Store
+from .conditions import Compiler, Condition
+from .held import HeldPeriods, Span, span_order
+from .questions import PastQuestion, ask
+from .relations import picker
+from .sweep import RULE, Range, Sweep, Visit, object_id, read_range
+from .world import World
+
+
+def when(
+    store: Store,
+    condition: f.Formula | str,
+    since: When | None,
+    until: When | None,
+    parameters: str | None,
+    bindings: Mapping[str, Any],
+    upto: int | None,
+) -> HeldPeriods:
+    """Find the periods during which a condition held; see `Reasoning.when`."""
+    bounds = find_bounds(store, since, until, upto)
+    question = ask(store, condition, parameters, bindings, upto)
+
+    def work(session: Session, kb_id: int | None) -> tuple[list[Span], dict[int, str]]:
+        if kb_id is None:
+            return [], {}
+        span = read_range(session, kb_id, bounds)
+        if span.high < span.low:
+            return [], {}
+        spans = _Search(session, kb_id, question, span).run()
+        objects = {id_ for span in spans for id_ in span.objects}
+        return spans, read_names(session, kb_id, sorted(objects)) if objects else {}
+
+    spans, names = store.query_in_snapshot(work)
+
+    def read(numbers: Collection[int]) -> Mapping[int, Revision]:
+        return store.query(
+            lambda session, kb_id: {} if kb_id is None else read_numbered(session, kb_id, numbers)
+        )
+
+    return HeldPeriods(question.columns, spans, bounds.low, names, read)
+
+
+class _Search:
+    """Finds the periods of one question, in one snapshot."""
+
+    def __init__(self, session: Session, kb_id: int, question: PastQuestion, span: Range) -> None:
+        self._session = session
+        self._kb_id = kb_id
+        self._question = question
+        self._range = span
+
+    def run(self) -> list[Span]:
+        """Find the periods, in order."""
+        atoms = conjunction(self._question.formula)
+        if atoms is not None and self._is_join(atoms):
+            return sorted(self._join(atoms), key=span_order)
+        return sorted(self._sweep(), key=span_order)
+
+    def _is_join(self, atoms: Sequence[f.Atom]) -> bool:
+        """Return whether versions of facts alone tell when a conjunction held."""
+        definitions, free = self._question.definitions, self._question.free
+        mentioned = {fold(str(term)[1:]) for atom in atoms for term in atom.terms}
+        if any(fold(variable.name) not in mentioned for variable in free):
+            return False
+        ids = sorted({self._predicate(atom).id for atom in atoms})
+        meanings, rules = read_meanings(self._session, self._kb_id, ids, *self._range[:2])
+        derived = {fold(found[1]) for rule in rules if (found := RULE.match(rule))}
+        if any(fold(atom.predicate) in derived for atom in atoms):
+            return False
+        if not self._question.are_declared:
+            return True
+        stable = [
+            atom for atom in atoms if meanings[(one := self._predicate(atom)).id] == {one.text}
+        ]
+        return all(_is_implied(variable, stable, definitions) for variable in free)
+
+    def _predicate(self, atom: f.Atom) -> PredicateDefinition:
+        found = self._question.definitions.predicates.named(atom.predicate)
+        assert found is not None
+        return found
+
+    def _join(self, atoms: Sequence[f.Atom]) -> Iterable[Span]:
+        session, kb_id, (low, high, _) = self._session, self._kb_id, self._range
+        patterns = [self._pattern(atom) for atom in atoms]
+        facts = find_facts(session, kb_id, patterns, low, high)
+        # Each version of the first fact is looked up in those of the others.
+        order = sorted(range(len(atoms)), key=lambda n: (len(facts[n]), _versions(facts[n])))
+        relations = [_Relation(atoms[n], facts[n]) for n in order]
+        found = [*_combinations(relations, [fold(one.name) for one in self._question.free])]
+        if not found:
+            return
+        ids = [combination.facts for combination in found]
+        for place, since, until in stream_overlaps(session, kb_id, ids, low, high):
+            yield Span(since, found[place].objects, None if until > high else until)
+
+    def _pattern(self, atom: f.Atom) -> Pattern:
+        definitions = self._question.definitions
+        return Pattern(
+            self._predicate(atom).id, tuple([object_id(definitions, term) for term in atom.terms])
+        )
+
+    def _sweep(self) -> Iterator[Span]:
+        """Evaluate the condition at each revision that touched what it mentions."""
+        question = self._question
+        sweep = Sweep(
+            self._session,
+            self._kb_id,
+            [question.formula],
+            question.definitions,
+            self._range,
+            bool(question.free),
+        )
+        held: dict[tuple[str, ...], int] = {}
+        solutions: Solutions | None = None
+        world: World | None = None
+        for visit in sweep.visits():
+            if visit.world is not world:
+                world, solutions = visit.world, solutions_of(visit, question)
+            now = set() if solutions is None else solutions()
+            for names in [names for names in held if names not in now]:
+                since = held.pop(names)
+                # What ended with the first revision held before the range alone.
+                if visit.revision > self._range.low:
+                    objects = tuple([sweep.ids[name] for name in names])
+                    yield Span(since, objects, visit.revision)
+            for names in now:
+                held.setdefault(names, visit.revision)
+        for names, since in held.items():
+            yield Span(since, tuple([sweep.ids[name] for name in names]), None)
+
+
+Solutions = Callable[[], set[tuple[str, ...]]]
+
+
+def solutions_of(visit: Visit, question: PastQuestion) -> Solutions | None:
+    """Compile a condition for a state; None where it has no meaning there."""
+    try:
+        read = question.read(symbols_of(visit.definitions))
+    except InvalidKnowledgeError:
+        return None
+    world = visit.world
+    if not read.free:
+        condition = Condition(world, read.formula)
+        return lambda: {()} if condition.holds() else set()
+    variables, members = _ranges(world, read, visit.definitions)
+    compiler = Compiler(world, ())
+    search, slots = compiler.open_search(variables, [(read.formula, False)])
+    pick, template = picker(slots), compiler.template
+
+    def found() -> set[tuple[str, ...]]:
+        env = template.copy()
+        rows = {pick(env) for _ in search(env)}
+        if members:
+            rows = {row for row in rows if all(row[place] in names for place, names in members)}
+        return rows
+
+    return found
+
+
+def _ranges(
+    world: World, read: ReadCondition, definitions: Definitions
+) -> tuple[list[f.TypedName], list[tuple[int, frozenset[str]]]]:
+    """Give free variables types: the declared ones, or those that atoms and fluents allow.
+
+    Several may be allowed; those after the first restrict the objects, by the variable's place.
+    """
+    if read.are_declared:
+        return list(read.free), []
+    allowed = _allowed(read.formula, {fold(one.name) for one in read.free}, definitions)
+    variables: list[f.TypedName] = []
+    members: list[tuple[int, frozenset[str]]] = []
+    for place, variable in enumerate(read.free):
+        first, *rest = allowed.get(fold(variable.name)) or [variable.types]
+        variables.append(f.TypedName(variable.name, first))
+        members += [(place, world.members(types)) for types in rest]
+    return variables, members
+
+
+def _allowed(
+    formula: f.Formula, free: set[str], definitions: Definitions
+) -> dict[str, list[tuple[str, ...]]]:
+    """Return the types that predicates and functions allow for free variables."""
+    found: dict[str, list[tuple[str, ...]]] = {}
+    stack: list[tuple[f.Node, frozenset[str]]] = [(formula, frozenset())]
+    while stack:
+        node, hidden = stack.pop()
+        hidden = hidden.union(fold(one.name) for one in getattr(node, "variables", ()))
+        declared: Any = None
+        if isinstance(node, f.Atom):
+            declared = definitions.predicates.named(node.predicate)
+        elif isinstance(node, f.Fluent):
+            declared = definitions.functions.named(node.function)
+        if declared is not None and isinstance(node, f.Atom | f.Fluent):
+            for term, parameter in zip(node.terms, declared.parameters, strict=False):
+                key = fold(str(term)[1:])
+                if isinstance(term, f.Variable) and key in free and key not in hidden:
+                    types = typed_name(definitions, parameter).types
+                    if types not in found.setdefault(key, []):
+                        found[key].append(types)
+        stack.extend((child, hidden) for child in f.children(node))
+    return found
+
+
+def conjunction(formula: f.Formula) -> list[f.Atom] | None:
+    """Return the atoms of a conjunction of plain atoms; None for anything else."""
+    atoms: list[f.Atom] = []
+    parts = [formula]
+    while parts:
+        part = parts.pop()
+        if isinstance(part, f.And):
+            parts += reversed(part.formulas)
+        elif isinstance(part, f.Atom) and not any(isinstance(one, f.Fluent) for one in part.terms):
+            atoms.append(part)
+        else:
+            return None
+    return atoms or None
+
+
+def _is_implied(variable: f.TypedName, atoms: Iterable[f.Atom], definitions: Definitions) -> bool:
+    """Return whether an atom lets a variable have objects of its declared types alone."""
+    declared = {fold(name) for name in variable.types}
+    if ROOT_TYPE in declared:
+        return True
+    for atom in atoms:
+        predicate = definitions.predicates.named(atom.predicate)
+        assert predicate is not None
+        for term, parameter in zip(atom.terms, predicate.parameters, strict=True):
+            if isinstance(term, f.Variable) and fold(term.name) == fold(variable.name):
+                types = {fold(definitions.types.live(id_).name) for id_ in parameter.type_ids}
+                if types and types <= declared:
+                    return True
+    return False
+
+
+def _versions(facts: Sequence[FoundFact]) -> int:
+    return sum(fact.versions for fact in facts)
+
+
+class _Combination(NamedTuple):
+    """Objects of the free variables, and the facts that have them."""
+
+    objects: tuple[int, ...]
+    facts: tuple[int, ...]
+
+
+class _Relation:
+    """The facts of an atom, by the objects of its variables.
+
+    Attributes:
+        variables: the variables, each once.
+        rows: the objects of the variables, and the fact's id.
+    """
+
+    def __init__(self, atom: f.Atom, facts: Iterable[FoundFact]) -> None:
+        places: dict[str, list[int]] = {}
+        for place, term in enumerate(atom.terms):
+            if isinstance(term, f.Variable):
+                places.setdefault(fold(term.name), []).append(place)
+        self.variables = [*places]
+        self.rows: list[tuple[tuple[int, ...], int]] = []
+        for id_, objects, _ in facts:
+            if all(len({objects[place] for place in same}) == 1 for same in places.values()):
+                row = tuple([objects[same[0]] for same in places.values()])
+                self.rows.append((row, id_))
+
+
+def _combinations(relations: Sequence[_Relation], free: Sequence[str]) -> Iterable[_Combination]:
+    """Join the facts of atoms that share variables, whenever they held."""
+    variables: list[str] = []
+    rows: list[tuple[tuple[int, ...], tuple[int, ...]]] = [((), ())]
+    for relation in _connected(relations):
+        shared = [name for name in relation.variables if name in variables]
+        new = [name for name in relation.variables if name not in variables]
+        own, added = _places(relation.variables, shared), _places(relation.variables, new)
+        index: defaultdict[tuple[int, ...], list[tuple[tuple[int, ...], int]]] = defaultdict(list)
+        for objects, id_ in relation.rows:
+            key = tuple([objects[place] for place in own])
+            index[key].append((tuple([objects[place] for place in added]), id_))
+        outer = _places(variables, shared)
+        rows = [
+            (objects + more, (*ids, id_))
+            for objects, ids in rows
+            for more, id_ in index.get(tuple([objects[place] for place in outer]), ())
+        ]
+        variables += new
+    order = _places(variables, free)
+    for objects, ids in rows:
+        yield _Combination(tuple([objects[place] for place in order]), ids)
+
+
+def _connected(relations: Sequence[_Relation]) -> Iterable[_Relation]:
+    """Order relations so that each shares a variable with those before, where one does."""
+    rest, known = list(relations), set[str]()
+    while rest:
+        chosen = next((one for one in rest if not known.isdisjoint(one.variables)), rest[0])
+        rest.remove(chosen)
+        known.update(chosen.variables)
+        yield chosen
+
+
+def _places(names: Sequence[str], wanted: Sequence[str]) -> tuple[int, ...]:
+    return tuple([names.index(name) for name in wanted])

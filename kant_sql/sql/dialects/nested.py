@@ -1,0 +1,52 @@
+"""Nested loops in the order that is written, as each dialect keeps it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+
+class NestedLoops(NamedTuple):
+    """How one dialect writes a join whose order is fixed.
+
+    SQLite keeps the order of a CROSS JOIN. PostgreSQL keeps that of lateral subqueries that it
+    cannot pull up; without statistics it would otherwise hash millions of versions for a few ids.
+
+    Attributes:
+        rows: the relation of a parameter that holds rows of ids as JSON, with columns `place`,
+            from 0, and `id0`, `id1` ...
+        loop: writes an inner loop: its alias, its table and its conditions.
+        larger: the function of the largest of some numbers.
+        smaller: the function of the smallest.
+    """
+
+    rows: Callable[[str, int], str]
+    loop: Callable[[str, str, str], str]
+    larger: str
+    smaller: str
+
+
+def _sqlite_rows(parameter: str, columns: int) -> str:
+    ids = ", ".join(f"json_extract(value, '$[{n}]') AS id{n}" for n in range(columns))
+    return f"(SELECT key AS place, {ids} FROM json_each(:{parameter}))"
+
+
+def _postgresql_rows(parameter: str, columns: int) -> str:
+    ids = ", ".join(f"CAST(value ->> {n} AS bigint) AS id{n}" for n in range(columns))
+    rows = f"json_array_elements(CAST(:{parameter} AS json)) WITH ORDINALITY"
+    return f"(SELECT place - 1 AS place, {ids} FROM {rows} AS listed (value, place))"
+
+
+def _sqlite_loop(alias: str, table: str, conditions: str) -> str:
+    return f" CROSS JOIN {table} AS {alias} ON {conditions}"
+
+
+def _postgresql_loop(alias: str, table: str, conditions: str) -> str:
+    inner = f"SELECT * FROM {table} AS {alias} WHERE {conditions} OFFSET 0"
+    return f" CROSS JOIN LATERAL ({inner}) AS {alias}"
+
+
+NESTED_LOOPS = {
+    "sqlite": NestedLoops(_sqlite_rows, _sqlite_loop, "max", "min"),
+    "postgresql": NestedLoops(_postgresql_rows, _postgresql_loop, "greatest", "least"),
+}

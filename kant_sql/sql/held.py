@@ -1,0 +1,336 @@
+"""When facts held: interval joins over versions, and what a range of revisions did to some facts.
+
+The versions of one proposition do not overlap, so those that meet an interval are the last one that
+began up to its beginning, and those that began within it: each loop of a join walks one range of
+the primary key (kb_id, proposition_id, since).
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Sequence
+from functools import cache
+from typing import Any, NamedTuple
+
+from sqlalchemy import (
+    Select,
+    and_,
+    bindparam,
+    desc,
+    func,
+    literal_column,
+    or_,
+    select,
+    text,
+    union,
+    union_all,
+)
+
+from ..knowledge.definitions import DERIVED_PREDICATE
+from .dialects.base import Row, Session
+from .dialects.nested import NESTED_LOOPS, NestedLoops
+from .query import Query, in_list, in_rows, integer
+from .rows import KB
+from .tables import (
+    TABLES,
+    FunctionValueArgumentRow,
+    FunctionValueRow,
+    FunctionValueVersionRow,
+    PropositionArgumentRow,
+    PropositionRow,
+    PropositionVersionRow,
+)
+
+LOW, HIGH = integer("low"), integer("high")
+
+
+class Pattern(NamedTuple):
+    """The facts of a predicate, or the values of a function, with objects at some positions.
+
+    Attributes:
+        owner: the id of the predicate or the function.
+        objects: the id of the object at each position; None for any.
+    """
+
+    owner: int
+    objects: tuple[int | None, ...]
+
+    @property
+    def is_ground(self) -> bool:
+        """Whether it is one fact or fluent."""
+        return None not in self.objects
+
+    @property
+    def is_restricted(self) -> bool:
+        """Whether it is not all of the predicate or the function."""
+        return self.is_ground or any(id_ is not None for id_ in self.objects)
+
+    def matches(self, arguments: Sequence[int]) -> bool:
+        """Return whether a fact has the objects."""
+        return len(arguments) == len(self.objects) and all(
+            wanted is None or wanted == own
+            for wanted, own in zip(self.objects, arguments, strict=True)
+        )
+
+
+class FoundFact(NamedTuple):
+    """A proposition, or a fluent, that was known at some time.
+
+    Attributes:
+        id: its id.
+        objects: the ids of its objects.
+        versions: how often it was asserted in the range, where the pattern is ground; else 0.
+    """
+
+    id: int
+    objects: tuple[int, ...]
+    versions: int
+
+
+_GROUND, _SOME, _ALL = "ground", "some", "all"
+
+
+def _shape(pattern: Pattern) -> str:
+    if pattern.is_ground:
+        return _GROUND
+    return _SOME if pattern.is_restricted else _ALL
+
+
+class _Table(NamedTuple):
+    """The tables of propositions, or of fluents."""
+
+    identity: Any
+    owner: Any
+    argument: Any
+    argument_of: Any
+    version: Any
+    version_of: Any
+
+
+_TABLES = {
+    True: _Table(
+        PropositionRow,
+        PropositionRow.predicate_id,
+        PropositionArgumentRow,
+        PropositionArgumentRow.proposition_id,
+        PropositionVersionRow,
+        PropositionVersionRow.proposition_id,
+    ),
+    False: _Table(
+        FunctionValueRow,
+        FunctionValueRow.function_id,
+        FunctionValueArgumentRow,
+        FunctionValueArgumentRow.function_value_id,
+        FunctionValueVersionRow,
+        FunctionValueVersionRow.function_value_id,
+    ),
+}
+
+
+def _facts_of(shape: str, place: int, are_facts: bool) -> Select[Any]:
+    """Select what matches one pattern; positions are compared later."""
+    table = _TABLES[are_facts]
+    row, version, argument = table.identity, table.version, table.argument
+    count: Any = literal_column("0")
+    if shape == _GROUND:
+        count = (
+            select(func.count())
+            .where(version.kb_id == row.kb_id, table.version_of == row.id)
+            .where(version.since.between(LOW, HIGH))
+            .scalar_subquery()
+        )
+    columns = row.id, row.arguments, count
+    found: Select[Any] = select(literal_column(str(place)), *columns).where(
+        row.kb_id == KB, table.owner == integer(f"owner{place}")
+    )
+    if are_facts:
+        found = found.where(row.is_goal == bindparam("is_goal"))
+    if shape == _GROUND:
+        return found.where(row.arguments == bindparam(f"arguments{place}"))
+    if shape == _SOME:
+        wanted = argument.kb_id == KB, argument.object_id == integer(f"object{place}")
+        return found.where(in_rows(row.id, select(table.argument_of).where(*wanted)))
+    return found
+
+
+@cache
+def _facts(shapes: tuple[str, ...], are_facts: bool) -> Query:
+    parts = (_facts_of(shape, place, are_facts) for place, shape in enumerate(shapes))
+    return Query(union_all(*parts))
+
+
+def find_facts(
+    session: Session,
+    kb_id: int,
+    patterns: Sequence[Pattern],
+    low: int,
+    high: int,
+    are_facts: bool = True,
+) -> list[list[FoundFact]]:
+    """Find the propositions, or the fluents, of each of some patterns, in one statement."""
+    parameters: dict[str, Any] = {"kb": kb_id, "is_goal": False, "low": low, "high": high}
+    for place, (owner, objects) in enumerate(patterns):
+        parameters[f"owner{place}"] = owner
+        known = [id_ for id_ in objects if id_ is not None]
+        if len(known) == len(objects):
+            parameters[f"arguments{place}"] = " ".join(map(str, known))
+        elif known:
+            parameters[f"object{place}"] = known[0]
+    found: list[list[FoundFact]] = [[] for _ in patterns]
+    query = _facts(tuple(map(_shape, patterns)), are_facts)
+    for place, id_, arguments, versions in session.rows(query, **parameters):
+        own = tuple([int(one) for one in arguments.split()])
+        if patterns[place].matches(own):
+            found[place].append(FoundFact(id_, own, versions))
+    return found
+
+
+class Overlap(NamedTuple):
+    """An interval in which some facts held together.
+
+    Attributes:
+        place: which of the combinations of facts.
+        since: its first revision; the one before the range if they held there, too.
+        until: the first revision after it; the one after the range if they held to its end.
+    """
+
+    place: int
+    since: int
+    until: int
+
+
+_VERSION = "proposition_version"
+
+
+def _overlaps_text(loops: NestedLoops, count: int) -> str:
+    since, until = ":before", ":after"
+    tables = f"{loops.rows('facts', count)} AS wanted"
+    for n in range(count):
+        own = f"kb_id = :kb AND {{0}}.proposition_id = wanted.id{n}"
+        last = (
+            f"SELECT l{n}.since FROM {_VERSION} AS l{n} WHERE l{n}.{own.format(f'l{n}')} "
+            f"AND l{n}.since <= {since} ORDER BY l{n}.since DESC LIMIT 1"
+        )
+        conditions = (
+            f"v{n}.{own.format(f'v{n}')} AND v{n}.since >= coalesce(({last}), 0) "
+            f"AND v{n}.since < {until} "
+            f"AND (v{n}.until IS NULL OR v{n}.until > {loops.larger}({since}, :low))"
+        )
+        tables += loops.loop(f"v{n}", _VERSION, conditions)
+        since = f"{loops.larger}({since}, v{n}.since)"
+        until = f"{loops.smaller}({until}, coalesce(v{n}.until, :after))"
+    return f"SELECT wanted.place, {since}, {until} FROM {tables}"
+
+
+@cache
+def _overlaps(dialect: str, count: int) -> Query:
+    return Query(text(_overlaps_text(NESTED_LOOPS[dialect], count)))
+
+
+def stream_overlaps(
+    session: Session, kb_id: int, facts: Sequence[Sequence[int]], low: int, high: int
+) -> Iterator[Overlap]:
+    """Find the intervals in which facts held together, within a range, in one statement.
+
+    Args:
+        session: the session.
+        kb_id: the knowledge base.
+        facts: combinations of as many propositions, by their ids.
+        low: the first revision of the range.
+        high: its last one.
+    """
+    query = _overlaps(session.backend.dialect.name, len(facts[0]))
+    bounds = {"before": low - 1, "low": low, "after": high + 1}
+    rows = session.stream(query, kb=kb_id, facts=json.dumps(facts), **bounds)
+    return (Overlap(*row) for row in rows)
+
+
+# What was defined in a range.
+
+_PREDICATE, _FORMULA = TABLES["predicate_version"].c, TABLES["formula_version"].c
+
+
+def _within(version: Any) -> Any:
+    return and_(version.since <= HIGH, or_(version.until.is_(None), version.until > LOW))
+
+
+_MEANINGS = Query(
+    union_all(
+        select(_PREDICATE.predicate_id, _PREDICATE.text).where(
+            _PREDICATE.kb_id == KB, in_list(_PREDICATE.predicate_id, "ids"), _within(_PREDICATE)
+        ),
+        select(literal_column("0"), _FORMULA.text).where(
+            _FORMULA.kb_id == KB, _FORMULA.section == bindparam("section"), _within(_FORMULA)
+        ),
+    )
+)
+
+
+def read_meanings(
+    session: Session, kb_id: int, predicates: Sequence[int], low: int, high: int
+) -> tuple[dict[int, set[str]], list[str]]:
+    """Read the definitions of predicates, and all rules of derived ones, within a range."""
+    rows: list[Row] = session.rows(
+        _MEANINGS,
+        kb=kb_id,
+        ids=session.list_value(predicates),
+        section=DERIVED_PREDICATE,
+        low=low,
+        high=high,
+    )
+    meanings: dict[int, set[str]] = {id_: set() for id_ in predicates}
+    for id_, definition in rows:
+        if id_:
+            meanings[id_].add(definition)
+    return meanings, [definition for id_, definition in rows if not id_]
+
+
+_ENDS = {
+    kind: (TABLES[kind].c, TABLES[f"{kind}_version"].c)
+    for kind in ("type", "object", "predicate", "function")
+}
+_LAST_REVISIONS = Query(
+    union(
+        *(
+            select((version.until - literal_column("1")).label("revision")).where(
+                version.kb_id == KB,
+                version.until > LOW,
+                version.until <= HIGH,
+                in_rows(
+                    version[f"{kind}_id"],
+                    select(identity.id).where(identity.kb_id == KB, in_list(identity.key, "keys")),
+                ),
+            )
+            for kind, (identity, version) in _ENDS.items()
+        )
+    ).order_by(desc("revision"))
+)
+
+
+def read_last_revisions(
+    session: Session, kb_id: int, keys: Sequence[str], low: int, high: int
+) -> list[int]:
+    """Read the last revisions of definitions of some names that ended in a range, newest first."""
+    rows = session.rows(
+        _LAST_REVISIONS, kb=kb_id, keys=session.list_value(keys), low=low, high=high
+    )
+    return [revision for (revision,) in rows]
+
+
+_OBJECT = TABLES["object"].c
+_NAMES = Query(
+    select(_OBJECT.id, _OBJECT.name).where(_OBJECT.kb_id == KB, in_list(_OBJECT.id, "ids"))
+)
+
+
+def read_names(session: Session, kb_id: int, ids: Sequence[int]) -> dict[int, str]:
+    """Read the names of objects, also of past ones."""
+    return dict(session.rows(_NAMES, kb=kb_id, ids=session.list_value(ids)))
+
+
+_ALL_NAMES = Query(select(_OBJECT.id, _OBJECT.name).where(_OBJECT.kb_id == KB))
+
+
+def read_all_names(session: Session, kb_id: int) -> dict[int, str]:
+    """Read the names of all objects that ever were."""
+    return dict(session.rows(_ALL_NAMES, kb=kb_id))
