@@ -73,6 +73,7 @@ class HeldPeriods(Sequence[Held]):
     def __init__(
         self,
         columns: Sequence[str],
+        *,
         spans: Sequence[Span],
         first: int,
         names: Mapping[int, str],

@@ -28,7 +28,7 @@ from ..sql.held import Pattern, read_all_names, read_meanings
 from ..sql.touches import (
     Meaning,
     Touch,
-    mentioned,
+    subjects_of,
     read_redefinitions,
     state_of,
     stream_touches,
@@ -122,7 +122,7 @@ class Sweep:
         if has_rules:
             more_facts, more_values = self._of_rules(rules)
             facts, values = facts + more_facts, values + more_values
-        self._mentioned = mentioned(session, kb_id, facts, values, span.low, span.high)
+        self._subjects = subjects_of(session, kb_id, facts, values, span.low, span.high)
         ranges = ranges or has_rules or any(isinstance(one, f.Forall | f.Exists) for one in nodes)
         known = [
             definitions.objects.named(one.name) for one in nodes if isinstance(one, f.Constant)
@@ -178,7 +178,7 @@ class Sweep:
         base = low if low == archived else low - 1
         definitions = load_at(session, kb_id, base) if base else Definitions()
         world = _world(definitions)
-        for touch in state_of(session, kb_id, self._mentioned, base) if base else ():
+        for touch in state_of(session, kb_id, self._subjects, base) if base else ():
             self._apply(world, touch)
         if base:
             yield Visit(low - 1, world, definitions)
@@ -202,7 +202,7 @@ class Sweep:
             redefined = next(changed, None)
 
     def _revisions(self, after: int, high: int) -> Iterator[tuple[int, Iterator[Touch]]]:
-        touches = stream_touches(self._session, self._kb_id, self._mentioned, after, high)
+        touches = stream_touches(self._session, self._kb_id, self._subjects, after, high)
         return groupby(touches, key=lambda touch: touch.revision)
 
     def _apply(self, world: World, touch: Touch) -> None:

@@ -53,7 +53,7 @@ class Touch(NamedTuple):
     value: str | int | None
 
 
-class Mentioned(NamedTuple):
+class Subjects(NamedTuple):
     """The facts and values that matter.
 
     Attributes:
@@ -69,14 +69,14 @@ class Mentioned(NamedTuple):
     values: tuple[int, ...] = ()
 
 
-def mentioned(
+def subjects_of(
     session: Session,
     kb_id: int,
     facts: Sequence[Pattern],
     values: Sequence[Pattern],
     low: int,
     high: int,
-) -> Mentioned:
+) -> Subjects:
     """Find what matches some patterns, in two statements at most."""
     whole: list[tuple[int, ...]] = []
     ids: list[tuple[int, ...]] = []
@@ -86,7 +86,7 @@ def mentioned(
         found = find_facts(session, kb_id, rest, low, high, is_fact) if rest else []
         whole.append(tuple(sorted(groups)))
         ids.append(tuple(sorted({fact.id for facts_ in found for fact in facts_})))
-    return Mentioned(whole[0], ids[0], whole[1], ids[1])
+    return Subjects(whole[0], ids[0], whole[1], ids[1])
 
 
 class _Source(NamedTuple):
@@ -120,7 +120,7 @@ _VALUES = _Source(
     (literal_column("0"), FunctionValueVersionRow.value, FunctionValueVersionRow.object_id),
     (),
 )
-# In the order of `Mentioned`: by owner, and by id.
+# In the order of `Subjects`: by owner, and by id.
 _PARTS = ((_FACTS, True), (_FACTS, False), (_VALUES, True), (_VALUES, False))
 
 
@@ -170,14 +170,14 @@ def _state(places: tuple[int, ...]) -> Query:
     return Query(union_all(*parts))
 
 
-def _parameters(session: Session, kb_id: int, which: Mentioned) -> tuple[tuple[int, ...], Any]:
+def _parameters(session: Session, kb_id: int, which: Subjects) -> tuple[tuple[int, ...], Any]:
     places = tuple([place for place, ids in enumerate(which) if ids])
     values: dict[str, Any] = {"kb": kb_id, "is_goal": False}
     values |= {f"which{place}": session.list_value(which[place]) for place in places}
     return places, values
 
 
-def state_of(session: Session, kb_id: int, which: Mentioned, at: int) -> Iterator[Touch]:
+def state_of(session: Session, kb_id: int, which: Subjects, at: int) -> Iterator[Touch]:
     """Read what held at a revision, of what matters, in one statement."""
     places, values = _parameters(session, kb_id, which)
     if not places:
@@ -188,7 +188,7 @@ def state_of(session: Session, kb_id: int, which: Mentioned, at: int) -> Iterato
 
 
 def stream_touches(
-    session: Session, kb_id: int, which: Mentioned, after: int, high: int
+    session: Session, kb_id: int, which: Subjects, after: int, high: int
 ) -> Iterator[Touch]:
     """Read what began and ended after a revision, in order, in constant memory."""
     places, values = _parameters(session, kb_id, which)
