@@ -15,6 +15,7 @@ from ..history.revisions import LARGEST, read_archived_revision
 from ..knowledge.definitions import Definitions
 from ..knowledge.symbols import symbols_of
 from ..pddl.conditions import ReadCondition, read_condition, text_of
+from ..pddl.cursor import hint
 from ..pddl.symbols import SymbolTable
 from ..sql.dialects.base import Session
 from ..sql.held import read_last_revisions
@@ -83,9 +84,10 @@ def _bound(question: PastQuestion, bindings: Mapping[str, Any]) -> PastQuestion:
         # A keyword has `_` where a variable may have `-`.
         key = next((key for key in free if _plain(key) == _plain(fold(name))), None)
         if key is None:
-            known = ", ".join(f"?{one.name}" for one in question.free) or "none"
+            known = ", ".join(f"?{one}" for one in question.columns) or "none"
             raise InvalidArgumentError(
-                f"{name} binds no free variable of the condition, which has {known}"
+                f"the condition has no free variable ?{name}{hint(name, [*question.columns])}; "
+                f"it has {known}"
             )
         object_ = value.name if isinstance(value, PddlObjectDto) else value
         if not isinstance(object_, str):

@@ -28,10 +28,10 @@ from ..sql.held import Pattern, read_all_names, read_meanings
 from ..sql.touches import (
     Meaning,
     Touch,
-    subjects_of,
     read_redefinitions,
     state_of,
     stream_touches,
+    subjects_of,
 )
 from ..store.snapshot import refuse_archived
 from .derived import read_world

@@ -64,9 +64,7 @@ def when(
             lambda session, kb_id: {} if kb_id is None else read_numbered(session, kb_id, numbers)
         )
 
-    return HeldPeriods(
-        question.columns, spans=spans, first=bounds.low, names=names, read=read
-    )
+    return HeldPeriods(question.columns, spans=spans, first=bounds.low, names=names, read=read)
 
 
 class _Search:
