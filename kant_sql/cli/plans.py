@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections import Counter
+from dataclasses import replace
 from decimal import Decimal
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -32,6 +34,14 @@ _Timeout = Annotated[float | None, option("How long to plan.", metavar="SECONDS"
 _Strict = Annotated[
     bool, option("Refuse to ignore a part of the metric or a preference.", "--strict")
 ]
+_Read = Annotated[
+    Path | None,
+    option(
+        "Read the plan from a file that another planner wrote, instead of planning.",
+        "--read",
+        metavar="FILE",
+    ),
+]
 _Record = Annotated[bool, option("Record the plan, as a new revision.", "--record")]
 _RecordActor = Annotated[
     str | None, option("With --record: the actor of the revision.", "--actor", metavar="NAME")
@@ -48,6 +58,7 @@ def plan(
     engine: _Engine = None,
     timeout: _Timeout = None,
     strict: _Strict = False,
+    read: _Read = None,
     record: _Record = False,
     actor: _RecordActor = None,
     reason: _RecordReason = None,
@@ -59,8 +70,14 @@ def plan(
     """
     if not record and (actor is not None or reason is not None):
         raise typer.BadParameter("these go with --record", param_hint="--actor and --reason")
+    if read is not None and (engine is not None or timeout is not None or strict):
+        hint = "--engine, --timeout and --strict"
+        raise typer.BadParameter("these do not go with --read", param_hint=hint)
     with open_state(url, kb, at) as (name, state):
-        found = state.plan(engine=engine, timeout=timeout, strict=strict)
+        if read is not None:
+            found = replace(Plan.read(read), revision=state.revision)
+        else:
+            found = state.plan(engine=engine, timeout=timeout, strict=strict)
     recorded = _record(url, name, found, actor, reason) if record else None
     if as_json:
         write_json({"knowledge_base": name, **_plan_document(found, recorded)})
@@ -85,7 +102,9 @@ def _record(
 
 def _write_plan(printer: Printer, found: Plan, recorded: RecordedPlan | None) -> None:
     printer.line(f"; revision {found.revision}")
-    printer.line(f"; {found.status} by {found.engine}")
+    printer.line(
+        f"; {found.status} by {printable(found.engine)}" if found.engine else f"; {found.status}"
+    )
     for part in found.ignored:
         printer.line(f"; ignored: {printable(part)}")
     if recorded is not None:

@@ -30,6 +30,7 @@ from ..errors import (
 )
 from ..pddl.document import Domain, Problem
 from .names import require_unified_planning
+from .plan_text import read_plan
 
 logger = logging.getLogger("kant_sql.planning")
 
@@ -83,6 +84,7 @@ class Plan:
         ignored: what of the metric and the preferences the planner was not given, as readable text.
         domain_pddl: the domain that the planner was given, if it is not the state's.
         problem_pddl: the problem that the planner was given, if it is not the state's.
+        value: the value of the metric, if the planner stated it in a text that was read.
     """
 
     steps: tuple[PlanStep, ...]
@@ -93,6 +95,7 @@ class Plan:
     ignored: tuple[str, ...] = ()
     domain_pddl: str | None = field(default=None, compare=False, repr=False)
     problem_pddl: str | None = field(default=None, compare=False, repr=False)
+    value: Decimal | None = field(default=None, compare=False)
 
     def __post_init__(self) -> None:
         steps = expect_tuple(self.steps, PlanStep, "the steps of a Plan")
@@ -107,6 +110,45 @@ class Plan:
             object.__setattr__(self, "ignored", ignored)
         if self.revision is not None:
             whole_number(self.revision, "the revision of a Plan", error=InvalidKnowledgeError)
+        if self.value is not None:
+            check_number(self.value, "the value of a Plan")
+
+    @classmethod
+    def read(cls, source: str | os.PathLike[str]) -> Plan:
+        """Read a plan that another program wrote.
+
+        These formats are known, in any case, with comments (`;`) and line ends of any system: of
+        VAL; the plan files and the log of Fast Downward; the logs of POPF, OPTIC, Temporal Fast
+        Downward and ENHSP; what unified-planning's `PDDLWriter` writes, and the `str` of its plans;
+        `str` of a `Plan`, and what `kant-sql plan` prints. Of several plans in a log, the last is
+        read: it is the best.
+
+        Args:
+            source: a path, or the text: a string with a line break, or one that begins with `(`,
+                `;`, or a time and a colon.
+
+        Returns:
+            The plan. `engine` is the planner, if the text names it (`kant-sql plan`) or only one
+            writes such a text (Fast Downward); else it is empty. `status` is `solved_satisficing`,
+            unless the text says `solved_optimally`. `value` is the metric or cost that is stated.
+            `revision` is None: a plan is recorded as one of the head.
+
+        Raises:
+            PddlError: a line is no step; the error has the line, what was found and expected.
+            SourceMissingError: the file does not exist; this is a `FileNotFoundError`, too.
+            SourceError: the file cannot be read.
+
+        Examples:
+            >>> from kant_sql import Plan
+            >>> plan = Plan.read("(move rb1 wp1 wp2)")
+            >>> plan.steps
+            (PlanStep(start=None, action='move', arguments=('rb1', 'wp1', 'wp2'), duration=None),)
+            >>> print(Plan.read("0.5: (move rb1 wp1 wp2)  [2.500]"), end="")
+            0.5: (move rb1 wp1 wp2) [2.500]
+        """
+        text = read_plan(source)
+        steps = tuple(PlanStep(*step) for step in text.steps)
+        return cls(steps, text.engine, text.status, value=text.value)
 
     def __str__(self) -> str:
         return "".join(f"{step}\n" for step in self.steps)

@@ -24,6 +24,7 @@ from ..history.moments import head_revision, state_at
 from ..history.revisions import LARGEST, read_numbered, refuse_archived_revision
 from ..history.versions import Version
 from ..knowledge.definitions import METRIC, ActionDefinition, Definitions, ObjectDefinition
+from ..pddl.cursor import hint
 from ..pddl.document import ACTION, DURATIVE_ACTION
 from ..planning import Plan, PlanStep, problem_hash
 from ..sql import tables as t
@@ -108,10 +109,12 @@ class _StepCheck:
     def _action(self) -> ActionDefinition:
         action = self._definitions.actions.named(self._step.action)
         if action is None:
+            known = [one.name for one in self._definitions.actions]
             raise PlanError(
                 f"{self._role}: action {shown(self._step.action)} is not known at revision "
-                f"{self._revision}, the state that it was planned from; give the plan the revision "
-                "of the state that has it"
+                f"{self._revision}, the state that it was planned from"
+                f"{hint(self._step.action, known)}; give the plan the revision of the state that "
+                "has it"
             )
         if action.kind not in (ACTION, DURATIVE_ACTION):
             raise PlanError(
@@ -132,10 +135,11 @@ class _StepCheck:
     def _object(self, action: ActionDefinition, number: int, name: str) -> ObjectDefinition:
         object_ = self._definitions.objects.named(name)
         if object_ is None:
+            known = [one.name for one in self._definitions.objects]
             raise PlanError(
                 f"{self._role}: object {shown(name)} is not known at revision {self._revision}, "
-                "the state that it was planned from; give the plan the revision of the state that "
-                "has it"
+                f"the state that it was planned from{hint(name, known)}; give the plan the "
+                "revision of the state that has it"
             )
         allowed = action.parameters[number].type_ids
         if not self._definitions.any_fits(object_.type_ids, allowed):
@@ -407,13 +411,16 @@ class SqlPlanDao(SqlDao, PlanDao):
         metric, steps = self._store.read_definitions(
             lambda known: (_metric(known), check_steps(known, revision, plan)), revision
         )
+        measured = _objective(plan, metric, objective)
+        if value is None and measured is not None:
+            value = plan.value
         definition = PlanDefinition(
             0,
             revision,
             digest,
             check_text(planner or plan.engine or None, "the planner's name"),
             check_text(planner_version, "the planner's version"),
-            check_text(_objective(plan, metric, objective), "the objective"),
+            check_text(measured, "the objective"),
             exact_text(value, "the objective's value"),
             check_text(plan.status or None, "the plan's status"),
             *kept,

@@ -134,13 +134,14 @@ class PlanDao(ABC):
         """Record a plan, in one revision.
 
         Args:
-            plan: the plan. Its `revision` is the state that it was made from, by default the head.
-                Names are in any case.
+            plan: the plan, found by `kb.plan()`, read by `Plan.read` or made by hand. Its
+                `revision` is the state that it was made from, by default the head. Names are in any
+                case.
             planner: the planner's name; by default the plan's engine.
             planner_version: the planner's version.
             objective: the metric as PDDL text; by default the state's metric, or if the plan
                 ignores a part of it, the metric that the planner was given, if any.
-            value: the value of the objective.
+            value: the value of the objective, by default the plan's, if there is an objective.
             domain_pddl: the domain that the planner was given, by default the plan's own, if it
                 differs from the text that the store writes for the state.
             problem_pddl: the problem that the planner was given, likewise.

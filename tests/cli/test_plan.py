@@ -84,13 +84,13 @@ def test_the_plan_is_in_the_format_of_the_validator(
     assert result.stdout == (
         "; revision 2\n; solved_optimally by aries\n0.000: (move rb1 kitchen) [2.50]\n10: (wait)\n"
     )
-    assert asked == [{"revision": 2, "engine": None, "timeout": None}]
+    assert asked == [{"revision": 2, "engine": None, "timeout": None, "strict": False}]
 
 
 def test_engine_time_and_moment_can_be_chosen(url: str, asked: list[dict[str, object]]) -> None:
     words = ["--at", "1", "--engine", "enhsp", "--timeout", "1.5", "--kb", "default"]
     assert run("plan", *words, url=url).exit_code == 0
-    assert asked == [{"revision": 1, "engine": "enhsp", "timeout": 1.5}]
+    assert asked == [{"revision": 1, "engine": "enhsp", "timeout": 1.5, "strict": False}]
 
 
 @pytest.mark.usefixtures("asked")
@@ -100,6 +100,7 @@ def test_json_says_all_of_the_plan(url: str) -> None:
         "revision": 2,
         "engine": "aries",
         "status": "solved_optimally",
+        "ignored": [],
         "steps": [
             {
                 "start": "0.000",
@@ -193,3 +194,48 @@ def test_who_and_why_go_with_record(url: str, words: list[str]) -> None:
     result = run("plan", url, *words)
     assert "--record" in one_line(result.stderr)
     assert result.exit_code == 2
+
+
+def test_what_the_planner_was_not_given_is_printed(
+    url: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    calls: list[object] = []
+
+    def plan(kb: KnowledgeBase, **words: object) -> Plan:
+        calls.append(words["strict"])
+        return Plan((), "aries", "solved_satisficing", kb.revision, ignored=("(total-time)\nso",))
+
+    monkeypatch.setattr(KnowledgeBase, "plan", plan)
+    assert "; ignored: (total-time)\\nso\n" in run("plan", url).stdout
+    assert json.loads(run("plan", url, "--json", "--strict").stdout)["ignored"] == [
+        "(total-time)\nso"
+    ]
+    assert calls == [False, True]
+
+
+def test_the_plan_of_another_planner_is_read_and_recorded(url: str, tmp_path: Path) -> None:
+    file = tmp_path / "sas_plan"
+    text = "(MOVE rb1 table1 kitchen)\r\n(move rb1 kitchen table1)\r\n; cost = 2 (unit cost)"
+    file.write_text(text)
+    words = "--read", str(file), "--at", "1", "--record", "--actor", "operator"
+    document = json.loads(run("plan", url, *words, "--json").stdout)
+    assert (document["revision"], document["engine"]) == (1, "fast-downward")
+    with kant_sql.connect(url) as kb:
+        (recorded,) = kb.plans.get_all()
+    assert [str(step) for step in recorded.steps] == [
+        "(move rb1 table1 kitchen)",
+        "(move rb1 kitchen table1)",
+    ]
+    # What is printed is read again.
+    printed = run("plan", url, "--read", str(file)).stdout
+    file.write_text(printed)
+    assert run("plan", url, "--read", str(file)).stdout == printed
+    file.write_text("(mov rb1 table1 kitchen)")
+    wrong = run("plan", url, "--read", str(file), "--record")
+    assert "action 'mov' is not known at revision" in one_line(wrong.stderr)
+    assert "(did you mean move?)" in wrong.stderr
+    file.write_text("(move rb1 table1 kitchen)\nmove rb1")
+    wrong = run("plan", url, "--read", str(file))
+    assert "sas_plan:2:1: in the plan: found 'move rb1', expected a step as" in wrong.stderr
+    assert wrong.exit_code == 1
+    assert run("plan", url, "--read", str(file), "--strict").exit_code == 2

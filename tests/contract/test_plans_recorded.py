@@ -27,6 +27,7 @@ from tests.support.reading import beside, last_changes, nothing_changes, rows, u
 from tests.support.statements import count
 from tests.support.stores import Connect
 from tests.support.worlds.missions import (
+    PROBLEM,
     STEPS,
     TOUR,
     arrive,
@@ -160,6 +161,8 @@ WRONG: list[tuple[PlanStep, str]] = [
     (step("move", "rb1", "wp1"), "has 2 arguments, expected 3 as in (:durative-action Move"),
     (step("rest", "rb1"), "has 1 arguments, expected 0 as in (:action rest"),
     (step("move", "rb1", "wp1", "wp9"), "object 'wp9' is not known at revision 1"),
+    (step("mov", "rb1"), "the state that it was planned from (did you mean Move?); give the plan"),
+    (step("move", "rb1", "wp1", "homer"), "planned from (did you mean Home?); give the plan"),
     (step("charge", "rb1", "wp1"), "argument 2, 'Wp1', is 'Wp1 - place' at revision 1, expected a"),
     (step("charge", "wp1", "home"), "argument 1, 'Wp1', is 'Wp1 - place'"),
     (step("rest", start="-1"), "its start is -1, expected 0 seconds or more"),
@@ -341,3 +344,20 @@ def test_a_plan_stays_when_the_state_that_it_was_made_from_is_archived(
     moved = connect(url, knowledge_base="tiago").plans.get(made.id)
     assert moved is not None
     assert moved.problem_pddl() == text
+
+
+def test_a_plan_that_was_read_is_recorded(fresh_kb: KnowledgeBase) -> None:
+    begin(fresh_kb)
+    text = "\n".join(str(each) for each in TOUR.steps).upper()
+    made = fresh_kb.plans.record(Plan.read(f"; Plan found with metric 7.50\n{text}\n"))
+    kept = fresh_kb.plans.record(TOUR)
+    assert [(one.start, one.action, one.arguments, one.duration) for one in made.steps] == [
+        (one.start, one.action, one.arguments, one.duration) for one in kept.steps
+    ]
+    assert (made.planner, made.status) == (None, "solved_satisficing")
+    assert (made.objective, made.value) == ("minimize (total-cost)", Decimal("7.50"))
+    assert fresh_kb.plans.record(replace(TOUR, value=Decimal(3)), value=8).value == 8
+    # Without an objective, there is nothing that the number is the value of.
+    fresh_kb.load_problem(PROBLEM.replace("(:metric minimize (total-cost))", ""))
+    bare = fresh_kb.plans.record(Plan.read(";;;; Solution Found\n; Cost: 7.50\n"))
+    assert (bare.objective, bare.value) == (None, None)
