@@ -459,12 +459,9 @@ class Snap:
                 if found is not None:
                     self._memory[number] = found
         failed = list(changes.undefined)
-        for (function, row), updates in changes.updates.items():
+        for fluent, updates in changes.updates.items():
             if len(updates) > 1 and any(one.operator not in _ADDITIVE for one in updates):
-                text = f"({' '.join((function, *row))})"
-                failed.append(
-                    FailedCondition(text, "its new value is not defined: it changes twice")
-                )
+                failed.append(_about(fluent, "two effects of the action change it"))
         return failed
 
     def reads(self) -> list[tuple[str, _Pattern]]:

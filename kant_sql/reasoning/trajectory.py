@@ -21,11 +21,11 @@ For states S0, S1 ... Sn at times t0 <= t1 ... <= tn:
 `forall` around a preference makes one preference for each object; `forall` and `and` inside one
 belong to it. Modal operators do not nest, and `or`, `not` and `imply` do not contain them.
 
-A monitor keeps the same few values however long the trajectory is. VAL deviates in four cases:
-- it ends a window of `hold-during` with the first state inside it;
-- it does not see that A fails at t when no state has a time inside the window;
-- it counts `(preference p (and ...))` once for each violated conjunct;
-- it judges a quantifier outside a preference as one preference if another one is outside of it.
+A monitor keeps the same few values however long the trajectory is. VAL deviates:
+- it takes the time of `hold-after` for 0, which makes it `always`;
+- it judges a window of `hold-during` by the first state inside it alone, by the state before a
+  happening where an invariant is checked at that time, and not at all if no state is inside it;
+- it counts `(preference p (and ...))` once for each violated conjunct.
 """
 
 from __future__ import annotations

@@ -1,0 +1,228 @@
+"""`validate` and VAL say the same of plans, of plans with one thing changed, and of random steps.
+
+Plans are those that planners found (`plans/`). By default, a sample is judged; the profile `long`
+judges all of them and many more changes of each (`KANT_SQL_TEST_PROFILE=long`), and prints the
+counts.
+"""
+
+from __future__ import annotations
+
+import random
+from collections import Counter
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+
+from kant_sql import Plan
+from kant_sql.dto import formulas as f
+from kant_sql.pddl import Domain, Problem, read_domain, read_problem
+from kant_sql.pddl.writer import write
+from tests.meaning import val
+from tests.meaning.judging import Judged, judge
+from tests.meaning.material import ALL, Pair, corpus_pairs, own_pairs
+from tests.meaning.plan_mutations import KINDS, mutations, read_plan
+from tests.meaning.walks import walk
+from tests.support.corpus import WITHOUT_CORPUS
+
+# Processes happen by themselves.
+OWN = [pair for pair in own_pairs() if pair.name != "process" and pair.plan.exists()]
+# Changes of each kind.
+EACH = 6 if ALL else 1
+WALKS = 4 if ALL else 1
+LENGTH = 12
+# Of the competitions' pairs, every n-th is judged by default.
+STEP = 1 if ALL else 20
+
+
+class Case(NamedTuple):
+    """A plan, and where it comes from."""
+
+    origin: str
+    plan: Plan
+
+
+class Task(NamedTuple):
+    """A pair, as files for VAL and as documents."""
+
+    pair: Pair
+    domain: Domain
+    problem: Problem
+
+    @property
+    def objects(self) -> list[str]:
+        """The names of the objects."""
+        return [one.name for one in (*self.domain.constants, *self.problem.objects)]
+
+
+def read(pair: Pair) -> Task:
+    """Read a pair."""
+    domain = read_domain(pair.domain)
+    return Task(pair, domain, read_problem(pair.problem, domain=domain))
+
+
+def without_goal(task: Task, folder: Path) -> Task:
+    """Leave only preferences of the goal, so that any plan has a value."""
+    goal = tuple(
+        part for part in task.problem.goal if any(isinstance(n, f.Preference) for n in f.walk(part))
+    )
+    problem = replace(task.problem, goal=goal)
+    file = folder / f"{task.pair.name}.pddl"
+    file.write_text(write(problem))
+    return Task(replace(task.pair, problem=file), task.domain, problem)
+
+
+def changed(task: Task, each: int) -> Iterator[Case]:
+    """Yield the plan of a pair, and changes of it."""
+    plan = read_plan(task.pair.plan.read_text())
+    yield Case("plan", plan)
+    for kind, other in mutations(plan, task.objects, task.pair.name, each):
+        yield Case(kind, other)
+
+
+def walks(task: Task, count: int) -> Iterator[Case]:
+    """Yield random steps, and changes of them."""
+    for number in range(count):
+        plan = walk(task.domain, task.problem, f"{task.pair.name} {number}", LENGTH)
+        if plan.steps:
+            yield Case("walk", plan)
+            for _, other in mutations(plan, task.objects, number, 1):
+                yield Case("changed walk", other)
+
+
+def check(task: Task, cases: list[Case], folder: Path, wrong: list[str]) -> Counter[str]:
+    """Judge plans; count them by origin and outcome, and note what is judged differently."""
+
+    def one(number: int) -> Judged:
+        file = folder / f"{task.pair.name}.{number}.plan"
+        return judge(task.pair, task.domain, task.problem, cases[number].plan, file)
+
+    with ThreadPoolExecutor(2) as pool:
+        found = list(pool.map(one, range(len(cases))))
+    wrong += [
+        f"{task.pair.name} {case.origin}: {judged.difference}"
+        for case, judged in zip(cases, found, strict=True)
+        if judged.difference
+    ]
+    counts = Counter(
+        f"{case.origin}: {judged.outcome}" for case, judged in zip(cases, found, strict=True)
+    )
+    counts["with VAL's tolerance"] += sum(judged.is_tolerant for judged in found)
+    return counts
+
+
+def tasks() -> list[Task]:
+    """The pairs of the competitions that are judged, which VAL reads."""
+    pairs = [pair for pair in corpus_pairs()[::STEP] if val.accepts(pair)]
+    if not pairs:
+        pytest.skip(WITHOUT_CORPUS)
+    return [read(pair) for pair in pairs]
+
+
+@pytest.mark.parametrize("pair", OWN, ids=lambda pair: pair.name)
+def test_own_plans_are_judged_as_val_judges_them(pair: Pair, tmp_path: Path) -> None:
+    task = read(pair)
+    wrong: list[str] = []
+    counts = check(task, [*changed(task, 2 * EACH)], tmp_path, wrong)
+    free = without_goal(task, tmp_path)
+    counts += check(free, [*walks(free, WALKS), *changed(free, EACH)], tmp_path, wrong)
+    print(pair.name, dict(counts))
+    assert not wrong, "\n\n".join(wrong)
+    assert counts["plan: valid"] == 2
+
+
+def test_plans_of_the_competitions_are_judged_as_val_judges_them(tmp_path: Path) -> None:
+    counts: Counter[str] = Counter()
+    wrong: list[str] = []
+    for task in tasks():
+        if task.pair.plan.exists():
+            counts += check(task, [*changed(task, EACH)], tmp_path, wrong)
+    print(sum(counts.values()), dict(sorted(counts.items())))
+    assert not wrong, "\n\n".join(wrong)
+    for origin in KINDS:
+        assert any(name.startswith(f"{origin}: ") for name in counts), origin
+    assert counts["plan: valid"] >= (80 if ALL else 3)
+
+
+def test_random_steps_are_judged_as_val_judges_them(tmp_path: Path) -> None:
+    counts: Counter[str] = Counter()
+    wrong: list[str] = []
+    for task in tasks():
+        if ALL:
+            counts += check(task, [*walks(task, WALKS)], tmp_path, wrong)
+        free = without_goal(task, tmp_path)
+        counts += check(free, [*walks(free, WALKS)], tmp_path, wrong)
+    print(sum(counts.values()), dict(sorted(counts.items())))
+    assert not wrong, "\n\n".join(wrong)
+    assert counts["walk: valid"] >= 3
+
+
+def test_changed_plans_are_the_same_each_time() -> None:
+    task = read(OWN[0])
+    first, second = ([*changed(task, 2)] for _ in range(2))
+    assert first == second
+    assert len({case.plan.steps for case in first}) == len(first) > len(KINDS)
+
+
+SWITCHES = """(define (domain switches)
+  (:requirements :adl :constraints :preferences :durative-actions)
+  (:predicates (a) (b) (lit ?x) (ready))
+  (:action put-a :parameters () :precondition (and) :effect (a))
+  (:action put-b :parameters () :precondition (and) :effect (b))
+  (:action clear-a :parameters () :precondition (and) :effect (not (a)))
+  (:action clear-b :parameters () :precondition (and) :effect (not (b)))
+  (:action turn :parameters (?x) :precondition (and) :effect (lit ?x))
+  (:durative-action wait :parameters () :duration (= ?duration 3) :condition (over all (ready))
+    :effect (at end (ready))))"""
+SETS = ("put-a", "put-b", "clear-a", "clear-b", "turn x", "turn y", "turn z")
+
+
+# VAL takes the time of hold-after for 0, and judges hold-during by one state (`trajectory.py`).
+OPERATORS = [*sorted(f.MODALS.keys() - {"hold-after", "hold-during"}), "at end"]
+
+
+def random_constraints(chance: random.Random, count: int) -> str:
+    """Write preferences over modal formulas of each kind, also quantified ones."""
+    found = []
+    for number in range(count):
+        operator = chance.choice(OPERATORS)
+        times, formulas = f.MODALS.get(operator, (0, 1))
+        numbers = " ".join(str(time) for time in sorted(chance.randint(1, 9) for _ in range(times)))
+        pool = ("(a)", "(b)", "(not (a))", "(or (a) (b))", "(exists (?y) (lit ?y))", "(lit ?x)")
+        inner = " ".join(chance.choice(pool[: 6 if number % 2 else 5]) for _ in range(formulas))
+        modal = f"({operator} {numbers} {inner})"
+        if number % 2:
+            modal = f"(forall (?x) (preference p{number} {modal}))"
+        else:
+            modal = f"(preference p{number} {modal})"
+        found.append(modal)
+    return " ".join(found)
+
+
+def test_constraints_are_judged_as_val_judges_them(tmp_path: Path) -> None:
+    """Each preference stands for its constraint, so that one plan is judged by many."""
+    chance = random.Random(3)
+    wrong: list[str] = []
+    counts: Counter[str] = Counter()
+    for number in range(40 if ALL else 4):
+        domain = read_domain(SWITCHES)
+        text = f"""(define (problem p) (:domain switches) (:objects x y z)
+          (:init {chance.choice(("", "(a)", "(b)"))} (ready)) (:goal (and))
+          (:constraints (and {random_constraints(chance, 24)})) (:metric minimize (total-time)))"""
+        problem = read_problem(text, domain=domain)
+        pair = Pair(f"switches-{number}", tmp_path / "domain.pddl", tmp_path / f"{number}.pddl")
+        pair.domain.write_text(SWITCHES)
+        pair.problem.write_text(text)
+        cases = []
+        for _ in range(6):
+            times = sorted(chance.sample(range(1, 11), chance.randint(1, 6)))
+            lines = [f"{time}: ({chance.choice(SETS)})" for time in times]
+            lines += [f"{time - 0.5}: (wait) [3]" for time in times[:1]]
+            cases.append(Case("switched", read_plan("\n".join(lines))))
+        counts += check(Task(pair, domain, problem), cases, tmp_path, wrong)
+    print(dict(counts))
+    assert not wrong, "\n\n".join(wrong)
+    assert counts["switched: valid"] == sum(counts.values())
