@@ -11,16 +11,17 @@ validator VAL has it (Howey, Long, Fox 2004); a negation outside of that is clas
 from __future__ import annotations
 
 from collections.abc import Collection, Generator, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from decimal import Decimal
 from itertools import count
-from typing import Any, TypeVar
+from typing import Any, Generic, NamedTuple, TypeVar
 
 from ..dto import formulas as f
 from ..dto.lexical import fold
 from ..errors import InvalidKnowledgeError, UnsupportedConstructError
 from ..pddl.conditions import ReadCondition
-from .definitions import Definitions
+from .definitions import Definitions, FunctionDefinition, PredicateDefinition
 
 # The ids of types whose objects fit; None for all objects.
 TypeSet = frozenset[int] | None
@@ -256,6 +257,25 @@ def run(steps: _Steps[T]) -> T:
         given = None
 
 
+class Needed(NamedTuple):
+    """The variables that stand for the values of object fluents, and what must hold of them."""
+
+    bound: tuple[Bound, ...]
+    needed: list[Part]
+
+
+D = TypeVar("D")
+
+
+class AppliedTerms(NamedTuple, Generic[D]):
+    """A predicate or a function with its terms, and what these need."""
+
+    definition: D
+    terms: tuple[Place, ...]
+    bound: tuple[Bound, ...]
+    needed: list[Part]
+
+
 class Resolver:
     """Resolves the names of formulas in one state.
 
@@ -283,11 +303,42 @@ class Resolver:
         """Resolve a formula."""
         return run(self._formula(formula, False))
 
-    def quantity(self, expression: f.Expression) -> tuple[Quantity, tuple[Bound, ...], list[Part]]:
-        """Resolve a number: with the variables that it needs, and what must hold of them."""
+    @contextmanager
+    def within(self, variables: Sequence[f.TypedName]) -> Iterator[tuple[Bound, ...]]:
+        """Bind variables for the formulas of a block."""
+        yield self.variables(variables)
+        for variable in variables:
+            self._scope[fold(variable.name)].pop()
+
+    def atom(self, atom: f.Atom) -> AppliedTerms[PredicateDefinition]:
+        """Resolve the atom of an effect."""
+        predicate = self._predicate(atom)
         needed: list[Part] = []
         bound: list[Bound] = []
-        return run(self._expression(expression, needed, bound)), tuple(bound), needed
+        terms = self._terms(atom.terms, predicate.parameters, needed, bound)
+        return AppliedTerms(predicate, terms, tuple(bound), needed)
+
+    def fluent(self, fluent: f.Fluent) -> AppliedTerms[FunctionDefinition]:
+        """Resolve the fluent of an effect."""
+        function = self._definitions.functions.named(fluent.function)
+        if function is None:
+            raise InvalidKnowledgeError(f"function {fluent.function!r} is not known")
+        needed: list[Part] = []
+        bound: list[Bound] = []
+        terms = self._terms(fluent.terms, function.parameters, needed, bound)
+        return AppliedTerms(function, terms, tuple(bound), needed)
+
+    def assigned(
+        self, value: f.Expression | f.Term, function: FunctionDefinition
+    ) -> tuple[Quantity | Place, Needed]:
+        """Resolve what a fluent is assigned."""
+        needed: list[Part] = []
+        bound: list[Bound] = []
+        if function.type_ids:
+            assert isinstance(value, f.Variable | f.Constant | f.Fluent)
+            return self._term(value, needed, bound), Needed(tuple(bound), needed)
+        found = run(self._expression(value, needed, bound))
+        return found, Needed(tuple(bound), needed)
 
     def allowed(self, slot: Slot) -> tuple[TypeSet, ...]:
         """Return what the atoms that mention a variable allow."""
@@ -339,12 +390,8 @@ class Resolver:
         bound: list[Bound] = []
         found: Part
         match node:
-            case f.Atom(name, terms):
-                predicate = self._definitions.predicates.named(name)
-                if predicate is None:
-                    raise InvalidKnowledgeError(
-                        f"{node} is of predicate {name!r}, which is not known; save it first"
-                    )
+            case f.Atom(_, terms):
+                predicate = self._predicate(node)
                 places = self._terms(terms, predicate.parameters, needed, bound)
                 found = HoldsFact(predicate.id, places)
             case f.Equal(left, right):
@@ -360,6 +407,14 @@ class Resolver:
                     "and, or, not, imply, forall and exists"
                 )
         return Witness(tuple(bound), all_of([*needed, found])) if bound else found
+
+    def _predicate(self, atom: f.Atom) -> PredicateDefinition:
+        predicate = self._definitions.predicates.named(atom.predicate)
+        if predicate is None:
+            raise InvalidKnowledgeError(
+                f"{atom} is of predicate {atom.predicate!r}, which is not known; save it first"
+            )
+        return predicate
 
     @staticmethod
     def _same(left: Place, right: Place) -> Part:

@@ -1,0 +1,389 @@
+"""Steps that callers name, and the actions that they are, prepared for one state."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from decimal import Decimal
+from typing import TYPE_CHECKING, Any
+
+from ..arguments import shown
+from ..dto import formulas as f
+from ..dto.lexical import either_text, fold
+from ..errors import InvalidKnowledgeError, PlanError, UnsupportedConstructError
+from ..knowledge.conditions import (
+    AllOf,
+    Bound,
+    Column,
+    NumberOf,
+    Operation,
+    Part,
+    Place,
+    Quantity,
+    ResolvedCondition,
+    Resolver,
+    Slot,
+    all_of,
+    check_levels,
+    fits,
+)
+from ..knowledge.definitions import ActionDefinition, Definitions
+from ..knowledge.formulas import TreeReader, typed_name
+from ..knowledge.symbols import symbols_of
+from ..pddl.conditions import read_step
+from ..pddl.cursor import hint
+from ..pddl.document import ACTION, DURATIVE_ACTION
+from ..planning import PlanStep
+from ..plans.interfaces import RecordedStep
+from .failures import FailedCondition
+
+if TYPE_CHECKING:
+    pass
+
+Step = "str | PlanStep | RecordedStep | ActionInstance"
+_TIMES = re.compile(r"^\s*(?:[\d.]+\s*:)?\s*(\(.*\)|[^\[\]]*?)\s*(?:\[\s*([\d.]+)\s*\])?\s*$", re.S)
+_DURATION = f.Variable(f.DURATION)
+
+
+@dataclass(frozen=True)
+class GroundStep:
+    """An action with the objects of its parameters.
+
+    Attributes:
+        action: the action.
+        ids: the objects' ids.
+        names: their names.
+        duration: the duration that the caller gives.
+        recorded: the step of a recorded plan that it is.
+    """
+
+    action: PreparedAction
+    ids: tuple[int, ...]
+    names: tuple[str, ...]
+    duration: Decimal | None = None
+    recorded: RecordedStep | None = None
+
+    def __str__(self) -> str:
+        return f"({' '.join((self.action.name, *self.names))})"
+
+    @property
+    def values(self) -> dict[str, Any]:
+        """The values of the parameters in statements."""
+        return {f"b{number}": id_ for number, id_ in enumerate(self.ids)}
+
+    @property
+    def places(self) -> dict[Slot, str]:
+        """The parameters in statements."""
+        return {bound.slot: f":b{number}" for number, bound in enumerate(self.action.parameters)}
+
+    def of(self, term: Place) -> int | None:
+        """Return the object of a term that is a constant or a parameter."""
+        if not isinstance(term, Slot):
+            return term.id
+        for bound, id_ in zip(self.action.parameters, self.ids, strict=True):
+            if bound.slot == term:
+                return id_
+        return None
+
+
+@dataclass(frozen=True)
+class EffectItem:
+    """One effect of an action, without structure.
+
+    Attributes:
+        operator: `add`, `delete`, or that of an assignment.
+        head: the id of the predicate or the function.
+        terms: its terms.
+        value: the assigned number or object.
+        bound: the variables that it is for.
+        condition: what must hold right before the effect.
+        earlier: what must have held at the start of a durative action.
+    """
+
+    operator: str
+    head: int
+    terms: tuple[Place, ...]
+    value: Quantity | Place | None
+    bound: tuple[Bound, ...]
+    condition: Part
+    earlier: Part
+
+    @property
+    def numbers(self) -> list[NumberOf]:
+        """The fluents that its number is calculated from; its own one for a change."""
+        found: list[NumberOf] = []
+        pending: list[Any] = [self.value]
+        while pending:
+            each = pending.pop()
+            if isinstance(each, NumberOf):
+                found.append(each)
+            elif isinstance(each, Operation):
+                pending += each.operands
+        return list(dict.fromkeys(found))
+
+
+class PreparedAction:
+    """An action whose names are resolved: conditions and effects by their times.
+
+    Attributes:
+        definition: the action.
+        name: its name.
+        is_durative: whether it has a duration.
+        variables: its parameters.
+        parameters: the variables of its parameters.
+        kept: cache of its statements.
+    """
+
+    def __init__(self, definitions: Definitions, definition: ActionDefinition) -> None:
+        self.definition = definition
+        self.definitions = definitions
+        self.name = definition.name
+        self.is_durative = definition.kind == DURATIVE_ACTION
+        self.variables = tuple(typed_name(definitions, each) for each in definition.parameters)
+        self._resolver = Resolver(definitions)
+        self.parameters = self._resolver.variables(self.variables)
+        self.duration, self.conditions, self.effects = (
+            TreeReader(definitions, tree, definition.parameters).conjuncts()
+            for tree in definition.trees
+        )
+        self._parts: dict[str, Part] = {}
+        self._items: dict[str, tuple[EffectItem, ...]] = {}
+        self.kept: dict[Any, Any] = {}
+
+    @property
+    def columns(self) -> tuple[Column, ...]:
+        """The parameters as columns."""
+        return tuple(
+            Column(variable.name, bound)
+            for variable, bound in zip(self.variables, self.parameters, strict=True)
+        )
+
+    def nodes(self, time: str) -> list[f.Formula]:
+        """Return the hard conditions of a time; those of an action are all at its start."""
+        found = [_of_time(node, time if self.is_durative else None) for node in self.conditions]
+        return [node for node in found if node is not None]
+
+    def condition(self, time: str) -> Part:
+        """Return the conjunction of the hard conditions of a time."""
+        found = self._parts.get(time)
+        if found is None:
+            found = all_of(self._resolver.part(node) for node in self.nodes(time))
+            check_levels(found)
+            self._parts[time] = found
+        return found
+
+    def resolved(self, time: str) -> ResolvedCondition:
+        """Return the conditions of a time with the parameters as columns."""
+        return ResolvedCondition(self.condition(time), self.columns)
+
+    def items(self, time: str) -> tuple[EffectItem, ...]:
+        """Return the effects of a time; those of an action are all at its end."""
+        found = self._items.get(time)
+        if found is None:
+            wanted = time if self.is_durative else None
+            found = tuple(
+                item
+                for node in self.effects
+                for item in self._effect(node, _Around((), AllOf(()), AllOf(())), wanted)
+            )
+            self._items[time] = found
+        return found
+
+    def _effect(self, node: f.Node, around: _Around, time: str | None) -> Iterator[EffectItem]:
+        """Yield the effects within a node that happen at a time."""
+        match node:
+            case f.And(parts):
+                for part in parts:
+                    yield from self._effect(part, around, time)
+            case f.Timed(its, inner):
+                if its == time:
+                    yield from self._effect(inner, around, None)
+            case f.Forall(variables, inner):
+                with self._resolver.within(variables) as bound:
+                    yield from self._effect(inner, around.binding(bound), time)
+            case f.When(condition, inner):
+                yield from self._effect(inner, self._when(condition, around, time), time)
+            case _ if time is None:
+                yield self._leaf(node, around)
+            case f.Assign():
+                # A continuous effect, which no moment has.
+                return
+
+    def _when(self, condition: f.Formula, around: _Around, time: str | None) -> _Around:
+        if time is None:
+            return around.holding(self._resolver.part(condition))
+        if _of_time(condition, f.OVER_ALL) is not None:
+            raise UnsupportedConstructError(
+                f"action {self.name!r} has an effect whose condition is over all: {condition}; it "
+                "cannot be executed step by step"
+            )
+        now, start = (_of_time(condition, each) for each in (time, f.AT_START))
+        if time == f.AT_START and _of_time(condition, f.AT_END) is not None:
+            raise UnsupportedConstructError(
+                f"action {self.name!r} has an effect at start on a condition at end: {condition}"
+            )
+        if now is not None:
+            around = around.holding(self._resolver.part(now))
+        if time == f.AT_END and start is not None:
+            around = around.after(self._resolver.part(start))
+        return around
+
+    def _leaf(self, node: f.Node, around: _Around) -> EffectItem:
+        resolver = self._resolver
+        if isinstance(node, f.Assign):
+            function, terms, bound, needed = resolver.fluent(node.fluent)
+            value, of_value = resolver.assigned(node.value, function)
+            around = around.binding((*bound, *of_value.bound))
+            around = around.holding(all_of([*needed, *of_value.needed]))
+            return EffectItem(node.operator, function.id, terms, value, *around.parts)
+        operator, atom = ("delete", node.formula) if isinstance(node, f.Not) else ("add", node)
+        if not isinstance(atom, f.Atom):
+            raise UnsupportedConstructError(f"action {self.name!r} has no such effect: {node}")
+        predicate, terms, bound, needed = resolver.atom(atom)
+        around = around.binding(bound).holding(all_of(needed))
+        return EffectItem(operator, predicate.id, terms, None, *around.parts)
+
+
+@dataclass(frozen=True)
+class _Around:
+    """What is around an effect: variables, conditions, and conditions at the start."""
+
+    bound: tuple[Bound, ...]
+    condition: Part
+    earlier: Part
+
+    def binding(self, bound: Sequence[Bound]) -> _Around:
+        return _Around((*self.bound, *bound), self.condition, self.earlier)
+
+    def holding(self, part: Part) -> _Around:
+        return _Around(self.bound, all_of([self.condition, part]), self.earlier)
+
+    def after(self, part: Part) -> _Around:
+        return _Around(self.bound, self.condition, all_of([self.earlier, part]))
+
+    @property
+    def parts(self) -> tuple[tuple[Bound, ...], Part, Part]:
+        return self.bound, self.condition, self.earlier
+
+
+def _of_time(node: f.Formula, time: str | None) -> f.Formula | None:
+    """Return what of a condition belongs to a time, without preferences; None without any."""
+    if isinstance(node, f.Preference):
+        return None
+    if isinstance(node, f.And):
+        parts = [part for inner in node.formulas if (part := _of_time(inner, time)) is not None]
+        return f.And(tuple(parts)) if parts else None
+    if isinstance(node, f.Forall):
+        within = _of_time(node.formula, time)
+        return None if within is None else f.Forall(node.variables, within)
+    if isinstance(node, f.Timed):
+        return node.formula if node.time == time else None
+    return node if time is None else None
+
+
+def prepared(definitions: Definitions, definition: ActionDefinition) -> PreparedAction:
+    """Return a prepared action; those of a snapshot are kept with it."""
+    key = (PreparedAction, definition.id)
+    found: PreparedAction | None = definitions.derived.get(key)
+    is_kept = type(definitions) is Definitions
+    if found is None or found.definition is not definition or not is_kept:
+        found = PreparedAction(definitions, definition)
+        if is_kept:
+            definitions.derived[key] = found
+    return found
+
+
+def executable(definitions: Definitions) -> Iterator[ActionDefinition]:
+    """Yield the actions that can be steps: processes and events are not."""
+    return (each for each in definitions.actions if each.kind in (ACTION, DURATIVE_ACTION))
+
+
+def find_action(definitions: Definitions, name: str) -> ActionDefinition:
+    """Find an action by name."""
+    found = definitions.actions.named(name)
+    names = [each.name for each in executable(definitions)]
+    if found is None:
+        raise InvalidKnowledgeError(f"the action {name!r} is not known{hint(name, names)}")
+    if found.kind not in (ACTION, DURATIVE_ACTION):
+        raise UnsupportedConstructError(
+            f"{found.name!r} is of kind {found.kind}, which happens by itself; name an action"
+        )
+    return found
+
+
+def ground(definitions: Definitions, step: object) -> GroundStep:
+    """Find the action and the objects of a step; whether they fit is checked later."""
+    name, arguments, duration, recorded = _said(definitions, step)
+    action = prepared(definitions, find_action(definitions, name))
+    if len(arguments) != len(action.parameters):
+        wanted = " ".join((action.name, *(f"?{each.name}" for each in action.variables)))
+        raise InvalidKnowledgeError(
+            f"({' '.join((name, *arguments))}) has {len(arguments)} arguments, expected "
+            f"{len(action.parameters)} as in ({wanted})"
+        )
+    objects = []
+    for argument in arguments:
+        object_ = definitions.objects.named(argument)
+        if object_ is None:
+            names = [each.name for each in definitions.objects]
+            raise InvalidKnowledgeError(
+                f"the object {argument!r} of the step is not known{hint(argument, names)}"
+            )
+        objects.append(object_)
+    ids = tuple([each.id for each in objects])
+    names_ = tuple([each.name for each in objects])
+    return GroundStep(action, ids, names_, duration, recorded)
+
+
+_Said = tuple[str, Sequence[str], Decimal | None, RecordedStep | None]
+
+
+def _said(definitions: Definitions, step: object) -> _Said:
+    if isinstance(step, str):
+        match = _TIMES.match(step)
+        text, duration = (step, None) if match is None else match.groups()
+        read = read_step(
+            text,
+            symbols=symbols_of(definitions),
+            actions=lambda: [each.name for each in definitions.actions],
+        )
+        return *read, None if duration is None else Decimal(duration), None
+    if isinstance(step, PlanStep):
+        return step.action, step.arguments, step.duration, None
+    if isinstance(step, RecordedStep):
+        return step.action, step.arguments, step.duration, step
+    action = getattr(step, "action", None)
+    if type(step).__module__.startswith("unified_planning") and action is not None:
+        given: Any = step
+        return action.name, [str(each) for each in given.actual_parameters], None, None
+    raise PlanError(
+        f"{shown(step)} is no step; give text such as '(move rb1 hall kitchen)', a PlanStep, a "
+        "step of a recorded plan, or an ActionInstance of unified-planning"
+    )
+
+
+def misfits(definitions: Definitions, step: GroundStep) -> list[FailedCondition]:
+    """Return which objects do not fit the parameters of a step."""
+    found = []
+    live = definitions.types.live
+    for variable, bound, id_ in zip(
+        step.action.variables, step.action.parameters, step.ids, strict=True
+    ):
+        object_ = definitions.objects.live(id_)
+        if not all(fits(definitions, id_, types) for types in bound.types):
+            given = either_text(live(each).name for each in object_.type_ids)
+            reason = f"{object_.name} is of type {given}, expected {variable.type_text}"
+            found.append(FailedCondition(f"?{variable.name} - {variable.type_text}", reason))
+    return found
+
+
+def fixed(action: PreparedAction, names: Sequence[str]) -> Callable[[str], str | None]:
+    """Return which keyword fixes a parameter; `_` stands for `-`."""
+    del action
+
+    def keyword(parameter: str) -> str | None:
+        key = fold(parameter).replace("-", "_")
+        return next((name for name in names if fold(name).replace("-", "_") == key), None)
+
+    return keyword
