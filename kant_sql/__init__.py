@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from .planning import Plan, PlanStep
     from .plans.interfaces import RecordedPlan, RecordedStep
     from .reasoning.ask import Answers
+    from .reasoning.durative import BrokenInvariant
     from .reasoning.failures import FailedCondition
     from .reasoning.held import Held, HeldPeriods
     from .reasoning.validate import FailedStep, Validation, ViolatedConstraint
@@ -38,6 +39,7 @@ __all__ = [
     "AnchoredHead",
     "Answers",
     "Archived",
+    "BrokenInvariant",
     "Change",
     "DaoFactory",
     "FailedCondition",
@@ -88,6 +90,7 @@ _HOMES = {
         ".planning": ("Plan", "PlanStep"),
         ".plans.interfaces": ("RecordedPlan", "RecordedStep"),
         ".reasoning.ask": ("Answers",),
+        ".reasoning.durative": ("BrokenInvariant",),
         ".reasoning.failures": ("FailedCondition",),
         ".reasoning.validate": ("FailedStep", "Validation", "ViolatedConstraint"),
         ".reasoning.held": ("Held", "HeldPeriods"),

@@ -588,6 +588,18 @@ class AsyncKnowledgeBase(_Part):
     when = _iterate(KnowledgeBase.when)
     transaction = _Call(KnowledgeBase.transaction, _Transaction)
     holds = _read(KnowledgeBase.holds)
+    unsatisfied = _read(KnowledgeBase.unsatisfied)
+    unsatisfied_goals = _read(KnowledgeBase.unsatisfied_goals)
+    is_goal_reached = _read(KnowledgeBase.is_goal_reached)
+    metric_value = _read(KnowledgeBase.metric_value)
+    why_not = _read(KnowledgeBase.why_not)
+    is_applicable = _read(KnowledgeBase.is_applicable)
+    applicable_actions = _iterate(KnowledgeBase.applicable_actions)  # type: ignore[arg-type]
+    apply = _write(KnowledgeBase.apply)
+    start = _write(KnowledgeBase.start)
+    end = _write(KnowledgeBase.end)
+    abort = _write(KnowledgeBase.abort)
+    broken_invariants = _read(KnowledgeBase.broken_invariants)
 
     def __init__(self, door: _Door, *, kb: KnowledgeBase) -> None:
         """Wrap a knowledge base; `connect` does this.

@@ -31,6 +31,7 @@ __all__ = [
     "KantSqlError",
     "NoPlanError",
     "NotADatabaseError",
+    "NotApplicableError",
     "OutcomeUnknownError",
     "PddlError",
     "PlanError",
@@ -164,6 +165,21 @@ class DependantsError(KantSqlError):
 
 class ReadOnlyError(KantSqlError):
     """A write to something read-only, such as a past state."""
+
+
+class NotApplicableError(KantSqlError):
+    """A step cannot be executed in this state; nothing was written.
+
+    Attributes:
+        unsatisfied: the conditions that do not hold, each a `FailedCondition`.
+    """
+
+    def __init__(self, message: str, unsatisfied: Sequence[Any] = ()) -> None:
+        super().__init__(message)
+        self.unsatisfied = tuple(unsatisfied)
+
+    def __reduce__(self) -> tuple[type[NotApplicableError], tuple[str, tuple[Any, ...]]]:
+        return NotApplicableError, (str(self), self.unsatisfied)
 
 
 class StaleRevisionError(KantSqlError):

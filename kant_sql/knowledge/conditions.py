@@ -340,6 +340,13 @@ class Resolver:
         found = run(self._expression(value, needed, bound))
         return found, Needed(tuple(bound), needed)
 
+    def number(self, expression: f.Expression) -> tuple[Quantity, Needed]:
+        """Resolve a number."""
+        needed: list[Part] = []
+        bound: list[Bound] = []
+        found = run(self._expression(expression, needed, bound))
+        return found, Needed(tuple(bound), needed)
+
     def allowed(self, slot: Slot) -> tuple[TypeSet, ...]:
         """Return what the atoms that mention a variable allow."""
         return tuple(self._allowed.get(slot, ()))

@@ -10,7 +10,7 @@ from decimal import Decimal
 from functools import partial
 from typing import NamedTuple
 
-from sqlalchemy import bindparam, select
+from sqlalchemy import bindparam, literal_column, select
 from typing_extensions import override
 
 from ..arguments import one_of, shown, whole_number
@@ -30,7 +30,7 @@ from ..planning import Plan, PlanStep, problem_hash
 from ..sql import tables as t
 from ..sql.changes import ASSERTED, PLAN, PLAN_STEP, Change
 from ..sql.dialects.base import Row
-from ..sql.plans import PlanDefinition, Step, StepDefinition, plan_rows
+from ..sql.plans import STEP_VERSIONS, PlanDefinition, Step, StepDefinition, plan_rows
 from ..sql.query import Query, integer
 from ..sql.rows import KB, table_of
 from ..store.snapshot import View
@@ -503,6 +503,47 @@ def _objective(plan: Plan, metric: str | None, stated: str | None) -> str | None
         return metric
     given = _GIVEN_METRIC.search(plan.problem_pddl)
     return None if given is None else given[1]
+
+
+# The steps that run now are few among all that ever had a status.
+_RUNNING = Query(
+    select(STEP_VERSIONS.c.plan_id, STEP_VERSIONS.c.position)
+    .where(STEP_VERSIONS.c.kb_id == KB, STEP_VERSIONS.c.until.is_(None))
+    .where(STEP_VERSIONS.c.status == literal_column("'started'"))
+    .order_by(STEP_VERSIONS.c.plan_id, STEP_VERSIONS.c.position)
+)
+
+
+def running_steps(store: Store) -> list[RecordedStep]:
+    """Read the steps that are started and have not ended."""
+
+    def work(view: View) -> list[RecordedStep]:
+        if view.kb_id is None:
+            return []
+        running = view.session.rows(_RUNNING, kb=view.kb_id)
+        reader = _PlanReader(store, view, view.kb_id)
+        plans = {plan.id: plan for id_ in {row[0] for row in running} for plan in reader.read(id_)}
+        return [plans[plan_id].steps[position] for plan_id, position in running]
+
+    return store.read_in_snapshot(work)
+
+
+def record_step(store: Store, transaction: Transaction, step: PlanStep) -> RecordedStep:
+    """Record a step that is of no plan, as a plan of its own; no planner was given a problem."""
+    definition = PlanDefinition(
+        0,
+        transaction.head.revision,
+        problem_hash("", problem=""),
+        None,
+        None,
+        None,
+        None,
+        "executed",
+        "",
+        "",
+        check_steps(transaction.definitions, transaction.head.revision, Plan((step,), "", "")),
+    )
+    return SqlPlanDao(store, None)._record(transaction, definition).steps[0]
 
 
 def _metric(definitions: Definitions) -> str | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any, TypeVar, overload
 
 from ..arguments import expect, whole_number
@@ -77,9 +77,9 @@ class Prepared:
         return values
 
 
-def question(view: View) -> Question:
+def question(view: View, numbers: Iterable[str] = ()) -> Question:
     """Begin a question about a state."""
-    return Question(view.session.backend.words, view.definitions, view.at is not None)
+    return Question(view.session.backend.words, view.definitions, view.at is not None, numbers)
 
 
 def find_object(definitions: Definitions, given: Binding) -> ObjectDefinition:
@@ -126,7 +126,9 @@ def prepare(
     found = kept.get(key)
     if found is None or found.definitions is not definitions:
         read = read_condition(text, symbols=symbols_of(definitions), parameters=parameters)
-        given = {_given(name, [variable.name for variable in read.free]) for name in bindings}
+        given = {
+            given_variable(name, [variable.name for variable in read.free]) for name in bindings
+        }
         found = Prepared(resolve(definitions, read, given), definitions)
         if type(definitions) is Definitions:
             if len(kept) >= KEPT:
@@ -135,7 +137,7 @@ def prepare(
     return found
 
 
-def _given(keyword: str, variables: Sequence[str]) -> str:
+def given_variable(keyword: str, variables: Sequence[str]) -> str:
     """Return the variable that a keyword names, folded."""
     for name in variables:
         if _is(keyword, name):

@@ -8,6 +8,7 @@ from decimal import Decimal
 
 from ..dto import formulas as f
 from ..dto.lexical import fold
+from ..history.revisions import Revision
 from .conditions import Compiler, Condition, Conditions, Env, junction
 from .grounding import Binding, substitute
 from .world import World
@@ -25,12 +26,15 @@ class FailedCondition:
         reason: why it fails.
         left: the value of the left side of a comparison; None without a value.
         right: the value of its right side.
+        retracted: for a fact that held before, the revision that retracted it, with its time,
+            actor and reason.
     """
 
     text: str
     reason: str
     left: Decimal | None = None
     right: Decimal | None = None
+    retracted: Revision | None = None
 
     def __str__(self) -> str:
         return f"{self.text}: {self.reason}"

@@ -5,14 +5,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from decimal import Decimal
+
 from ..dao.interfaces import Interface, required
 from ..dto import PddlObjectDto
 from ..dto.formulas import Formula, Node
 from ..history.interfaces import When
-from ..planning import Plan
-from ..plans.interfaces import RecordedPlan
+from ..planning import Plan, PlanStep
+from ..plans.interfaces import RecordedPlan, RecordedStep
 from .ask import Answers, Binding
 from .held import HeldPeriods
+from .durative import BrokenInvariant
+from .failures import FailedCondition
+from .steps import Step
 from .validate import Validation
 
 
@@ -91,7 +97,266 @@ class Reasoning(Interface):
 
     # Explain.
 
+    @required
+    def unsatisfied(self, condition: str | Node, /, **bindings: Binding) -> list[FailedCondition]:
+        """Return the parts of a condition that do not hold.
+
+        Conjunctions are taken apart, and universal quantifiers into their first 20
+        counterexamples; other formulas are parts as they are.
+
+        Args:
+            condition: as for `holds`.
+            **bindings: as for `holds`.
+
+        Returns:
+            The parts, in order, each with the values of both sides of a comparison, and for a fact
+            that held before with the revision that retracted it. Empty if the condition holds.
+
+        Raises:
+            PddlError, TypeMismatchError, UnsupportedConstructError, ArchivedError: as `holds`.
+
+        Examples:
+            >>> for part in kb.unsatisfied("(and (robot_at rb1 wp1) (not (robot_at rb1 wp1)))"):
+            ...     print(part)
+            (not (robot_at rb1 wp1)): does not hold
+        """
+
+    @required
+    def unsatisfied_goals(self) -> list[FailedCondition]:
+        """Return the parts of the goals that do not hold; preferences are no part.
+
+        Returns:
+            The parts, as `unsatisfied`. Empty if all goals are reached.
+
+        Examples:
+            >>> _ = kb.propositions.save(PddlPropositionDto(robot_at, [rb1, wp2], is_goal=True))
+            >>> print(*kb.unsatisfied_goals())
+            (robot_at rb1 wp2): does not hold
+        """
+
+    @required
+    def is_goal_reached(self) -> bool:
+        """Return whether all goals hold; preferences do not count.
+
+        Returns:
+            Whether they hold; True without goals.
+
+        Examples:
+            >>> kb.is_goal_reached()
+            True
+        """
+
+    @required
+    def metric_value(self) -> Decimal | None:
+        """Evaluate the metric in this state, exactly.
+
+        `is-violated` counts the violated instances of a preference among the goals (PDDL 3.0).
+
+        Returns:
+            Its value; None without a metric.
+
+        Raises:
+            InvalidKnowledgeError: a fluent in it has no value, or it divides by 0.
+            UnsupportedConstructError: it is about `total-time`, or about a preference that is not
+                a goal: a plan has these, a state has not.
+
+        Examples:
+            >>> kb.metric_value() is None
+            True
+        """
+
+    @required
+    def why_not(self, step: Step) -> list[FailedCondition]:
+        """Return why a step cannot be executed now.
+
+        Args:
+            step: as for `apply`; its arguments may be of any type.
+
+        Returns:
+            The arguments that do not fit their parameters; else the conditions that do not hold,
+            as `unsatisfied`: those `at start` of a durative action. Empty for an applicable step.
+
+        Raises:
+            PddlError, InvalidKnowledgeError: it names what is not known.
+
+        Examples:
+            >>> kb.load_domain('''(define (domain doors) (:predicates (open) (key))
+            ...   (:action unlock :parameters () :precondition (key) :effect (open)))''').revision
+            2
+            >>> print(*kb.why_not("(unlock)"))
+            (key): does not hold
+        """
+
     # Act.
+
+    @required
+    def applicable_actions(
+        self, name: str | None = None, *, limit: int | None = None, **fixed: Binding
+    ) -> Iterator[PlanStep]:
+        """Find the steps that can be executed in this state.
+
+        Each action takes one statement, when its first step is needed. Of durative actions, the
+        conditions `at start` count; preferences do not.
+
+        Args:
+            name: an action's name; by default all actions in their order.
+            limit: the greatest number of steps.
+            **fixed: objects for parameters; actions without them are left out.
+
+        Returns:
+            The steps, ordered by action and as the objects were declared.
+
+        Raises:
+            InvalidKnowledgeError: an action or an object is not known.
+            InvalidArgumentError: there is no such parameter.
+            UnsupportedConstructError: the name is that of a process or an event.
+
+        Examples:
+            >>> kb.load_domain('''(define (domain doors) (:types door)
+            ...   (:constants front back - door) (:predicates (open ?d - door))
+            ...   (:action unlock :parameters (?d - door)
+            ...     :precondition (not (open ?d)) :effect (open ?d)))''').revision
+            2
+            >>> print(*kb.applicable_actions())
+            (unlock front) (unlock back)
+        """
+
+    @required
+    def is_applicable(self, step: Step) -> bool:
+        """Return whether a step can be executed now, by its conditions at the start.
+
+        Args:
+            step: as for `apply`.
+
+        Returns:
+            Whether its objects fit its parameters, and its conditions hold.
+
+        Raises:
+            PddlError, InvalidKnowledgeError: it names what is not known.
+        """
+
+    @required
+    def apply(
+        self, step: Step, *, reason: str | None = None, plan_step: RecordedStep | None = None
+    ) -> int | None:
+        """Execute a step: check its conditions and write its effects, in one revision.
+
+        Conditions and right-hand sides are evaluated in the state before, deletes come before adds,
+        numbers are exact (PDDL 2.1). A durative action is executed at once: its start, then its
+        end, each with its conditions. The head is locked meanwhile, so nothing changes between the
+        check and the effects. A step of a recorded plan gets the status `succeeded`.
+
+        Args:
+            step: text such as `"(move rb1 hall kitchen)"`, with `[5]` for a duration, a
+                `PlanStep`, a step of a recorded plan, or an `ActionInstance` of unified-planning.
+            reason: the revision's reason; by default the step.
+            plan_step: the running step of a recorded plan that the revision links to.
+
+        Returns:
+            The revision; None when nothing changed, or within an open transaction.
+
+        Raises:
+            NotApplicableError: a condition does not hold, or a right-hand side has no value;
+                nothing is written.
+            PddlError, InvalidKnowledgeError: the step names what is not known.
+            UnsupportedConstructError: it is a process or an event.
+            ReadOnlyError: this is a view of the past.
+
+        Examples:
+            >>> kb.load_domain('''(define (domain doors) (:predicates (open))
+            ...   (:action unlock :parameters ()
+            ...     :precondition (not (open)) :effect (open)))''').revision
+            2
+            >>> kb.apply("(unlock)", reason="the bell rang")
+            3
+            >>> kb.is_applicable("(unlock)")
+            False
+        """
+
+    @required
+    def start(
+        self, step: Step, *, reason: str | None = None, plan_step: RecordedStep | None = None
+    ) -> RecordedStep:
+        """Start a durative step: its conditions and effects `at start`, in one revision.
+
+        Args:
+            step: as for `apply`. Without a duration, it has the one that a constraint fixes.
+            reason: as for `apply`.
+            plan_step: as for `apply`.
+
+        Returns:
+            The running step, with the status `started`; a step of no plan is recorded as a plan of
+            its own.
+
+        Raises:
+            NotApplicableError: a condition at the start does not hold, the duration violates its
+                constraint by more than 0.01, or the same step is running already.
+            PlanError: the action has no duration.
+            PddlError, InvalidKnowledgeError, ReadOnlyError: as `apply`.
+
+        Examples:
+            >>> kb.load_domain('''(define (domain doors) (:predicates (open) (busy))
+            ...   (:durative-action unlock :parameters () :duration (= ?duration 3)
+            ...     :condition (over all (busy))
+            ...     :effect (and (at start (busy)) (at end (open)))))''').revision
+            2
+            >>> step = kb.start("(unlock)")
+            >>> step.status, step.duration, kb.holds("(busy)"), kb.holds("(open)")
+            ('started', Decimal('3'), True, False)
+            >>> kb.end(step)
+            4
+            >>> kb.holds("(open)")
+            True
+        """
+
+    @required
+    def end(
+        self, step: Step, *, reason: str | None = None, plan_step: RecordedStep | None = None
+    ) -> int | None:
+        """End a running step: its conditions and effects `at end`, in one revision.
+
+        What is `over all` must hold right before the end.
+
+        Args:
+            step: as for `apply`, or what `start` returned.
+            reason: as for `apply`.
+            plan_step: as for `apply`.
+
+        Returns:
+            The revision, as `apply`.
+
+        Raises:
+            NotApplicableError: a condition `over all` or `at end` does not hold.
+            PlanError: the step is not running.
+            PddlError, InvalidKnowledgeError, ReadOnlyError: as `apply`.
+        """
+
+    @required
+    def abort(self, step: Step, *, reason: str | None = None) -> int | None:
+        """Abort a running step: it gets the status `aborted`; what its start changed stays.
+
+        Args:
+            step: as for `end`.
+            reason: the revision's reason.
+
+        Returns:
+            The revision, as `apply`.
+
+        Raises:
+            PlanError: the step is not running.
+            PddlError, InvalidKnowledgeError, ReadOnlyError: as `apply`.
+        """
+
+    @required
+    def broken_invariants(self) -> list[BrokenInvariant]:
+        """Return the conditions `over all` of running steps that do not hold now.
+
+        Returns:
+            The conditions, each with its step, and the revision since which it does not hold.
+
+        Raises:
+            PlanError: this is a view of the past.
+        """
 
     # Plans.
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from decimal import Decimal
+
 from typing_extensions import override
 
 from ..arguments import expect
@@ -12,11 +15,16 @@ from ..dto import PddlObjectDto
 from ..dto.formulas import Formula, Node
 from ..history.interfaces import When
 from ..history.moments import state_at
-from ..planning import Plan
-from ..plans.interfaces import RecordedPlan
+from ..planning import Plan, PlanStep
+from ..plans.interfaces import RecordedPlan, RecordedStep
+from .act import applicable_actions, is_applicable, why_not
 from .ask import Answers, Binding, holds, query
 from .held import HeldPeriods
+from .durative import BrokenInvariant, abort, apply, broken_invariants, end, start
+from .explain import is_goal_reached, metric_value, unsatisfied, unsatisfied_goals
+from .failures import FailedCondition
 from .interfaces import Reasoning
+from .steps import Step
 from .validate import Validation, validate
 from .when import when
 
@@ -44,7 +52,67 @@ class SqlReasoning(SqlDao, Reasoning):
 
     # Explain.
 
+    @override
+    def unsatisfied(self, condition: str | Node, /, **bindings: Binding) -> list[FailedCondition]:
+        return unsatisfied(self._store, self._at, condition, bindings)
+
+    @override
+    def unsatisfied_goals(self) -> list[FailedCondition]:
+        return unsatisfied_goals(self._store, self._at)
+
+    @override
+    def is_goal_reached(self) -> bool:
+        return is_goal_reached(self._store, self._at)
+
+    @override
+    def metric_value(self) -> Decimal | None:
+        return metric_value(self._store, self._at)
+
+    @override
+    def why_not(self, step: Step) -> list[FailedCondition]:
+        return why_not(self._store, self._at, step)
+
     # Act.
+
+    @override
+    def applicable_actions(
+        self, name: str | None = None, *, limit: int | None = None, **fixed: Binding
+    ) -> Iterator[PlanStep]:
+        return applicable_actions(self._store, self._at, name, limit, fixed)
+
+    @override
+    def is_applicable(self, step: Step) -> bool:
+        return is_applicable(self._store, self._at, step)
+
+    @override
+    def apply(
+        self, step: Step, *, reason: str | None = None, plan_step: RecordedStep | None = None
+    ) -> int | None:
+        self._check_writable()
+        return apply(self._store, step, reason, plan_step)
+
+    @override
+    def start(
+        self, step: Step, *, reason: str | None = None, plan_step: RecordedStep | None = None
+    ) -> RecordedStep:
+        self._check_writable()
+        return start(self._store, step, reason, plan_step)
+
+    @override
+    def end(
+        self, step: Step, *, reason: str | None = None, plan_step: RecordedStep | None = None
+    ) -> int | None:
+        self._check_writable()
+        return end(self._store, step, reason, plan_step)
+
+    @override
+    def abort(self, step: Step, *, reason: str | None = None) -> int | None:
+        self._check_writable()
+        return abort(self._store, step, reason)
+
+    @override
+    def broken_invariants(self) -> list[BrokenInvariant]:
+        return broken_invariants(self._store, self._at)
 
     # Plans.
 

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from decimal import Decimal
 from typing import TYPE_CHECKING, Any
 
 from ..arguments import shown
 from ..dto import formulas as f
-from ..dto.lexical import either_text, fold
+from ..dto.lexical import either_text
 from ..errors import InvalidKnowledgeError, PlanError, UnsupportedConstructError
 from ..knowledge.conditions import (
     AllOf,
@@ -39,9 +39,13 @@ from ..plans.interfaces import RecordedStep
 from .failures import FailedCondition
 
 if TYPE_CHECKING:
-    pass
+    from unified_planning.plans import ActionInstance
 
-Step = "str | PlanStep | RecordedStep | ActionInstance"
+    Step = str | PlanStep | RecordedStep | ActionInstance
+else:
+    Step = str | PlanStep | RecordedStep
+
+# A step with its start and its duration, as in a plan.
 _TIMES = re.compile(r"^\s*(?:[\d.]+\s*:)?\s*(\(.*\)|[^\[\]]*?)\s*(?:\[\s*([\d.]+)\s*\])?\s*$", re.S)
 _DURATION = f.Variable(f.DURATION)
 
@@ -161,7 +165,7 @@ class PreparedAction:
 
     def nodes(self, time: str) -> list[f.Formula]:
         """Return the hard conditions of a time; those of an action are all at its start."""
-        found = [_of_time(node, time if self.is_durative else None) for node in self.conditions]
+        found = [of_time(node, time if self.is_durative else None) for node in self.conditions]
         return [node for node in found if node is not None]
 
     def condition(self, time: str) -> Part:
@@ -213,13 +217,13 @@ class PreparedAction:
     def _when(self, condition: f.Formula, around: _Around, time: str | None) -> _Around:
         if time is None:
             return around.holding(self._resolver.part(condition))
-        if _of_time(condition, f.OVER_ALL) is not None:
+        if of_time(condition, f.OVER_ALL) is not None:
             raise UnsupportedConstructError(
                 f"action {self.name!r} has an effect whose condition is over all: {condition}; it "
                 "cannot be executed step by step"
             )
-        now, start = (_of_time(condition, each) for each in (time, f.AT_START))
-        if time == f.AT_START and _of_time(condition, f.AT_END) is not None:
+        now, start = (of_time(condition, each) for each in (time, f.AT_START))
+        if time == f.AT_START and of_time(condition, f.AT_END) is not None:
             raise UnsupportedConstructError(
                 f"action {self.name!r} has an effect at start on a condition at end: {condition}"
             )
@@ -267,15 +271,15 @@ class _Around:
         return self.bound, self.condition, self.earlier
 
 
-def _of_time(node: f.Formula, time: str | None) -> f.Formula | None:
+def of_time(node: f.Formula, time: str | None) -> f.Formula | None:
     """Return what of a condition belongs to a time, without preferences; None without any."""
     if isinstance(node, f.Preference):
         return None
     if isinstance(node, f.And):
-        parts = [part for inner in node.formulas if (part := _of_time(inner, time)) is not None]
+        parts = [part for inner in node.formulas if (part := of_time(inner, time)) is not None]
         return f.And(tuple(parts)) if parts else None
     if isinstance(node, f.Forall):
-        within = _of_time(node.formula, time)
+        within = of_time(node.formula, time)
         return None if within is None else f.Forall(node.variables, within)
     if isinstance(node, f.Timed):
         return node.formula if node.time == time else None
@@ -376,14 +380,3 @@ def misfits(definitions: Definitions, step: GroundStep) -> list[FailedCondition]
             reason = f"{object_.name} is of type {given}, expected {variable.type_text}"
             found.append(FailedCondition(f"?{variable.name} - {variable.type_text}", reason))
     return found
-
-
-def fixed(action: PreparedAction, names: Sequence[str]) -> Callable[[str], str | None]:
-    """Return which keyword fixes a parameter; `_` stands for `-`."""
-    del action
-
-    def keyword(parameter: str) -> str | None:
-        key = fold(parameter).replace("-", "_")
-        return next((name for name in names if fold(name).replace("-", "_") == key), None)
-
-    return keyword

@@ -45,7 +45,7 @@ from ..knowledge.rules import DerivationRule, DerivationRules, rules_of
 from .dialects.words import Words
 
 # The first arguments of a fact that its version has, too.
-ARGUMENT_COLUMNS: tuple[str, ...] = ()
+ARGUMENT_COLUMNS = ("first_object_id", "second_object_id")
 # Rules take the place of their predicates up to this many; then they become relations.
 MAX_INLINED = 60
 # From this many ground facts of one predicate on, one list replaces as many lookups.
@@ -103,6 +103,8 @@ class ConditionWriter(ABC):
         self.values: dict[str, Any] = {}
         # Recursive predicates that are being computed -> the table that has them so far.
         self.growing: dict[int, str] = {}
+        # Numbers that come with each evaluation, such as a duration: parameters of that name.
+        self.known_numbers: frozenset[str] = frozenset()
         self._types: dict[Slot, tuple[TypeSet, ...]] = {}
         self._parameters: dict[tuple[type[Any], Any], str] = {}
         self._aliases = 0
@@ -336,11 +338,11 @@ class ConditionWriter(ABC):
             case Decimal():
                 return f"CAST({self.parameter(float(quantity))} AS DOUBLE PRECISION)"
             case Parameter(name):
-                raise UnsupportedConstructError(f"{name} has no value in a state")
-            case NumberOf(function, terms):
-                versions, where = self.value_version(function, terms, places)
-                column = f"{versions.split()[-1]}.number"
-                return f"(SELECT {column} FROM {versions} WHERE {' AND '.join(where)})"
+                if name not in self.known_numbers:
+                    raise UnsupportedConstructError(f"{name} has no value in a state")
+                return f"CAST(:{name} AS DOUBLE PRECISION)"
+            case NumberOf():
+                return self.value_of(quantity, places, "number")
             case Operation(operator, operands):
                 found = [self.number(each, places) for each in operands]
                 if len(found) == 1:
@@ -348,6 +350,12 @@ class ConditionWriter(ABC):
                 if operator == "/":
                     return f"({found[0]} / NULLIF({found[1]}, 0))"
                 return f"({balanced(operator, found)})"
+
+    def value_of(self, fluent: NumberOf, places: Places, column: str) -> str:
+        """Write a column of the version of a fluent; NULL without a value."""
+        versions, where = self.value_version(fluent.function, fluent.terms, places)
+        alias = versions.split()[-1]
+        return f"(SELECT {alias}.{column} FROM {versions} WHERE {' AND '.join(where)})"
 
     def value_version(
         self, function: int, terms: Sequence[Place], places: Places

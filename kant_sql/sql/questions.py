@@ -10,7 +10,7 @@ import json
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from ..knowledge.conditions import Column, Part, Quantity, Slot
+from ..knowledge.conditions import Bound, Column, NumberOf, Part, Quantity, Slot
 from ..knowledge.definitions import Definitions
 from .dialects.base import Row, Session
 from .dialects.words import Words
@@ -37,11 +37,19 @@ class Question:
         words: the dialect's.
         definitions: what is defined in the state.
         is_past: whether the state is that of a revision, not the present.
+        numbers: what comes with each evaluation, as parameters: a duration.
     """
 
-    def __init__(self, words: Words, definitions: Definitions, is_past: bool) -> None:
+    def __init__(
+        self,
+        words: Words,
+        definitions: Definitions,
+        is_past: bool,
+        numbers: Iterable[str] = (),
+    ) -> None:
         self._words = words
         self._compiler = ConditionCompiler(words, definitions, is_past)
+        self._compiler.known_numbers = frozenset(numbers)
 
     def truths(
         self,
@@ -101,6 +109,47 @@ class Question:
         return self._compiler.statement(
             f"SELECT {names} FROM ({select}) AS answers {joined} ORDER BY {order}{limit}"
         )
+
+    def effects(
+        self,
+        condition: Part,
+        bound: Sequence[Bound],
+        numbers: Sequence[NumberOf],
+        places: Mapping[Slot, str],
+    ) -> ConditionStatement:
+        """Write the statement of the objects and of exact numbers for which effects happen."""
+        compiler = self._compiler
+        selection = compiler.selection([condition], bound, places)
+        found = [selection.places[each.slot] for each in bound]
+        found += [compiler.value_of(number, selection.places, "value") for number in numbers]
+        distinct = "" if selection.is_distinct else "DISTINCT "
+        return compiler.statement(selection.text(f"{distinct}{', '.join(found) or '1'}"))
+
+    def held(self, predicate: int, keys: Iterable[str]) -> ConditionStatement:
+        """Write the statement of which facts of a predicate hold, by their arguments."""
+        compiler = self._compiler
+        where = [*self._listed(predicate, keys), compiler.atom_holds("p")]
+        return compiler.statement(
+            f"SELECT p.arguments FROM proposition AS p WHERE {' AND '.join(where)}"
+        )
+
+    def ended(self, predicate: int, keys: Iterable[str]) -> ConditionStatement:
+        """Write the statement of the revision that last retracted each fact of a predicate."""
+        until = " AND v.until <= :at" if self._compiler.is_past else ""
+        last = (
+            "SELECT v.until FROM proposition_version AS v WHERE v.kb_id = :kb AND "
+            f"v.proposition_id = p.id AND v.until IS NOT NULL{until} "
+            "ORDER BY v.since DESC LIMIT 1"
+        )
+        where = " AND ".join(self._listed(predicate, keys))
+        return self._compiler.statement(
+            f"SELECT p.arguments, ({last}) FROM proposition AS p WHERE {where}"
+        )
+
+    def _listed(self, predicate: int, keys: Iterable[str]) -> list[str]:
+        compiler = self._compiler
+        among = self._words.in_list.format("p.arguments", compiler.list_parameter(keys))
+        return [*compiler.atom("p", predicate), among]
 
     def _select(self, part: Part, columns: Sequence[Column], places: Mapping[Slot, str]) -> str:
         return self._compiler.rows([part], [column.bound for column in columns], places)

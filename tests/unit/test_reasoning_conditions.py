@@ -306,7 +306,7 @@ def test_failing_parts_are_named_with_values() -> None:
     ]
     assert [str(part) for part in found] == [
         "(at t home): does not hold",
-        "(not (at t a)): holds",
+        "(not (at t a)): does not hold",
         "(> (+ (size t) 1) (size u)): the sides are 2 and no value",
         "(imply (at u a) (>= (size u) 1)): does not hold",
     ]

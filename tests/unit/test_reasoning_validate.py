@@ -84,9 +84,9 @@ def test_unsatisfied_goals_are_named() -> None:
     assert found.failed_step is None
     assert found.unsatisfied_goals == (
         FailedCondition("(in hall)", "does not hold"),
-        FailedCondition("(not (lit attic))", "holds"),
+        FailedCondition("(not (lit attic))", "does not hold"),
     )
-    assert "the goal (not (lit attic)): holds" in str(found)
+    assert "the goal (not (lit attic)): does not hold" in str(found)
 
 
 def test_deletes_come_before_adds_and_numbers_are_exact() -> None:
@@ -157,7 +157,7 @@ def test_object_fluents_are_executed() -> None:
     problem = """(:objects a b - place x - box) (:init (free b) (= (at x) a))
       (:goal (and (= (at x) a) (free b)))"""
     assert run(domain, problem, "put x b", "put x a").valid
-    assert failure(run(domain, problem, "put x a"))[3][0] == "(not (= (at x) a)): holds"
+    assert failure(run(domain, problem, "put x a"))[3][0] == "(not (= (at x) a)): does not hold"
     assert "undefined" in failure(run(domain, problem, "back x"))[3][0]
     assert (
         run(domain, problem.replace("(:init", "(:init (= (home) a)"), "put x b", "back x").valid

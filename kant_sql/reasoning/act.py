@@ -1,0 +1,268 @@
+"""Acting: which steps can be executed, and executing one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager
+from decimal import Decimal
+from typing import Any
+
+from ..arguments import expect, optional_text, whole_number
+from ..dto import formulas as f
+from ..dto.formulas import AT_END, AT_START
+from ..dto.lexical import fold
+from ..errors import InvalidArgumentError
+from ..knowledge.definitions import ActionDefinition, Definitions
+from ..pddl.cursor import hint
+from ..planning import PlanStep
+from ..plans.dao import check_step, place_of
+from ..plans.interfaces import RecordedStep
+from ..sql.questions import GUARDS
+from ..sql.relations import ConditionStatement
+from ..store.snapshot import View
+from ..store.store import Store
+from ..store.transaction import Transaction
+from .ask import Binding, asked, check_fit, find_object, first_two, question
+from .effects import Earlier, EffectReader, not_applicable, statement_key, write
+from .explain import Explainer
+from .failures import FailedCondition
+from .grounding import bound, substitute
+from .steps import GroundStep, PreparedAction, executable, find_action, ground, misfits, prepared
+
+NO_NUMBERS: Mapping[str, Decimal] = {}
+
+
+class Stepper:
+    """Judges and executes one step in a state.
+
+    Args:
+        view: the state.
+        step: the step.
+        numbers: what comes with the step: its duration.
+    """
+
+    def __init__(
+        self, view: View, step: GroundStep, numbers: Mapping[str, Decimal] = NO_NUMBERS
+    ) -> None:
+        self.view = view
+        self.step = step
+        self.numbers = numbers
+
+    def holds(self, *times: str) -> bool:
+        """Return whether the conditions of some times hold."""
+        action, view = self.step.action, self.view
+        key = ("truth", times, *statement_key(view, self.numbers))
+        statement: ConditionStatement | None = action.kept.get(key)
+        if statement is None:
+            parts = [action.condition(time) for time in times]
+            statement = question(view, self.numbers).truths(parts, self.step.places)
+            action.kept[key] = statement
+        given = {**self.step.values, **{k: float(v) for k, v in self.numbers.items()}}
+        [row] = asked(view, statement, given, first_two)
+        return all(row[GUARDS:])
+
+    def failed(self, *times: str) -> list[FailedCondition]:
+        """Return the conditions of some times that do not hold, types of arguments included."""
+        wrong = misfits(self.view.definitions, self.step)
+        binding = bound(self.step.action.variables, self.step.names)
+        nodes = [node for time in times for node in self.step.action.nodes(time)]
+        closed: list[f.Formula] = [substitute(node, binding) for node in nodes]
+        # What does not fit its parameter may fit no predicate either.
+        return wrong or Explainer(self.view, self.numbers).failed(closed)
+
+    def check(self, *times: str) -> None:
+        """Refuse a step whose conditions do not hold."""
+        if misfits(self.view.definitions, self.step) or not self.holds(*times):
+            raise not_applicable(self.step, self.failed(*times))
+
+    def earlier(self) -> Earlier:
+        """Evaluate in the state before the start what effects at the end need of it."""
+        reader = EffectReader(self.view, self.step, self.numbers)
+        return reader.earlier(self.step.action.items(AT_END))
+
+    def execute(self, transaction: Transaction, time: str, earlier: Earlier | None = None) -> None:
+        """Write the effects of a time."""
+        reader = EffectReader(self.view, self.step, self.numbers, earlier)
+        write(transaction, self.step, reader.read(self.step.action.items(time)))
+
+
+def state_of(transaction: Transaction) -> View:
+    """Return the state of a transaction, with all that is pending."""
+    transaction.flush()
+    definitions = transaction.definitions.current()
+    return View(transaction.session, transaction.kb_id, definitions)
+
+
+def applicable_actions(
+    store: Store,
+    at: int | None,
+    name: str | None,
+    limit: int | None,
+    fixed: Mapping[str, Binding],
+) -> Iterator[PlanStep]:
+    """Return the steps that can be executed, action by action."""
+    if limit is not None:
+        whole_number(limit, "the limit")
+    if name is not None:
+        expect(name, str, "the name of an action", InvalidArgumentError)
+
+    def wanted(definitions: Definitions) -> list[str]:
+        actions = executable(definitions) if name is None else [find_action(definitions, name)]
+        found = [each.name for each in actions if _fixed(definitions, each, fixed, name)]
+        if fixed and not found:
+            raise InvalidArgumentError(
+                f"no action has parameters named {', '.join(f'?{each}' for each in fixed)}"
+            )
+        return found
+
+    names = store.check_definitions(wanted, at)
+    return _applicable(store, at, names, limit, fixed)
+
+
+def _fixed(
+    definitions: Definitions,
+    definition: ActionDefinition,
+    fixed: Mapping[str, Binding],
+    name: str | None,
+) -> bool:
+    """Return whether an action has all parameters that are fixed."""
+    action = prepared(definitions, definition)
+    names = [variable.name for variable in action.variables]
+    for keyword, value in fixed.items():
+        position = _position(names, keyword)
+        if position is None and name is not None:
+            raise InvalidArgumentError(
+                f"the action {name!r} has no parameter ?{keyword}{hint(keyword, names)}"
+            )
+        if position is None:
+            return False
+        object_ = find_object(definitions, value)
+        if name is not None:
+            check_fit(definitions, object_, action.columns[position])
+    return True
+
+
+def _position(names: Sequence[str], keyword: str) -> int | None:
+    """Return the parameter that a keyword names; `_` stands for `-`."""
+    folded = [fold(each).replace("-", "_") for each in names]
+    key = fold(keyword).replace("-", "_")
+    return folded.index(key) if key in folded else None
+
+
+def _applicable(
+    store: Store,
+    at: int | None,
+    names: Sequence[str],
+    limit: int | None,
+    fixed: Mapping[str, Binding],
+) -> Iterator[PlanStep]:
+    left = limit
+    for name in names:
+        if left == 0:
+            return
+        most = left
+
+        def work(view: View, name: str = name, most: int | None = most) -> list[PlanStep]:
+            definition = view.definitions.actions.named(name)
+            if definition is None:
+                return []
+            return _instances(view, prepared(view.definitions, definition), most, fixed)
+
+        for step in store.read(work, at):
+            yield step
+            left = None if left is None else left - 1
+
+
+def _instances(
+    view: View, action: PreparedAction, most: int | None, fixed: Mapping[str, Binding]
+) -> list[PlanStep]:
+    """Return the instances of an action that can be executed."""
+    definitions, names = view.definitions, [variable.name for variable in action.variables]
+    given: dict[str, Any] = {} if most is None else {"most": most}
+    places: dict[int, str] = {}
+    for keyword, value in fixed.items():
+        position = _position(names, keyword)
+        assert position is not None
+        object_ = find_object(definitions, value)
+        column = action.columns[position]
+        if not all(
+            one is None or not one.isdisjoint(object_.type_ids) for one in column.bound.types
+        ):
+            return []
+        places[position] = f":b{position}"
+        given[f"b{position}"] = object_.id
+    free = [column for n, column in enumerate(action.columns) if n not in places]
+    key = ("instances", *sorted(places), most is None, *statement_key(view, ()))
+    statement: ConditionStatement | None = action.kept.get(key)
+    if statement is None:
+        slots = {action.parameters[n].slot: place for n, place in places.items()}
+        statement = question(view).answers(
+            action.condition(AT_START), free, slots, most is not None
+        )
+        action.kept[key] = statement
+    rows = asked(view, statement, given, lambda row: row[1:3])[1:]
+    live = definitions.objects.live
+    chosen = {n: live(given[f"b{n}"]).name for n in places}
+    order = [n for n in range(len(names)) if n not in places]
+    found = []
+    for row in rows:
+        of_row = dict(zip(order, row[1:], strict=False))
+        arguments = tuple(
+            [chosen[n] if n in chosen else live(of_row[n]).name for n in range(len(names))]
+        )
+        found.append(PlanStep(None, action.name, arguments))
+    return found
+
+
+def is_applicable(store: Store, at: int | None, step: object) -> bool:
+    """Return whether a step can be executed."""
+
+    def work(view: View) -> bool:
+        found = ground(view.definitions, step)
+        if misfits(view.definitions, found):
+            return False
+        return Stepper(view, found).holds(AT_START)
+
+    return store.read(work, at)
+
+
+def why_not(store: Store, at: int | None, step: object) -> list[FailedCondition]:
+    """Return why a step cannot be executed."""
+
+    def work(view: View) -> list[FailedCondition]:
+        return Stepper(view, ground(view.definitions, step)).failed(AT_START)
+
+    return store.read_in_snapshot(work, at)
+
+
+def in_revision(
+    store: Store,
+    step: object,
+    reason: str | None,
+    plan_step: RecordedStep | None,
+    done: str,
+    work: Callable[[Transaction, GroundStep], None],
+) -> int | None:
+    """Do something with a step in one revision; return its number.
+
+    None when nothing changed, or within an open transaction.
+    """
+    optional_text(reason, "the reason")
+    recorded = plan_step if plan_step is not None else step
+    place = place_of(recorded) if isinstance(recorded, RecordedStep) else None
+    said = reason if reason is not None else f"{done} {_shown(step)}"
+    is_outer = store.current() is None
+    opened: AbstractContextManager[Transaction] = store.transaction(reason=said, plan_step=place)
+    with opened as transaction:
+        if isinstance(recorded, RecordedStep):
+            check_step(transaction, recorded)
+        work(transaction, ground(transaction.definitions.current(), step))
+    committed = transaction.committed
+    return committed.number if is_outer and committed is not None else None
+
+
+def _shown(step: object) -> str:
+    if not isinstance(step, str):
+        return str(step)
+    text = " ".join(step.split())
+    return text if "(" in text else f"({text})"

@@ -1,0 +1,265 @@
+"""The effects of a step: what it would change in a state, and writing that.
+
+All conditions and right-hand sides are evaluated in the state before, and deletes come before adds
+(Fox and Long, PDDL 2.1, 2003, section 4 and definition 11). Several increases and decreases of one
+fluent add up; other assignments of one fluent must agree. Numbers are calculated exactly.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from decimal import Decimal
+from typing import Any
+
+from ..dao.function_value import DECREASE, INCREASE, SCALE_DOWN, SCALE_UP, calculate
+from ..dto.elements import atom_text
+from ..dto.lexical import decimal_text, either_text
+from ..errors import NotApplicableError, TypeMismatchError
+from ..knowledge.conditions import AllOf, Known, NumberOf, Place, Slot, closure, fits
+from ..knowledge.definitions import Definitions, FunctionDefinition, PredicateDefinition
+from ..sql.questions import run
+from ..sql.relations import ConditionStatement
+from ..store.caches import AtomKey, FluentKey, FluentValue
+from ..store.snapshot import View
+from ..store.transaction import Transaction
+from .ask import question
+from .explain import exact
+from .failures import FailedCondition
+from .steps import EffectItem, GroundStep
+
+_CHANGES = {
+    "increase": INCREASE,
+    "decrease": DECREASE,
+    "scale-up": SCALE_UP,
+    "scale-down": SCALE_DOWN,
+}
+# Changes of these commute; a set has one of them.
+_GROUPS = ({"increase", "decrease"}, {"scale-up", "scale-down"})
+
+
+# For which objects the earlier condition of each effect held.
+Earlier = Mapping[int, set[tuple[Any, ...]]]
+
+
+def statement_key(view: View, numbers: Iterable[str]) -> tuple[Any, ...]:
+    """Return what a statement depends on besides its condition."""
+    return view.at is not None, view.session.backend.dialect.name, *sorted(numbers)
+
+
+@dataclass
+class StepChanges:
+    """What a step changes.
+
+    Attributes:
+        deletes: the facts that it deletes.
+        adds: the facts that it adds, with their texts.
+        assignments: what it does to each fluent, with the fluent's text.
+    """
+
+    deletes: dict[AtomKey, None] = field(default_factory=dict)
+    adds: dict[AtomKey, str] = field(default_factory=dict)
+    assignments: dict[FluentKey, tuple[str, list[tuple[str, Decimal | int]]]] = field(
+        default_factory=dict
+    )
+
+
+class EffectReader:
+    """Evaluates the effects of one step in a state.
+
+    Args:
+        view: the state before.
+        step: the step.
+        numbers: what comes with the step: its duration.
+        earlier: for which objects the conditions at the start held of effects at the end.
+    """
+
+    def __init__(
+        self,
+        view: View,
+        step: GroundStep,
+        numbers: Mapping[str, Decimal],
+        earlier: Earlier | None = None,
+    ) -> None:
+        self._view = view
+        self._step = step
+        self._numbers = numbers
+        self._earlier = {} if earlier is None else earlier
+        self._definitions: Definitions = view.definitions
+        self.changes = StepChanges()
+
+    def read(self, items: Sequence[EffectItem]) -> StepChanges:
+        """Return what the effects change."""
+        for item in items:
+            for objects, values in self._rows(item):
+                self._apply(item, objects, values)
+        return self.changes
+
+    def _rows(
+        self, item: EffectItem
+    ) -> Iterator[tuple[Mapping[Slot, int], Mapping[NumberOf, Decimal]]]:
+        """Yield for which objects an effect happens, with the numbers that it needs."""
+        numbers = item.numbers
+        if not (numbers or item.bound or item.condition != AllOf(()) or item.earlier != AllOf(())):
+            yield {}, {}
+            return
+        rows = self._run(item, "now")
+        slots = [each.slot for each in item.bound]
+        if item.earlier != AllOf(()):
+            held = self._earlier[id(item)]
+            rows = [row for row in rows if row[: len(slots)] in held]
+        for row in rows:
+            texts = row[len(slots) : len(slots) + len(numbers)]
+            values = {
+                number: Decimal(text)
+                for number, text in zip(numbers, texts, strict=True)
+                if text is not None
+            }
+            yield dict(zip(slots, row, strict=False)), values
+
+    def earlier(self, items: Sequence[EffectItem]) -> Earlier:
+        """Return for which objects what effects need at the start holds."""
+        return {
+            id(item): {row[: len(item.bound)] for row in self._run(item, "earlier")}
+            for item in items
+            if item.earlier != AllOf(())
+        }
+
+    def _run(self, item: EffectItem, which: str) -> list[Any]:
+        action, view = self._step.action, self._view
+        key = (which, id(item), *statement_key(view, self._numbers))
+        statement: ConditionStatement | None = action.kept.get(key)
+        if statement is None:
+            condition, numbers = item.condition, item.numbers
+            if which == "earlier":
+                condition, numbers = item.earlier, []
+            asking = question(view, self._numbers)
+            statement = asking.effects(condition, item.bound, numbers, self._step.places)
+            action.kept[key] = statement
+        given = {**self._step.values, **{k: float(v) for k, v in self._numbers.items()}}
+        rows = run(view.session, statement, kb=view.kb_id, at=view.at, given=given)
+        # Without columns, a row says that the condition holds.
+        return rows if item.bound or (item.numbers and which == "now") else [()] * len(rows)
+
+    def _apply(
+        self, item: EffectItem, objects: Mapping[Slot, int], values: Mapping[NumberOf, Decimal]
+    ) -> None:
+        ids = [self._object(term, objects) for term in item.terms]
+        arguments = " ".join(map(str, ids))
+        if item.operator in ("add", "delete"):
+            predicate = self._definitions.predicates.live(item.head)
+            key = AtomKey(False, predicate.id, arguments)
+            if item.operator == "delete":
+                self.changes.deletes[key] = None
+            else:
+                self.changes.adds[key] = self._text(predicate, ids)
+            return
+        function = self._definitions.functions.live(item.head)
+        text = self._text(function, ids)
+        value = self._value(item, function, objects, values, text)
+        fluent = FluentKey(function.id, arguments)
+        self.changes.assignments.setdefault(fluent, (text, []))[1].append((item.operator, value))
+
+    def _object(self, term: Place, objects: Mapping[Slot, int]) -> int:
+        found = objects.get(term) if isinstance(term, Slot) else term.id
+        if found is None:
+            found = self._step.of(term)
+        assert found is not None
+        return found
+
+    def _text(self, declared: PredicateDefinition | FunctionDefinition, ids: Sequence[int]) -> str:
+        """Write an atom or a fluent, whose objects must fit."""
+        live = self._definitions.objects.live
+        names = [live(id_).name for id_ in ids]
+        text = atom_text(declared.name, names)
+        for id_, parameter in zip(ids, declared.parameters, strict=True):
+            self._check_fit(id_, parameter.type_ids, f"{text}, which {self._step} changes,")
+        return text
+
+    def _check_fit(self, id_: int, type_ids: Sequence[int], role: str) -> None:
+        definitions = self._definitions
+        if not fits(definitions, id_, closure(definitions, type_ids)):
+            wanted = either_text(definitions.types.live(each).name for each in type_ids)
+            raise TypeMismatchError(
+                f"{role} has {definitions.objects.live(id_).name}, which is no {wanted}"
+            )
+
+    def _value(
+        self,
+        item: EffectItem,
+        function: FunctionDefinition,
+        objects: Mapping[Slot, int],
+        values: Mapping[NumberOf, Decimal],
+        text: str,
+    ) -> Decimal | int:
+        if isinstance(item.value, Slot | Known):
+            id_ = self._object(item.value, objects)
+            self._check_fit(id_, function.type_ids, f"({item.operator} {text} ...)")
+            return id_
+        assert item.value is not None
+        number = exact(item.value, values, self._numbers)
+        if number is None:
+            failed = FailedCondition(
+                f"({item.operator} {text} ...)",
+                "its value is undefined: a fluent in it has no value, or it divides by 0",
+            )
+            raise not_applicable(self._step, [failed])
+        return number
+
+
+def not_applicable(step: GroundStep, failed: Sequence[FailedCondition]) -> NotApplicableError:
+    """Make the error for a step."""
+    shown = "; ".join(map(str, failed[:5]))
+    more = f"; and {len(failed) - 5} more" if len(failed) > 5 else ""
+    return NotApplicableError(
+        f"{step} cannot be applied: {shown}{more}; nothing was written", failed
+    )
+
+
+def write(transaction: Transaction, step: GroundStep, changes: StepChanges) -> None:
+    """Write what a step changes."""
+    propositions = transaction.propositions
+    deleted = [key for key in changes.deletes if key not in changes.adds]
+    for atom in propositions.find(deleted).values() if deleted else ():
+        propositions.set(atom, False)
+    if changes.adds:
+        propositions.hold_all(changes.adds)
+    if not changes.assignments:
+        return
+    found = transaction.values.find(changes.assignments)
+    entries = []
+    for key, (text, made) in changes.assignments.items():
+        fluent = found.get(key)
+        before = None if fluent is None else transaction.values.value(fluent)
+        entries.append((key, text, _assigned(transaction, step, text, made, before)))
+    transaction.values.set_many(entries)
+
+
+def _assigned(
+    transaction: Transaction,
+    step: GroundStep,
+    text: str,
+    made: Sequence[tuple[str, Decimal | int]],
+    before: FluentValue | None,
+) -> FluentValue:
+    """Return the value that a fluent gets."""
+    operators = {operator for operator, _ in made}
+    if "assign" in operators:
+        values = {value for _, value in made}
+        if len(operators) > 1 or len(values) > 1:
+            raise not_applicable(
+                step, [FailedCondition(text, "the step assigns it several values")]
+            )
+        [value] = values
+        if isinstance(value, int):
+            return FluentValue(transaction.definitions.objects.live(value).name, value)
+        return FluentValue(decimal_text(value))
+    if not any(operators <= group for group in _GROUPS):
+        reason = "the step both adds to it and scales it"
+        raise not_applicable(step, [FailedCondition(text, reason)])
+    if before is None:
+        raise not_applicable(step, [FailedCondition(text, "has no value that could be changed")])
+    number = Decimal(before.text)
+    for operator, by in made:
+        number = calculate(_CHANGES[operator], number, Decimal(by))
+    return FluentValue(decimal_text(number))

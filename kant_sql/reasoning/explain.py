@@ -1,0 +1,374 @@
+"""Explaining: which parts of a condition do not hold, with what is known of each."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from decimal import Decimal
+from itertools import islice
+from typing import Any
+
+from ..dao.formula import read_formula, read_formulas
+from ..dao.function_value import DECREASE, INCREASE, SCALE_DOWN, SCALE_UP, calculate
+from ..dao.proposition import GOALS
+from ..dto import formulas as f
+from ..dto.lexical import decimal_text, fold
+from ..errors import InvalidKnowledgeError, UnsupportedConstructError
+from ..history.revisions import Revision, read_numbered
+from ..knowledge.conditions import (
+    Column,
+    HoldsFact,
+    Known,
+    Lacks,
+    NumberOf,
+    Operation,
+    Parameter,
+    Part,
+    Quantity,
+    Resolver,
+    all_of,
+    check_levels,
+    negate,
+)
+from ..knowledge.definitions import GOAL, METRIC
+from ..knowledge.rules import rules_of
+from ..knowledge.symbols import symbols_of
+from ..pddl.conditions import read_condition, text_of
+from ..sql.questions import GUARDS, run
+from ..store.snapshot import View
+from ..store.store import Store
+from .ask import EXAMPLE, Binding, asked, find_object, first_two, given_variable, question
+from .failures import MAX_INSTANCES, FailedCondition
+from .grounding import substitute
+from .steps import of_time
+
+# How many parts one statement judges.
+TOGETHER = 200
+OPERATIONS = {"+": INCREASE, "-": DECREASE, "*": SCALE_UP, "/": SCALE_DOWN}
+
+
+class Explainer:
+    """Finds the parts of closed formulas that do not hold in a state.
+
+    Args:
+        view: the state, in one snapshot.
+        numbers: what comes with the evaluation: a duration.
+    """
+
+    def __init__(self, view: View, numbers: Mapping[str, Decimal] | None = None) -> None:
+        self._view = view
+        self._exact = {} if numbers is None else dict(numbers)
+        self._numbers = {name: float(value) for name, value in self._exact.items()}
+
+    def failed(self, formulas: Iterable[f.Formula]) -> list[FailedCondition]:
+        """Return the parts that do not hold, in order."""
+        return self._with_history(self._failed(formulas))
+
+    def _failed(self, formulas: Iterable[f.Formula]) -> list[FailedCondition]:
+        found: list[FailedCondition] = []
+        pending = [part for formula in formulas for part in _conjuncts(formula)]
+        for start in range(0, len(pending), TOGETHER):
+            for node in self._false(pending[start : start + TOGETHER]):
+                if isinstance(node, f.Forall):
+                    found += self._failed(self._counterexamples(node))
+                else:
+                    found.append(self._failure(node))
+        return found
+
+    def _resolve(self, node: f.Formula) -> Part:
+        part = Resolver(self._view.definitions).part(node)
+        check_levels(part)
+        return part
+
+    def _false(self, nodes: Sequence[f.Formula]) -> list[f.Formula]:
+        """Return those that do not hold; ground facts are looked up together."""
+        parts = [self._resolve(node) for node in nodes]
+        groups: dict[int, dict[str, list[int]]] = {}
+        others: list[int] = []
+        for position, part in enumerate(parts):
+            key = self._key(part)
+            if key is None:
+                others.append(position)
+            else:
+                groups.setdefault(key[0], {}).setdefault(key[1], []).append(position)
+        false: set[int] = set()
+        for predicate, keys in groups.items():
+            statement = self._question().held(predicate, keys)
+            held = {row[0] for row in self._run(statement)}
+            false.update(at for key, places in keys.items() if key not in held for at in places)
+        if others:
+            statement = self._question().truths([parts[position] for position in others], {})
+            [row] = asked(self._view, statement, self._numbers, first_two)
+            truths = zip(others, row[GUARDS:], strict=True)
+            false.update(position for position, holds in truths if not holds)
+        return [nodes[position] for position in sorted(false)]
+
+    def _question(self) -> Any:
+        return question(self._view, self._numbers)
+
+    def _run(self, statement: Any) -> list[Any]:
+        view = self._view
+        return run(view.session, statement, kb=view.kb_id, at=view.at, given=self._numbers)
+
+    def _key(self, part: Part) -> tuple[int, str] | None:
+        """Return the predicate and the arguments of a ground fact that no rule derives."""
+        if not isinstance(part, HoldsFact) or rules_of(self._view.definitions).of(part.predicate):
+            return None
+        ids = [str(term.id) for term in part.terms if isinstance(term, Known)]
+        return (part.predicate, " ".join(ids)) if len(ids) == len(part.terms) else None
+
+    def _counterexamples(self, node: f.Forall) -> list[f.Formula]:
+        """Return the formula of a quantifier for the first objects for which it does not hold."""
+        resolver = Resolver(self._view.definitions)
+        with resolver.within(node.variables) as bound:
+            part = negate(resolver.part(node.formula))
+        check_levels(part)
+        columns = [
+            Column(variable.name, each)
+            for variable, each in zip(node.variables, bound, strict=True)
+        ]
+        statement = self._question().answers(part, columns, {}, True)
+        given = {**self._numbers, "most": MAX_INSTANCES}
+        rows = asked(self._view, statement, given, lambda row: row[1:3])[1:]
+        live = self._view.definitions.objects.live
+        found: list[f.Formula] = []
+        for row in rows:
+            names = [live(id_).name for id_ in row[1 : len(columns) + 1]]
+            keys = [fold(column.name) for column in columns]
+            inner = substitute(node.formula, dict(zip(keys, names, strict=True)))
+            found += _conjuncts(inner)
+        return found
+
+    def _failure(self, node: f.Formula) -> FailedCondition:
+        if isinstance(node, f.Comparison):
+            left, right = (
+                number_of(self._view, one, self._exact) for one in (node.left, node.right)
+            )
+            said = ["no value" if one is None else decimal_text(one) for one in (left, right)]
+            reason = f"the sides are {said[0]} and {said[1]}"
+            return FailedCondition(str(node), reason, left, right)
+        holds = "holds" if isinstance(node, f.Not) else "does not hold"
+        return FailedCondition(str(node), holds)
+
+    def _with_history(self, found: list[FailedCondition]) -> list[FailedCondition]:
+        """Add which revision retracted each fact that held before."""
+        keys: dict[int, dict[str, int]] = {}
+        for position, failed in enumerate(found):
+            if failed.left is None and failed.text.startswith("("):
+                read = read_condition(failed.text, symbols=symbols_of(self._view.definitions))
+                key = self._key(self._resolve(read.formula))
+                if key is not None:
+                    keys.setdefault(key[0], {})[key[1]] = position
+        ends: dict[int, int] = {}
+        for predicate, of_predicate in keys.items():
+            for arguments, until in self._run(self._question().ended(predicate, of_predicate)):
+                if until is not None:
+                    ends[of_predicate[arguments]] = until
+        known = self._revisions(set(ends.values()))
+        for position, until in ends.items():
+            found[position] = replace(found[position], retracted=known.get(until))
+        return found
+
+    def _revisions(self, numbers: set[int]) -> dict[int, Revision]:
+        kb_id = self._view.kb_id
+        return {} if kb_id is None else read_numbered(self._view.session, kb_id, numbers)
+
+
+def _conjuncts(formula: f.Formula) -> list[f.Formula]:
+    """Return the parts of a conjunction, with negations brought to where they stand in it."""
+    found: list[f.Formula] = []
+    stack: list[tuple[f.Formula, bool]] = [(formula, False)]
+    while stack:
+        part, negated = stack.pop()
+        match part:
+            case f.Not(inner):
+                stack.append((inner, not negated))
+            case f.And(parts) if not negated:
+                stack += [(inner, False) for inner in reversed(parts)]
+            case f.Or(parts) if negated:
+                stack += [(inner, True) for inner in reversed(parts)]
+            case f.Imply(condition, then) if negated:
+                stack += [(then, True), (condition, False)]
+            case f.Exists(variables, inner) if negated:
+                found.append(f.Forall(variables, f.Not(inner)))
+            case _:
+                found.append(f.Not(part) if negated else part)
+    return found
+
+
+def number_of(view: View, node: f.Expression, numbers: Mapping[str, Decimal]) -> Decimal | None:
+    """Evaluate a closed expression exactly; None where a fluent has no value."""
+    resolver = Resolver(view.definitions)
+    quantity, needed = resolver.number(node)
+    leaves = list(dict.fromkeys(fluents_of(quantity)))
+    statement = question(view).effects(all_of(needed.needed), needed.bound, leaves, {})
+    rows = run(view.session, statement, kb=view.kb_id, at=view.at, given={})
+    if len(rows) != 1:
+        return None
+    texts = rows[0][len(needed.bound) :]
+    values = {
+        leaf: Decimal(text)
+        for leaf, text in zip(leaves, texts if leaves else (), strict=True)
+        if text is not None
+    }
+    return exact(quantity, values, numbers)
+
+
+def fluents_of(quantity: Quantity) -> Iterable[NumberOf]:
+    """Yield the fluents that a number is calculated from."""
+    pending = [quantity]
+    while pending:
+        each = pending.pop()
+        if isinstance(each, NumberOf):
+            yield each
+        elif isinstance(each, Operation):
+            pending += reversed(each.operands)
+
+
+def exact(
+    quantity: Quantity, values: Mapping[NumberOf, Decimal], numbers: Mapping[str, Decimal]
+) -> Decimal | None:
+    """Calculate a number exactly; None without a value, and for a division by zero."""
+    if isinstance(quantity, Decimal):
+        return quantity
+    if isinstance(quantity, NumberOf):
+        return values.get(quantity)
+    if isinstance(quantity, Parameter):
+        return numbers.get(quantity.name)
+    operands = [exact(each, values, numbers) for each in quantity.operands]
+    known = [each for each in operands if each is not None]
+    if len(known) < len(operands):
+        return None
+    if len(known) == 1:
+        return -known[0]
+    result = known[0]
+    for operand in islice(known, 1, None):
+        if quantity.operator == "/" and not operand:
+            return None
+        result = calculate(OPERATIONS[quantity.operator], result, operand)
+    return result
+
+
+def unsatisfied(
+    store: Store, at: int | None, condition: object, bindings: Mapping[str, Binding]
+) -> list[FailedCondition]:
+    """Return the parts of a condition that do not hold."""
+
+    def work(view: View) -> list[FailedCondition]:
+        definitions = view.definitions
+        text = text_of(condition, EXAMPLE)
+        read = read_condition(text, symbols=symbols_of(definitions))
+        variables = [variable.name for variable in read.free]
+        names = {
+            given_variable(name, variables): find_object(definitions, value).name
+            for name, value in bindings.items()
+        }
+        formula: f.Formula = substitute(read.formula, names)
+        free = tuple(each for each in read.free if fold(each.name) not in names)
+        if free:
+            formula = f.Exists(free, formula)
+        # Once more, for what the given objects do not fit.
+        read_condition(str(formula), symbols=symbols_of(definitions))
+        return Explainer(view).failed([formula])
+
+    return store.read_in_snapshot(work, at)
+
+
+def goals_of(view: View) -> list[f.Formula]:
+    """Read the goals of a state, preferences included."""
+    if view.kb_id is None:
+        return []
+    atoms: list[f.Formula] = [
+        f.Atom(goal.predicate.name, tuple(f.Constant(each.name) for each in goal.objects))
+        for goal in GOALS.answer(view)
+    ]
+    stored = read_formulas(view.definitions, GOAL)
+    others: list[Any] = [read_formula(view.definitions, each) for each in stored]
+    return atoms + others
+
+
+def unsatisfied_goals(store: Store, at: int | None) -> list[FailedCondition]:
+    """Return the parts of the goals that do not hold."""
+    return store.read_in_snapshot(lambda view: Explainer(view).failed(_hard_goals(view)), at)
+
+
+def _hard_goals(view: View) -> list[f.Formula]:
+    """Read the goals without preferences."""
+    found = (of_time(goal, None) for goal in goals_of(view))
+    return [goal for goal in found if goal is not None]
+
+
+def is_goal_reached(store: Store, at: int | None) -> bool:
+    """Return whether all goals hold."""
+
+    def work(view: View) -> bool:
+        resolver = Resolver(view.definitions)
+        part = all_of(resolver.part(goal) for goal in _hard_goals(view))
+        check_levels(part)
+        [row] = asked(view, question(view).truths([part], {}), {}, first_two)
+        return bool(row[GUARDS])
+
+    return store.read_in_snapshot(work, at)
+
+
+def metric_value(store: Store, at: int | None) -> Decimal | None:
+    """Evaluate the metric in a state; None without a metric."""
+
+    def work(view: View) -> Decimal | None:
+        stored = read_formulas(view.definitions, METRIC)
+        if not stored:
+            return None
+        metric: Any = read_formula(view.definitions, stored[0])
+        numbers, functions = {}, view.definitions.functions
+        for node in f.walk(metric.expression):
+            if isinstance(node, f.IsViolated):
+                name = f"is-violated {fold(node.preference)}"
+                numbers[name] = Decimal(_violations(view, node.preference))
+            elif node == f.Fluent(f.TOTAL_TIME) and functions.named(f.TOTAL_TIME) is None:
+                raise UnsupportedConstructError(
+                    "the metric is about total-time, which a plan has and a state has not; "
+                    "kb.validate(plan) gives its value"
+                )
+        value = number_of(view, metric.expression, numbers)
+        if value is None:
+            raise InvalidKnowledgeError(
+                f"the metric {metric.expression} has no value: one of its fluents has none, or it "
+                "divides by 0; set the fluent first"
+            )
+        return value
+
+    return store.read_in_snapshot(work, at)
+
+
+def _violations(view: View, name: str) -> int:
+    """Count the instances of a preference among the goals that do not hold."""
+    found = [formula for goal in goals_of(view) for formula in _preferred(goal, name)]
+    if not found:
+        raise UnsupportedConstructError(
+            f"the metric counts violations of the preference {name!r}, which is not one of the "
+            "goals: a state does not have it; kb.validate(plan) counts it"
+        )
+    count = 0
+    for variables, formula in found:
+        resolver = Resolver(view.definitions)
+        with resolver.within(variables) as bound:
+            part = resolver.part(formula)
+        check_levels(part)
+        columns = [Column(str(number), each) for number, each in enumerate(bound)]
+        statement = question(view).answers(Lacks(part), columns, {}, False)
+        count += len(asked(view, statement, {}, lambda row: row[1:3])) - 1
+    return count
+
+
+def _preferred(goal: f.Formula, name: str) -> Iterable[tuple[tuple[f.TypedName, ...], f.Formula]]:
+    """Yield the formulas of a preference, with the variables that it is for."""
+    stack: list[tuple[f.Formula, tuple[f.TypedName, ...]]] = [(goal, ())]
+    while stack:
+        part, variables = stack.pop()
+        match part:
+            case f.Preference(own, formula) if own is not None and fold(own) == fold(name):
+                yield variables, formula
+            case f.And(parts):
+                stack += [(inner, variables) for inner in reversed(parts)]
+            case f.Forall(more, inner):
+                stack.append((inner, (*variables, *more)))
