@@ -147,8 +147,7 @@ class Explainer:
             said = ["no value" if one is None else decimal_text(one) for one in (left, right)]
             reason = f"the sides are {said[0]} and {said[1]}"
             return FailedCondition(str(node), reason, left, right)
-        holds = "holds" if isinstance(node, f.Not) else "does not hold"
-        return FailedCondition(str(node), holds)
+        return FailedCondition(str(node), "does not hold")
 
     def _with_history(self, found: list[FailedCondition]) -> list[FailedCondition]:
         """Add which revision retracted each fact that held before."""

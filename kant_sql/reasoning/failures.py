@@ -115,4 +115,4 @@ def _failure(
         right = conditions.number(part.right, binding, duration)
         shown = [f"{side:f}" if side is not None else "no value" for side in (left, right)]
         return FailedCondition(text, f"the sides are {shown[0]} and {shown[1]}", left, right)
-    return FailedCondition(text, "holds" if negated else "does not hold")
+    return FailedCondition(text, "does not hold")
