@@ -15,9 +15,9 @@ from ..history.interfaces import When
 from ..planning import Plan, PlanStep
 from ..plans.interfaces import RecordedPlan, RecordedStep
 from .ask import Answers, Binding
-from .held import HeldPeriods
 from .durative import BrokenInvariant
 from .failures import FailedCondition
+from .held import HeldPeriods
 from .steps import Step
 from .validate import Validation
 

@@ -19,10 +19,10 @@ from ..planning import Plan, PlanStep
 from ..plans.interfaces import RecordedPlan, RecordedStep
 from .act import applicable_actions, is_applicable, why_not
 from .ask import Answers, Binding, holds, query
-from .held import HeldPeriods
 from .durative import BrokenInvariant, abort, apply, broken_invariants, end, start
 from .explain import is_goal_reached, metric_value, unsatisfied, unsatisfied_goals
 from .failures import FailedCondition
+from .held import HeldPeriods
 from .interfaces import Reasoning
 from .steps import Step
 from .validate import Validation, validate

@@ -43,6 +43,8 @@ BEYOND = {
     "history/elements.py": "the history of a value is asked for by its function",
     "history/verify/definitions.py": "parameters of functions and predicates are checked alike",
     "history/verify/identities.py": "terms are objects or numbers by their function",
+    "knowledge/conditions.py": "conditions and effects apply functions",
+    "reasoning/effects.py": "effects change the values of functions",
     "knowledge/symbols.py": "conditions apply functions",
     "sql/intervals.py": "past values are found by their function",
 }
