@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from .reasoning.failures import FailedCondition
     from .reasoning.held import Held, HeldPeriods
     from .reasoning.validate import FailedStep, Validation, ViolatedConstraint
+    from .reasoning.verdicts import Verdict, Verdicts
     from .sql.changes import Change
     from .sql.dialects.base import Roles
     from .sql.predicate_views import PredicateView, drop_views, update_views
@@ -58,6 +59,8 @@ __all__ = [
     "Revision",
     "Roles",
     "Validation",
+    "Verdict",
+    "Verdicts",
     "Verification",
     "Version",
     "ViolatedConstraint",
@@ -93,6 +96,7 @@ _HOMES = {
         ".reasoning.durative": ("BrokenInvariant",),
         ".reasoning.failures": ("FailedCondition",),
         ".reasoning.validate": ("FailedStep", "Validation", "ViolatedConstraint"),
+        ".reasoning.verdicts": ("Verdict", "Verdicts"),
         ".reasoning.held": ("Held", "HeldPeriods"),
         ".sql.changes": ("Change",),
         ".sql.dialects.base": ("Roles",),

@@ -586,6 +586,7 @@ class AsyncKnowledgeBase(_Part):
     log = _iterate(KnowledgeBase.log)
     changes = _iterate(KnowledgeBase.changes)
     when = _iterate(KnowledgeBase.when)
+    check_rules = _read(KnowledgeBase.check_rules)
     transaction = _Call(KnowledgeBase.transaction, _Transaction)
     holds = _read(KnowledgeBase.holds)
     unsatisfied = _read(KnowledgeBase.unsatisfied)

@@ -45,7 +45,7 @@ class ConditionReader(FormulaReader):
     """
 
     def __init__(
-        self, symbols: SymbolTable, text: str, nesting: str, parameters: str | None = None
+        self, symbols: SymbolTable, text: str | Text, nesting: str, parameters: str | None = None
     ) -> None:
         super().__init__(Diagnostics(strict=False), _section(text), symbols, nesting)
         self.free: dict[str, BoundVariable] = {}
@@ -78,8 +78,8 @@ class ConditionReader(FormulaReader):
         return self.free[key].entity
 
 
-def _section(text: str) -> Section:
-    whole = Text(STRING, whole=text)
+def _section(text: str | Text) -> Section:
+    whole = text if isinstance(text, Text) else Text(STRING, whole=text)
     return Section(whole, "", 0, len(whole.code))
 
 
@@ -124,6 +124,29 @@ def read_constraints(text: str, *, symbols: SymbolTable) -> f.Formula:
     """
     reader = ConditionReader(symbols, text, "the constraints", "()")
     return reader.whole(CONSTRAINTS | PREFERENCES)
+
+
+def read_rules(text: str | Text, *, symbols: SymbolTable) -> tuple[f.Formula, ...]:
+    """Read constraints on trajectories, one after the other.
+
+    `(and ...)` and `(:constraints ...)` around them may be left out; `:constraints` around one, as
+    in a domain, may be repeated.
+
+    Raises:
+        PddlError: the text has something else, or it uses what is not declared.
+    """
+    reader = ConditionReader(symbols, text, "the rules", "()")
+    context = CONSTRAINTS | PREFERENCES
+    found: list[f.Formula] = []
+    while reader.tokens[reader.at]:
+        if fold(reader.tokens[reader.at + 1]) != ":constraints":
+            found.append(reader.formula(context))
+            continue
+        reader.at += 2
+        while reader.tokens[reader.at] not in ("", ")"):
+            found.append(reader.formula(context))
+        reader.expect(")", "')' after the constraints")
+    return tuple(found)
 
 
 def read_fact(text: str, *, symbols: SymbolTable) -> f.Atom:

@@ -18,8 +18,10 @@ from .ask import Answers, Binding
 from .durative import BrokenInvariant
 from .failures import FailedCondition
 from .held import HeldPeriods
+from .rules import Rules
 from .steps import Step
 from .validate import Validation
+from .verdicts import Verdicts
 
 
 class Reasoning(Interface):
@@ -451,4 +453,48 @@ class Reasoning(Interface):
             >>> for held in kb.when("(robot_at ?r wp1)"):
             ...     print(held.binding["r"], held.since.number, held.until.number)
             rb1 1 2
+        """
+
+    @required
+    def check_rules(
+        self,
+        rules: Rules | None = None,
+        *,
+        since: When | None = None,
+        until: When | None = None,
+        clock: str = "committed",
+    ) -> Verdicts:
+        """Hold trajectory constraints of PDDL 3.0 against what was recorded.
+
+        The states of the range are the trajectory: each one at the time of its revision, in seconds
+        from the first revision of the range, whose state is the initial one. The semantics is that
+        of Gerevini, Haslum, Long, Saetti and Dimopoulos (Artificial Intelligence 173, 2009).
+        A rule is judged where its names have a meaning. A quantifier around a rule makes one rule
+        for each object, which is judged in the states that have the object.
+
+        Args:
+            rules: constraints and preferences: a path, PDDL text such as
+                `(always (not (and (robot_at rb1 kitchen) (child_in kitchen))))`, formulas, or None
+                for those of the domain and the problem.
+            since: the first revision, or the earliest time of commit; both inclusive.
+            until: the last revision, or the latest time of commit; both inclusive.
+            clock: `committed`, or `observed` for the times at which knowledge was sensed, where
+                they are given. A time before that of an earlier revision counts as that one.
+
+        Returns:
+            The verdicts, in the order of the rules.
+
+        Raises:
+            PddlError: a rule is not well-formed, or a name in it was never defined.
+            UnsupportedConstructError: PDDL 3.0 gives a rule no meaning, as to nested modalities.
+            SourceError: the file cannot be read.
+            InvalidArgumentError: there is no such clock.
+            UnknownRevisionError: `since` or `until` lies in the future, or is a time without zone.
+            ArchivedError: a part of the range was moved to an archive.
+
+        Examples:
+            >>> _ = kb.propositions.save(PddlPropositionDto(robot_at, [rb1, wp2]))
+            >>> for verdict in kb.check_rules("(always (not (robot_at rb1 wp2)))"):
+            ...     print(verdict.is_satisfied, verdict.revision.number, verdict.revision.actor)
+            False 2 perception
         """

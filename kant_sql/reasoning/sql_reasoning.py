@@ -24,8 +24,10 @@ from .explain import is_goal_reached, metric_value, unsatisfied, unsatisfied_goa
 from .failures import FailedCondition
 from .held import HeldPeriods
 from .interfaces import Reasoning
+from .rules import Rules, check_rules
 from .steps import Step
 from .validate import Validation, validate
+from .verdicts import Verdicts
 from .when import when
 
 
@@ -142,3 +144,14 @@ class SqlReasoning(SqlDao, Reasoning):
         **bindings: str | PddlObjectDto,
     ) -> HeldPeriods:
         return when(self._store, condition, since, until, parameters, bindings, self._at)
+
+    @override
+    def check_rules(
+        self,
+        rules: Rules | None = None,
+        *,
+        since: When | None = None,
+        until: When | None = None,
+        clock: str = "committed",
+    ) -> Verdicts:
+        return check_rules(self._store, rules, since, until, clock, self._at)

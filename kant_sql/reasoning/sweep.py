@@ -169,41 +169,54 @@ class Sweep:
             found.append([Pattern(id_, (None,)) for id_, _ in known])
         return found[0], found[1]
 
-    def visits(self) -> Iterator[Visit]:
-        """Yield the states, first that before the range.
+    def begin(self) -> Visit | None:
+        """Read the state before the range; None if there is none.
 
-        Where earlier revisions are archived, the first state is that of the range's first revision.
+        Where earlier revisions are archived, it is that of the range's first revision.
         """
         session, kb_id, (low, high, archived) = self._session, self._kb_id, self._range
         base = low if low == archived else low - 1
-        definitions = load_at(session, kb_id, base) if base else Definitions()
-        world = _world(definitions)
+        self._definitions = load_at(session, kb_id, base) if base else Definitions()
+        self._world = _world(self._definitions)
+        self._last = base
         for touch in state_of(session, kb_id, self._subjects, base) if base else ():
-            self._apply(world, touch)
-        if base:
-            yield Visit(low - 1, world, definitions)
-        changed = iter(read_redefinitions(session, kb_id, self._meaning, base, high))
-        redefined = next(changed, None)
-        last = base
-        for revision, touches in self._revisions(base, high):
-            while redefined is not None and redefined <= revision:
-                definitions = advance(session, kb_id, definitions, last, redefined)
-                world, last = _moved(world, definitions), redefined
-                if redefined < revision:
-                    yield Visit(redefined, world, definitions)
-                redefined = next(changed, None)
-            for touch in touches:
-                self._apply(world, touch)
-            yield Visit(revision, world, definitions)
-        while redefined is not None:
-            definitions = advance(session, kb_id, definitions, last, redefined)
-            world, last = _moved(world, definitions), redefined
-            yield Visit(redefined, world, definitions)
-            redefined = next(changed, None)
+            self._apply(self._world, touch)
+        self._redefined = iter(read_redefinitions(session, kb_id, self._meaning, base, high))
+        self._next_redefined = next(self._redefined, None)
+        touches = stream_touches(session, kb_id, self._subjects, base, high)
+        self._touches = groupby(touches, key=lambda touch: touch.revision)
+        self._next_touched = next(self._touches, None)
+        return Visit(low - 1, self._world, self._definitions) if base else None
 
-    def _revisions(self, after: int, high: int) -> Iterator[tuple[int, Iterator[Touch]]]:
-        touches = stream_touches(self._session, self._kb_id, self._subjects, after, high)
-        return groupby(touches, key=lambda touch: touch.revision)
+    @property
+    def following(self) -> int | None:
+        """The revision of the next state; None after the last one."""
+        ends = self._next_redefined, self._next_touched and self._next_touched[0]
+        return min((end for end in ends if end is not None), default=None)
+
+    def step(self) -> Visit:
+        """Go to the next state."""
+        revision = self.following
+        assert revision is not None
+        if self._next_redefined == revision:
+            self._definitions = advance(
+                self._session, self._kb_id, self._definitions, self._last, revision
+            )
+            self._world, self._last = _moved(self._world, self._definitions), revision
+            self._next_redefined = next(self._redefined, None)
+        if self._next_touched is not None and self._next_touched[0] == revision:
+            for touch in self._next_touched[1]:
+                self._apply(self._world, touch)
+            self._next_touched = next(self._touches, None)
+        return Visit(revision, self._world, self._definitions)
+
+    def visits(self) -> Iterator[Visit]:
+        """Yield the states, first that before the range; each is gone when the next one comes."""
+        first = self.begin()
+        if first is not None:
+            yield first
+        while self.following is not None:
+            yield self.step()
 
     def _apply(self, world: World, touch: Touch) -> None:
         name = self._names[touch.is_fact, touch.owner]

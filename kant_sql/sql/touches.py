@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from datetime import datetime
 from functools import cache
 from typing import Any, NamedTuple
 
@@ -16,6 +17,7 @@ from sqlalchemy import (
     union_all,
 )
 
+from ..errors import reading_rows
 from ..knowledge.definitions import DERIVED_PREDICATE
 from .dialects.base import Session
 from .held import Pattern, find_facts
@@ -28,6 +30,7 @@ from .tables import (
     FunctionValueVersionRow,
     PropositionRow,
     PropositionVersionRow,
+    RevisionRow,
 )
 
 AFTER, HIGH = integer("after"), integer("high")
@@ -261,3 +264,23 @@ def read_redefinitions(
     query = _redefinitions(meaning.objects is None, meaning.has_rules)
     rows = session.rows(query, kb=kb_id, after=after, high=high, **values)
     return [revision for (revision,) in rows]
+
+
+_TIMES = Query(
+    select(RevisionRow.number, RevisionRow.committed_at, RevisionRow.observed_at)
+    .where(
+        RevisionRow.kb_id == KB, RevisionRow.number >= integer("low"), RevisionRow.number <= HIGH
+    )
+    .order_by(RevisionRow.number)
+)
+
+
+def stream_times(
+    session: Session, kb_id: int, low: int, high: int
+) -> Iterator[tuple[int, datetime, datetime | None]]:
+    """Read when revisions were committed, and when their knowledge was observed, in order."""
+    for number, committed_at, observed_at in session.stream(_TIMES, kb=kb_id, low=low, high=high):
+        with reading_rows("revision", f"revision {number!r}"):
+            observed = None if observed_at is None else session.to_time(observed_at)
+            committed = session.to_time(committed_at)
+        yield number, committed, observed

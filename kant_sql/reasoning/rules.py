@@ -1,0 +1,248 @@
+"""Rules about the past: trajectory constraints of PDDL 3.0, held against what was recorded.
+
+The states of a range of revisions are a trajectory, each state at the time of its revision, and the
+first one at time 0. Only revisions that touch what the rules mention are judged, and those next to
+a time in a rule: between them, no verdict can change.
+"""
+
+from __future__ import annotations
+
+from array import array
+from bisect import bisect_left, bisect_right
+from collections.abc import Iterator, Sequence
+from datetime import datetime, timedelta
+from decimal import Decimal
+from typing import NamedTuple
+
+from ..arguments import one_of
+from ..dao.formula import read_formula, read_formulas
+from ..dto import formulas as f
+from ..dto.lexical import fold
+from ..errors import InvalidArgumentError, InvalidKnowledgeError
+from ..history.interfaces import When
+from ..history.moments import find_bounds
+from ..history.revisions import Revision, read_numbered
+from ..knowledge.definitions import CONSTRAINT, DOMAIN_CONSTRAINT, Definitions
+from ..knowledge.symbols import symbols_of
+from ..pddl.conditions import read_rules
+from ..pddl.lexer import STRING, Source, Text
+from ..pddl.lexer import load as load_text
+from ..sql.dialects.base import Session
+from ..sql.touches import stream_times
+from ..store.store import Store
+from .conditions import Conditions
+from .questions import read_at_last
+from .sweep import Range, Sweep, Visit, read_range
+from .trajectory import Moment, Rule, rules_of
+from .verdicts import Verdict, Verdicts
+
+Rules = Source | f.Formula | Sequence[f.Formula]
+COMMITTED, OBSERVED = "committed", "observed"
+_MICROSECOND = timedelta(microseconds=1)
+
+
+def check_rules(
+    store: Store,
+    rules: Rules | None,
+    since: When | None,
+    until: When | None,
+    clock: str,
+    upto: int | None,
+) -> Verdicts:
+    """Hold rules against what was recorded; see `Reasoning.check_rules`."""
+    one_of(clock, (COMMITTED, OBSERVED), "the clock", InvalidArgumentError)
+    bounds = find_bounds(store, since, until, upto)
+    constraints, definitions = _read(store, rules, upto)
+
+    def work(session: Session, kb_id: int | None) -> Verdicts:
+        if kb_id is None or bounds.high < bounds.low:
+            return Verdicts([], first=0, last=0)
+        span = read_range(session, kb_id, bounds)
+        judge = _Judge(session, kb_id, constraints, definitions, span, clock)
+        return Verdicts(judge.run(), first=span.low, last=span.high)
+
+    return store.query_in_snapshot(work)
+
+
+def _read(
+    store: Store, rules: Rules | None, upto: int | None
+) -> tuple[tuple[f.Formula, ...], Definitions]:
+    """Read the rules: those that are given, or those of the store."""
+    if rules is None:
+        definitions = store.read_definitions(lambda known: known, upto)
+        own = [
+            read_formula(definitions, each)
+            for section in (DOMAIN_CONSTRAINT, CONSTRAINT)
+            for each in read_formulas(definitions, section)
+        ]
+        return tuple(own), definitions  # type: ignore[arg-type]
+    if isinstance(rules, f.Node):
+        text = Text(STRING, whole=str(rules))
+    elif isinstance(rules, Sequence) and not isinstance(rules, str):
+        text = Text(STRING, whole="\n".join(map(str, rules)))
+    else:
+        text = load_text(rules)
+    return read_at_last(store, text.code, lambda symbols: read_rules(text, symbols=symbols), upto)
+
+
+class _Known(NamedTuple):
+    """A rule that is being judged.
+
+    Attributes:
+        order: the number of the constraint that it is of, and its own.
+        rule: the rule.
+    """
+
+    order: tuple[int, int]
+    rule: Rule
+
+
+_Key = tuple[int, str, tuple[tuple[str, str], ...]]
+
+
+class _Judge:
+    """Judges constraints by the states of a range."""
+
+    def __init__(
+        self,
+        session: Session,
+        kb_id: int,
+        constraints: Sequence[f.Formula],
+        definitions: Definitions,
+        span: Range,
+        clock: str,
+    ) -> None:
+        self._session = session
+        self._kb_id = kb_id
+        self._constraints = constraints
+        self._definitions = definitions
+        self._range = span
+        self._clock = clock
+        nodes = f.walk(*constraints)
+        numbers = (number for one in nodes if isinstance(one, f.Modal) for number in one.numbers)
+        self._bounds = sorted({number.value for number in numbers})
+        self._known: dict[_Key, _Known] = {}
+        # The rules that have a meaning in the present world.
+        self._live: list[Rule] = []
+        self._last: dict[int, Moment] = {}
+        self._conditions: Conditions | None = None
+        # The revisions that were judged, by the index of their moments.
+        self._judged = array("q")
+
+    def run(self) -> list[Verdict]:
+        """Judge."""
+        visit: Visit | None = None
+        for time, revision, following in self._moments():
+            if following is not visit:
+                if visit is None or following.world is not visit.world:
+                    self._enter(following)
+                visit = following
+            self._observe(Moment(len(self._judged), time))
+            self._judged.append(revision)
+        rules = sorted(self._known.values())
+        for _, rule in rules:
+            last = self._last[id(rule)]
+            for monitor in rule.monitors:
+                monitor.conclude(last)
+        return self._verdicts([rule for _, rule in rules])
+
+    def _observe(self, now: Moment) -> None:
+        conditions = self._conditions
+        assert conditions is not None
+        for rule in self._live:
+            self._last[id(rule)] = now
+            for monitor in rule.monitors:
+                monitor.observe(now, conditions.holds)
+
+    def _enter(self, visit: Visit) -> None:
+        """Find the rules that have a meaning in a world; those for new objects begin here."""
+        world = visit.world
+        self._conditions = Conditions(world)
+        self._live = []
+        symbols = symbols_of(visit.definitions)
+        for number, constraint in enumerate(self._constraints):
+            try:
+                read = read_rules(str(constraint), symbols=symbols)
+            except InvalidKnowledgeError:
+                continue
+            for rule in (rule for one in read for rule in rules_of(one, world.range_of)):
+                binding = tuple(sorted((fold(name), one) for name, one in rule.binding.items()))
+                key = number, fold(str(rule.formula)), binding
+                known = self._known.setdefault(key, _Known((number, len(self._known)), rule))
+                self._live.append(known.rule)
+
+    # Moments.
+
+    def _moments(self) -> Iterator[tuple[Decimal, int, Visit]]:
+        """Yield the time and the number of each revision to judge, and its state."""
+        session, kb_id, span = self._session, self._kb_id, self._range
+        sweep = Sweep(session, kb_id, self._constraints, self._definitions, span, False)
+        return self._timed(sweep) if self._bounds else self._untimed(sweep)
+
+    def _untimed(self, sweep: Sweep) -> Iterator[tuple[Decimal, int, Visit]]:
+        """Yield the first revision, those that touch what the rules mention, and the last one."""
+        present, revision = sweep.begin(), self._range.low
+        if present is not None and sweep.following != revision:
+            yield Decimal(0), revision, present
+        while sweep.following is not None:
+            present = sweep.step()
+            revision = present.revision
+            yield Decimal(0), revision, present
+        if present is not None and revision != self._range.high:
+            yield Decimal(0), self._range.high, present
+
+    def _timed(self, sweep: Sweep) -> Iterator[tuple[Decimal, int, Visit]]:
+        """Yield those revisions, and those next to the times of rules."""
+        session, kb_id, (low, high, _) = self._session, self._kb_id, self._range
+        present = sweep.begin()
+        first: datetime | None = None
+        before = Decimal(-1)
+        for number, committed, observed in stream_times(session, kb_id, low, high):
+            moment = self._moment(committed, observed)
+            first = first or moment
+            # Observations may come late; a trajectory does not go back.
+            time = max(before, _seconds(first, moment))
+            is_next = sweep.following == number
+            if is_next:
+                present = sweep.step()
+            is_end = number in (low, high)
+            if present is not None and (is_next or is_end or self._passes(before, time)):
+                yield time, number, present
+            before = time
+
+    def _passes(self, before: Decimal, time: Decimal) -> bool:
+        """Return whether a time of a rule lies between two times, or at one of them alone."""
+        bounds = self._bounds
+        reached = bisect_right(bounds, time) > bisect_right(bounds, before)
+        return reached or bisect_left(bounds, time) > bisect_left(bounds, before)
+
+    def _moment(self, committed: datetime, observed: datetime | None) -> datetime:
+        return observed if self._clock == OBSERVED and observed is not None else committed
+
+    # Verdicts.
+
+    def _verdicts(self, rules: Sequence[Rule]) -> list[Verdict]:
+        moments = {id(rule): rule.violation for rule in rules}
+        numbers = {self._judged[one.index] for one in moments.values() if one is not None}
+        first = self._range.low
+        revisions = read_numbered(self._session, self._kb_id, {first, *numbers})
+        begin = revisions[first]
+        found = []
+        for rule in rules:
+            violation = moments[id(rule)]
+            revision, time = None, None
+            if violation is not None:
+                revision = revisions[self._judged[violation.index]]
+                time = violation.time if self._bounds else self._since(begin, revision)
+            soft = rule.is_soft
+            satisfied = violation is None
+            found.append(Verdict(str(rule), satisfied, soft, rule.preference, revision, time))
+        return found
+
+    def _since(self, begin: Revision, revision: Revision) -> Decimal:
+        moments = [self._moment(one.committed_at, one.observed_at) for one in (begin, revision)]
+        return max(Decimal(0), _seconds(*moments))
+
+
+def _seconds(first: datetime, moment: datetime) -> Decimal:
+    return Decimal((moment - first) // _MICROSECOND) / 1_000_000
