@@ -192,21 +192,24 @@ class _Judge:
             yield Decimal(0), self._range.high, present
 
     def _timed(self, sweep: Sweep) -> Iterator[tuple[Decimal, int, Visit]]:
-        """Yield those revisions, and those next to the times of rules."""
+        """Yield those revisions, and those on both sides of the times of rules."""
         session, kb_id, (low, high, _) = self._session, self._kb_id, self._range
         present = sweep.begin()
         first: datetime | None = None
-        before = Decimal(-1)
+        before, yielded = Decimal(-1), low - 1
         for number, committed, observed in stream_times(session, kb_id, low, high):
             moment = self._moment(committed, observed)
             first = first or moment
             # Observations may come late; a trajectory does not go back.
             time = max(before, _seconds(first, moment))
+            passes = self._passes(before, time)
+            if passes and present is not None and yielded < number - 1:
+                yield before, number - 1, present
             is_next = sweep.following == number
             if is_next:
                 present = sweep.step()
-            is_end = number in (low, high)
-            if present is not None and (is_next or is_end or self._passes(before, time)):
+            if present is not None and (passes or is_next or number in (low, high)):
+                yielded = number
                 yield time, number, present
             before = time
 
