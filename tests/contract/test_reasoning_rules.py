@@ -149,7 +149,7 @@ def test_times_of_rules_matter_where_nothing_mentioned_changes(fresh_kb: Knowled
         sign = "+" if number < 3 else "-"
         step(kb, "other", (sign, at(RB2, room)), after=10 * number)
     step(kb, "driver", ("-", at(RB1, HALL)), after=100)
-    assert judge(kb, "(hold-during 25 35 (robot_at rb1 kitchen))", clock="observed") == 1
+    assert judge(kb, "(hold-during 25 35 (robot_at rb1 kitchen))", clock="observed") == 3
     assert judge(kb, "(hold-during 25 35 (robot_at rb1 hall))", clock="observed") is None
     assert judge(kb, "(within 45 (robot_at rb1 kitchen))", clock="observed") is not None
     assert judge(kb, "(hold-after 95 (robot_at rb1 hall))", clock="observed") == kb.revision
