@@ -26,7 +26,7 @@ from ..pddl.document import DURATIVE_ACTION, Action
 from ..pddl.formulas import flatten
 from .arithmetic import DECIMALS, LINEARS, Linear, decimal_of
 from .conditions import Compiler, Conditions, Env, Search, positive
-from .failures import FailedCondition, failed_parts
+from .failures import FailedCondition, failed_parts, sides_text
 from .grounding import Binding, bound, substitute
 from .relations import Row
 from .world import FluentRow, World
@@ -566,7 +566,7 @@ def _duration_failure(
     }[constraint.operator]
     if is_met:
         return None
-    return FailedCondition(text, f"the sides are {left:f} and {right:f}", left, right)
+    return FailedCondition(text, sides_text(left, right), left, right)
 
 
 def apply_changes(world: World, changes: Sequence[Changes]) -> None:

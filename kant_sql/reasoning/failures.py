@@ -113,6 +113,13 @@ def _failure(
     if isinstance(part, f.Comparison):
         left = conditions.number(part.left, binding, duration)
         right = conditions.number(part.right, binding, duration)
-        shown = [f"{side:f}" if side is not None else "no value" for side in (left, right)]
-        return FailedCondition(text, f"the sides are {shown[0]} and {shown[1]}", left, right)
+        return FailedCondition(text, sides_text(left, right), left, right)
     return FailedCondition(text, "does not hold")
+
+
+def sides_text(left: Decimal | None, right: Decimal | None) -> str:
+    """Write the values of both sides of a comparison."""
+    first, second = (
+        "no value" if side is None else f"{side.normalize():f}" for side in (left, right)
+    )
+    return f"the sides are {first} and {second}"

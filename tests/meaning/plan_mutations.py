@@ -3,34 +3,14 @@
 from __future__ import annotations
 
 import random
-import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from decimal import Decimal
 
 from kant_sql import Plan, PlanStep
 
-_LINE = re.compile(
-    r"^\s*(?:(?P<start>\d[\d.]*)\s*:)?\s*\((?P<step>[^()]*)\)\s*(?:\[\s*(?P<duration>[\d.]+)\s*\])?"
-)
 # Later than whatever happened before by as much as planners leave between steps.
 EPSILON = Decimal("0.01")
-
-
-def read_plan(text: str) -> Plan:
-    """Read a plan in VAL's format."""
-    steps = []
-    for line in text.splitlines():
-        found = _LINE.match(line.split(";")[0])
-        if found is None:
-            continue
-        action, *arguments = found["step"].split()
-        numbers = [None if found[name] is None else Decimal(found[name]) for name in _NUMBERS]
-        steps.append(PlanStep(numbers[0], action, tuple(arguments), numbers[1]))
-    return plan_of(steps)
-
-
-_NUMBERS = ("start", "duration")
 
 
 def plan_of(steps: Sequence[PlanStep]) -> Plan:

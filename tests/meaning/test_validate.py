@@ -24,7 +24,7 @@ from kant_sql.pddl.writer import write
 from tests.meaning import val
 from tests.meaning.judging import Judged, judge
 from tests.meaning.material import ALL, Pair, corpus_pairs, own_pairs
-from tests.meaning.plan_mutations import KINDS, mutations, read_plan
+from tests.meaning.plan_mutations import KINDS, mutations
 from tests.meaning.walks import walk
 from tests.support.corpus import WITHOUT_CORPUS
 
@@ -77,7 +77,7 @@ def without_goal(task: Task, folder: Path) -> Task:
 
 def changed(task: Task, each: int) -> Iterator[Case]:
     """Yield the plan of a pair, and changes of it."""
-    plan = read_plan(task.pair.plan.read_text())
+    plan = Plan.read(task.pair.plan)
     yield Case("plan", plan)
     for kind, other in mutations(plan, task.objects, task.pair.name, each):
         yield Case(kind, other)
@@ -221,7 +221,7 @@ def test_constraints_are_judged_as_val_judges_them(tmp_path: Path) -> None:
             times = sorted(chance.sample(range(1, 11), chance.randint(1, 6)))
             lines = [f"{time}: ({chance.choice(SETS)})" for time in times]
             lines += [f"{time - 0.5}: (wait) [3]" for time in times[:1]]
-            cases.append(Case("switched", read_plan("\n".join(lines))))
+            cases.append(Case("switched", Plan.read("\n".join([*lines, ""]))))
         counts += check(Task(pair, domain, problem), cases, tmp_path, wrong)
     print(dict(counts))
     assert not wrong, "\n\n".join(wrong)
