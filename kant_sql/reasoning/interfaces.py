@@ -408,7 +408,7 @@ class Reasoning(Interface):
             >>> print(kb.validate(Plan(steps[1:], "by hand", "unknown")))
             the plan is not valid
             step 0, (push), fails at 1:
-              (not (locked)): holds
+              (not (locked)): does not hold
         """
 
     # The past.
