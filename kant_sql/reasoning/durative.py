@@ -233,9 +233,18 @@ def _duration(
             reason = f"the sides are {said[0]} and {said[1]}"
             text = str(substitute(constraint, binding))
             failed.append(FailedCondition(text, reason, duration, limit))
+    if duration is None and _mentions_duration(step):
+        reason = f"is not given; write it after the step, as in '{step} [5]'"
+        failed.append(FailedCondition("?duration", reason))
     if failed:
         raise not_applicable(step, failed)
     return {} if duration is None else {f.DURATION: duration}
+
+
+def _mentions_duration(step: GroundStep) -> bool:
+    """Return whether a condition or an effect depends on the duration."""
+    nodes = f.walk(*step.action.conditions, *step.action.effects)
+    return any(node == f.Variable(f.DURATION) for node in nodes)
 
 
 def broken_invariants(store: Store, at: int | None) -> list[BrokenInvariant]:

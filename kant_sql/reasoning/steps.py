@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from decimal import Decimal
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 from ..arguments import shown
 from ..dto import formulas as f
@@ -38,12 +38,20 @@ from ..planning import PlanStep
 from ..plans.interfaces import RecordedStep
 from .failures import FailedCondition
 
-if TYPE_CHECKING:
-    from unified_planning.plans import ActionInstance
 
-    Step = str | PlanStep | RecordedStep | ActionInstance
-else:
-    Step = str | PlanStep | RecordedStep
+class UpActionInstance(Protocol):
+    """An `ActionInstance` of unified-planning."""
+
+    @property
+    def action(self) -> object:
+        """The action."""
+
+    @property
+    def actual_parameters(self) -> Iterable[object]:
+        """The objects."""
+
+
+Step = str | PlanStep | RecordedStep | UpActionInstance
 
 # A step with its start and its duration, as in a plan.
 _TIMES = re.compile(r"^\s*(?:[\d.]+\s*:)?\s*(\(.*\)|[^\[\]]*?)\s*(?:\[\s*([\d.]+)\s*\])?\s*$", re.S)

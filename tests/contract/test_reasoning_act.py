@@ -1,0 +1,466 @@
+"""Explaining what does not hold, and executing steps."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from decimal import Decimal
+
+import pytest
+
+from kant_sql import (
+    FailedCondition,
+    InvalidArgumentError,
+    InvalidKnowledgeError,
+    KnowledgeBase,
+    NotApplicableError,
+    PddlError,
+    PddlPropositionDto,
+    PlanError,
+    PlanStep,
+    ReadOnlyError,
+    TypeMismatchError,
+    UnsupportedConstructError,
+)
+from kant_sql.planning import Plan
+from tests.support.statements import count
+from tests.support.stores import Connect
+from tests.support.worlds import graph
+
+DOMAIN = """
+(define (domain travel)
+  (:requirements :typing :fluents :object-fluents :conditional-effects :durative-actions
+    :preferences :negative-preconditions)
+  (:types city - object aircraft person - thing)
+  (:predicates (at ?x - thing ?c - city) (in ?p - person ?a - aircraft) (lit ?c - city)
+    (busy ?a - aircraft) (calm))
+  (:functions (fuel ?a - aircraft) - number (dist ?a ?b - city) - number (total) - number
+    (last ?a - aircraft) - city)
+  (:action board :parameters (?p - person ?a - aircraft ?c - city)
+    :precondition (and (at ?p ?c) (at ?a ?c) (preference p (calm)))
+    :effect (and (not (at ?p ?c)) (in ?p ?a)))
+  (:action fly :parameters (?a - aircraft ?x ?y - city)
+    :precondition (and (at ?a ?x) (>= (fuel ?a) (dist ?x ?y)))
+    :effect (and (not (at ?a ?x)) (at ?a ?y) (decrease (fuel ?a) (dist ?x ?y))
+      (increase (total) (* 2 (dist ?x ?y))) (assign (last ?a) ?x)
+      (forall (?p - person) (when (in ?p ?a) (lit ?y)))))
+  (:action swap :parameters (?x ?y - city)
+    :effect (and (when (lit ?x) (and (not (lit ?x)) (lit ?y)))
+      (when (lit ?y) (and (not (lit ?y)) (lit ?x)))))
+  (:action stay :parameters (?a - aircraft ?x - city) :precondition (at ?a ?x)
+    :effect (and (not (at ?a ?x)) (at ?a ?x)))
+  (:action numbers :parameters (?a - aircraft)
+    :effect (and (scale-up (total) 3) (scale-down (total) 2) (assign (fuel ?a) (total))))
+  (:action twice :parameters () :effect (and (increase (total) 1) (decrease (total) 0.25)))
+  (:action wrong :parameters () :effect (and (assign (total) 1) (assign (total) 2)))
+  (:action lost :parameters (?a - aircraft) :effect (lit (last ?a)))
+  (:durative-action long :parameters (?a - aircraft ?x ?y - city)
+    :duration (= ?duration (/ (dist ?x ?y) 2))
+    :condition (and (at start (at ?a ?x)) (over all (not (lit ?x))) (at end (busy ?a)))
+    :effect (and (at start (not (at ?a ?x))) (at start (busy ?a)) (at end (not (busy ?a)))
+      (at end (at ?a ?y)) (at end (increase (total) ?duration))
+      (when (at start (lit ?y)) (at end (calm)))))
+  (:durative-action free :parameters () :duration (and (>= ?duration 2) (<= ?duration 4))
+    :effect (at end (increase (total) ?duration))))
+"""
+PROBLEM = """
+(define (problem trip) (:domain travel)
+  (:objects c0 c1 - city p1 - aircraft h1 h2 - person)
+  (:init (at p1 c0) (at h1 c0) (at h2 c1)
+    (= (fuel p1) 10) (= (dist c0 c1) 3.5) (= (dist c1 c0) 4) (= (total) 0.1))
+  (:goal (and (at p1 c1) (lit c1) (preference home (at h1 c1))
+    (forall (?p - person) (preference each (at ?p c0)))))
+  (:metric minimize (+ (total) (+ (* 3 (is-violated home)) (is-violated each)))))
+"""
+
+
+@pytest.fixture
+def kb(fresh_kb: KnowledgeBase) -> KnowledgeBase:
+    """A knowledge base with an aircraft and two persons."""
+    fresh_kb.load_domain(DOMAIN)
+    fresh_kb.load_problem(PROBLEM)
+    return fresh_kb
+
+
+def total(kb: KnowledgeBase) -> object:
+    return kb.function_values.get("total")
+
+
+def texts(steps: Iterator[PlanStep]) -> list[str]:
+    return [str(step) for step in steps]
+
+
+# Explain.
+
+
+def test_the_parts_of_a_condition_that_fail_are_named_in_order(kb: KnowledgeBase) -> None:
+    condition = """(and (at p1 c1) (at p1 c0) (forall (?p - person) (at ?p c0)) (not (at h1 c0))
+      (> (fuel p1) (* 4 (dist c0 c1))) (< (fuel p1) (dist c0 c0)) (or (lit c0) (lit c1))
+      (not (exists (?c - city) (at h2 ?c))) (imply (at p1 c0) (lit c0))
+      (not (imply (lit c0) (lit c1))))"""
+    assert kb.unsatisfied(condition) == [
+        FailedCondition("(at p1 c1)", "does not hold"),
+        FailedCondition("(at h2 c0)", "does not hold"),
+        FailedCondition("(not (at h1 c0))", "does not hold"),
+        FailedCondition(
+            "(> (fuel p1) (* 4 (dist c0 c1)))",
+            "the sides are 10 and 14.0",
+            Decimal(10),
+            Decimal(14),
+        ),
+        FailedCondition(
+            "(< (fuel p1) (dist c0 c0))", "the sides are 10 and no value", Decimal(10), None
+        ),
+        FailedCondition("(or (lit c0) (lit c1))", "does not hold"),
+        FailedCondition("(not (at h2 c1))", "does not hold"),
+        FailedCondition("(imply (at p1 c0) (lit c0))", "does not hold"),
+        FailedCondition("(lit c0)", "does not hold"),
+    ]
+    assert kb.unsatisfied("(and (at p1 c0) (not (lit c0)))") == []
+    assert kb.unsatisfied("(at ?x c1)", x="h2") == []
+    [failed] = kb.unsatisfied("(at ?x c1)", x="p1")
+    assert str(failed) == "(at p1 c1): does not hold"
+    [free] = kb.unsatisfied("(in ?p ?a)")
+    assert free.text == "(exists (?p ?a) (in ?p ?a))"
+    with pytest.raises(PddlError, match="c0 of type city"):
+        kb.unsatisfied("(at ?x c1)", x="c0")
+
+
+def test_a_fact_that_held_before_has_the_revision_that_retracted_it(kb: KnowledgeBase) -> None:
+    held = kb.revision
+    fact = kb.propositions.get_by_predicate("at")[0]
+    assert str(fact) == "(at p1 c0)"
+    with kb.transaction(actor="perception", reason="the aircraft is gone"):
+        kb.propositions.delete(fact)
+    [failed] = kb.unsatisfied("(and (at p1 c0) (at h1 c0))")
+    assert failed.retracted is not None
+    assert failed.retracted.number == kb.revision
+    assert failed.retracted.actor == "perception"
+    assert failed.retracted.reason == "the aircraft is gone"
+    gone = kb.revision
+    kb.propositions.save(fact)
+    kb.propositions.delete(fact)
+    assert kb.at(held).unsatisfied("(at p1 c0)") == []
+    [then] = kb.at(gone).unsatisfied("(at p1 c0)")
+    assert then.retracted == failed.retracted
+    [now] = kb.unsatisfied("(at p1 c0)")
+    assert now.retracted is not None
+    assert now.retracted.number == kb.revision
+
+
+def test_many_failing_facts_take_few_statements(kb: KnowledgeBase) -> None:
+    kb.holds("(calm)")
+    few = "(and (at h1 c1) (in h1 p1) (lit c0))"
+    many = f"(and {' '.join(f'(at {p} {c})' for p in ('p1', 'h1', 'h2') for c in ('c0', 'c1'))})"
+    assert count(lambda: kb.unsatisfied(few)) <= 9
+    assert count(lambda: kb.unsatisfied(many)) <= 5
+
+
+def test_goals_and_metric(kb: KnowledgeBase) -> None:
+    assert not kb.is_goal_reached()
+    assert [failed.text for failed in kb.unsatisfied_goals()] == ["(at p1 c1)", "(lit c1)"]
+    # (total) is 0.1; `home` is violated, and `each` for h2.
+    assert kb.metric_value() == Decimal("4.1")
+    kb.apply("(board h1 p1 c0)")
+    kb.apply("(fly p1 c0 c1)")
+    assert kb.is_goal_reached()
+    assert kb.unsatisfied_goals() == []
+    assert kb.metric_value() == Decimal("12.1")
+    past = kb.at(2)
+    assert (past.is_goal_reached(), past.metric_value()) == (False, Decimal("4.1"))
+
+
+def test_a_metric_that_no_state_has_is_refused_by_name(fresh_kb: KnowledgeBase) -> None:
+    assert fresh_kb.metric_value() is None
+    assert fresh_kb.is_goal_reached()
+    fresh_kb.load_domain("(define (domain d) (:predicates (p)) (:functions (cost)))")
+    for metric, error, message in (
+        ("total-time", UnsupportedConstructError, "total-time"),
+        ("(is-violated q)", UnsupportedConstructError, "preference 'q'"),
+        ("(cost)", InvalidKnowledgeError, "has no value"),
+    ):
+        fresh_kb.load_problem(f"""(define (problem p) (:domain d) (:init) (:goal (and))
+          (:constraints (preference q (always (p)))) (:metric minimize {metric}))""")
+        with pytest.raises(error, match=message):
+            fresh_kb.metric_value()
+
+
+def test_why_a_step_cannot_be_executed(kb: KnowledgeBase) -> None:
+    assert kb.why_not("(fly p1 c0 c1)") == []
+    assert [str(failed) for failed in kb.why_not("(fly p1 c1 c0)")] == ["(at p1 c1): does not hold"]
+    assert [str(failed) for failed in kb.why_not("(fly h1 c0 p1)")] == [
+        "?a - aircraft: h1 is of type person, expected aircraft",
+        "?y - city: p1 is of type aircraft, expected city",
+    ]
+    assert not kb.is_applicable("(fly h1 c0 p1)")
+    kb.function_values.set("fuel", objects=["p1"], value=2)
+    [failed] = kb.why_not(PlanStep(None, "FLY", ("P1", "C0", "C1")))
+    assert (failed.left, failed.right) == (Decimal(2), Decimal("3.5"))
+    assert [failed.text for failed in kb.why_not("(long p1 c1 c0)")] == ["(at p1 c1)"]
+    for step, message in (
+        ("(flyy p1 c0 c1)", "did you mean fly"),
+        ("(fly p1 c0 c9)", "the object 'c9'"),
+        ("(fly p1 c0", "the end of the text"),
+    ):
+        with pytest.raises(PddlError, match=message):
+            kb.why_not(step)
+    with pytest.raises(InvalidKnowledgeError, match="has 2 arguments, expected 3"):
+        kb.why_not("(fly p1 c0)")
+    with pytest.raises(InvalidKnowledgeError, match="'flyy' is not known"):
+        kb.is_applicable(PlanStep(None, "flyy"))
+    with pytest.raises(PlanError, match="is no step; give text"):
+        kb.is_applicable(3)  # type: ignore[arg-type]
+
+
+# Act.
+
+
+def test_applicable_actions(kb: KnowledgeBase) -> None:
+    expected = ["(board h1 p1 c0)", "(fly p1 c0 c1)"]
+    expected += [f"(swap {x} {y})" for x in ("c0", "c1") for y in ("c0", "c1")]
+    expected += ["(stay p1 c0)", "(numbers p1)", "(twice)", "(wrong)", "(lost p1)"]
+    expected += ["(long p1 c0 c0)", "(long p1 c0 c1)", "(free)"]
+    assert texts(kb.applicable_actions()) == expected
+    assert all(kb.is_applicable(step) for step in expected)
+    assert texts(kb.applicable_actions("fly")) == ["(fly p1 c0 c1)"]
+    assert texts(kb.applicable_actions(limit=3)) == expected[:3]
+    assert texts(kb.applicable_actions("swap", limit=2, y="c1")) == ["(swap c0 c1)", "(swap c1 c1)"]
+    assert texts(kb.applicable_actions(p="h1")) == ["(board h1 p1 c0)"]
+    assert texts(kb.applicable_actions(p="h2")) == []
+    kb.propositions.delete_all()
+    assert "(fly p1 c0 c1)" not in texts(kb.applicable_actions())
+    assert texts(kb.at(2).applicable_actions()) == expected
+    with pytest.raises(InvalidArgumentError, match=r"no parameter \?z"):
+        kb.applicable_actions("fly", z="p1")
+    with pytest.raises(InvalidArgumentError, match="no action has parameters"):
+        kb.applicable_actions(zz="p1")
+    with pytest.raises(TypeMismatchError):
+        kb.applicable_actions("fly", a="c0")
+    with pytest.raises(InvalidKnowledgeError, match="'flies' is not known"):
+        kb.applicable_actions("flies")
+
+
+def test_each_action_takes_one_statement_when_it_is_needed(kb: KnowledgeBase) -> None:
+    kb.holds("(calm)")
+    steps = kb.applicable_actions()
+    assert count(lambda: next(steps)) == 1
+    assert count(lambda: next(steps)) == 1
+    assert count(lambda: kb.is_applicable("(fly p1 c0 c1)")) == 1
+
+
+def test_a_step_is_one_revision(kb: KnowledgeBase) -> None:
+    before = kb.revision
+    assert kb.apply("(board h1 p1 c0)", reason="first call") == before + 1
+    assert kb.apply(PlanStep(None, "fly", ("p1", "c0", "c1"))) == before + 2
+    first, second = kb.revisions(before)
+    assert (first.reason, second.reason) == ("first call", "applied (fly p1 c0 c1)")
+    [entry] = kb.log(since=before + 2)
+    assert [f"{change.sign}{change.text}" for change in entry.changes] == [
+        "+(at p1 c1)",
+        "+(lit c1)",
+        "+(= (fuel p1) 6.5)",
+        "+(= (last p1) c0)",
+        "+(= (total) 7.1)",
+        "-(at p1 c0)",
+        "-(= (fuel p1) 10)",
+        "-(= (total) 0.1)",
+    ]
+    assert kb.verify().is_intact
+
+
+def test_a_step_that_cannot_be_executed_writes_nothing(kb: KnowledgeBase) -> None:
+    before = kb.revision
+    with pytest.raises(NotApplicableError, match=r"\(fly p1 c1 c0\) cannot be applied") as caught:
+        kb.apply("(fly p1 c1 c0)")
+    assert caught.value.unsatisfied == (FailedCondition("(at p1 c1)", "does not hold"),)
+    for step, message in (
+        ("(fly h1 c0 c1)", "h1 is of type person"),
+        ("(wrong)", "assigns it several values"),
+        ("(free)", "duration"),
+        ("(free) [5]", "the sides are 5 and 4"),
+        ("(long p1 c0 c0)", "no value"),
+    ):
+        with pytest.raises(NotApplicableError, match=message):
+            kb.apply(step)
+    kb.function_values.unset("total")
+    with pytest.raises(NotApplicableError, match="has no value that could be changed"):
+        kb.apply("(twice)")
+    assert kb.revision == before + 1
+    with pytest.raises(ReadOnlyError):
+        kb.at(before).apply("(twice)")
+
+
+def test_conditions_and_values_are_those_of_the_state_before(kb: KnowledgeBase) -> None:
+    kb.apply("(board h1 p1 c0)")
+    kb.apply("(fly p1 c0 c1)")
+    assert kb.apply("(swap c1 c0)") is not None
+    assert kb.query("(lit ?c)").to_dicts() == [{"c": "c0"}]
+    assert kb.apply("(stay p1 c1)") is None  # deletes before adds: nothing changes
+    kb.function_values.set("total", objects=[], value=Decimal("0.1"))
+    kb.apply("(numbers p1)")
+    assert (total(kb), kb.function_values.get("fuel", objects=["p1"])) == (
+        Decimal("0.15"),
+        Decimal("0.1"),
+    )
+    kb.apply("(twice)")
+    assert total(kb) == Decimal("0.90")
+    kb.apply("(lost p1)")
+    assert len(kb.query("(lit ?c)")) == 1  # (last p1) is c0, which is lit
+
+
+def test_an_effect_on_a_fluent_without_value_does_not_happen(kb: KnowledgeBase) -> None:
+    assert kb.apply("(lost p1)") is None
+
+
+def test_steps_within_a_transaction(kb: KnowledgeBase) -> None:
+    before = kb.revision
+    with kb.transaction(actor="executive", reason="two steps"):
+        assert kb.apply("(board h1 p1 c0)") is None
+        assert kb.is_applicable("(fly p1 c0 c1)")
+        kb.apply("(fly p1 c0 c1)")
+        assert not kb.is_applicable("(fly p1 c0 c1)")
+        with pytest.raises(NotApplicableError):
+            kb.apply("(fly p1 c0 c1)")
+    assert kb.revision == before + 1
+    assert kb.holds("(and (at p1 c1) (lit c1))")
+
+
+def test_a_step_of_a_recorded_plan_keeps_its_status(kb: KnowledgeBase) -> None:
+    steps = (PlanStep(None, "board", ("h1", "p1", "c0")), PlanStep(None, "fly", ("p1", "c0", "c1")))
+    plan = kb.plans.record(Plan(steps, "by hand", "solved_satisficing"))
+    revision = kb.apply(plan.steps[0])
+    read = kb.plans.get(plan.id)
+    assert read is not None
+    assert [step.status for step in read.steps] == ["succeeded", None]
+    assert read.steps[0].revisions == (revision,)
+    kb.apply("(fly p1 c0 c1)", plan_step=plan.steps[1])
+    read = kb.plans.get(plan.id)
+    assert read is not None
+    assert (read.steps[1].status, read.steps[1].revisions) == (None, (kb.revision,))
+
+
+# Durative actions in two halves.
+
+
+def test_a_durative_step_in_two_halves(kb: KnowledgeBase) -> None:
+    step = kb.start("(long p1 c0 c1)", reason="take off")
+    assert (step.status, step.duration, step.arguments) == (
+        "started",
+        Decimal("1.75"),
+        ("p1", "c0", "c1"),
+    )
+    started = kb.revision
+    assert [each.reason for each in kb.revisions(started - 1)] == ["take off"]
+    assert kb.holds("(and (busy p1) (not (at p1 c0)) (not (at p1 c1)))")
+    with pytest.raises(NotApplicableError, match="it is running"):
+        kb.start("(long p1 c0 c1)")
+    assert kb.broken_invariants() == []
+    ended = kb.end("(LONG p1 c0 c1)")
+    assert ended == started + 1
+    assert kb.holds("(and (not (busy p1)) (at p1 c1))")
+    assert total(kb) == Decimal("1.85")
+    read = kb.plans.get(step.plan_id)
+    assert read is not None
+    assert (read.steps[0].status, read.steps[0].revisions) == ("succeeded", (started, ended))
+    with pytest.raises(PlanError, match="is not running: start it first; running are: none"):
+        kb.end(step)
+    assert kb.verify().is_intact
+
+
+def test_invariants_of_running_steps(kb: KnowledgeBase) -> None:
+    step = kb.start("(long p1 c0 c1)")
+    with kb.transaction(actor="perception", reason="dusk"):
+        lit = kb.predicates.get("lit")
+        c0 = kb.objects.get("c0")
+        assert lit is not None
+        assert c0 is not None
+        kb.propositions.save(PddlPropositionDto(lit, [c0]))
+    dusk = kb.revision
+    [broken] = kb.broken_invariants()
+    assert (broken.step.plan_id, broken.unsatisfied.text) == (step.plan_id, "(not (lit c0))")
+    assert broken.since is not None
+    assert (broken.since.number, broken.since.actor) == (dusk, "perception")
+    assert str(broken) == (
+        f"(long p1 c0 c1): (not (lit c0)): does not hold, since revision {dusk} by perception"
+    )
+    with pytest.raises(NotApplicableError, match=r"\(not \(lit c0\)\)"):
+        kb.end(step)
+    assert kb.abort(step, reason="lights") == dusk + 1
+    assert kb.broken_invariants() == []
+    read = kb.plans.get(step.plan_id)
+    assert read is not None
+    assert read.steps[0].status == "aborted"
+    with pytest.raises(PlanError, match="of the present"):
+        kb.at(dusk).broken_invariants()
+
+
+def test_an_effect_at_the_end_may_depend_on_the_start(kb: KnowledgeBase) -> None:
+    lit = kb.predicates.get("lit")
+    c1 = kb.objects.get("c1")
+    assert lit is not None
+    assert c1 is not None
+    fact = PddlPropositionDto(lit, [c1])
+    kb.propositions.save(fact)
+    kb.start("(long p1 c0 c1)")
+    kb.propositions.delete(fact)
+    kb.end("(long p1 c0 c1)")
+    assert kb.holds("(calm)")
+    kb.start("(long p1 c1 c0)")
+    kb.propositions.delete_all()
+    kb.propositions.save(fact)
+    with pytest.raises(NotApplicableError):
+        kb.end("(long p1 c1 c0)")
+
+
+def test_durations(kb: KnowledgeBase) -> None:
+    assert kb.start("(long p1 c0 c1) [1.755]").duration == Decimal("1.755")
+    kb.abort("(long p1 c0 c1)")
+    for step, message in (
+        ("(free) [1.9]", "the sides are 1.9 and 2"),
+        ("(free) [4.1]", "the sides are 4.1 and 4"),
+    ):
+        with pytest.raises(NotApplicableError, match=message):
+            kb.start(step)
+    before = total(kb)
+    kb.start("(free) [3]")
+    kb.end("(free)")
+    assert isinstance(before, Decimal)
+    assert total(kb) == before + 3
+    with pytest.raises(PlanError, match=r"use kb\.apply"):
+        kb.start("(twice)")
+
+
+def test_a_durative_step_at_once(kb: KnowledgeBase) -> None:
+    before = kb.revision
+    assert kb.apply("(long p1 c0 c1)") == before + 1
+    assert kb.holds("(and (at p1 c1) (not (busy p1)))")
+    assert total(kb) == Decimal("1.85")
+
+
+def test_a_running_step_is_known_to_other_connections(shared_url: str, connect: Connect) -> None:
+    one, other = connect(shared_url), connect(shared_url)
+    one.load_domain(DOMAIN)
+    one.load_problem(PROBLEM)
+    one.start("(long p1 c0 c1)")
+    assert other.end("(long p1 c0 c1)") is not None
+    with pytest.raises(PlanError, match="not running"):
+        one.end("(long p1 c0 c1)")
+
+
+def test_processes_and_events_are_no_steps(fresh_kb: KnowledgeBase) -> None:
+    fresh_kb.load_domain("""(define (domain d) (:requirements :time :fluents)
+      (:predicates (p)) (:functions (x))
+      (:process flow :parameters () :precondition (p) :effect (increase (x) (* #t 1)))
+      (:event bang :parameters () :precondition (p) :effect (not (p))))""")
+    assert texts(fresh_kb.applicable_actions()) == []
+    for name in ("flow", "bang"):
+        with pytest.raises(UnsupportedConstructError, match="happens by itself"):
+            fresh_kb.apply(PlanStep(None, name))
+
+
+def test_a_robot_walks(fresh_kb: KnowledgeBase) -> None:
+    graph.load(fresh_kb)
+    for place in ("w2", "w3", "w4"):
+        [step] = list(fresh_kb.applicable_actions("move", r="rb1"))
+        assert step.arguments[2] == place
+        fresh_kb.apply(step)
+    assert list(fresh_kb.query("(robot_at rb1 ?w)")) == [("w4",)]
