@@ -7,9 +7,10 @@ Hoffmann, PDDL 2.2, 2004, section 2.1; Thiebaux, Hoffmann and Nebel, In Defense 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Hashable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from itertools import count
+from typing import TypeVar
 
 from ..dto import formulas as f
 from ..errors import InvalidKnowledgeError
@@ -23,10 +24,11 @@ from .conditions import (
     Resolver,
     Witness,
     check_levels,
-    parts_of,
 )
 from .definitions import DERIVED_PREDICATE, Definitions
 from .formulas import TreeReader
+
+K = TypeVar("K", bound=Hashable)
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +60,7 @@ class DerivationRules:
                 self._rules.setdefault(predicate.id, []).append(rule)
         self.component = {
             each: frozenset(component)
-            for component in _components({each: self._uses(each) for each in self._rules})
+            for component in strong_components({each: self._uses(each) for each in self._rules})
             for each in component
         }
 
@@ -126,14 +128,14 @@ def _mentioned(body: Part) -> Iterator[tuple[int, bool]]:
                 stack += [(inner, is_negative) for inner in parts]
 
 
-def _components(uses: dict[int, list[int]]) -> list[list[int]]:
+def strong_components(uses: Mapping[K, Iterable[K]]) -> list[list[K]]:
     """Return the strongly connected components, those that others use first (Tarjan, 1972)."""
-    index: dict[int, int] = {}
-    low: dict[int, int] = {}
-    open_: list[int] = []
-    found: list[list[int]] = []
+    index: dict[K, int] = {}
+    low: dict[K, int] = {}
+    open_: list[K] = []
+    found: list[list[K]] = []
     for start, first in uses.items():
-        pending: list[tuple[int, Iterator[int]]] = []
+        pending: list[tuple[K, Iterator[K]]] = []
         if start not in index:
             index[start] = low[start] = len(index)
             open_.append(start)
@@ -173,11 +175,3 @@ def rules_of(definitions: Definitions) -> DerivationRules:
 def check_stratified(definitions: Definitions) -> None:
     """Refuse rules by which a predicate depends on its own negation."""
     rules_of(definitions).check_stratified(definitions)
-
-
-def predicates_of(parts: Iterable[Part]) -> Iterator[int]:
-    """Yield the predicates that parts mention."""
-    for part in parts:
-        for inner in parts_of(part):
-            if isinstance(inner, HoldsFact):
-                yield inner.predicate

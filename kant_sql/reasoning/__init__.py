@@ -4,5 +4,6 @@ from __future__ import annotations
 
 from .ask import Answers, Binding
 from .interfaces import Reasoning
+from .steps import Step, UpActionInstance
 
-__all__ = ["Answers", "Binding", "Reasoning"]
+__all__ = ["Answers", "Binding", "Reasoning", "Step", "UpActionInstance"]

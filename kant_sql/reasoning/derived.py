@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 
 from ..dto import formulas as f
 from ..errors import InvalidKnowledgeError
+from ..knowledge.rules import strong_components
 from ..pddl.document import Domain, Problem
 from ..pddl.symbols import ANY
 from .conditions import Compiler, alternatives, junction
@@ -68,7 +69,8 @@ def strata(uses: dict[str, dict[str, bool]]) -> list[tuple[str, ...]]:
         InvalidKnowledgeError: one depends on its own negation.
     """
     found: list[tuple[str, ...]] = []
-    for component in _components(uses):
+    derived = {name: [one for one in used if one in uses] for name, used in uses.items()}
+    for component in strong_components(derived):
         together = set(component)
         for name in component:
             for used, negated in uses[name].items():
@@ -78,41 +80,8 @@ def strata(uses: dict[str, dict[str, bool]]) -> list[tuple[str, ...]]:
                         f"(not ({used} ...)); rules must be stratified: derive {used} without "
                         f"{name}, or leave the negation out"
                     )
-        found.append(component)
+        found.append(tuple(component))
     return found
-
-
-def _components(uses: dict[str, dict[str, bool]]) -> Iterator[tuple[str, ...]]:
-    """Yield strongly connected components, used ones first (Tarjan, 1972), without recursion."""
-    numbers: dict[str, int] = {}
-    lowest: dict[str, int] = {}
-    path: list[str] = []
-    done: set[str] = set()
-    for start, first in uses.items():
-        if start in numbers:
-            continue
-        stack = [(start, iter(first))]
-        numbers[start] = lowest[start] = len(numbers)
-        path.append(start)
-        while stack:
-            name, rest = stack[-1]
-            used = next((one for one in rest if one in uses and one not in done), None)
-            if used is None:
-                stack.pop()
-                if stack:
-                    above = stack[-1][0]
-                    lowest[above] = min(lowest[above], lowest[name])
-                if lowest[name] == numbers[name]:
-                    component = tuple(path[path.index(name) :])
-                    del path[path.index(name) :]
-                    done.update(component)
-                    yield component
-            elif used in numbers:
-                lowest[name] = min(lowest[name], numbers[used])
-            else:
-                numbers[used] = lowest[used] = len(numbers)
-                path.append(used)
-                stack.append((used, iter(uses[used])))
 
 
 class Component:
