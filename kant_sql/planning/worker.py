@@ -6,6 +6,7 @@ plan, at the timeout, or with the calling process.
 
 from __future__ import annotations
 
+import contextlib
 import os
 import pickle
 import signal
@@ -51,6 +52,20 @@ def engine_parameters(name: str) -> dict[str, str]:
     link = Path(tempfile.mkdtemp(prefix="aries-"), "aries")
     link.symlink_to(found)
     return {"executable": str(link)}
+
+
+def limited(name: str, longest: float) -> tuple[dict[str, str], float | None]:
+    """Return the parameters of an engine that improves its plan for some seconds, and its timeout.
+
+    At a timeout, unified-planning ends the group of an engine's process, which is this process's
+    own. So engines that can do so watch the time themselves.
+    """
+    whole = max(1, round(longest))
+    if name == "fast-downward":
+        return {"fast_downward_search_time_limit": f"{whole}s"}, None
+    if name == "enhsp-any":
+        return {"params": f"-h hadd -s gbfs -timeout {whole}"}, None
+    return engine_parameters(name), longest
 
 
 TEMPORAL = ("aries", "enhsp")
@@ -195,6 +210,11 @@ class GroupedProcess(subprocess.Popen[bytes]):
         super().__init__(*arguments, **options)  # type: ignore[call-overload]
 
 
+def end_process(process: subprocess.Popen[bytes]) -> None:
+    """End the process of an engine, in place of its group."""
+    process.terminate()
+
+
 class Search:
     """The search for a plan, engine by engine."""
 
@@ -327,17 +347,19 @@ class Search:
         return replace(found, domain_pddl=given[0], problem_pddl=given[1])
 
     def _result(self, name: str, problem: UpProblem, improves: bool) -> PlanGenerationResult:
-        factory, parameters = self._environment.factory, engine_parameters(name)
+        factory = self._environment.factory
         if improves and factory.engine(name).is_anytime_planner():
             longest = IMPROVING_SECONDS
             if self._task.timeout is not None:
                 longest = min(longest, self._task.timeout / 2)
+            parameters, timeout = limited(name, longest)
             best = None
             with factory.AnytimePlanner(name=name, params=parameters) as planner:
-                for result in planner.get_solutions(problem, timeout=longest):
+                for result in planner.get_solutions(problem, timeout=timeout):
                     best = result if result.plan is not None else best
             if best is not None:
                 return best
+        parameters = engine_parameters(name)
         with factory.OneshotPlanner(name=name, params=parameters) as planner:
             return planner.solve(problem)
 
@@ -407,6 +429,10 @@ def main(directory: str) -> None:
     """Solve the task in a directory, and write the result there."""
     threading.Thread(target=_end_with_parent, daemon=True).start()
     subprocess.Popen = GroupedProcess  # type: ignore[misc,assignment]
+    with contextlib.suppress(ImportError):
+        from unified_planning.engines import pddl_anytime_planner, pddl_planner
+
+        pddl_planner.terminate_process = pddl_anytime_planner.terminate_process = end_process
     task: Task = pickle.loads(Path(directory, "task").read_bytes())
     outcome: Plan | tuple[str, str, str]
     fallbacks: list[str] = []

