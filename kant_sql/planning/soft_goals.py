@@ -467,7 +467,8 @@ class SoftGoals:
         steps = [self._step("end-of-plan", (acting, *goal), (f.Not(acting), turn))]
         for one in softened:
             after = self._atom("settled", initially=False)
-            effect = (f.Not(turn), after)
+            # No delete: Fast Downward would look for invariants in all sets of these atoms.
+            effect = (after,)
             satisfied: tuple[f.Formula, ...] = (turn, one.formula)
             violated: tuple[f.Formula, ...] = (turn,)
             if one.is_rewarded:
