@@ -25,9 +25,10 @@ from ..errors import UnsupportedConstructError
 from ..pddl.document import DURATIVE_ACTION, Action
 from ..pddl.formulas import flatten
 from .arithmetic import DECIMALS, LINEARS, Linear, decimal_of
-from .conditions import Compiler, Conditions, Env, Search, positive
+from .conditions import Compiler, Conditions, Env, Search
 from .failures import FailedCondition, failed_parts, sides_text
 from .grounding import Binding, bound, substitute
+from .junctions import positive
 from .relations import Row
 from .world import FluentRow, World
 

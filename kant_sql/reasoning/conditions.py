@@ -22,6 +22,7 @@ from ..dto.lexical import fold
 from ..errors import InvalidKnowledgeError, UnsupportedConstructError
 from .arithmetic import COMPARE, DECIMALS, DOUBLES, LINEARS, Linear, Numbers
 from .grounding import Binding
+from .junctions import Literal, alternatives, junction, merged
 from .relations import Relation, Row, picker
 from .world import World
 
@@ -232,7 +233,7 @@ class Compiler:
     def search(
         self,
         variables: Sequence[f.TypedName],
-        parts: Sequence[tuple[f.Formula, bool]],
+        parts: Sequence[Literal],
         delta: tuple[f.Atom, Relation] | None = None,
     ) -> Search:
         """Compile a search for the objects of variables, which yields with each solution in `env`.
@@ -242,12 +243,12 @@ class Compiler:
             parts: a conjunction of formulas, each with whether it is negated.
             delta: an atom of the conjunction to be read from other facts.
         """
-        return self.open_search(*_merged(variables, parts), delta)[0]
+        return self.open_search(*merged(variables, parts), delta)[0]
 
     def open_search(
         self,
         variables: Sequence[f.TypedName],
-        parts: Sequence[tuple[f.Formula, bool]],
+        parts: Sequence[Literal],
         delta: tuple[f.Atom, Relation] | None = None,
         within: Callable[[], None] | None = None,
     ) -> tuple[Search, tuple[int, ...]]:
@@ -278,7 +279,7 @@ class Compiler:
     def _join(
         self,
         variables: dict[int, f.TypedName],
-        parts: Sequence[tuple[f.Formula, bool]],
+        parts: Sequence[Literal],
         delta: tuple[f.Atom, Relation] | None,
     ) -> Search:
         """Compile a nested loop over a conjunction."""
@@ -355,39 +356,28 @@ class Compiler:
         world = self.world
         slots, _ = self.terms(atom.terms)
         known = tuple([at for at, slot in enumerate(slots) if slot not in unbound])
-        new = [at for at, slot in enumerate(slots) if slot in unbound]
         targets: dict[int, int] = {}
         repeated: list[tuple[int, int]] = []
         kinds: list[tuple[int, frozenset[str]]] = []
-        for at in new:
-            slot = slots[at]
+        for at, slot in enumerate(slots):
             if slot in targets:
                 repeated.append((targets[slot], at))
-                continue
-            targets[slot] = at
-            wanted = unbound[slot].types
-            if not world.always_fits(atom.predicate, at, wanted):
-                kinds.append((at, world.members(wanted)))
+            elif slot in unbound:
+                targets[slot] = at
+                wanted = unbound[slot].types
+                if not world.always_fits(atom.predicate, at, wanted):
+                    kinds.append((at, world.members(wanted)))
         for slot in targets:
             del unbound[slot]
         is_delta = delta is not None and atom is delta[0]
         relation = delta[1] if is_delta and delta else world.relation(atom.predicate)
         rules = None if is_delta else world.rules(atom.predicate)
-        find = relation.lookup(known)
-        pick = picker(tuple([slots[at] for at in known]))
+        find, pick = relation.lookup(known), picker(tuple([slots[at] for at in known]))
 
         def rows(env: Env) -> Collection[Row]:
             if rules is not None and not rules.is_fresh:
                 rules.refresh()
-            found = find(pick(env))
-            if not repeated and not kinds:
-                return found
-            return [
-                row
-                for row in found
-                if all(row[one] == row[other] for one, other in repeated)
-                and all(row[at] in members for at, members in kinds)
-            ]
+            return _fitting(find(pick(env)), repeated, kinds)
 
         return _Step(rows, tuple(targets.values()), tuple(targets), ())
 
@@ -500,6 +490,22 @@ def _never(env: Env) -> bool:
     return False
 
 
+def _fitting(
+    rows: Collection[Row],
+    repeated: list[tuple[int, int]],
+    kinds: list[tuple[int, frozenset[str]]],
+) -> Collection[Row]:
+    """Return the rows with the same objects at some positions, and some of certain types."""
+    if not repeated and not kinds:
+        return rows
+    return [
+        row
+        for row in rows
+        if all(row[one] == row[other] for one, other in repeated)
+        and all(row[at] in members for at, members in kinds)
+    ]
+
+
 def _constant(rows: Collection[Row]) -> Callable[[Env], Collection[Row]]:
     return lambda env: rows
 
@@ -530,71 +536,6 @@ def _after(lookups: tuple[_Lookup, ...], test: Test) -> Test:
         return test(env)
 
     return looked_up
-
-
-def junction(part: f.Node, negated: bool) -> tuple[list[tuple[f.Formula, bool]], bool] | None:
-    """Return the parts of a conjunction (True) or a disjunction, each with whether it is negated.
-
-    A part that is no junction has none.
-    """
-    if isinstance(part, f.Not):
-        return [(part.formula, not negated)], True
-    if isinstance(part, f.And):
-        return [(one, negated) for one in part.formulas], not negated
-    if isinstance(part, f.Or):
-        return [(one, negated) for one in part.formulas], negated
-    if isinstance(part, f.Imply):
-        return [(part.condition, not negated), (part.formula, negated)], negated
-    return None
-
-
-def positive(formulas: Iterable[f.Formula]) -> list[tuple[f.Formula, bool]]:
-    """Return formulas as the parts of a search, not negated."""
-    return [(formula, False) for formula in formulas]
-
-
-def flatten(
-    parts: Iterable[tuple[f.Formula, bool]], is_and: bool = True
-) -> list[tuple[f.Formula, bool]]:
-    """Return the parts of nested conjunctions, or of disjunctions, in order."""
-    found: list[tuple[f.Formula, bool]] = []
-    stack = list(parts)[::-1]
-    while stack:
-        part, negated = stack.pop()
-        inner = junction(part, negated)
-        if inner is not None and (inner[1] == is_and or len(inner[0]) == 1):
-            stack.extend(reversed(inner[0]))
-        else:
-            found.append((part, negated))
-    return found
-
-
-def alternatives(parts: Sequence[tuple[f.Formula, bool]]) -> list[list[tuple[f.Formula, bool]]]:
-    """Return the conjunctions of a disjunction; one for anything else."""
-    whole = flatten(parts)
-    if len(whole) != 1 or junction(*whole[0]) is None:
-        return [whole]
-    return [flatten([one]) for one in flatten(whole, is_and=False)]
-
-
-def _merged(
-    variables: Sequence[f.TypedName], parts: Sequence[tuple[f.Formula, bool]]
-) -> tuple[list[f.TypedName], Sequence[tuple[f.Formula, bool]]]:
-    """Merge quantifiers that directly contain one of the same kind."""
-    merged = list(variables)
-    while True:
-        whole = flatten(parts)
-        if len(whole) != 1:
-            return merged, whole
-        part, negated = whole[0]
-        kind = f.Forall if negated else f.Exists
-        if not isinstance(part, kind):
-            return merged, whole
-        names = {fold(one.name) for one in merged}
-        if any(fold(one.name) in names for one in part.variables):
-            return merged, whole
-        merged += part.variables
-        parts = [(part.formula, negated)]
 
 
 def _union(

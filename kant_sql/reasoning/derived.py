@@ -9,7 +9,8 @@ from ..errors import InvalidKnowledgeError
 from ..knowledge.rules import strong_components
 from ..pddl.document import Domain, Problem
 from ..pddl.symbols import ANY
-from .conditions import Compiler, alternatives, junction
+from .conditions import Compiler
+from .junctions import alternatives, junction
 from .relations import Relation, Row, picker
 from .world import World
 
@@ -137,6 +138,8 @@ class Component:
         world = self._world
         for head in self.heads:
             world.relation(head).clear()
+            for row in world.stored(head):
+                world.relation(head).add(row)
         found = self._round(self._first)
         while any(found.values()):
             for head, rows in found.items():

@@ -9,8 +9,9 @@ from decimal import Decimal
 from ..dto import formulas as f
 from ..dto.lexical import fold
 from ..history.revisions import Revision
-from .conditions import Compiler, Condition, Conditions, Env, junction
+from .conditions import Compiler, Condition, Conditions, Env
 from .grounding import Binding, substitute
+from .junctions import junction
 from .world import World
 
 # Parts of one universal quantifier that are named.

@@ -5,8 +5,9 @@
 - A fluent without a value makes the atom, the equality or the comparison around it false, as in
   VAL; so does a division by zero. Negation is classical: `(not (< (f) 3))` holds then.
 - Conditions compare numbers as doubles, effects calculate exactly.
-- A derived predicate holds of what its rules derive: the least fixpoint, stratum by stratum
-  (Thiebaux, Hoffmann and Nebel, In defense of PDDL axioms, Artificial Intelligence 168, 2005).
+- A derived predicate holds of what its rules derive, and of the facts that the state has of it: the
+  least fixpoint, stratum by stratum (Thiebaux, Hoffmann and Nebel, In defense of PDDL axioms,
+  Artificial Intelligence 168, 2005).
 - While numbers change continuously, the state is that at `elapsed` since the change began.
 
 Names are those of the documents, in their spelling.
@@ -86,6 +87,8 @@ class World:
             for one in domain.predicates
         }
         self._rules: dict[str, Rules] = {}
+        # The facts of derived predicates that hold without a rule.
+        self._stored: dict[str, Relation] = {}
         self._dependants: dict[str, list[Rules]] = {}
         for atom in problem.facts:
             self.relation(atom.predicate).add(tuple([str(term) for term in atom.terms]))
@@ -101,6 +104,8 @@ class World:
     def add_rules(self, rules: Rules) -> None:
         """Derive the facts of some predicates by rules."""
         self._rules.update(dict.fromkeys(rules.heads, rules))
+        for name in rules.heads:
+            self._stored[name] = Relation(self.relation(name).rows)
         for name in rules.sources:
             self._dependants.setdefault(name, []).append(rules)
 
@@ -162,6 +167,13 @@ class World:
             found = self._relations[predicate] = Relation()
         return found
 
+    def stored(self, predicate: str) -> set[Row]:
+        """Return the facts of a predicate that hold without a rule."""
+        return self._own(predicate).rows
+
+    def _own(self, predicate: str) -> Relation:
+        return self._stored.get(predicate) or self.relation(predicate)
+
     def rules(self, predicate: str) -> Rules | None:
         """Return the rules of a derived predicate."""
         return self._rules.get(predicate)
@@ -187,14 +199,14 @@ class World:
 
     def add(self, predicate: str, row: Row) -> bool:
         """Add a fact; return False if it holds already."""
-        added = self.relation(predicate).add(row)
+        added = self._own(predicate).add(row)
         if added:
             self.touch(predicate)
         return added
 
     def remove(self, predicate: str, row: Row) -> bool:
         """Remove a fact; return False if it does not hold."""
-        removed = self.relation(predicate).discard(row)
+        removed = self._own(predicate).discard(row)
         if removed:
             self.touch(predicate)
         return removed
@@ -209,17 +221,15 @@ class World:
 
     def touch(self, name: str) -> None:
         """Note that the facts of a predicate, or the values of a function, have changed."""
+        own = self._rules.get(name)
+        if own is not None:
+            own.is_fresh = False
         for rules in self._dependants.get(name, ()):
             rules.is_fresh = False
 
     def facts(self) -> frozenset[tuple[str, Row]]:
-        """Return the facts that are not derived."""
-        return frozenset(
-            (name, row)
-            for name, relation in self._relations.items()
-            if name not in self._rules
-            for row in relation.rows
-        )
+        """Return the facts that hold without a rule."""
+        return frozenset((name, row) for name in self._relations for row in self.stored(name))
 
     def values(self) -> dict[FluentRow, Decimal | str]:
         """Return the values of all fluents."""

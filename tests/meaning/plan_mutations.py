@@ -105,7 +105,7 @@ KINDS: dict[str, Callable[[list[PlanStep], random.Random, Sequence[str]], None]]
 def mutations(
     plan: Plan, objects: Sequence[str], seed: object, each: int
 ) -> Iterator[tuple[str, Plan]]:
-    """Yield changed plans: so many of each kind, without repetitions."""
+    """Yield changed plans: so many of each kind, without repetitions, each with a step."""
     chance = random.Random(str(seed))
     seen = {plan.steps}
     for kind, change in KINDS.items():
@@ -113,6 +113,7 @@ def mutations(
             steps = list(plan.steps)
             if steps:
                 change(steps, chance, objects)
-            if tuple(steps) not in seen:
+            # Without a step, VAL takes a timed initial literal for the end of the plan.
+            if steps and tuple(steps) not in seen:
                 seen.add(tuple(steps))
                 yield kind, plan_of(steps)

@@ -11,8 +11,9 @@ from kant_sql import Plan, PlanStep
 from kant_sql.dto import formulas as f
 from kant_sql.pddl import Action, Domain, Problem
 from kant_sql.reasoning.actions import Schema, Snap, apply_changes
-from kant_sql.reasoning.conditions import Compiler, Conditions, positive
+from kant_sql.reasoning.conditions import Compiler, Conditions
 from kant_sql.reasoning.derived import read_world
+from kant_sql.reasoning.junctions import positive
 from kant_sql.reasoning.validate import validate
 from kant_sql.reasoning.world import World
 from tests.meaning.plan_mutations import EPSILON, plan_of

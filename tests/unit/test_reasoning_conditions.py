@@ -311,3 +311,17 @@ def test_failing_parts_are_named_with_values() -> None:
         "(imply (at u a) (>= (size u) 1)): does not hold",
     ]
     assert (found[2].left, found[2].right) == (Decimal(2), None)
+
+
+def test_stored_facts_of_derived_predicates_hold_beside_the_rules() -> None:
+    world = _world("(road home a) (reach b c)")
+    assert world.has("reach", ("home", "a"))
+    assert world.has("reach", ("b", "c"))
+    world.add("road", ("a", "b"))
+    # A stored fact is used by the rules.
+    assert world.has("reach", ("home", "c"))
+    assert not world.has("far", ("home", "c"))
+    world.remove("reach", ("b", "c"))
+    assert world.has("reach", ("home", "b"))
+    assert not world.has("reach", ("home", "c"))
+    assert world.has("far", ("home", "c"))
