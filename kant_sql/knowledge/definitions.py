@@ -465,7 +465,7 @@ class PendingDefinitions(Definitions):
 
     def current(self) -> Definitions:
         """Return the present definitions for immediate use: they may lack later changes."""
-        return self if self._by_kind else self.origin
+        return self if any(each.changes for each in self._by_kind.values()) else self.origin
 
     def elements(self, kind: str) -> PendingElements[Any]:
         """Return the elements of one kind, with their changes."""

@@ -126,15 +126,33 @@ def prepare(
     found = kept.get(key)
     if found is None or found.definitions is not definitions:
         read = read_condition(text, symbols=symbols_of(definitions), parameters=parameters)
-        given = {
-            given_variable(name, [variable.name for variable in read.free]) for name in bindings
-        }
-        found = Prepared(resolve(definitions, read, given), definitions)
+        variables = [variable.name for variable in read.free]
+        given = {given_variable(name, variables) for name in bindings}
+        resolved = resolve(definitions, read, given)
+        for column in (*resolved.columns, *resolved.given):
+            _check_possible(definitions, column)
+        found = Prepared(resolved, definitions)
         if type(definitions) is Definitions:
             if len(kept) >= KEPT:
                 kept.clear()
             kept[key] = found
     return found
+
+
+def _check_possible(definitions: Definitions, column: Column) -> None:
+    """Refuse a variable whose atoms allow different types, so that no object fits all of them."""
+    wanted = [types for types in column.bound.types if types is not None]
+    if len(wanted) < 2 or frozenset.intersection(*wanted):
+        return
+    for object_ in definitions.objects:
+        if all(fits(definitions, object_.id, types) for types in wanted):
+            return
+    live = definitions.types.live
+    names = [either_text(live(id_).name for id_ in sorted(types)) for types in wanted]
+    raise TypeMismatchError(
+        f"?{column.name} stands where {' and where '.join(names)} is expected, and no object is "
+        f"both; give its types, as in parameters='(?{column.name} - ...)'"
+    )
 
 
 def given_variable(keyword: str, variables: Sequence[str]) -> str:

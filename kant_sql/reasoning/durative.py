@@ -8,7 +8,6 @@ processes know it; a step of no plan is recorded as a plan of its own.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from decimal import Decimal
@@ -18,7 +17,6 @@ from ..dto.formulas import AT_END, AT_START, OVER_ALL
 from ..dto.lexical import decimal_text, fold
 from ..errors import PlanError
 from ..history.revisions import Revision
-from ..history.versions import blame
 from ..knowledge.conditions import AllOf
 from ..planning import PlanStep
 from ..plans.dao import place_of, record_step, running_steps, set_status
@@ -33,8 +31,8 @@ from .failures import FailedCondition
 from .grounding import bound, substitute
 from .steps import GroundStep, ground
 from .validate import TOLERANCE
+from .when import when
 
-_NEGATED_ATOM = re.compile(r"\(not (\([^()]*\))\)")
 # A comparison of the duration -> whether a difference satisfies it, within the tolerance.
 _SATISFIES = {
     "=": lambda difference: abs(difference) <= TOLERANCE,
@@ -271,6 +269,5 @@ def broken_since(store: Store, failed: FailedCondition) -> Revision | None:
     """Return the revision since which a condition does not hold."""
     if failed.retracted is not None:
         return failed.retracted
-    match = _NEGATED_ATOM.fullmatch(failed.text)
-    held = None if match is None else blame(store, match[1], None)
-    return None if held is None else held.since
+    periods = when(store, f"(not {failed.text})", None, None, None, {}, None)
+    return periods[-1].since if periods and periods[-1].until is None else None

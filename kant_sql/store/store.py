@@ -143,7 +143,8 @@ class Store:
         transaction = self.current()
         if transaction is not None and at is None:
             transaction.flush()
-            return work(View(transaction.session, transaction.kb_id, transaction.definitions))
+            definitions = transaction.definitions.current()
+            return work(View(transaction.session, transaction.kb_id, definitions))
         guess, kb_id = self._definitions.guess(at), self._kb_id
         if guess is not None and kb_id is not None:
             revision, definitions = guess

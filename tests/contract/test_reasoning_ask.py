@@ -351,3 +351,12 @@ def test_rules_that_are_not_stratified_are_refused_by_name(fresh_kb: KnowledgeBa
     assert fresh_kb.holds("(p)")
     rules.save(Derived("q", (), Not(Not(Atom("q")))))
     assert not fresh_kb.holds("(q)")
+
+
+def test_a_variable_that_no_object_can_be_is_refused(fresh_kb: KnowledgeBase) -> None:
+    graph.load(fresh_kb)
+    condition = "(or (robot_at ?x w1) (blocked ?x))"
+    with pytest.raises(TypeMismatchError, match=r"no object is both.*parameters="):
+        fresh_kb.query(condition)
+    both = fresh_kb.query(condition, parameters="(?x - (either robot place))")
+    assert list(both) == ones("rb1 w2")
