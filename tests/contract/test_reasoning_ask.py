@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import sqlite3
 
+import psycopg
 import pytest
+from sqlalchemy import make_url
 
 import kant_sql
 from kant_sql import (
@@ -360,3 +362,16 @@ def test_a_variable_that_no_object_can_be_is_refused(fresh_kb: KnowledgeBase) ->
         fresh_kb.query(condition)
     both = fresh_kb.query(condition, parameters="(?x - (either robot place))")
     assert list(both) == ones("rb1 w2")
+
+
+def test_the_sql_of_answers_runs_in_psql(one_database: str) -> None:
+    with kant_sql.connect(one_database, knowledge_base="the sql of answers") as kb:
+        graph.load(kb)
+        then = kb.revision
+        kb.propositions.delete_all()
+        texts = {condition: kb.at(then).query(condition).sql for condition in ANSWERS}
+    url = make_url(one_database).set(drivername="postgresql").render_as_string(hide_password=False)
+    with psycopg.connect(url) as connection:
+        for condition, (columns, rows) in ANSWERS.items():
+            found = connection.execute(texts[condition].encode()).fetchall()
+            assert found == (rows if columns else [(int(bool(rows)),)]), condition
