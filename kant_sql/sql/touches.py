@@ -2,38 +2,30 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator, Sequence
 from datetime import datetime
 from functools import cache
 from typing import Any, NamedTuple
 
-from sqlalchemy import (
-    ColumnElement,
-    Select,
-    bindparam,
-    literal_column,
-    select,
-    union,
-    union_all,
-)
+from sqlalchemy import ColumnElement, Select, bindparam, select, text, union
 
 from ..errors import reading_rows
 from ..knowledge.definitions import DERIVED_PREDICATE
 from .dialects.base import Session
+from .dialects.nested import NESTED_LOOPS
 from .held import Pattern, find_facts
-from .intervals import held_then, then
+from .intervals import forks_at
 from .query import Query, in_list, integer
-from .rows import KB, held_at
+from .rows import KB
 from .tables import (
     TABLES,
-    FunctionValueRow,
-    FunctionValueVersionRow,
-    PropositionRow,
-    PropositionVersionRow,
     RevisionRow,
 )
 
 AFTER, HIGH = integer("after"), integer("high")
+# A range is narrow if the past has this many of it.
+NARROW = 10
 
 
 class Touch(NamedTuple):
@@ -92,116 +84,147 @@ def subjects_of(
     return Subjects(whole[0], ids[0], whole[1], ids[1])
 
 
-class _Source(NamedTuple):
-    """The tables of facts, or of values."""
+class _Part(NamedTuple):
+    """The versions of facts or of values, by owner or by id.
 
-    version: Any
-    identity: Any
-    id: Any
-    owner: Any
-    columns: tuple[Any, Any, Any]
-    conditions: tuple[ColumnElement[bool], ...]
+    Attributes:
+        table: the table of versions.
+        identity: the table of identities.
+        id: the column of the identity.
+        owner: the column of the predicate or the function.
+        columns: whether they are facts, and the columns of values.
+        condition: on which versions count.
+        by_owner: whether they are found by owner.
+    """
+
+    table: str
+    identity: str
+    id: str
+    owner: str
+    columns: str
+    condition: str
+    by_owner: bool
+
+    @property
+    def key(self) -> str:
+        """The column by which they are found."""
+        return self.owner if self.by_owner else self.id
+
+    def select(self, leading: str) -> str:
+        """Select the versions of the alias `v`, without its table."""
+        arguments = (
+            f"(SELECT i.arguments FROM {self.identity} AS i"
+            f" WHERE i.kb_id = v.kb_id AND i.id = v.{self.id})"
+        )
+        return (
+            f"SELECT {leading}, {self.columns.format(owner=f'v.{self.owner} AS owner')}"
+            f", {arguments} AS arguments"
+        )
 
 
-_FACTS = _Source(
-    PropositionVersionRow,
-    PropositionRow,
-    PropositionVersionRow.proposition_id,
-    PropositionVersionRow.predicate_id,
-    (
-        literal_column("1"),
-        literal_column("CAST(NULL AS text)"),
-        literal_column("CAST(NULL AS bigint)"),
-    ),
-    (PropositionVersionRow.is_goal == bindparam("is_goal"),),
+_NONE = "CAST(NULL AS text) AS value, CAST(NULL AS bigint) AS object_id"
+_FACTS = (
+    "proposition_version",
+    "proposition",
+    "proposition_id",
+    "predicate_id",
+    f"1 AS is_fact, {{owner}}, {_NONE}",
+    " AND v.is_goal = :is_goal",
 )
-_VALUES = _Source(
-    FunctionValueVersionRow,
-    FunctionValueRow,
-    FunctionValueVersionRow.function_value_id,
-    FunctionValueVersionRow.function_id,
-    (literal_column("0"), FunctionValueVersionRow.value, FunctionValueVersionRow.object_id),
-    (),
+_VALUES = (
+    "function_value_version",
+    "function_value",
+    "function_value_id",
+    "function_id",
+    "0 AS is_fact, {owner}, v.value, v.object_id",
+    "",
 )
-# In the order of `Subjects`: by owner, and by id.
-_PARTS = ((_FACTS, True), (_FACTS, False), (_VALUES, True), (_VALUES, False))
-
-
-def _select(source: _Source, *leading: ColumnElement[Any]) -> Select[Any]:
-    version, identity = source.version, source.identity
-    arguments = (
-        select(identity.arguments)
-        .where(identity.kb_id == version.kb_id, identity.id == source.id)
-        .scalar_subquery()
-    )
-    is_fact, value, object_id = source.columns
-    columns = (*leading, is_fact.label("is_fact"), source.owner.label("owner"))
-    return select(*columns, arguments.label("arguments"), value, object_id).where(
-        version.kb_id == KB, *source.conditions
-    )
-
-
-def _which(source: _Source, by_owner: bool, place: int) -> ColumnElement[bool]:
-    return in_list(source.owner if by_owner else source.id, f"which{place}")
+# In the order of `Subjects`.
+_PARTS = (
+    _Part(*_FACTS, True),
+    _Part(*_FACTS, False),
+    _Part(*_VALUES, True),
+    _Part(*_VALUES, False),
+)
 
 
 @cache
-def _touches(places: tuple[int, ...]) -> Query:
+def _touches(dialect: str, places: tuple[int, ...], is_narrow: bool) -> Query:
+    loops = NESTED_LOOPS[dialect]
     parts = []
     for place in places:
-        source, by_owner = _PARTS[place]
-        for is_end, end in (("0", source.version.since), ("1", source.version.until)):
-            sign: ColumnElement[int] = literal_column(is_end)
-            leading = end.label("revision"), sign.label("is_end")
-            parts.append(
-                _select(source, *leading).where(
-                    _which(source, by_owner, place), end > AFTER, end <= HIGH
-                )
-            )
+        part, wanted = _PARTS[place], f"{loops.rows(f'which{place}', 1)} AS wanted"
+        for is_end, end in (("0", "since"), ("1", "until")):
+            leading = part.select(f"v.{end} AS revision, {is_end} AS is_end")
+            # An expression has no index, so that the other one is used.
+            own = f"v.{end} > :after AND v.{end} <= :high{part.condition}"
+            if is_narrow and part.by_owner:
+                which = f"v.{part.key} + 0 IN (SELECT id0 FROM {wanted})"
+                tables = f"{part.table} AS v WHERE v.kb_id = :kb AND {own} AND {which}"
+            else:
+                own = own.replace(f"v.{end} ", f"v.{end} + 0 ")
+                which = f"v.kb_id = :kb AND v.{part.key} = wanted.id0 AND {own}"
+                tables = wanted + loops.loop("v", part.table, which)
+            parts.append(f"{leading} FROM {tables}")
     # What ends comes first: a value ends where the next one begins.
-    return Query(union_all(*parts).order_by("revision", literal_column("is_end").desc()))
+    return Query(text(f"{' UNION ALL '.join(parts)} ORDER BY revision, is_end DESC"))
 
 
 @cache
-def _state(places: tuple[int, ...]) -> Query:
+def _state(dialect: str, places: tuple[int, ...]) -> Query:
+    loops = NESTED_LOOPS[dialect]
     parts = []
     for place in places:
-        source, by_owner = _PARTS[place]
-        held = held_then(source.version) if by_owner else held_at(source.version)
-        found = _select(source, literal_column("0"), literal_column("0"))
-        parts.append(found.where(_which(source, by_owner, place), held))
-    return Query(union_all(*parts))
+        part, tables = _PARTS[place], f"{loops.rows(f'which{place}', 1)} AS wanted"
+        which = f"v.kb_id = :kb AND v.{part.key} = wanted.id0{part.condition}"
+        if part.by_owner:
+            # See `intervals.py`: the index of an owner's versions goes on with the fork.
+            tables += f" CROSS JOIN {loops.rows('forks', 1)} AS forked"
+            which += " AND v.fork = forked.id0"
+        which += " AND v.since <= :at AND (v.until IS NULL OR v.until > :at)"
+        leading = part.select("0 AS revision, 0 AS is_end")
+        parts.append(f"{leading} FROM {tables}{loops.loop('v', part.table, which)}")
+    return Query(text(" UNION ALL ".join(parts)))
 
 
-def _parameters(session: Session, kb_id: int, which: Subjects) -> tuple[tuple[int, ...], Any]:
+def _parameters(kb_id: int, which: Subjects) -> tuple[tuple[int, ...], dict[str, Any]]:
     places = tuple([place for place, ids in enumerate(which) if ids])
-    values: dict[str, Any] = {"kb": kb_id, "is_goal": False}
-    values |= {f"which{place}": session.list_value(which[place]) for place in places}
+    values: dict[str, Any] = {"kb": kb_id}
+    values |= {f"which{place}": _rows(which[place]) for place in places}
+    if not {0, 1}.isdisjoint(places):
+        values["is_goal"] = False
     return places, values
+
+
+def _rows(ids: Sequence[int]) -> str:
+    return json.dumps([[id_] for id_ in ids])
 
 
 def state_of(session: Session, kb_id: int, which: Subjects, at: int) -> Iterator[Touch]:
     """Read what held at a revision, of what matters, in one statement."""
-    places, values = _parameters(session, kb_id, which)
+    places, values = _parameters(kb_id, which)
     if not places:
         return iter(())
     if not {0, 2}.isdisjoint(places):
-        values |= then(session, at)
-    return map(_touch, session.rows(_state(places), **values, **{"at": at}))
+        values["forks"] = _rows(forks_at(at))
+    query = _state(session.backend.dialect.name, places)
+    return map(_touch, session.rows(query, **values, at=at))
 
 
 def stream_touches(
     session: Session, kb_id: int, which: Subjects, after: int, high: int
 ) -> Iterator[Touch]:
     """Read what began and ended after a revision, in order, in constant memory."""
-    places, values = _parameters(session, kb_id, which)
+    places, values = _parameters(kb_id, which)
     if not places:
         return iter(())
-    return map(_touch, session.stream(_touches(places), **values, after=after, high=high))
+    # Changes of a short range are found by revision, those of most of the past by predicate.
+    query = _touches(session.backend.dialect.name, places, (high - after) * NARROW < high)
+    return map(_touch, session.stream(query, **values, after=after, high=high))
 
 
 def _touch(row: Any) -> Touch:
-    revision, is_end, is_fact, owner, arguments, value, object_id = row
+    revision, is_end, is_fact, owner, value, object_id, arguments = row
     objects = tuple([int(one) for one in arguments.split()])
     held = value if object_id is None else object_id
     return Touch(revision, bool(is_end), bool(is_fact), owner, objects, held)

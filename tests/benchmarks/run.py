@@ -10,7 +10,7 @@ import sys
 from pathlib import Path
 
 BENCHMARKS = (
-    *("coffee_shop", "present", "importing", "bulk", "history", "asof", "verifying"),
+    *("coffee_shop", "present", "importing", "bulk", "history", "asof", "held", "verifying"),
     *("reading", "documents", "footprint"),
 )
 

@@ -11,6 +11,7 @@ from tests.benchmarks import present
 SMALL = {
     "asof": ["--changes", "30000", "--small", "20000", "--backend", "sqlite"],
     "documents": ["--facts", "50", "--repeat", "1", "--backend", "sqlite"],
+    "held": ["--changes", "30000", "--small", "20000", "--backend", "sqlite"],
     "present": ["--repeat", "1", "--backends", "sqlite-file", "sqlite-memory"],
     "verifying": ["200", "sqlite"],
 }

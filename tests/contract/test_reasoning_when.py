@@ -168,9 +168,10 @@ def test_a_goal_is_no_fact(day: KnowledgeBase) -> None:
 
 def test_a_range_cuts_periods_off(day: KnowledgeBase) -> None:
     conjunction, other = "(and (robot_at rb1 ?w) (child_in kitchen))", "(not (child_in hall))"
+    quantified = "(and (exists (?r - robot) (robot_at ?r ?w)) (not (child_in ?w)))"
     for low in range(1, day.revision + 1):
         for high in range(low, day.revision + 1):
-            for text in (conjunction, other, "(robot_at ?r ?w)"):
+            for text in (conjunction, other, quantified, "(robot_at ?r ?w)"):
                 whole = numbers(day.when(text, until=high))
                 cut = [
                     (*row[:-2], row[-2] if row[-2] and row[-2] >= low else None, row[-1])
