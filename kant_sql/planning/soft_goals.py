@@ -433,10 +433,10 @@ class SoftGoals:
         for violated in product((False, True), repeat=len(chosen)):
             amount, demands = self._step_cost, list(condition)
             for one, is_violated in zip(chosen, violated, strict=True):
-                if is_violated != one.is_rewarded:
-                    amount += abs(one.weight)
+                if is_violated:
+                    amount += one.weight
                 else:
-                    demands.append(negated(one.formula) if is_violated else one.formula)
+                    demands.append(one.formula)
             name = action.name
             if any(violated):
                 names = [one.name for one, is_ in zip(chosen, violated, strict=True) if is_]
@@ -449,11 +449,12 @@ class SoftGoals:
         """Return the preferences of an action that its copies violate or not, heaviest first."""
         possible = []
         for one in softened:
-            if one.is_rewarded and not _can_negate(one.formula):
-                self._ignore(where, one, "planners know no violation of it at one time")
+            if one.is_rewarded:
+                # A cost for each step that satisfies it would be one for each step.
+                self._ignore(where, one, "the more steps violate it, the better is the metric")
             else:
                 possible.append(one)
-        possible.sort(key=lambda one: -abs(one.weight))
+        possible.sort(key=lambda one: -one.weight)
         for one in possible[MOST_CHOICES:]:
             reason = f"an action is copied for {MOST_CHOICES} preferences at most"
             self._ignore(where, one, reason)
@@ -521,19 +522,6 @@ def _in_turn(action: Action, acting: f.Atom | None, observing: f.Atom | None) ->
     if observing is not None:
         effect = (*effect, f.Not(acting), observing)
     return replace(action, condition=(*action.condition, acting), effect=effect)
-
-
-def negated(node: f.Formula) -> f.Formula:
-    """Negate a condition, at its time."""
-    if isinstance(node, f.Timed):
-        return f.Timed(node.time, negated(node.formula))
-    return f.Not(node)
-
-
-def _can_negate(node: f.Formula) -> bool:
-    if isinstance(node, f.Timed):
-        return node.time != f.OVER_ALL and _can_negate(node.formula)
-    return not any(isinstance(part, f.Timed) for part in f.walk(node))
 
 
 def _mentions_preference(node: f.Node) -> bool:

@@ -7,6 +7,7 @@ plan, at the timeout, or with the calling process.
 from __future__ import annotations
 
 import contextlib
+import math
 import os
 import pickle
 import signal
@@ -14,6 +15,7 @@ import subprocess
 import sys
 import tempfile
 import threading
+import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from decimal import Decimal
@@ -54,7 +56,11 @@ def engine_parameters(name: str) -> dict[str, str]:
     return {"executable": str(link)}
 
 
-def limited(name: str, longest: float) -> tuple[dict[str, str], float | None]:
+# The seconds that Fast Downward looks for invariants; it would take minutes for soft goals.
+INVARIANT_SECONDS = 5
+
+
+def limited(name: str, longest: float) -> tuple[dict[str, object], float | None]:
     """Return the parameters of an engine that improves its plan for some seconds, and its timeout.
 
     At a timeout, unified-planning ends the group of an engine's process, which is this process's
@@ -62,12 +68,19 @@ def limited(name: str, longest: float) -> tuple[dict[str, str], float | None]:
     """
     whole = max(1, round(longest))
     if name == "fast-downward":
-        return {"fast_downward_search_time_limit": f"{whole}s"}, None
+        limit = {"fast_downward_search_time_limit": f"{whole}s"}
+        return {**limit, **_INVARIANTS}, None
     if name == "enhsp-any":
         return {"params": f"-h hadd -s gbfs -timeout {whole}"}, None
-    return engine_parameters(name), longest
+    return {**engine_parameters(name)}, longest
 
 
+_INVARIANTS = {
+    "fast_downward_translate_options": [
+        "--invariant-generation-max-time",
+        str(INVARIANT_SECONDS),
+    ]
+}
 TEMPORAL = ("aries", "enhsp")
 NUMERIC = ("enhsp", "aries")
 CLASSICAL = ("fast-downward", "pyperplan", "enhsp", "aries")
@@ -211,8 +224,19 @@ class GroupedProcess(subprocess.Popen[bytes]):
 
 
 def end_process(process: subprocess.Popen[bytes]) -> None:
-    """End the process of an engine, in place of its group."""
-    process.terminate()
+    """End the process of an engine and what it started, in place of its group."""
+    for pid in [*_children(process.pid), process.pid]:
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(pid, signal.SIGTERM)
+
+
+def _children(pid: int) -> list[int]:
+    """Return the processes below one, where the system shows them; others end with this one."""
+    try:
+        text = Path(f"/proc/{pid}/task/{pid}/children").read_text()
+    except OSError:
+        return []
+    return [below for child in map(int, text.split()) for below in (*_children(child), child)]
 
 
 class Search:
@@ -221,7 +245,7 @@ class Search:
     def __init__(self, task: Task) -> None:
         from unified_planning.environment import get_environment
 
-        self._task = task
+        self._task, self._started = task, time.monotonic()
         self._environment: Environment = get_environment()
         self._environment.credits_stream = None
         self._environment.factory.add_engine(
@@ -340,7 +364,7 @@ class Search:
             plan = plan.replace_action_instances(back)
         steps = _original(self._steps(plan, form.problem), variant)
         status = _plan_status(result.status.name.lower())
-        found = Plan(tuple(steps), name, status, ignored=variant.ignored)
+        found = Plan(tuple(steps), name, status, ignored=self._ignored(variant))
         if variant.problem is self._task.problem:
             return found
         given = write(variant.domain), write(variant.problem)
@@ -349,19 +373,34 @@ class Search:
     def _result(self, name: str, problem: UpProblem, improves: bool) -> PlanGenerationResult:
         factory = self._environment.factory
         if improves and factory.engine(name).is_anytime_planner():
-            longest = IMPROVING_SECONDS
-            if self._task.timeout is not None:
-                longest = min(longest, self._task.timeout / 2)
-            parameters, timeout = limited(name, longest)
+            parameters, timeout = limited(name, min(IMPROVING_SECONDS, self._remaining() / 2))
             best = None
             with factory.AnytimePlanner(name=name, params=parameters) as planner:
                 for result in planner.get_solutions(problem, timeout=timeout):
                     best = result if result.plan is not None else best
             if best is not None:
                 return best
-        parameters = engine_parameters(name)
+        parameters, timeout = {**engine_parameters(name)}, None
+        if improves and name == "fast-downward":
+            parameters.update(_INVARIANTS)
+        if improves and self._task.timeout is not None and not self._task.strict:
+            # The rest is for a plan without soft goals.
+            timeout = self._remaining() / 2
         with factory.OneshotPlanner(name=name, params=parameters) as planner:
-            return planner.solve(problem)
+            return planner.solve(problem, timeout=timeout)
+
+    def _remaining(self) -> float:
+        """Return the seconds until the timeout."""
+        if self._task.timeout is None:
+            return math.inf
+        return max(self._task.timeout - (time.monotonic() - self._started), 1.0)
+
+    def _ignored(self, variant: Variant) -> tuple[str, ...]:
+        """Return what a variant leaves out, with the reason."""
+        if variant.problem.metric is not None or not self._failures:
+            return variant.ignored
+        reason = "no plan was found with it"
+        return tuple(f"{text.rpartition(': ')[0]}: {reason}" for text in variant.ignored)
 
     def _steps(self, plan: UpPlan, problem: UpProblem) -> list[PlanStep]:
         from unified_planning.plans import PlanKind
