@@ -228,3 +228,43 @@ def test_constraints_are_judged_as_val_judges_them(tmp_path: Path) -> None:
     print(dict(counts))
     assert not wrong, "\n\n".join(wrong)
     assert counts["switched: valid"] == sum(counts.values())
+
+
+TANK = """(define (domain tank)
+  (:requirements :adl :durative-actions :fluents :duration-inequalities)
+  (:predicates (running) (ready)) (:functions (level) (flow) (limit))
+  (:durative-action fill :parameters () :duration (>= ?duration 0)
+    :condition (over all (<= (level) (limit)))
+    :effect (and (increase (level) (* #t (flow))) (at end (ready))))
+  (:durative-action drain :parameters () :duration (>= ?duration 0)
+    :condition (and (at start (>= (level) 1)) (over all (>= (level) 0.5)))
+    :effect (and (decrease (level) (* #t 2)) (at end (ready))))
+  (:durative-action watch :parameters () :duration (>= ?duration 0)
+    :condition (over all (or (< (level) 3) (> (level) 4)))
+    :effect (at end (running)))
+  (:action faster :parameters () :precondition (and) :effect (and (increase (flow) 1)))
+  (:action peek :parameters () :precondition (>= (level) 2.5) :effect (running)))"""
+WATER = """(define (problem p) (:domain tank)
+  (:init (= (level) 1) (= (flow) 1) (= (limit) 6)) (:goal (and)) (:metric minimize (level)))"""
+
+
+def test_continuous_change_is_judged_as_val_judges_it(tmp_path: Path) -> None:
+    chance = random.Random(5)
+    domain = read_domain(TANK)
+    pair = Pair("tank", tmp_path / "domain.pddl", tmp_path / "problem.pddl")
+    pair.domain.write_text(TANK)
+    pair.problem.write_text(WATER)
+    cases = []
+    for _ in range(500 if ALL else 30):
+        lines = []
+        for _ in range(chance.randint(1, 4)):
+            action = chance.choice(("fill", "fill", "drain", "watch", "faster", "peek"))
+            start, duration = chance.randint(10, 400) / 100, chance.randint(50, 500) / 100
+            lasts = f" [{duration}]" if action in ("fill", "drain", "watch") else ""
+            lines.append(f"{start}: ({action}){lasts}")
+        cases.append(Case("filled", Plan.read("\n".join([*lines, ""]))))
+    wrong: list[str] = []
+    counts = check(Task(pair, domain, read_problem(WATER, domain=domain)), cases, tmp_path, wrong)
+    print(dict(counts))
+    assert not wrong, "\n\n".join(wrong)
+    assert min(counts["filled: valid"], counts["filled: step"]) > len(cases) / 10
