@@ -53,7 +53,8 @@ class FailedStep:
     Attributes:
         position: its index in the plan, from 0.
         step: the step.
-        time: when it fails, from the start of the plan.
+        time: when it fails, from the start of the plan; for `over all`, the time of the next
+            happening.
         phase: `at start`, `over all` or `at end` of a durative step; None for another one.
         unsatisfied: what does not hold, or why it cannot be executed.
     """
@@ -341,9 +342,13 @@ class _Execution:
         misfit = schema.misfit(self.world, step.arguments)
         if misfit is not None:
             raise _Failure(entry.position, entry.phase, [misfit])
+        reason = ""
         if action.kind == DURATIVE_ACTION and (step.duration is None or step.duration < 0):
-            failed = FailedCondition(str(step), "a durative action has a duration from 0 on")
-            raise _Failure(entry.position, entry.phase, [failed])
+            reason = "a durative action has a duration from 0 on"
+        elif step.start is not None and step.start < 0:
+            reason = "it starts before the plan does, at 0"
+        if reason:
+            raise _Failure(entry.position, entry.phase, [FailedCondition(str(step), reason)])
         arguments = [self.world.object(name) or name for name in step.arguments]
         memory = self.memories.setdefault(entry.position, {})
         return Snap(
@@ -355,8 +360,8 @@ class _Execution:
             return
         for number, snap in enumerate(snaps):
             reads = snap.reads()
-            others = [(one.changes, at < number) for at, one in enumerate(snaps) if at != number]
-            for changes, _ in [*others, *((one, True) for one in literals)]:
+            others = [one.changes for at, one in enumerate(snaps) if at != number]
+            for changes in (*others, *literals):
                 found = interference(snap.changes, reads, changes)
                 if found is not None:
                     raise _Failure(snap.position, snap.time, [found])

@@ -236,8 +236,13 @@ def test_durations_meet_their_constraints_within_the_tolerance(duration: str, va
         assert f"sides are {duration} and" in failure(found)[3][0]
 
 
-def test_a_durative_step_needs_a_duration() -> None:
+def test_a_step_needs_its_times() -> None:
     assert "a duration from 0 on" in failure(run(OVEN, CAKES, "0 bake a"))[3][0]
+    early = PlanStep(Decimal(-1), "bake", ("a",), Decimal(10))
+    domain = read_domain(f"(define (domain d) {OVEN})")
+    problem = read_problem(f"(define (problem p) (:domain d) {CAKES})", domain=domain)
+    found = validate(domain, problem, Plan((early,), "by hand", "unknown"))
+    assert "starts before the plan does" in failure(found)[3][0]
 
 
 def test_steps_at_one_time_may_not_interfere() -> None:
