@@ -59,7 +59,10 @@ def json_lines(noun: str) -> typer.models.OptionInfo:
 
 
 def words_argument(usage: str, help_: str) -> typer.models.ArgumentInfo:
-    """Describe an argument that begins with the URL, unless the environment has it."""
+    """Describe an argument that begins with the URL, unless the environment has it.
+
+    What is optional behind the URL stands in square brackets.
+    """
     made: typer.models.ArgumentInfo = typer.Argument(
         metavar=usage,
         show_default=False,
@@ -89,6 +92,16 @@ Until = Annotated[str | None, option(f"Only up to {_MOMENT}", metavar="REV|TIME"
 Actor = Annotated[str | None, option("The actor of the revision.", metavar="NAME")]
 Reason = Annotated[str | None, option("The reason for the revision.", metavar="TEXT")]
 AsJson = Annotated[bool, option("One JSON document.", JSON_OPTION)]
+Fixed = Annotated[
+    list[str] | None,
+    option(
+        "The object of a variable, as r=rb1; may be given several times.",
+        "--fix",
+        metavar="VARIABLE=OBJECT",
+    ),
+]
+# Names of arguments that are no variables.
+_RESERVED = frozenset({"limit", "name", "parameters", "since", "until"})
 
 
 def split_url(
@@ -97,15 +110,34 @@ def split_url(
     """Split words into the URL, from them or from the environment, and the rest."""
     wanted = usage.split()
     default = os.environ.get(URL_VARIABLE)
-    if default and words and "://" not in words[0]:
+    if default and not (words and "://" in words[0]):
         words = [default, *words]
-    is_right = len(words) == len(wanted) or (wanted[-1].endswith("...") and len(words) >= 2)
+    needed = 1 + sum(not word.startswith("[") for word in wanted[1:])
+    is_right = needed <= len(words) and (len(words) <= len(wanted) or wanted[-1].endswith("..."))
     if not (is_right and all(words)) or (needs_scheme and "://" not in words[0]):
         raise typer.BadParameter(
             f"give a URL (or set {URL_VARIABLE}) and {' '.join(wanted[1:])}, such as: {example}",
             param_hint=usage,
         )
     return words[0], list(words[1:])
+
+
+def parse_fixed(pairs: Sequence[str] | None) -> dict[str, str]:
+    """Parse the objects of variables into keywords."""
+    found: dict[str, str] = {}
+    for pair in pairs or ():
+        variable, equals, object_ = (part.strip() for part in pair.partition("="))
+        name = variable.removeprefix("?")
+        if not (name and equals and object_):
+            raise typer.BadParameter(
+                f"{pair!r}: expected a variable and an object, as r=rb1", param_hint="--fix"
+            )
+        # Variables ignore case, keywords do not.
+        key = name.upper() if name.lower() in _RESERVED else name
+        if key in found:
+            raise typer.BadParameter(f"?{name} is given twice", param_hint="--fix")
+        found[key] = object_
+    return found
 
 
 def parse_when(text: str, hint: str = "--at") -> int | datetime:
@@ -199,13 +231,15 @@ def _signals_raise() -> Iterator[None]:
 
 
 @contextmanager
-def open_to_read(url: str, name: str | None) -> Iterator[tuple[str, KnowledgeBase]]:
+def open_to_read(
+    url: str, name: str | None, actor: str | None = None
+) -> Iterator[tuple[str, KnowledgeBase]]:
     """Open an existing knowledge base; nothing is created."""
     from ..knowledge_base import connect
     from ..sql.catalog import knowledge_bases
 
     chosen = choose(name, knowledge_bases(url))
-    with connect(url, knowledge_base=chosen) as kb:
+    with connect(url, knowledge_base=chosen, actor=actor) as kb:
         yield chosen, kb
 
 

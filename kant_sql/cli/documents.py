@@ -78,7 +78,7 @@ def load(
     reason: Reason = None,
     as_json: AsJson = False,
 ) -> None:
-    """Load a domain, a problem or both, in one revision or not at all."""
+    """Load a domain, a problem or both, in one revision or none."""
     from ..knowledge_base import connect
 
     url, paths = split_url(words, _USAGE, _EXAMPLE)

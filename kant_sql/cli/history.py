@@ -1,4 +1,4 @@
-"""`kant-sql log`, `history`, `blame`, `diff`, `restore` and `watch`: past and new revisions."""
+"""`kant-sql log`, `history`, `blame`, `diff`, `restore`, `branch`, `watch`: revisions."""
 
 from __future__ import annotations
 
@@ -7,8 +7,10 @@ import select
 import sys
 import time
 from collections.abc import Iterable
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 from typing import TYPE_CHECKING, Annotated
+
+import typer
 
 from ..errors import ConnectionLostError, KantSqlError, StoreUnreachableError, printable
 from ..knowledge.canonical import time_text
@@ -23,6 +25,7 @@ from .common import (
     Until,
     Url,
     json_lines,
+    leaving_nothing,
     open_state,
     open_to_read,
     option,
@@ -43,7 +46,8 @@ if TYPE_CHECKING:
 _STYLES = {"+": "green", "-": "red"}
 
 
-def _revision_document(revision: Revision) -> Document:
+def revision_document(revision: Revision) -> Document:
+    """Return a revision as JSON data."""
     observed_at, step = revision.observed_at, revision.plan_step
     return {
         "number": revision.number,
@@ -58,11 +62,12 @@ def _revision_document(revision: Revision) -> Document:
 
 
 def _entry_document(entry: LogEntry) -> Document:
-    changes = _changes_document(entry.changes)
-    return {**_revision_document(entry.revision), "changes": changes}
+    changes = changes_document(entry.changes)
+    return {**revision_document(entry.revision), "changes": changes}
 
 
-def _changes_document(changes: Iterable[Change]) -> list[Document]:
+def changes_document(changes: Iterable[Change]) -> list[Document]:
+    """Return changes as JSON data."""
     return [change._asdict() for change in changes]
 
 
@@ -71,8 +76,8 @@ def _version_document(version: Version) -> Document:
     return {
         "kind": version.kind,
         "text": version.text,
-        "since": _revision_document(version.since),
-        "until": None if until is None else _revision_document(until),
+        "since": revision_document(version.since),
+        "until": None if until is None else revision_document(until),
     }
 
 
@@ -80,12 +85,12 @@ def _write_entry(printer: Printer, entry: LogEntry) -> None:
     """Write a revision with its changes."""
     revision = entry.revision
     printer.line(f"revision {revision.number}  {time_text(revision.committed_at)}", "bold")
-    for line in _metadata(revision):
+    for line in metadata(revision):
         printer.line(f"  {line}")
-    _write_changes(printer, entry.changes, "  ")
+    write_changes(printer, entry.changes, "  ")
 
 
-def _write_changes(printer: Printer, changes: Iterable[Change], indent: str = "") -> None:
+def write_changes(printer: Printer, changes: Iterable[Change], indent: str = "") -> None:
     """Write changes, each on a line, or on more if its text has several."""
     for sign, kind, text in changes:
         printer.line(f"{indent}{sign} {kind} {_indented(text, indent)}", _STYLES[sign])
@@ -101,7 +106,7 @@ def _write_version(printer: Printer, version: Version) -> None:
             continue
         moment = time_text(revision.committed_at)
         printer.line(f"  {what} in revision {revision.number}  {moment}", _STYLES[sign])
-        for line in _metadata(revision):
+        for line in metadata(revision):
             printer.line(f"    {line}")
 
 
@@ -109,7 +114,7 @@ def _indented(text: str, indent: str) -> str:
     return text.replace("\n", f"\n{indent}  ")
 
 
-def _metadata(revision: Revision) -> Iterable[str]:
+def metadata(revision: Revision) -> Iterable[str]:
     """Yield the metadata of a revision, one line each."""
     for name, value in (("actor", revision.actor), ("reason", revision.reason)):
         if value is not None:
@@ -263,9 +268,9 @@ def diff(
         if as_json:
             ends = [knowledge_base.at(when).revision for when in (first, second)]
             document = {"knowledge_base": name, "a": ends[0], "b": ends[1]}
-            write_json({**document, "changes": _changes_document(changes)})
+            write_json({**document, "changes": changes_document(changes)})
         else:
-            _write_changes(Printer(), changes)
+            write_changes(Printer(), changes)
 
 
 _RESTORE_USAGE = "[URL] REV|TIME"
@@ -297,14 +302,59 @@ def restore(
         changes = [] if made is None else knowledge_base.diff(made - 1, made)
         if as_json:
             document = {"knowledge_base": name, "restored": restored, "revision": made}
-            write_json({**document, "changes": _changes_document(changes)})
+            write_json({**document, "changes": changes_document(changes)})
             return
         printer = Printer()
         if made is None:
             printer.line(f"knowledge base {name}: nothing is different from revision {restored}")
             return
         printer.line(f"knowledge base {name}, revision {made}: as revision {restored} was", "bold")
-        _write_changes(printer, changes)
+        write_changes(printer, changes)
+
+
+_BRANCH_USAGE = "[URL] [NAME]"
+
+
+def branch(
+    words: Annotated[
+        list[str] | None,
+        words_argument(
+            _BRANCH_USAGE, "the name of the branch; default with --url: the knowledge base's own."
+        ),
+    ] = None,
+    kb: Name = None,
+    at: At = None,
+    target: Annotated[
+        str | None,
+        option(
+            "The store of the branch; default: the same. A missing SQLite file is created.",
+            "--url",
+            metavar="URL",
+        ),
+    ] = None,
+    actor: Actor = None,
+    as_json: AsJson = False,
+) -> None:
+    """Begin a knowledge base with a state of another, to try it out."""
+    url, names = split_url(words or (), _BRANCH_USAGE, "sqlite:///robot.db monday")
+    if not names and target is None:
+        raise typer.BadParameter("give a name, --url or both", param_hint="NAME")
+    moment = parse_state(at)
+    with (
+        open_to_read(url, kb, actor) as (name, knowledge_base),
+        nullcontext() if target is None else leaving_nothing(target),
+        knowledge_base.branch(*names, at=moment, url=target) as made,
+    ):
+        branched = names[0] if names else name
+        (first,) = made.revisions(limit=1) or (None,)
+    source = None if first is None else first.source
+    if as_json:
+        document = {"knowledge_base": branched, "revision": None if first is None else first.number}
+        write_json({**document, "source": source})
+    elif first is None:
+        Printer().line(f"knowledge base {branched}: nothing was there to begin with")
+    else:
+        Printer().line(f"knowledge base {branched}, revision {first.number}: {first.reason}")
 
 
 # How often to check whether the reader of a pipe is still there, in seconds.

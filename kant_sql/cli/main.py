@@ -20,11 +20,13 @@ from .. import __version__
 from ..errors import KantSqlError, SourceError, printable
 from .check import check
 from .common import JSON_OPTION
+from .conditions import goals, holds, query, rules, when
 from .documents import dump, load
-from .history import blame, diff, history, log, restore, watch
+from .history import blame, branch, diff, history, log, restore, watch
 from .output import FAILED, drop_output, json_text, paged, want_pager
 from .plans import plan, plans
 from .state import show
+from .steps import applicable, apply, validate, why_not
 from .store import anchor, archive, db, kbs, verify, views
 
 WRONG_USAGE, INTERRUPTED = 2, 130
@@ -170,20 +172,30 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 app.add_typer(db, name="db")
-_PAGED = (dump, plans, kbs, show, log, diff, history, blame)
+_PAGED = (dump, plans, kbs, show, log, diff, history, blame, query, goals, applicable, when, rules)
 _COMMANDS = (
     load,
     dump,
     check,
     plan,
     plans,
+    validate,
     kbs,
     show,
+    query,
+    holds,
+    goals,
+    why_not,
+    applicable,
+    apply,
     log,
     diff,
     history,
     blame,
+    when,
+    rules,
     restore,
+    branch,
     views,
     watch,
 )

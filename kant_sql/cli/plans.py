@@ -119,14 +119,15 @@ def _plan_document(found: Plan, recorded: RecordedPlan | None) -> Document:
         "engine": found.engine,
         "status": found.status,
         "ignored": list(found.ignored),
-        "steps": [_step_document(step) for step in found.steps],
+        "steps": [step_document(step) for step in found.steps],
     }
     if recorded is not None:
         document.update(plan=recorded.id, recorded_in=recorded.recorded_in)
     return document
 
 
-def _step_document(step: PlanStep | RecordedStep) -> Document:
+def step_document(step: PlanStep | RecordedStep) -> Document:
+    """Return a step as JSON data."""
     return {
         "start": _number(step.start),
         "action": step.action,
@@ -146,7 +147,7 @@ def plans(
 ) -> None:
     """List the recorded plans and the status of their steps."""
     with open_state(url, kb, at) as (name, state):
-        found = state.plans.get_all() if id_ is None else [_get(state, name, id_)]
+        found = state.plans.get_all() if id_ is None else [get_recorded(state, name, id_)]
         if as_json:
             for one in found:
                 write_json({"knowledge_base": name, **_recorded_document(one)})
@@ -157,7 +158,8 @@ def plans(
             _write_recorded(Printer(), found[0])
 
 
-def _get(state: KnowledgeBase, name: str, id_: int) -> RecordedPlan:
+def get_recorded(state: KnowledgeBase, name: str, id_: int) -> RecordedPlan:
+    """Read a recorded plan; raise if there is none."""
     one = state.plans.get(id_)
     if one is None:
         raise KantSqlError(
@@ -212,7 +214,7 @@ def _recorded_document(one: RecordedPlan) -> Document:
         "steps": [
             {
                 "position": step.position,
-                **_step_document(step),
+                **step_document(step),
                 "status": step.status,
                 "revisions": list(step.revisions),
             }

@@ -11,6 +11,7 @@ from kant_sql import PddlObjectDto, PddlTypeDto
 from tests.support.stores import make_store_url
 from tests.support.worlds.robots import ROBOT, WP2, navigation, robot_at
 
+FILES = Path(__file__).parent / "files"
 BACKENDS = ("sqlite-file", "postgresql")
 
 
@@ -33,6 +34,32 @@ def write_history(url: str) -> None:
             kb.propositions.save(robot_at(is_goal=True))
             kb.objects.save(PddlObjectDto(PddlTypeDto("drone", parent=ROBOT), "d1"))
             kb.actions.save(navigation())
+
+
+def write_breakfast(url: str) -> None:
+    """Give a store one knowledge base of two revisions: a problem, and a step."""
+    with kant_sql.connect(url) as kb:
+        with kb.transaction(actor="operator", reason="breakfast"):
+            kb.load_domain(FILES / "kitchen.pddl")
+            kb.load_problem(FILES / "breakfast.pddl")
+        with kb.transaction(actor="executive", reason="the cup is there"):
+            kb.apply("(move rb1 table1 kitchen)")
+
+
+@pytest.fixture(scope="session", params=BACKENDS)
+def breakfast(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> str:
+    """The URL of a store with two revisions of a problem, which no test changes."""
+    url = make_store_url(request, request.param, tmp_path_factory.mktemp("breakfast"))
+    write_breakfast(url)
+    return url
+
+
+@pytest.fixture(params=BACKENDS)
+def own_breakfast(request: pytest.FixtureRequest, tmp_path: Path) -> str:
+    """The URL of a store with two revisions of a problem, which the test may change."""
+    url = make_store_url(request, request.param, tmp_path)
+    write_breakfast(url)
+    return url
 
 
 @pytest.fixture(params=BACKENDS)

@@ -1,0 +1,361 @@
+"""`kant-sql query`, `holds`, `goals`, `when` and `rules`: conditions on a state and on the past."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from decimal import Decimal
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, NamedTuple
+
+import typer
+
+from ..dto import formulas as f
+from ..errors import InvalidKnowledgeError, UnsupportedConstructError, printable
+from ..knowledge.canonical import time_text
+from .common import (
+    AsJson,
+    At,
+    Fixed,
+    Name,
+    Since,
+    Until,
+    Url,
+    json_lines,
+    open_state,
+    open_to_read,
+    option,
+    parse_fixed,
+    parse_optional,
+    parse_state,
+    split_url,
+    words_argument,
+)
+from .history import metadata, revision_document
+from .output import FAILED, Document, Printer, write_json
+
+if TYPE_CHECKING:
+    from ..history.revisions import Revision
+    from ..knowledge_base import KnowledgeBase
+    from ..reasoning.failures import FailedCondition
+    from ..reasoning.held import Held
+    from ..reasoning.verdicts import Verdict
+
+_USAGE = "[URL] CONDITION"
+_EXAMPLE = "sqlite:///robot.db '(robot_at ?r wp1)'"
+_Words = Annotated[
+    list[str], words_argument(_USAGE, "a condition in PDDL, such as '(robot_at ?r wp1)'.")
+]
+_Parameters = Annotated[
+    str | None,
+    option(
+        "The variables with their types, as '(?r - robot ?w - wp)'; default: what the atoms allow.",
+        metavar="PDDL",
+    ),
+]
+
+
+def query(
+    words: _Words,
+    kb: Name = None,
+    at: At = None,
+    parameters: _Parameters = None,
+    fix: Fixed = None,
+    limit: Annotated[
+        int | None, option("Only the first N.", "--limit", "-n", metavar="N", min=0)
+    ] = None,
+    sql: Annotated[bool, option("Only write the SQL statement, with its values.", "--sql")] = False,
+    as_json: Annotated[bool, json_lines("answer")] = False,
+) -> None:
+    """Find the objects for which a condition holds.
+
+    Its free variables are the columns.
+    """
+    url, (condition,) = split_url(words, _USAGE, _EXAMPLE)
+    fixed = parse_fixed(fix)
+    # The statement for the present stays one for the present.
+    is_live = sql and parse_state(at) is None
+    with open_to_read(url, kb) if is_live else open_state(url, kb, at) as (name, state):
+        answers = state.query(condition, parameters=parameters, limit=limit, **fixed)
+        if sql:
+            _write_sql(name, answers.sql, as_json)
+        elif as_json:
+            for answer in answers.to_dicts():
+                write_json(answer)
+        elif not answers.columns:
+            Printer().line("holds" if answers else "does not hold")
+        else:
+            columns = [f"?{column}" for column in answers.columns]
+            Printer().table("answers", columns, list(answers))
+
+
+def _write_sql(name: str, statement: str, as_json: bool) -> None:
+    if as_json:
+        write_json({"knowledge_base": name, "sql": statement})
+    else:
+        typer.echo(f"{statement.rstrip().removesuffix(';')};")
+
+
+def holds(
+    words: _Words, kb: Name = None, at: At = None, fix: Fixed = None, as_json: AsJson = False
+) -> int:
+    """Exit with 0 if a condition holds, and with 1 if not.
+
+    With free variables, it holds if it holds for some objects.
+    """
+    url, (condition,) = split_url(words, _USAGE, _EXAMPLE)
+    fixed = parse_fixed(fix)
+    with open_state(url, kb, at) as (name, state):
+        does_hold = state.holds(condition, **fixed)
+        if as_json:
+            header = {"knowledge_base": name, "revision": state.revision}
+            write_json({**header, "condition": condition, "holds": does_hold})
+        else:
+            Printer().line("holds" if does_hold else "does not hold")
+    return 0 if does_hold else FAILED
+
+
+class _Goal(NamedTuple):
+    """A goal or a preference of a state, and whether it holds."""
+
+    formula: f.Formula
+    holds: bool
+    is_preference: bool
+    preference: str | None  # the name of a preference
+
+
+def goals(url: Url, kb: Name = None, at: At = None, as_json: AsJson = False) -> int:
+    """Show which goals hold; exit with 1 if one does not.
+
+    Preferences do not count. The value of the metric is shown, too.
+    """
+    with open_state(url, kb, at) as (name, state):
+        found = list(_goals(state))
+        unsatisfied = state.unsatisfied_goals()
+        metric, value, lack = _metric(state)
+        revision = state.revision
+    if as_json:
+        document: Document = {
+            "knowledge_base": name,
+            "revision": revision,
+            "is_reached": not unsatisfied,
+            "goals": [_goal_document(one) for one in found],
+            "unsatisfied": [failed_document(part) for part in unsatisfied],
+            "metric": None,
+        }
+        if metric is not None:
+            stated = {"pddl": str(metric), "value": None if value is None else f"{value:f}"}
+            document["metric"] = {**stated, "error": lack}
+        write_json(document)
+    else:
+        _write_goals(Printer(), found, unsatisfied)
+        if metric is not None:
+            said = lack if value is None else f"{value:f}"
+            printer = Printer()
+            printer.line()
+            printer.line(
+                f"metric: {metric.optimization} {metric.expression}: {printable(said or '')}"
+            )
+    return FAILED if unsatisfied else 0
+
+
+def _goals(state: KnowledgeBase) -> Iterator[_Goal]:
+    """Take conjunctions of goals apart, and judge each."""
+    pending: list[tuple[f.Formula, tuple[tuple[f.TypedName, ...], ...]]]
+    pending = [(goal, ()) for goal in reversed(state.goals.get_all())]
+    while pending:
+        node, variables = pending.pop()
+        has_preference = any(isinstance(one, f.Preference) for one in f.walk(node))
+        if isinstance(node, f.And):
+            pending += [(one, variables) for one in reversed(node.formulas)]
+        elif isinstance(node, f.Forall) and has_preference:
+            pending.append((node.formula, (*variables, node.variables)))
+        else:
+            formula = node.formula if isinstance(node, f.Preference) else node
+            for each in reversed(variables):
+                formula = f.Forall(each, formula)
+            name = node.name if isinstance(node, f.Preference) else None
+            yield _Goal(formula, state.holds(formula), has_preference, name)
+
+
+def _metric(state: KnowledgeBase) -> tuple[f.Metric | None, Decimal | None, str | None]:
+    """Return the metric, its value, and why it has none."""
+    metric = state.metric.get()
+    try:
+        return metric, state.metric_value(), None
+    except (InvalidKnowledgeError, UnsupportedConstructError) as error:
+        return metric, None, str(error)
+
+
+def _goal_document(goal: _Goal) -> Document:
+    return {
+        "pddl": str(goal.formula),
+        "holds": goal.holds,
+        "is_preference": goal.is_preference,
+        "preference": goal.preference,
+    }
+
+
+def _write_goals(
+    printer: Printer, found: Iterable[_Goal], unsatisfied: Iterable[FailedCondition]
+) -> None:
+    kinds: dict[bool, list[list[str]]] = {False: [], True: []}
+    for goal in found:
+        row = [str(goal.formula), "holds" if goal.holds else "does not hold"]
+        kinds[goal.is_preference].append([goal.preference or "", *row][not goal.is_preference :])
+    printer.table("goals", ["goal", "now"], kinds[False])
+    if kinds[True]:
+        printer.table("preferences", ["preference", "goal", "now"], kinds[True])
+    parts = list(unsatisfied)
+    if parts:
+        printer.line()
+        printer.line(f"unsatisfied ({len(parts)})", "bold")
+        write_failed(printer, parts)
+
+
+def failed_document(part: FailedCondition) -> Document:
+    """Return what does not hold as JSON data."""
+    return {
+        "condition": part.text,
+        "reason": part.reason,
+        "left": None if part.left is None else f"{part.left:f}",
+        "right": None if part.right is None else f"{part.right:f}",
+        "retracted": None if part.retracted is None else revision_document(part.retracted),
+    }
+
+
+def write_failed(printer: Printer, parts: Iterable[FailedCondition], indent: str = "") -> None:
+    """Write what does not hold, and which revision retracted it."""
+    for part in parts:
+        printer.line(f"{indent}{part}")
+        if part.retracted is not None:
+            _write_end(printer, "retracted in", part.retracted, f"{indent}  ")
+
+
+def _write_end(printer: Printer, what: str, revision: Revision, indent: str) -> None:
+    """Write a revision that began or ended something."""
+    moment = time_text(revision.committed_at)
+    printer.line(f"{indent}{what} revision {revision.number}  {moment}")
+    for line in metadata(revision):
+        printer.line(f"{indent}  {line}")
+
+
+def when(
+    words: _Words,
+    kb: Name = None,
+    at: At = None,
+    since: Since = None,
+    until: Until = None,
+    parameters: _Parameters = None,
+    fix: Fixed = None,
+    as_json: Annotated[bool, json_lines("period")] = False,
+) -> None:
+    """Show when a condition held, and the revisions at both ends.
+
+    There are periods for all objects of its free variables; the earliest comes first.
+    """
+    url, (condition,) = split_url(words, _USAGE, _EXAMPLE)
+    fixed = parse_fixed(fix)
+    first, last = parse_optional(since, "--since"), parse_state(until, "--until")
+    with open_state(url, kb, at) as (_, state):
+        periods = state.when(condition, since=first, until=last, parameters=parameters, **fixed)
+        printer = Printer()
+        for position, held in enumerate(periods):
+            if as_json:
+                write_json(_held_document(held))
+                continue
+            if position:
+                printer.line()
+            _write_held(printer, condition, held)
+        if not periods and not as_json:
+            printer.line("at no time")
+
+
+def _held_document(held: Held) -> Document:
+    ends = {"since": held.since, "until": held.until}
+    return {
+        "binding": dict(held.binding),
+        **{name: one and revision_document(one) for name, one in ends.items()},
+    }
+
+
+def _write_held(printer: Printer, condition: str, held: Held) -> None:
+    """Write a period: its objects, its beginning and its end."""
+    names = " ".join(f"?{name}={object_}" for name, object_ in held.binding.items())
+    printer.line(names or condition, "bold")
+    if held.since is None:
+        printer.line("  held before")
+    else:
+        _write_end(printer, "from", held.since, "  ")
+    if held.until is None:
+        printer.line("  holds at the end")
+    else:
+        _write_end(printer, "until", held.until, "  ")
+
+
+_RULES_USAGE = "[URL] [FILE|PDDL]"
+
+
+def rules(
+    words: Annotated[
+        list[str] | None,
+        words_argument(
+            _RULES_USAGE,
+            "a file of constraints, or one such as '(always (robot_at rb1 wp1))'; default: the "
+            "constraints of the domain and the problem.",
+        ),
+    ] = None,
+    kb: Name = None,
+    at: At = None,
+    since: Since = None,
+    until: Until = None,
+    clock: Annotated[
+        str,
+        option(
+            "Take the times of 'committed' (default), or 'observed' where they are given.",
+            metavar="CLOCK",
+        ),
+    ] = "committed",
+    as_json: AsJson = False,
+) -> int:
+    """Hold rules against the past; exit with 1 if one is violated.
+
+    Rules are trajectory constraints of PDDL 3.0. Preferences do not count.
+    """
+    example = "sqlite:///robot.db '(always (not (robot_at rb1 wp1)))'"
+    url, given = split_url(words or (), _RULES_USAGE, example)
+    source = next((one if one.lstrip()[:1] in "(;" else Path(one) for one in given), None)
+    first, last = parse_optional(since, "--since"), parse_state(until, "--until")
+    with open_state(url, kb, at) as (name, state):
+        found = state.check_rules(source, since=first, until=last, clock=clock)
+    if as_json:
+        header = {"knowledge_base": name, "first": found.first, "last": found.last}
+        verdicts = [_verdict_document(one) for one in found]
+        write_json({**header, "is_satisfied": found.is_satisfied, "rules": verdicts})
+    else:
+        _write_verdicts(Printer(), found)
+    return 0 if found.is_satisfied else FAILED
+
+
+def _verdict_document(verdict: Verdict) -> Document:
+    return {
+        "rule": verdict.text,
+        "is_satisfied": verdict.is_satisfied,
+        "is_preference": verdict.is_preference,
+        "preference": verdict.preference,
+        "revision": verdict.revision and revision_document(verdict.revision),
+        "time": None if verdict.time is None else f"{verdict.time:f}",
+    }
+
+
+def _write_verdicts(printer: Printer, verdicts: Iterable[Verdict]) -> None:
+    """Write each verdict, and the revision that violates the rule."""
+    found = list(verdicts)
+    if not found:
+        printer.line("there are no rules")
+    for verdict in found:
+        said = "satisfied" if verdict.is_satisfied else "violated"
+        kind = "preference" if verdict.is_preference else "rule"
+        style = "green" if verdict.is_satisfied else "red"
+        printer.line(f"{said} {kind}: {verdict.text}", style)
+        if verdict.revision is not None:
+            _write_end(printer, "in", verdict.revision, "  ")
