@@ -21,9 +21,9 @@ from ..sql.held import (
     FoundFact,
     Pattern,
     find_facts,
+    find_overlaps,
     read_meanings,
     read_names,
-    stream_overlaps,
 )
 from ..store.store import Store
 from .conditions import Compiler, Condition
@@ -117,7 +117,7 @@ class _Search:
         if not found:
             return
         ids = [combination.facts for combination in found]
-        for place, since, until in stream_overlaps(session, kb_id, ids, low, high):
+        for place, since, until in find_overlaps(session, kb_id, ids, low, high):
             yield Span(since, found[place].objects, None if until > high else until)
 
     def _pattern(self, atom: f.Atom) -> Pattern:

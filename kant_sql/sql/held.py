@@ -8,7 +8,7 @@ the primary key (kb_id, proposition_id, since).
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from functools import cache
 from typing import Any, NamedTuple
 
@@ -206,13 +206,10 @@ def _overlaps_text(loops: NestedLoops, count: int) -> str:
     since, until = ":before", ":after"
     tables = f"{loops.rows('facts', count)} AS wanted"
     for n in range(count):
-        own = f"kb_id = :kb AND {{0}}.proposition_id = wanted.id{n}"
-        last = (
-            f"SELECT l{n}.since FROM {_VERSION} AS l{n} WHERE l{n}.{own.format(f'l{n}')} "
-            f"AND l{n}.since <= {since} ORDER BY l{n}.since DESC LIMIT 1"
-        )
+        last = loops.last(f"l{n}", _VERSION, "proposition_id", f"wanted.id{n}", since)
         conditions = (
-            f"v{n}.{own.format(f'v{n}')} AND v{n}.since >= coalesce(({last}), 0) "
+            f"v{n}.kb_id = :kb AND v{n}.proposition_id = wanted.id{n} "
+            f"AND v{n}.since >= coalesce({last}, 0) "
             f"AND v{n}.since < {until} "
             f"AND (v{n}.until IS NULL OR v{n}.until > {loops.larger}({since}, :low))"
         )
@@ -227,9 +224,9 @@ def _overlaps(dialect: str, count: int) -> Query:
     return Query(text(_overlaps_text(NESTED_LOOPS[dialect], count)))
 
 
-def stream_overlaps(
+def find_overlaps(
     session: Session, kb_id: int, facts: Sequence[Sequence[int]], low: int, high: int
-) -> Iterator[Overlap]:
+) -> list[Overlap]:
     """Find the intervals in which facts held together, within a range, in one statement.
 
     Args:
@@ -241,8 +238,8 @@ def stream_overlaps(
     """
     query = _overlaps(session.backend.dialect.name, len(facts[0]))
     bounds = {"before": low - 1, "low": low, "after": high + 1}
-    rows = session.stream(query, kb=kb_id, facts=json.dumps(facts), **bounds)
-    return (Overlap(*row) for row in rows)
+    rows = session.rows(query, kb=kb_id, facts=json.dumps(facts), **bounds)
+    return [Overlap(*row) for row in rows]
 
 
 # What was defined in a range.

@@ -16,12 +16,15 @@ class NestedLoops(NamedTuple):
         rows: the relation of a parameter that holds rows of ids as JSON, with columns `place`,
             from 0, and `id0`, `id1` ...
         loop: writes an inner loop: its alias, its table and its conditions.
+        last: writes the subquery of the last row up to a revision: an alias, its table, the column
+            of the identity, that identity and the revision.
         larger: the function of the largest of some numbers.
         smaller: the function of the smallest.
     """
 
     rows: Callable[[str, int], str]
     loop: Callable[[str, str, str], str]
+    last: Callable[[str, str, str, str, str], str]
     larger: str
     smaller: str
 
@@ -46,7 +49,29 @@ def _postgresql_loop(alias: str, table: str, conditions: str) -> str:
     return f" CROSS JOIN LATERAL ({inner}) AS {alias}"
 
 
+def _sqlite_last(alias: str, table: str, column: str, identity: str, revision: str) -> str:
+    return (
+        f"(SELECT {alias}.since FROM {table} AS {alias} WHERE {alias}.kb_id = :kb AND"
+        f" {alias}.{column} = {identity} AND {alias}.since <= {revision}"
+        f" ORDER BY {alias}.since DESC LIMIT 1)"
+    )
+
+
+def _postgresql_last(alias: str, table: str, column: str, identity: str, revision: str) -> str:
+    # Only the primary key has this order: sorted by revision alone, the planner may go through all
+    # versions of the knowledge base, backwards, to find one of the identity.
+    key = f"{alias}.kb_id, {alias}.{column}, {alias}.since"
+    found = (
+        f"SELECT {key} FROM {table} AS {alias} WHERE ({key}) <= (:kb, {identity}, {revision})"
+        f" ORDER BY {key.replace(',', ' DESC,')} DESC LIMIT 1"
+    )
+    own = f"{alias}.kb_id = :kb AND {alias}.{column} = {identity}"
+    return f"(SELECT {alias}.since FROM ({found}) AS {alias} WHERE {own})"
+
+
 NESTED_LOOPS = {
-    "sqlite": NestedLoops(_sqlite_rows, _sqlite_loop, "max", "min"),
-    "postgresql": NestedLoops(_postgresql_rows, _postgresql_loop, "greatest", "least"),
+    "sqlite": NestedLoops(_sqlite_rows, _sqlite_loop, _sqlite_last, "max", "min"),
+    "postgresql": NestedLoops(
+        _postgresql_rows, _postgresql_loop, _postgresql_last, "greatest", "least"
+    ),
 }
