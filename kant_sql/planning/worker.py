@@ -21,7 +21,7 @@ from dataclasses import dataclass, field, replace
 from decimal import Decimal
 from fractions import Fraction
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from ..dto.formulas import Arithmetic, Assign, ContinuousTime, Node, Number, walk
 from ..dto.lexical import fold
@@ -223,6 +223,23 @@ class GroupedProcess(subprocess.Popen[bytes]):
         super().__init__(*arguments, **options)  # type: ignore[call-overload]
 
 
+def _end_with_error(planner: Any, name: str) -> None:
+    """End the results of a planner that fails in the thread that runs it: nothing else would."""
+    from unified_planning.engines import PlanGenerationResult, PlanGenerationResultStatus
+
+    solve = getattr(planner, "_solve", None)
+    if solve is None:
+        return
+
+    def guarded(*arguments: object, **options: object) -> PlanGenerationResult:
+        try:
+            return solve(*arguments, **options)
+        except Exception:
+            return PlanGenerationResult(PlanGenerationResultStatus.INTERNAL_ERROR, None, name)
+
+    planner._solve = guarded
+
+
 def end_process(process: subprocess.Popen[bytes]) -> None:
     """End the process of an engine and what it started, in place of its group."""
     for pid in [*_children(process.pid), process.pid]:
@@ -376,6 +393,7 @@ class Search:
             parameters, timeout = limited(name, min(IMPROVING_SECONDS, self._remaining() / 2))
             best = None
             with factory.AnytimePlanner(name=name, params=parameters) as planner:
+                _end_with_error(planner, name)
                 for result in planner.get_solutions(problem, timeout=timeout):
                     best = result if result.plan is not None else best
             if best is not None:

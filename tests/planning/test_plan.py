@@ -284,6 +284,30 @@ FastDownwardPDDLPlanner.solve = FastDownwardPDDLPlanner._solve = fail
 """
 
 
+# This one fails where there are costs.
+BROKEN_BY_COSTS = """
+from up_fast_downward import FastDownwardPDDLPlanner
+
+def fail(self, problem, *arguments, **options):
+    if problem.quality_metrics:
+        raise RuntimeError("no costs")
+    return solve(self, problem, *arguments, **options)
+
+solve, FastDownwardPDDLPlanner._solve = FastDownwardPDDLPlanner._solve, fail
+"""
+
+
+def test_a_metric_with_which_there_is_no_plan_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "sitecustomize.py").write_text(BROKEN_BY_COSTS)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    plan = solve_pair(PAID, engine="fast-downward", timeout=60)
+    assert [text.rpartition(": ")[2] for text in plan.ignored] == ["no plan was found with it"] * 2
+    with pytest.raises(NoPlanError, match=r"internal_error .RuntimeError: no costs"):
+        solve(PAID[0], problem=PAID[1], engine="fast-downward", timeout=60, strict=True)
+
+
 def test_who_was_asked_in_place_of_another_is_told(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
