@@ -26,13 +26,15 @@ from .arguments import seconds
 from .dao.interfaces import (
     Dao,
     FormulaDao,
+    GoalDao,
     MetricDao,
     NamedDao,
     PddlFunctionValueDao,
+    PddlObjectDao,
     PddlPropositionDao,
     RedefinableDao,
 )
-from .dto import Dto, PddlFunctionValueDto, PddlPropositionDto
+from .dto import Dto, PddlObjectDto
 from .dto.formulas import Node
 from .errors import ClosedError, StoreBusyError, TransactionCancelledError, TransactionOpenError
 from .history.diff import diff_lines
@@ -45,9 +47,11 @@ __all__ = [
     "AsyncDao",
     "AsyncFormulaDao",
     "AsyncFunctionValueDao",
+    "AsyncGoalDao",
     "AsyncKnowledgeBase",
     "AsyncMetricDao",
     "AsyncNamedDao",
+    "AsyncObjectDao",
     "AsyncPlanDao",
     "AsyncPropositionDao",
     "AsyncRedefinableDao",
@@ -506,17 +510,39 @@ class AsyncRedefinableDao(_AsyncElements[D]):
     update = _write(RedefinableDao[D].update)
 
 
-class AsyncPropositionDao(AsyncDao[PddlPropositionDto]):
+class AsyncObjectDao(AsyncRedefinableDao[PddlObjectDto]):
+    """`PddlObjectDao` for asyncio."""
+
+    get_by_type = _read(PddlObjectDao.get_by_type)
+
+
+class AsyncPropositionDao(_Part):
     """`PddlPropositionDao` for asyncio."""
 
+    get_all = _read(PddlPropositionDao.get_all)
+    save = _write(PddlPropositionDao.save)
+    insert = _write(PddlPropositionDao.insert)
+    update = _write(PddlPropositionDao.update)
+    save_all = _write(PddlPropositionDao.save_all)
+    delete = _write(PddlPropositionDao.delete)
+    delete_all = _write(PddlPropositionDao.delete_all)
     get_by_predicate = _read(PddlPropositionDao.get_by_predicate)
+    get_by_object = _read(PddlPropositionDao.get_by_object)
+    get_facts = _read(PddlPropositionDao.get_facts)
     get_goals = _read(PddlPropositionDao.get_goals)
     get_no_goals = _read(PddlPropositionDao.get_no_goals)
 
 
-class AsyncFunctionValueDao(AsyncDao[PddlFunctionValueDto]):
+class AsyncFunctionValueDao(_Part):
     """`PddlFunctionValueDao` for asyncio."""
 
+    get_all = _read(PddlFunctionValueDao.get_all)
+    save = _write(PddlFunctionValueDao.save)
+    insert = _write(PddlFunctionValueDao.insert)
+    update = _write(PddlFunctionValueDao.update)
+    save_all = _write(PddlFunctionValueDao.save_all)
+    delete = _write(PddlFunctionValueDao.delete)
+    delete_all = _write(PddlFunctionValueDao.delete_all)
     get = _read(PddlFunctionValueDao.get)
     get_by_function = _read(PddlFunctionValueDao.get_by_function)
     set = _write(PddlFunctionValueDao.set)
@@ -539,6 +565,17 @@ class AsyncFormulaDao(_Part, Generic[N]):
     save_all = _write(FormulaDao[N].save_all)
     delete = _write(FormulaDao[N].delete)
     delete_all = _write(FormulaDao[N].delete_all)
+
+
+class AsyncGoalDao(_Part):
+    """`GoalDao` for asyncio."""
+
+    get_all = _read(GoalDao.get_all)
+    save = _write(GoalDao.save)
+    insert = _write(GoalDao.insert)
+    save_all = _write(GoalDao.save_all)
+    delete = _write(GoalDao.delete)
+    delete_all = _write(GoalDao.delete_all)
 
 
 class AsyncMetricDao(_Part):
@@ -612,7 +649,7 @@ class AsyncKnowledgeBase(_Part):
         super().__init__(door, of=kb)
         self._kb = kb
         self.types = AsyncRedefinableDao(door, of=kb.types)
-        self.objects = AsyncRedefinableDao(door, of=kb.objects)
+        self.objects = AsyncObjectDao(door, of=kb.objects)
         self.predicates = AsyncRedefinableDao(door, of=kb.predicates)
         self.functions = AsyncRedefinableDao(door, of=kb.functions)
         self.function_values = AsyncFunctionValueDao(door, of=kb.function_values)
@@ -623,7 +660,7 @@ class AsyncKnowledgeBase(_Part):
         self.derived_predicates = AsyncFormulaDao(door, of=kb.derived_predicates)
         self.timed_initial_literals = AsyncFormulaDao(door, of=kb.timed_initial_literals)
         self.initial_literals = AsyncFormulaDao(door, of=kb.initial_literals)
-        self.goals = AsyncFormulaDao(door, of=kb.goals)
+        self.goals = AsyncGoalDao(door, of=kb.goals)
         self.constraints = AsyncFormulaDao(door, of=kb.constraints)
         self.domain_constraints = AsyncFormulaDao(door, of=kb.domain_constraints)
         self.metric = AsyncMetricDao(door, of=kb.metric)

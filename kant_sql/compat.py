@@ -29,7 +29,13 @@ from .dto import (
     PddlPropositionDto,
     PddlTypeDto,
 )
-from .errors import ConflictError, DependantsError, InvalidArgumentError, InvalidKnowledgeError
+from .errors import (
+    ConflictError,
+    DependantsError,
+    InvalidArgumentError,
+    InvalidKnowledgeError,
+    UnknownNameError,
+)
 from .factory import DaoFactory as _SqlDaoFactory
 from .factory import create_dao_factory
 
@@ -115,7 +121,10 @@ class CompatPropositionDao(CompatDao[PddlPropositionDto]):
 
     def get_by_predicate(self, predicate_name: str) -> list[PddlPropositionDto]:
         """Read the facts and the goals of one predicate."""
-        return self._propositions.get_by_predicate(predicate_name)
+        try:
+            return self._propositions.get_by_predicate(predicate_name)
+        except UnknownNameError:
+            return []
 
     def get_goals(self) -> list[PddlPropositionDto]:
         """Read the goals."""

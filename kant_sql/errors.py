@@ -54,6 +54,7 @@ __all__ = [
     "TransactionOpenError",
     "TypeCycleError",
     "TypeMismatchError",
+    "UnknownNameError",
     "UnknownRevisionError",
     "UnsupportedConstructError",
 ]
@@ -198,6 +199,10 @@ class StaleRevisionError(KantSqlError):
 
 class UnknownRevisionError(KantSqlError, LookupError):
     """The knowledge base has not reached this revision or time."""
+
+
+class UnknownNameError(KantSqlError, LookupError):
+    """The knowledge base has never had an element, or an actor, of this name."""
 
 
 class ArchivedError(UnknownRevisionError):

@@ -54,6 +54,7 @@ from ..knowledge.definitions import (
 )
 from ..knowledge.formulas import TreeReader
 from ..knowledge.trees import ParameterDefinition
+from ..pddl.cursor import hint
 from ..pddl.document import ACTION, EVENT, PROCESS
 from ..sql.dialects.base import Row
 from ..sql.intervals import then
@@ -116,7 +117,7 @@ class SqlGroundDao(SqlDao, Dao[G]):
     """Writes what applies to objects: propositions, and values of functions."""
 
     @override
-    def insert(self, dto: G) -> bool:
+    def insert(self, dto: G | str | Node) -> bool:
         self._check(dto)
 
         def work(transaction: Transaction) -> bool:
@@ -125,14 +126,15 @@ class SqlGroundDao(SqlDao, Dao[G]):
         return self._store.write(work)
 
     @override
-    def save_all(self, dtos: Iterable[G]) -> int:
+    def save_all(self, dtos: Iterable[G | str | Node]) -> int:
         self._check_writable()
         changed = 0
         with self._store.transaction() as transaction:
             for batch in batches(dtos):
                 for dto in batch:
                     self._check(dto)
-                names = (object_.name for dto in batch for object_ in dto.objects)
+                given = (dto for dto in batch if not isinstance(dto, str | Node))
+                names = (object_.name for dto in given for object_ in dto.objects)
                 # What has no name is refused in its turn.
                 transaction.look_up("object", {name for name in names if isinstance(name, str)})
                 with transaction.batch():
@@ -146,16 +148,16 @@ class SqlGroundDao(SqlDao, Dao[G]):
         return self._store.write(self._remove_all)
 
     @abstractmethod
-    def _check(self, dto: G) -> None:
+    def _check(self, dto: object) -> None:
         """Refuse a DTO of another class."""
 
     @abstractmethod
-    def _holds(self, transaction: Transaction, dto: G) -> bool:
+    def _holds(self, transaction: Transaction, dto: G | str | Node) -> bool:
         """Return whether it is stored."""
 
     @abstractmethod
-    def _save_batch(self, transaction: Transaction, dtos: Iterable[G]) -> int:
-        """Save DTOs; return the number of changes."""
+    def _save_batch(self, transaction: Transaction, dtos: Iterable[G | str | Node]) -> int:
+        """Save DTOs, texts and nodes; return the number of changes."""
 
     @abstractmethod
     def _remove_all(self, transaction: Transaction) -> int:
@@ -444,10 +446,15 @@ class Definer(ABC, Generic[D, F]):
         found: F | None = transaction.definitions.elements(self.kind).named(name)
         if found is None:
             raise InvalidKnowledgeError(
-                f"{role} refers to {self.kind} {shown(name)}, which is not known; save it first, "
-                f"or give a {self.dto_class.__name__}"
+                f"{role} refers to {self.kind} {shown(name)}, which is not known"
+                f"{self._hint(transaction, name)}; save it first, or give a "
+                f"{self.dto_class.__name__}"
             )
         return found
+
+    def _hint(self, transaction: Transaction, name: str) -> str:
+        elements = transaction.definitions.elements(self.kind)
+        return hint(name, [definition.name for definition in elements])
 
     def _find(self, transaction: Transaction, dto: D, role: str) -> F:
         """Find an element whose reference was not compared yet; save it when it is missing."""

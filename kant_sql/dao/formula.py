@@ -12,7 +12,7 @@ from typing import Any, ClassVar, Generic, NamedTuple, NoReturn, TypeVar, get_ar
 from typing_extensions import override
 
 from ..arguments import shown
-from ..dto import PddlTypeDto
+from ..dto import PddlPropositionDto, PddlTypeDto
 from ..dto.formulas import (
     ARITHMETIC,
     ASSIGNMENTS,
@@ -74,6 +74,7 @@ from ..knowledge.definitions import (
 from ..knowledge.formulas import TreeReader
 from ..knowledge.rules import check_stratified
 from ..knowledge.trees import ParameterDefinition, Tree, TreeNode, TreeTerm
+from ..pddl.conditions import read_constraints, read_goal
 from ..pddl.document import DURATIVE_ACTION, PROCESS
 from ..pddl.formulas import flatten
 from ..pddl.writer import node_text
@@ -87,11 +88,13 @@ from .interfaces import (
     DerivedPredicateDao,
     FormulaDao,
     GoalDao,
+    GoalLike,
     InitialLiteralDao,
     MetricDao,
     TimedInitialLiteralDao,
 )
-from .proposition import GOALS
+from .proposition import GOALS, References, check_dto, existing_key, key_of_atom
+from .text import TextReader, expect_text
 from .type import TYPES
 
 TypeIds = tuple[int, ...]
@@ -682,41 +685,74 @@ class SqlFormulaDao(SqlDao, FormulaDao[N], Generic[N]):
 
     section: ClassVar[str]
     node_classes: tuple[type, ...] = (Node,)
+    # Reads such a formula from text, where it can be told from others of its form.
+    reads: ClassVar[Callable[..., Any] | None] = None
+    example: ClassVar[str] = ""
 
     @override
     def get_all(self) -> list[N]:
         return self._store.read_definitions(self._stored, self._at)
 
     @override
-    def save(self, formula: N) -> bool:
+    def save(self, formula: N | str) -> bool:
         self.save_all([formula])
         return True
 
     @override
-    def insert(self, formula: N) -> bool:
+    def insert(self, formula: N | str) -> bool:
         return self.save_all([formula]) > 0
 
     @override
-    def save_all(self, formulas: Iterable[N]) -> int:
+    def save_all(self, formulas: Iterable[N | str]) -> int:
         self._check_writable()
         changed = 0
         with self._store.transaction() as transaction:
             for batch in batches(formulas):
                 for formula in batch:
-                    made = [self._put(transaction, part) for part in self._parts(formula)]
-                    changed += any(made)
+                    self._check(formula)
+                    changed += self._put_given(transaction, formula)
         return changed
 
     @override
-    def delete(self, formula: N) -> bool:
+    def delete(self, formula: N | str) -> bool:
         self._check_writable()
-        parts = self._parts(formula)
+        self._check(formula)
+        return self._store.write(lambda transaction: self._remove_given(transaction, formula))
 
-        def work(transaction: Transaction) -> bool:
-            gone = [self._remove(transaction, part) for part in parts]
-            return any(gone)
+    def _check(self, formula: object) -> None:
+        """Refuse what is no formula of the section."""
+        if isinstance(formula, self.node_classes):
+            return
+        if self.reads is not None:
+            expect_text(formula, f"the {self.section} DAO", f"a {self.section}", self.example)
+            return
+        names = " or ".join(each.__name__ for each in self.node_classes)
+        raise InvalidKnowledgeError(
+            f"what is saved as a {self.section} is a node {names} of kant_sql.pddl, not "
+            f"{type(formula).__name__}: {shown(formula)}"
+        )
 
-        return self._store.write(work)
+    def _put_given(self, transaction: Transaction, formula: Any) -> bool:
+        """Save a node or a text; return whether that is a change."""
+        node: N = formula
+        if isinstance(formula, str):
+            node = TextReader(transaction).read(self._reader(), formula)
+        made = [self._put(transaction, part) for part in self._parts(node)]
+        return any(made)
+
+    def _remove_given(self, transaction: Transaction, formula: Any) -> bool:
+        """Delete a node or a text; return whether it was stored."""
+        node: N | None = formula
+        if isinstance(formula, str):
+            node = TextReader(transaction).read_stored(self._reader(), formula)
+        if node is None:
+            return False
+        gone = [self._remove(transaction, part) for part in self._parts(node)]
+        return any(gone)
+
+    def _reader(self) -> Callable[..., Any]:
+        assert self.reads is not None
+        return self.reads
 
     @override
     def delete_all(self) -> int:
@@ -728,13 +764,7 @@ class SqlFormulaDao(SqlDao, FormulaDao[N], Generic[N]):
         return [read_formula(definitions, each) for each in stored]  # type: ignore[misc]
 
     def _parts(self, formula: N) -> Sequence[N]:
-        """Check a formula, and return those that are stored in its place."""
-        if not isinstance(formula, self.node_classes):
-            names = " or ".join(each.__name__ for each in self.node_classes)
-            raise InvalidKnowledgeError(
-                f"what is saved as a {self.section} is a node {names} of kant_sql.pddl, not "
-                f"{type(formula).__name__}: {shown(formula)}"
-            )
+        """Return the formulas that are stored in its place."""
         return (formula,)
 
     def _put(self, transaction: Transaction, formula: N) -> bool:
@@ -754,7 +784,7 @@ class SqlDerivedPredicateDao(SqlFormulaDao[Derived], DerivedPredicateDao):
     node_classes = (Derived,)
 
     @override
-    def save_all(self, formulas: Iterable[Derived]) -> int:
+    def save_all(self, formulas: Iterable[Derived | str]) -> int:
         with self._store.transaction() as transaction:
             changed = super().save_all(formulas)
             if changed:
@@ -787,6 +817,8 @@ class SqlConstraintDao(_SqlConjunctionDao, ConstraintDao):
     """The problem's constraints in an SQL store."""
 
     section = CONSTRAINT
+    reads = staticmethod(read_constraints)
+    example = "(always (not (open door1)))"
 
 
 class SqlDomainConstraintDao(SqlConstraintDao):
@@ -799,6 +831,8 @@ class SqlGoalDao(_SqlConjunctionDao, GoalDao):
     """Goals of any form in an SQL store; ground atoms among them are propositions."""
 
     section = GOAL
+    reads = staticmethod(read_goal)
+    example = "(robot_at rb1 wp1)"
 
     @override
     def get_all(self) -> list[Formula]:
@@ -811,19 +845,56 @@ class SqlGoalDao(_SqlConjunctionDao, GoalDao):
 
         return self._store.read(work, self._at)
 
+    @override
+    def save(self, formula: GoalLike) -> bool:
+        return super().save(formula)  # type: ignore[arg-type]
+
+    @override
+    def insert(self, formula: GoalLike) -> bool:
+        return super().insert(formula)  # type: ignore[arg-type]
+
+    @override
+    def save_all(self, formulas: Iterable[GoalLike]) -> int:
+        return super().save_all(formulas)  # type: ignore[arg-type]
+
+    @override
+    def delete(self, formula: GoalLike) -> bool:
+        return super().delete(formula)  # type: ignore[arg-type]
+
+    def _check(self, formula: object) -> None:
+        if isinstance(formula, PddlPropositionDto):
+            check_dto(formula)
+        else:
+            super()._check(formula)
+
+    def _put_given(self, transaction: Transaction, formula: Any) -> bool:
+        if not isinstance(formula, PddlPropositionDto):
+            return super()._put_given(transaction, formula)
+        key, text = References(transaction).resolve(formula)
+        return transaction.propositions.hold_all({key._replace(is_goal=True): text}) > 0
+
+    def _remove_given(self, transaction: Transaction, formula: Any) -> bool:
+        if not isinstance(formula, PddlPropositionDto):
+            return super()._remove_given(transaction, formula)
+        key = existing_key(transaction, formula)
+        return self._retract(transaction, None if key is None else key._replace(is_goal=True))
+
     def _put(self, transaction: Transaction, formula: Formula) -> bool:
         if not (isinstance(formula, Atom) and is_ground(formula)):
             return super()._put(transaction, formula)
         tree = TreeWriter(transaction, "a goal").tree(formula, Symbol.CONDITION)
         text = node_text(TreeReader(transaction.definitions, tree).formula())
-        key = self._key(transaction, formula)
+        key = key_of_atom(transaction, formula, True)
         assert key is not None
         return transaction.propositions.hold_all({key: text}) > 0
 
     def _remove(self, transaction: Transaction, formula: Formula) -> bool:
         if not (isinstance(formula, Atom) and is_ground(formula)):
             return super()._remove(transaction, formula)
-        key = self._key(transaction, formula)
+        return self._retract(transaction, key_of_atom(transaction, formula, True))
+
+    @staticmethod
+    def _retract(transaction: Transaction, key: AtomKey | None) -> bool:
         found = None if key is None else transaction.propositions.find([key]).get(key)
         return found is not None and transaction.propositions.set(found, False)
 
@@ -831,13 +902,6 @@ class SqlGoalDao(_SqlConjunctionDao, GoalDao):
         atoms = [atom for atom in propositions_on(transaction, None) if atom.key.is_goal]
         retract(transaction, atoms)
         return len(atoms) + super()._remove_all(transaction)
-
-    @staticmethod
-    def _key(transaction: Transaction, goal: Atom) -> AtomKey | None:
-        """Return the key of a ground goal; None when it names something unknown."""
-        predicate = transaction.definitions.predicates.named(goal.predicate)
-        ids = transaction.definitions.arguments(map(str, goal.terms))
-        return None if predicate is None or ids is None else AtomKey(True, predicate.id, ids)
 
 
 class SqlMetricDao(SqlDao, MetricDao):

@@ -25,9 +25,11 @@ from typing_extensions import override
 from ..arguments import expect, expect_list, shown
 from ..dto import PddlFunctionDto, PddlFunctionValueDto, PddlObjectDto
 from ..dto.elements import atom_text, trusted_value
+from ..dto.formulas import Fluent, Node
 from ..dto.lexical import MAX_DIGITS, decimal_text, number_text
 from ..errors import InvalidKnowledgeError, TypeMismatchError, each_readable
 from ..knowledge.definitions import Definitions, FunctionDefinition
+from ..pddl.conditions import read_value
 from ..sql.dialects.base import Row
 from ..sql.intervals import ANY_FUNCTION, held_then
 from ..sql.rows import KB
@@ -38,8 +40,16 @@ from ..store.transaction import Transaction
 from .base import NO_ID, DtoBuilder, Reading, SqlGroundDao
 from .dependants import function_values_on
 from .function import FUNCTIONS
-from .interfaces import FunctionReference, Number, ObjectReference, PddlFunctionValueDao
+from .interfaces import (
+    FunctionReference,
+    Number,
+    ObjectReference,
+    PddlFunctionValueDao,
+    ValueLike,
+)
+from .known import refuse_unknown
 from .proposition import Arguments
+from .text import TextReader, expect_text
 
 # Digits of a result that has no exact decimal, such as a third, or one beyond `MAX_DIGITS` digits.
 ROUNDED_DIGITS = 28
@@ -105,6 +115,7 @@ OF_FLUENT = _reading(FunctionValueVersionRow.function_value_id == _FLUENT)
 
 
 _ROLE = "a function value"
+VALUE = "(= (battery rb1) 80)"
 
 
 class FluentReferences(Arguments):
@@ -112,11 +123,19 @@ class FluentReferences(Arguments):
 
     def __init__(self, transaction: Transaction) -> None:
         super().__init__(transaction, _ROLE)
+        self._text = TextReader(transaction)
 
-    def entry(self, dto: PddlFunctionValueDto) -> tuple[FluentKey, str, FluentValue]:
-        """Check a value, and save what it refers to when it is missing."""
-        function, key, text = self.resolve(dto.function, dto.objects)
-        return key, text, self.value(function, dto.value, text)
+    def entry(self, given: ValueLike) -> tuple[FluentKey, str, FluentValue]:
+        """Check a value; save what a DTO refers to when it is missing."""
+        if isinstance(given, str | Node):
+            fluent, value = self._text.value(given)
+            if value is None:
+                raise InvalidKnowledgeError(f"{fluent} has no value; give one, such as '{VALUE}'")
+            function, key, text = self.resolve(fluent.function, names_of(fluent))
+            return key, text, self.value(function, value, text)
+        self._text.forget()
+        function, key, text = self.resolve(given.function, given.objects)
+        return key, text, self.value(function, given.value, text)
 
     def resolve(
         self, function: FunctionReference, objects: Sequence[ObjectReference]
@@ -170,6 +189,11 @@ def existing_key(
     return None if declared is None or ids is None else FluentKey(declared.id, ids)
 
 
+def names_of(fluent: Fluent) -> list[str]:
+    """Return the names of a ground fluent's objects."""
+    return [str(term) for term in fluent.terms]
+
+
 def check_fluent(function: FunctionReference, objects: Sequence[ObjectReference]) -> None:
     """Refuse references that are neither names nor DTOs."""
     if not isinstance(function, str | PddlFunctionDto):
@@ -211,8 +235,11 @@ class SqlFunctionValueDao(SqlGroundDao[PddlFunctionValueDto], PddlFunctionValueD
         if transaction is not None and self._at is None:
             # From memory: a query would have to write first what is pending.
             value = self._value(transaction, function, objects)
-            if value is None or value.object_id is None:
-                return None if value is None else Decimal(value.text)
+            if value is None:
+                self._refuse_unknown(function, objects)
+                return None
+            if value.object_id is None:
+                return Decimal(value.text)
             return DtoBuilder(transaction.definitions).object(value.object_id)
 
         def work(view: View) -> Decimal | PddlObjectDto | None:
@@ -224,9 +251,21 @@ class SqlFunctionValueDao(SqlGroundDao[PddlFunctionValueDto], PddlFunctionValueD
                 if object_id is None:
                     return Decimal(number)
                 return DtoBuilder(view.definitions).object(object_id)
+            if key is None:
+                self._refuse_unknown(function, objects)
             return None
 
         return self._store.read(work, self._at)
+
+    def _refuse_unknown(
+        self, function: FunctionReference, objects: Sequence[ObjectReference]
+    ) -> None:
+        """Refuse names that never were; what a DTO describes may be saved later."""
+        if isinstance(function, str):
+            refuse_unknown(self._open_store, function, "function")
+        for each in objects:
+            if isinstance(each, str):
+                refuse_unknown(self._open_store, each, "object")
 
     @override
     def get_all(self) -> list[PddlFunctionValueDto]:
@@ -237,7 +276,10 @@ class SqlFunctionValueDao(SqlGroundDao[PddlFunctionValueDto], PddlFunctionValueD
         def work(view: View) -> list[PddlFunctionValueDto]:
             function = view.definitions.functions.named(name)
             id_ = NO_ID if function is None else function.id
-            return _dtos(view, OF_FUNCTION.rows(view, function=id_))
+            found = _dtos(view, OF_FUNCTION.rows(view, function=id_))
+            if function is None:
+                refuse_unknown(self._open_store, name, "function")
+            return found
 
         return self._store.read(work, self._at)
 
@@ -269,7 +311,10 @@ class SqlFunctionValueDao(SqlGroundDao[PddlFunctionValueDto], PddlFunctionValueD
 
         def work(transaction: Transaction) -> bool:
             fluent = self._find(transaction, function, objects)
-            return fluent is not None and transaction.values.set(fluent, None)
+            if fluent is None:
+                self._refuse_unknown(function, objects)
+                return False
+            return transaction.values.set(fluent, None)
 
         return self._store.write(work)
 
@@ -298,13 +343,13 @@ class SqlFunctionValueDao(SqlGroundDao[PddlFunctionValueDto], PddlFunctionValueD
         return self._change("scaled down", SCALE_DOWN, function, objects, by)
 
     @override
-    def save(self, dto: PddlFunctionValueDto) -> bool:
+    def save(self, dto: ValueLike) -> bool:
         self._check(dto)
         self._store.write(lambda transaction: self._save_batch(transaction, [dto]))
         return True
 
     @override
-    def update(self, dto: PddlFunctionValueDto) -> bool:
+    def update(self, dto: ValueLike) -> bool:
         self._check(dto)
 
         def work(transaction: Transaction) -> bool:
@@ -316,20 +361,37 @@ class SqlFunctionValueDao(SqlGroundDao[PddlFunctionValueDto], PddlFunctionValueD
         return self._store.write(work)
 
     @override
-    def delete(self, dto: PddlFunctionValueDto) -> bool:
+    def delete(self, dto: ValueLike) -> bool:
         self._check(dto)
-        return self.unset(dto.function, objects=dto.objects)
+        if not isinstance(dto, str | Node):
+            return self.unset(dto.function, objects=dto.objects)
 
-    def _check(self, dto: PddlFunctionValueDto) -> None:
+        def work(transaction: Transaction) -> bool:
+            fluent = self._find_text(transaction, dto)
+            return fluent is not None and transaction.values.set(fluent, None)
+
+        return self._store.write(work)
+
+    def _check(self, dto: object) -> None:
         self._check_writable()
-        expect(dto, PddlFunctionValueDto, "what the function value DAO takes")
-        expect(dto.function, PddlFunctionDto, "the function of a function value")
-        expect_list(dto.objects, PddlObjectDto, "the list of objects of a function value")
+        expect_text(dto, "the function value DAO", "a value", VALUE, PddlFunctionValueDto)
+        if isinstance(dto, PddlFunctionValueDto):
+            expect(dto.function, PddlFunctionDto, "the function of a function value")
+            expect_list(dto.objects, PddlObjectDto, "the list of objects of a function value")
 
-    def _holds(self, transaction: Transaction, dto: PddlFunctionValueDto) -> bool:
-        return self._value(transaction, dto.function, dto.objects) is not None
+    def _holds(self, transaction: Transaction, dto: ValueLike) -> bool:
+        if not isinstance(dto, str | Node):
+            return self._value(transaction, dto.function, dto.objects) is not None
+        fluent = self._find_text(transaction, dto)
+        return fluent is not None and transaction.values.value(fluent) is not None
 
-    def _save_batch(self, transaction: Transaction, dtos: Iterable[PddlFunctionValueDto]) -> int:
+    def _find_text(self, transaction: Transaction, given: str | Node) -> GroundFluent | None:
+        found = TextReader(transaction).read_stored(read_value, given)
+        if found is None:
+            return None
+        return self._find(transaction, found.fluent.function, names_of(found.fluent))
+
+    def _save_batch(self, transaction: Transaction, dtos: Iterable[ValueLike]) -> int:
         entry = FluentReferences(transaction).entry
         return transaction.values.set_many([entry(dto) for dto in dtos])
 

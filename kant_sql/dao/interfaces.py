@@ -30,6 +30,11 @@ from ..dto import (
 )
 from ..dto.formulas import Derived, Equal, Formula, Metric, Node, Not, TimedLiteral
 
+# What is written as PDDL text or as a node instead of a DTO names only what is known.
+FactLike = PddlPropositionDto | str | Node
+ValueLike = PddlFunctionValueDto | str | Node
+GoalLike = Formula | PddlPropositionDto | str
+
 C = TypeVar("C")
 F = TypeVar("F", bound=Callable[..., object])
 
@@ -270,6 +275,24 @@ class PddlObjectDao(RedefinableDao[PddlObjectDto]):
     Deleting an object deletes the facts, goals and actions that refer to it.
     """
 
+    @abstractmethod
+    def get_by_type(self, name: str) -> list[PddlObjectDto]:
+        """Read the objects of a type and its subtypes.
+
+        Args:
+            name: the type's name, in any case; `object` for all objects.
+
+        Returns:
+            The objects, in the order of their first assertion; none for a type that was deleted.
+
+        Raises:
+            UnknownNameError: there never was such a type.
+
+        Examples:
+            >>> print(*kb.objects.get_by_type("wp"))
+            wp1 - wp
+        """
+
 
 class PddlPredicateDao(RedefinableDao[PddlPredicateDto]):
     """Reads, saves and deletes predicates.
@@ -295,7 +318,95 @@ class PddlEventDao(NamedDao[PddlEventDto]):
 
 
 class PddlPropositionDao(Dao[PddlPropositionDto]):
-    """Reads, saves and deletes propositions: facts and goals."""
+    """Reads, saves and deletes propositions: facts and goals.
+
+    A fact is given as PDDL text such as `(robot_at rb1 wp1)`, as a ground `Atom`, or as a DTO. Text
+    and atoms name what is known; a DTO also says the types, and what it refers to is saved when it
+    is missing. A goal is given as a DTO with `is_goal`, or saved by `kb.goals`.
+    """
+
+    @abstractmethod
+    def save(self, dto: FactLike) -> bool:
+        """Save a fact or a goal.
+
+        Args:
+            dto: PDDL text or an atom of a fact, or a DTO.
+
+        Returns:
+            True; what cannot be saved raises.
+
+        Raises:
+            PddlError: the text is no fact, or it names what is not known; with the position, and a
+                similar name.
+            InvalidKnowledgeError, ConflictError: as `Dao.save`.
+
+        Examples:
+            >>> kb.objects.save(wp2)
+            True
+            >>> kb.propositions.save("(robot_at rb1 wp2)")
+            True
+            >>> kb.propositions.save("(robot_at rb1 wp3)")
+            Traceback (most recent call last):
+            kant_sql.errors.PddlError: ...
+        """
+
+    @abstractmethod
+    def insert(self, dto: FactLike) -> bool:
+        """Save a fact or a goal, given as for `save`, that does not hold.
+
+        Returns:
+            False when it holds; then nothing changes.
+
+        Raises:
+            PddlError, InvalidKnowledgeError, ConflictError: as `save`.
+        """
+
+    @abstractmethod
+    def update(self, dto: FactLike) -> bool:
+        """Check a fact or a goal, given as for `save`, that holds: there is nothing to update.
+
+        Returns:
+            False when it does not hold.
+
+        Raises:
+            PddlError, InvalidKnowledgeError, ConflictError: as `save`.
+        """
+
+    @abstractmethod
+    def save_all(self, dtos: Iterable[FactLike]) -> int:
+        """Save many facts and goals in one revision, faster than one by one.
+
+        Args:
+            dtos: texts, atoms and DTOs, in any mixture. An iterator is consumed in batches, in
+                constant memory.
+
+        Returns:
+            The number of those that did not hold.
+
+        Raises:
+            PddlError, InvalidKnowledgeError, ConflictError: as `save`; none is saved.
+
+        Examples:
+            >>> kb.objects.save(wp2)
+            True
+            >>> kb.propositions.save_all(["(robot_at rb1 wp1)", "(robot_at rb1 wp2)"])
+            1
+        """
+
+    @abstractmethod
+    def delete(self, dto: FactLike) -> bool:
+        """Retract a fact or a goal, given as for `save`.
+
+        Returns:
+            False when it does not hold, also since an object or its predicate was deleted.
+
+        Raises:
+            PddlError: the text is no fact, or it names what never was.
+
+        Examples:
+            >>> kb.propositions.delete("(robot_at rb1 wp1)")
+            True
+        """
 
     @abstractmethod
     def get_by_predicate(self, name: str) -> list[PddlPropositionDto]:
@@ -305,11 +416,40 @@ class PddlPropositionDao(Dao[PddlPropositionDto]):
             name: the predicate's name, in any case.
 
         Returns:
-            The propositions; empty for an unknown predicate.
+            The propositions; none for a predicate that was deleted.
+
+        Raises:
+            UnknownNameError: there never was such a predicate.
 
         Examples:
             >>> print(*kb.propositions.get_by_predicate("robot_at"))
             (robot_at rb1 wp1)
+        """
+
+    @abstractmethod
+    def get_by_object(self, name: str) -> list[PddlPropositionDto]:
+        """Read the facts and the goals that mention an object.
+
+        Args:
+            name: the object's name, in any case.
+
+        Returns:
+            The propositions; none for an object that was deleted.
+
+        Raises:
+            UnknownNameError: there never was such an object.
+
+        Examples:
+            >>> print(*kb.propositions.get_by_object("wp1"))
+            (robot_at rb1 wp1)
+        """
+
+    @abstractmethod
+    def get_facts(self) -> list[PddlPropositionDto]:
+        """Read the facts.
+
+        Returns:
+            The propositions without `is_goal`.
         """
 
     @abstractmethod
@@ -327,7 +467,7 @@ class PddlPropositionDao(Dao[PddlPropositionDto]):
 
     @abstractmethod
     def get_no_goals(self) -> list[PddlPropositionDto]:
-        """Read the facts.
+        """Read the facts: the paper's name of `get_facts`.
 
         Returns:
             The propositions without `is_goal`.
@@ -356,9 +496,81 @@ class PddlFunctionValueDao(Dao[PddlFunctionValueDto]):
     Numbers are exact decimals. A `float` stands for its shortest decimal text. Setting a fluent to
     an equal number, such as 10 to 10.0, changes nothing.
 
-    `insert` sets a fluent that has no value, `update` one that has a value; `delete` unsets a
-    fluent, whatever the DTO's value.
+    `save`, `insert`, `update` and `save_all` take DTOs, PDDL text such as `(= (battery rb1) 80)`,
+    and nodes. `insert` sets a fluent that has no value, `update` one that has a value; `delete`
+    unsets a fluent, whatever the value, which text may leave out: `(battery rb1)`.
     """
+
+    @abstractmethod
+    def save(self, dto: ValueLike) -> bool:
+        """Set a value.
+
+        Args:
+            dto: PDDL text, an equality of a fluent and a number or an object, or a DTO.
+
+        Returns:
+            True; what cannot be saved raises.
+
+        Raises:
+            PddlError: the text is no value, or it names what is not known; with the position, and a
+                similar name.
+            InvalidKnowledgeError, ConflictError: as `Dao.save`.
+
+        Examples:
+            >>> kb.functions.save(PddlFunctionDto("battery", [robot]))
+            True
+            >>> kb.function_values.save("(= (battery rb1) 80)")
+            True
+            >>> kb.function_values.get("battery", objects=["rb1"])
+            Decimal('80')
+        """
+
+    @abstractmethod
+    def insert(self, dto: ValueLike) -> bool:
+        """Set the value, given as for `save`, of a fluent that has none.
+
+        Returns:
+            False when it has one; then nothing changes.
+
+        Raises:
+            PddlError, InvalidKnowledgeError, ConflictError: as `save`.
+        """
+
+    @abstractmethod
+    def update(self, dto: ValueLike) -> bool:
+        """Set the value, given as for `save`, of a fluent that has one.
+
+        Returns:
+            False when it has none; then nothing changes.
+
+        Raises:
+            PddlError, InvalidKnowledgeError, ConflictError: as `save`.
+        """
+
+    @abstractmethod
+    def save_all(self, dtos: Iterable[ValueLike]) -> int:
+        """Set many values in one revision, faster than one by one.
+
+        Args:
+            dtos: texts, nodes and DTOs, in any mixture.
+
+        Returns:
+            The number of values that changed.
+
+        Raises:
+            PddlError, InvalidKnowledgeError, ConflictError: as `save`; none is saved.
+        """
+
+    @abstractmethod
+    def delete(self, dto: ValueLike) -> bool:
+        """Unset a fluent, given as for `save` or without a value: `(battery rb1)`.
+
+        Returns:
+            False when it has no value, also since an object or its function was deleted.
+
+        Raises:
+            PddlError: the text is none, or it names what never was.
+        """
 
     @abstractmethod
     def get(
@@ -367,8 +579,10 @@ class PddlFunctionValueDao(Dao[PddlFunctionValueDto]):
         """Read the value of a fluent: a function applied to objects, in order.
 
         Returns:
-            A number, or an object for an object fluent; None when it has no value, or a name is not
-            known.
+            A number, or an object for an object fluent; None when it has no value.
+
+        Raises:
+            UnknownNameError: a function or an object is given by a name that never was.
 
         Examples:
             >>> battery = PddlFunctionDto("battery", [robot])
@@ -386,7 +600,10 @@ class PddlFunctionValueDao(Dao[PddlFunctionValueDto]):
             name: the function's name, in any case.
 
         Returns:
-            The values; empty for an unknown function.
+            The values; none for a function that was deleted.
+
+        Raises:
+            UnknownNameError: there never was such a function.
         """
 
     @abstractmethod
@@ -428,7 +645,10 @@ class PddlFunctionValueDao(Dao[PddlFunctionValueDto]):
         """Remove the value of a fluent, given as for `get`.
 
         Returns:
-            False when it has no value, or a name is not known.
+            False when it has no value.
+
+        Raises:
+            UnknownNameError: a function or an object is given by a name that never was.
         """
 
     @abstractmethod
@@ -489,26 +709,28 @@ class FormulaDao(ABC, Generic[N]):
         """
 
     @abstractmethod
-    def save(self, formula: N) -> bool:
+    def save(self, formula: N | str) -> bool:
         """Save a formula; a conjunction of goals or constraints is saved as its conjuncts.
+
+        Args:
+            formula: a node; a goal or a constraint also as PDDL text.
 
         Returns:
             True; a formula that cannot be saved raises.
 
         Raises:
+            PddlError: a text cannot be read; with the position, and a similar name.
             InvalidKnowledgeError: it is not well-formed, or a name is not known.
 
         Examples:
-            >>> from kant_sql.pddl import Atom, Constant, Or
-            >>> places = [Atom("robot_at", (Constant("rb1"), Constant("wp1")))]
-            >>> kb.goals.save(Or((*places, *places)))
+            >>> kb.goals.save("(or (robot_at rb1 wp1) (robot_at rb1 wp1))")
             True
             >>> print(*kb.goals.get_all())
             (or (robot_at rb1 wp1) (robot_at rb1 wp1))
         """
 
     @abstractmethod
-    def insert(self, formula: N) -> bool:
+    def insert(self, formula: N | str) -> bool:
         """Save a formula that is not stored.
 
         Returns:
@@ -519,7 +741,7 @@ class FormulaDao(ABC, Generic[N]):
         """
 
     @abstractmethod
-    def save_all(self, formulas: Iterable[N]) -> int:
+    def save_all(self, formulas: Iterable[N | str]) -> int:
         """Save many formulas in one revision.
 
         Returns:
@@ -530,14 +752,17 @@ class FormulaDao(ABC, Generic[N]):
         """
 
     @abstractmethod
-    def delete(self, formula: N) -> bool:
+    def delete(self, formula: N | str) -> bool:
         """Delete a formula.
 
         Args:
-            formula: the formula, as returned by `get_all`.
+            formula: the formula, as returned by `get_all`; a goal or a constraint also as text.
 
         Returns:
             False when it is not stored.
+
+        Raises:
+            PddlError: a text cannot be read, or it names what never was.
         """
 
     @abstractmethod
@@ -565,8 +790,57 @@ class GoalDao(FormulaDao[Formula]):
     """Reads, saves and deletes goals of any form, ground atoms among them.
 
     A conjunction is stored as its conjuncts, and a ground atom as a proposition with `is_goal`:
-    `PddlPropositionDao.get_goals` returns it, too.
+    `PddlPropositionDao.get_goals` returns it, too. A `PddlPropositionDto` stands for a goal here,
+    whatever its `is_goal`; what it refers to is saved when it is missing.
     """
+
+    @abstractmethod
+    def save(self, formula: GoalLike) -> bool:
+        """Save a goal, as PDDL text, a node or a DTO; see `FormulaDao.save`.
+
+        Returns:
+            True; a goal that cannot be saved raises.
+
+        Raises:
+            PddlError, InvalidKnowledgeError, ConflictError: as `PddlPropositionDao.save`.
+
+        Examples:
+            >>> kb.goals.save("(not (robot_at rb1 wp1))")
+            True
+        """
+
+    @abstractmethod
+    def insert(self, formula: GoalLike) -> bool:
+        """Save a goal, given as for `save`, that is not stored.
+
+        Returns:
+            False when it is stored; then nothing changes.
+
+        Raises:
+            PddlError, InvalidKnowledgeError, ConflictError: as `save`.
+        """
+
+    @abstractmethod
+    def save_all(self, formulas: Iterable[GoalLike]) -> int:
+        """Save many goals, given as for `save`, in one revision.
+
+        Returns:
+            The number of goals that changed something.
+
+        Raises:
+            PddlError, InvalidKnowledgeError, ConflictError: as `save`; none is saved.
+        """
+
+    @abstractmethod
+    def delete(self, formula: GoalLike) -> bool:
+        """Delete a goal, given as for `save`.
+
+        Returns:
+            False when it is not stored.
+
+        Raises:
+            PddlError: a text cannot be read, or it names what never was.
+        """
 
 
 class ConstraintDao(FormulaDao[Formula]):

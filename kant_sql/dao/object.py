@@ -5,14 +5,17 @@ from __future__ import annotations
 from collections.abc import Hashable
 from typing import ClassVar
 
+from typing_extensions import override
+
 from ..arguments import expect, flag
 from ..dto import PddlObjectDto, PddlTypeDto
-from ..dto.lexical import fold
+from ..dto.lexical import ROOT_TYPE, fold
 from ..knowledge.canonical import type_text
-from ..knowledge.definitions import ObjectDefinition
+from ..knowledge.definitions import Definitions, ObjectDefinition
 from ..store.transaction import Transaction
-from .base import Definer, SqlNamedDao
+from .base import Definer, DtoBuilder, SqlNamedDao
 from .interfaces import PddlObjectDao
+from .known import refuse_unknown
 from .type import ensure_types, plain_type
 
 
@@ -61,3 +64,24 @@ class SqlObjectDao(SqlNamedDao[PddlObjectDto], PddlObjectDao):
     kind: ClassVar[str] = "object"
     dto_class = PddlObjectDto
     definer = OBJECTS
+
+    @override
+    def get_by_type(self, name: str) -> list[PddlObjectDto]:
+        def work(definitions: Definitions) -> list[PddlObjectDto] | None:
+            builder = DtoBuilder(definitions)
+            wanted = definitions.types.named(name)
+            if fold(name) == ROOT_TYPE:
+                return [builder.object(each.id) for each in definitions.objects]
+            if wanted is None:
+                return None
+            types = definitions.subtypes(wanted.id)
+            return [
+                builder.object(each.id)
+                for each in definitions.objects
+                if not types.isdisjoint(each.type_ids)
+            ]
+
+        found = self._store.read_definitions(work, self._at)
+        if found is None:
+            refuse_unknown(self._store, name, "type")
+        return found or []

@@ -5,29 +5,34 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from sqlalchemy import ColumnElement, bindparam, false, literal_column, select
+from sqlalchemy import ColumnElement, bindparam, case, false, literal_column, or_, select
 from typing_extensions import override
 
 from ..arguments import expect, expect_list, flag
 from ..dto import PddlObjectDto, PddlPredicateDto, PddlPropositionDto
 from ..dto.elements import atom_text
+from ..dto.formulas import Atom, Node
 from ..errors import ArityError, TypeMismatchError, all_readable
 from ..knowledge.canonical import type_text
 from ..knowledge.definitions import FunctionDefinition, ObjectDefinition, PredicateDefinition
+from ..pddl.conditions import read_fact
 from ..sql.intervals import ANY_PREDICATE, held_then
-from ..sql.query import in_rows
-from ..sql.rows import KB, table_of
-from ..sql.tables import PropositionRow, PropositionVersionRow
+from ..sql.query import first_rows, in_rows, integer
+from ..sql.rows import KB, THEN, table_of
+from ..sql.tables import PropositionArgumentRow, PropositionRow, PropositionVersionRow
 from ..store.caches import AtomKey
 from ..store.snapshot import View
 from ..store.transaction import Transaction
 from .base import NO_ID, DtoBuilder, Reading, SqlGroundDao
 from .dependants import propositions_on, retract
-from .interfaces import PddlPropositionDao
+from .interfaces import FactLike, PddlPropositionDao
+from .known import refuse_unknown
 from .object import OBJECTS
 from .predicate import PREDICATES
+from .text import TextReader, expect_text
 
 _ROLE = "a proposition"
+FACT = "(robot_at rb1 wp1)"
 
 
 class Arguments:
@@ -85,14 +90,22 @@ class References(Arguments):
 
     def __init__(self, transaction: Transaction) -> None:
         super().__init__(transaction, _ROLE)
+        self._text = TextReader(transaction)
 
-    def resolve(self, dto: PddlPropositionDto) -> tuple[AtomKey, str]:
-        """Check a proposition, and save what it refers to when it is missing."""
-        predicate = PREDICATES.ensure(self._transaction, dto.predicate, _ROLE)
-        objects = self.check(dto, predicate, dto.objects)
+    def resolve(self, given: FactLike) -> tuple[AtomKey, str]:
+        """Check a proposition; save what a DTO refers to when it is missing."""
+        if isinstance(given, str | Node):
+            atom, is_goal = self._text.fact(given), False
+            predicate = PREDICATES.known(self._transaction, atom.predicate, _ROLE)
+            objects = self.check(atom, predicate, [str(term) for term in atom.terms])
+        else:
+            self._text.forget()
+            predicate = PREDICATES.ensure(self._transaction, given.predicate, _ROLE)
+            objects = self.check(given, predicate, given.objects)
+            is_goal = flag(given.is_goal, "is_goal of a proposition")
         ids = " ".join([str(object_.id) for object_ in objects])
         text = atom_text(predicate.name, [object_.name for object_ in objects])
-        return AtomKey(flag(dto.is_goal, "is_goal of a proposition"), predicate.id, ids), text
+        return AtomKey(is_goal, predicate.id, ids), text
 
 
 _COLUMNS = (
@@ -121,6 +134,30 @@ class PropositionReading(Reading):
         )
         return cls(now, then, literal_column("''"), false())
 
+    @classmethod
+    def of_object(cls) -> PropositionReading:
+        """Ask for the propositions that mention an object: of each, one version is looked up."""
+        mentioning = select(PropositionArgumentRow.proposition_id).where(
+            PropositionArgumentRow.kb_id == KB,
+            PropositionArgumentRow.object_id == integer("object"),
+        )
+        version = PropositionVersionRow
+        own = select(version.since).where(
+            version.kb_id == PropositionRow.kb_id, version.proposition_id == PropositionRow.id
+        )
+        holds = case((or_(version.until.is_(None), version.until > THEN), literal_column("1")))
+        last = own.with_only_columns(holds).where(version.since <= THEN)
+        last = first_rows(last.order_by(version.since.desc()), literal_column("1"))
+        now, then = (
+            select(*_COLUMNS).where(
+                PropositionRow.kb_id == KB,
+                in_rows(PropositionRow.id, mentioning),
+                held.scalar_subquery().is_not(None),
+            )
+            for held in (own.where(version.until.is_(None)), last)
+        )
+        return cls(now, then, literal_column("''"), false())
+
     def answer(self, view: View, **parameters: Any) -> list[PddlPropositionDto]:
         """Run it on a state."""
         build = DtoBuilder(view.definitions).propositions
@@ -128,14 +165,19 @@ class PropositionReading(Reading):
 
 
 _ALL = PropositionReading.of_versions()
+_OF_OBJECT = PropositionReading.of_object()
 _OF_PREDICATE = PropositionReading.of_versions(
     PropositionVersionRow.predicate_id == bindparam("predicate")
 )
 GOALS = PropositionReading.of_versions(table_of(PropositionVersionRow).c.is_goal)
 
 
-def existing_key(transaction: Transaction, dto: PddlPropositionDto) -> AtomKey | None:
-    """Find the key of a proposition from names alone."""
+def existing_key(transaction: Transaction, given: FactLike) -> AtomKey | None:
+    """Find the key of a proposition from names alone; text must name what was known once."""
+    if isinstance(given, str | Node):
+        atom = TextReader(transaction).read_stored(read_fact, given)
+        return None if atom is None else key_of_atom(transaction, atom, False)
+    dto = given
     expect(dto.predicate, PddlPredicateDto, "the predicate of a proposition")
     definitions = transaction.definitions.current()
     predicate = definitions.predicates.named(dto.predicate.name)
@@ -143,6 +185,18 @@ def existing_key(transaction: Transaction, dto: PddlPropositionDto) -> AtomKey |
     if predicate is None or ids is None:
         return None
     return AtomKey(flag(dto.is_goal, "is_goal of a proposition"), predicate.id, ids)
+
+
+def check_dto(dto: PddlPropositionDto) -> None:
+    """Refuse a proposition whose objects are none."""
+    expect_list(dto.objects, PddlObjectDto, "the list of objects of a proposition")
+
+
+def key_of_atom(transaction: Transaction, atom: Atom, is_goal: bool) -> AtomKey | None:
+    """Return the key of a ground atom; None when it names something unknown."""
+    predicate = transaction.definitions.predicates.named(atom.predicate)
+    ids = transaction.definitions.arguments(map(str, atom.terms))
+    return None if predicate is None or ids is None else AtomKey(is_goal, predicate.id, ids)
 
 
 class SqlPropositionDao(SqlGroundDao[PddlPropositionDto], PddlPropositionDao):
@@ -158,7 +212,21 @@ class SqlPropositionDao(SqlGroundDao[PddlPropositionDto], PddlPropositionDao):
             predicate = view.definitions.predicates.named(name)
             # Asked even without a predicate: the head may show that there is one now.
             id_ = NO_ID if predicate is None else predicate.id
-            return _OF_PREDICATE.answer(view, predicate=id_)
+            found = _OF_PREDICATE.answer(view, predicate=id_)
+            if predicate is None:
+                refuse_unknown(self._open_store, name, "predicate")
+            return found
+
+        return self._store.read(work, self._at)
+
+    @override
+    def get_by_object(self, name: str) -> list[PddlPropositionDto]:
+        def work(view: View) -> list[PddlPropositionDto]:
+            object_ = view.definitions.objects.named(name)
+            found = _OF_OBJECT.answer(view, object=NO_ID if object_ is None else object_.id)
+            if object_ is None:
+                refuse_unknown(self._open_store, name, "object")
+            return found
 
         return self._store.read(work, self._at)
 
@@ -167,17 +235,21 @@ class SqlPropositionDao(SqlGroundDao[PddlPropositionDto], PddlPropositionDao):
         return self._store.read(GOALS.answer, self._at)
 
     @override
-    def get_no_goals(self) -> list[PddlPropositionDto]:
+    def get_facts(self) -> list[PddlPropositionDto]:
         return [dto for dto in self.get_all() if not dto.is_goal]
 
     @override
-    def save(self, dto: PddlPropositionDto) -> bool:
+    def get_no_goals(self) -> list[PddlPropositionDto]:
+        return self.get_facts()
+
+    @override
+    def save(self, dto: FactLike) -> bool:
         self._check(dto)
         self._store.write(lambda transaction: self._save_batch(transaction, [dto]))
         return True
 
     @override
-    def update(self, dto: PddlPropositionDto) -> bool:
+    def update(self, dto: FactLike) -> bool:
         self._check(dto)
 
         def work(transaction: Transaction) -> bool:
@@ -189,7 +261,7 @@ class SqlPropositionDao(SqlGroundDao[PddlPropositionDto], PddlPropositionDao):
         return self._store.write(work)
 
     @override
-    def delete(self, dto: PddlPropositionDto) -> bool:
+    def delete(self, dto: FactLike) -> bool:
         self._check(dto)
 
         def work(transaction: Transaction) -> bool:
@@ -198,16 +270,17 @@ class SqlPropositionDao(SqlGroundDao[PddlPropositionDto], PddlPropositionDao):
 
         return self._store.write(work)
 
-    def _check(self, dto: PddlPropositionDto) -> None:
+    def _check(self, dto: object) -> None:
         self._check_writable()
-        expect(dto, PddlPropositionDto, "what the proposition DAO takes")
-        expect_list(dto.objects, PddlObjectDto, "the list of objects of a proposition")
+        expect_text(dto, "the proposition DAO", "a fact", FACT, PddlPropositionDto)
+        if isinstance(dto, PddlPropositionDto):
+            check_dto(dto)
 
-    def _save_batch(self, transaction: Transaction, dtos: Iterable[PddlPropositionDto]) -> int:
+    def _save_batch(self, transaction: Transaction, dtos: Iterable[FactLike]) -> int:
         resolve = References(transaction).resolve
         return transaction.propositions.hold_all(dict([resolve(dto) for dto in dtos]))
 
-    def _holds(self, transaction: Transaction, dto: PddlPropositionDto) -> bool:
+    def _holds(self, transaction: Transaction, dto: FactLike) -> bool:
         atom = self._find(transaction, dto)
         return atom is not None and transaction.propositions.holds(atom)
 
@@ -217,6 +290,6 @@ class SqlPropositionDao(SqlGroundDao[PddlPropositionDto], PddlPropositionDao):
         return len(atoms)
 
     @staticmethod
-    def _find(transaction: Transaction, dto: PddlPropositionDto) -> Any:
+    def _find(transaction: Transaction, dto: FactLike) -> Any:
         key = existing_key(transaction, dto)
         return None if key is None else transaction.propositions.find([key]).get(key)

@@ -19,6 +19,7 @@ from sqlalchemy import (
 )
 
 from ..arguments import expect, expect_list, shown
+from ..dao.known import refuse_unknown
 from ..dto import (
     PddlActionDto,
     PddlFunctionDto,
@@ -36,6 +37,7 @@ from ..pddl.lexer import tokenize
 from ..sql.dialects.base import Session
 from ..sql.query import Query
 from ..sql.rows import FACT, GOAL, KB, KIND_TABLES, PROPOSITION, VALUE, VERSION_COLUMNS
+from ..store.store import Store
 
 NAMED_KINDS = ("type", "object", "predicate", "function", "action", "document")
 _CLASSES: dict[type[Dto], str] = {
@@ -103,6 +105,21 @@ def sought(element: object) -> list[Sought]:
     if isinstance(element, str):
         return list(_of_text(element))
     raise _refusal(element)
+
+
+def refuse_unknown_element(store: Store, element: object) -> None:
+    """Refuse a text that names what never was; what a DTO describes may be saved later."""
+    if not isinstance(element, str):
+        return
+    for each in sought(element):
+        if isinstance(each, Named):
+            refuse_unknown(store, each.name, *each.kinds)
+        elif isinstance(each, Applied):
+            heads = {VALUE: "function"}
+            kinds = dict.fromkeys(heads.get(kind, "predicate") for kind in sorted(each.kinds))
+            refuse_unknown(store, each.name, *kinds)
+            for name in each.arguments:
+                refuse_unknown(store, name, "object")
 
 
 def _refusal(element: object) -> InvalidKnowledgeError:

@@ -69,6 +69,8 @@ class History(Interface):
         Raises:
             UnknownRevisionError: `since` or `until` lies in the future, or is a time without zone.
             ArchivedError: on reaching a revision that is partly in an archive.
+            UnknownNameError: instead of no entry, if there never was such an actor, or `element` is
+                a text with a name that never was.
             InvalidKnowledgeError: `element` is not one of the above.
 
         Examples:

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 from sqlalchemy import bindparam, select
 
 from ..arguments import optional_text
+from ..dao.known import refuse_unknown_actor
 from ..dto.elements import Dto
 from ..dto.formulas import Node
 from ..sql.changes import (
@@ -30,7 +31,7 @@ from ..sql.query import Query, first_rows, in_list, integer
 from ..sql.rows import KB, VERSION_COLUMNS, VersionColumns
 from ..sql.tables import HeadRow, RevisionRow
 from ..store.store import Store
-from .elements import Owner, Sought, find_owners, sought
+from .elements import Owner, Sought, find_owners, refuse_unknown_element, sought
 from .moments import Bounds, find_bounds
 from .revisions import (
     LARGEST,
@@ -170,7 +171,21 @@ def read_log(
     else:
         changed = changed_revisions(store, wanted, bounds.low, bounds.high)
         entries = _complete(store, _pages_of(store, changed, actor, most), bounds.low)
-    return islice(entries, min(most, sys.maxsize))
+    return islice(_known(store, entries, actor, element), min(most, sys.maxsize))
+
+
+def _known(
+    store: Store, entries: Iterator[LogEntry], actor: str | None, element: object
+) -> Iterator[LogEntry]:
+    """Yield entries; without any, refuse an actor or an element that never was."""
+    is_empty = True
+    for entry in entries:
+        is_empty = False
+        yield entry
+    if is_empty:
+        refuse_unknown_element(store, element)
+        if actor is not None:
+            refuse_unknown_actor(store, actor)
 
 
 def _complete(store: Store, pages: Iterator[_Page], low: int | None = None) -> Iterator[LogEntry]:

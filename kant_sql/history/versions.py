@@ -26,6 +26,7 @@ from .elements import (
     identities_of,
     lookups,
     parameters,
+    refuse_unknown_element,
     sought,
     split_goals,
 )
@@ -105,6 +106,13 @@ def _of_owners(names: tuple[str, ...]) -> Query:
 
 def read_versions(store: Store, element: Dto | Node | str, upto: int | None) -> list[Version]:
     """Read the versions of an element."""
+    versions = _read_versions(store, element, upto)
+    if not versions:
+        refuse_unknown_element(store, element)
+    return versions
+
+
+def _read_versions(store: Store, element: Dto | Node | str, upto: int | None) -> list[Version]:
     wanted, at = sought(element), _last_known(store, upto)
     found = _in_one_statement(wanted)
     if found is None:
@@ -131,6 +139,8 @@ def blame(store: Store, element: Dto | Node | str, at: int | None) -> Version | 
         raise InvalidKnowledgeError(
             f"{shown(element)} matches several elements: {several}; give a DTO of one of them"
         )
+    if not held:
+        refuse_unknown_element(store, element)
     return held[0] if held else None
 
 

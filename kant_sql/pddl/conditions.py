@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from decimal import Decimal
 from typing import NamedTuple, TypeVar
 
 from ..dto import formulas as f
@@ -37,6 +38,13 @@ class ReadStep(NamedTuple):
     arguments: tuple[str, ...]
 
 
+class ReadValue(NamedTuple):
+    """A function applied to objects, and its value: a number or an object's name, or neither."""
+
+    fluent: f.Fluent
+    value: Decimal | str | None
+
+
 class ConditionReader(FormulaReader):
     """A reader of formulas that stand alone: a variable that nothing binds is free.
 
@@ -64,6 +72,15 @@ class ConditionReader(FormulaReader):
         if self.tokens[self.at]:
             self.fail("the end of the text: one formula, or (and ...) of several")
         return formula
+
+    def fluent_or_formula(self) -> f.Node:
+        """Read a formula, or a function applied to terms, up to the end of the text."""
+        if self.tokens[self.at + 1] == "=" or self.tokens[self.at] != "(":
+            return self.whole(0)
+        fluent = self._fluent()
+        if self.tokens[self.at]:
+            self.fail("the end of the text after one function")
+        return fluent
 
     def _named_term(self) -> Entity:
         token = self.tokens[self.at]
@@ -156,12 +173,44 @@ def read_fact(text: str, *, symbols: SymbolTable) -> f.Atom:
         PddlError: the text is none, or it uses what is not declared.
     """
     reader = ConditionReader(symbols, text, "the fact", "()")
+    if reader.tokens[0] != "(":
+        reader.fail("a fact such as (robot_at rb1 wp1)")
     formula = reader.whole(EFFECT)
     if not isinstance(formula, f.Atom) or not all(
         isinstance(term, f.Constant) for term in formula.terms
     ):
         reader.fail("a fact such as (robot_at rb1 wp1)", f"'{text:.60}'", 0)
     return formula
+
+
+def read_goal(text: str, *, symbols: SymbolTable) -> f.Formula:
+    """Read a goal without free variables, with preferences, as in `(:goal ...)`.
+
+    Raises:
+        PddlError: the text is none, or it uses what is not declared.
+    """
+    return ConditionReader(symbols, text, "the goal", "()").whole(PREFERENCES)
+
+
+def read_value(text: str, *, symbols: SymbolTable) -> ReadValue:
+    """Read the value of a fluent, such as `(= (battery rb1) 80)`, or a fluent alone.
+
+    Raises:
+        PddlError: the text is none, or it uses what is not declared.
+    """
+    reader = ConditionReader(symbols, text, "the function value", "()")
+    match reader.fluent_or_formula():
+        case f.Comparison("=", f.Fluent() as fluent, f.Number(value)):
+            found = ReadValue(fluent, value)
+        case f.Equal(f.Fluent() as fluent, f.Constant(name)):
+            found = ReadValue(fluent, name)
+        case f.Fluent() as fluent:
+            found = ReadValue(fluent, None)
+        case _:
+            reader.fail("a value such as (= (battery rb1) 80)", f"'{text:.60}'", 0)
+    if not all(isinstance(term, f.Constant) for term in found.fluent.terms):
+        reader.fail("a function of objects, such as (battery rb1)", f"'{found.fluent}'", 0)
+    return found
 
 
 def read_step(text: str, *, symbols: SymbolTable, actions: Callable[[], Iterable[str]]) -> ReadStep:
