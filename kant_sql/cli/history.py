@@ -12,9 +12,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ..errors import ConnectionLostError, KantSqlError, StoreUnreachableError, printable
+from ..errors import ConnectionLostError, StoreUnreachableError, printable
 from ..knowledge.canonical import time_text
-from ..pddl.cursor import hint
 from .common import (
     Actor,
     AsJson,
@@ -127,10 +126,6 @@ def metadata(revision: Revision) -> Iterable[str]:
         yield "plan {} step {}".format(*revision.plan_step)
 
 
-# How many of the newest revisions are searched for a similar actor.
-_RECENT = 1_000
-
-
 _OfActor = Annotated[str | None, option("Only revisions of this actor.", "--actor", metavar="NAME")]
 _OfElement = Annotated[
     str | None,
@@ -163,8 +158,10 @@ def log(
         ):
             writer.write(entry)
             is_empty = False
-        if is_empty:
-            _refuse_unknown(knowledge_base, name, actor, element)
+        if is_empty and element is not None and not any(knowledge_base.log(element=element)):
+            raise unknown_element(
+                knowledge_base, name, element, "never was there; see: kant-sql log"
+            )
 
 
 class _EntryWriter:
@@ -184,19 +181,6 @@ class _EntryWriter:
             self._printer.line()
         self._is_first = False
         _write_entry(self._printer, entry)
-
-
-def _refuse_unknown(kb: KnowledgeBase, name: str, actor: str | None, element: str | None) -> None:
-    """Raise if a filter names an element or actor that never existed."""
-    if element is not None and not any(kb.log(element=element, limit=1)):
-        raise unknown_element(kb, name, element, "never was there; see: kant-sql log")
-    if actor is not None and not any(kb.log(actor=actor, limit=1)):
-        recent = {one.actor: None for one in kb.revisions(after=max(0, kb.revision - _RECENT))}
-        close = hint(actor, [one for one in recent if one is not None])
-        raise KantSqlError(
-            f"{printable(actor)!r} in knowledge base {name!r}: no revision is of this actor"
-            f"; see: kant-sql log{close}"
-        )
 
 
 _USAGE = "[URL] NAME|PDDL"

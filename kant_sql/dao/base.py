@@ -116,6 +116,19 @@ G = TypeVar("G", PddlPropositionDto, PddlFunctionValueDto)
 class SqlGroundDao(SqlDao, Dao[G]):
     """Writes what applies to objects: propositions, and values of functions."""
 
+    # Without these, `help` shows the docstrings of `Dao` instead of those of the interfaces below.
+    @override
+    @abstractmethod
+    def save(self, dto: G | str | Node) -> bool: ...
+
+    @override
+    @abstractmethod
+    def update(self, dto: G | str | Node) -> bool: ...
+
+    @override
+    @abstractmethod
+    def delete(self, dto: G | str | Node) -> bool: ...
+
     @override
     def insert(self, dto: G | str | Node) -> bool:
         self._check(dto)

@@ -104,12 +104,13 @@ def test_output_that_cannot_take_all_letters_escapes_them(tmp_path: Path) -> Non
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["--element", "nosuch"], "'nosuch' in knowledge base 'tiago': it never was there"),
+        (["--element", "nosuch"], "knowledge base 'tiago' has never had an element 'nosuch'"),
         (["--element", "robot_att"], "(did you mean robot_at?)"),
         (["--element", "(robot_at rb11 wp1)"], "(did you mean rb1?)"),
-        (["--actor", "nobody"], "'nobody' in knowledge base 'tiago': no revision is of this actor"),
+        (["--actor", "nobody"], "no revision of knowledge base 'tiago' is of actor 'nobody'"),
         (["--actor", "perceptoin"], "(did you mean perception?)"),
         (["--actor", "executive", "--element", "nosuch"], "'nosuch'"),
+        (["--element", "(robot_at rb1 rb1)"], "it never was there; see: kant-sql log"),
         (["--since", "2", "--json", "--actor", "nobody"], "'nobody'"),
     ],
 )

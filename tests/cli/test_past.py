@@ -122,9 +122,11 @@ def test_blame_names_who_asserted_what_holds(store: str) -> None:
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (("blame", "wp9"), "'wp9' in knowledge base 'tiago': it does not hold"),
-        (("history", "(robot_at rb1 nowhere)"), "it never was there; see: kant-sql log"),
-        (("history", "(robot_at rb11 wp1)"), "see: kant-sql log (did you mean rb1?)"),
+        (("blame", "wp9"), "knowledge base 'tiago' has never had an element 'wp9'"),
+        (("blame", "(robot_at rb1 rb1)"), "it does not hold; see: kant-sql history"),
+        (("history", "(robot_at rb1 nowhere)"), "has never had an object 'nowhere'"),
+        (("history", "(robot_at rb11 wp1)"), "an object 'rb11' (did you mean rb1?)"),
+        (("history", "(robot_at rb1 rb1)"), "it never was there; see: kant-sql log"),
         (("diff", "1", "9"), "has no revision 9: it is at 3"),
         (("restore", "9"), "has no revision 9: it is at 3"),
         (("log", "--since", "2999-01-01T00:00:00Z"), "is in the future"),

@@ -161,6 +161,29 @@ def test_new_definitions_of_another_writer_cost_two_statements_once(
     assert count(other.propositions.get_all) <= READ
 
 
+@pytest.mark.parametrize("size", SIZES[:2])
+def test_reads_within_a_transaction_take_two_statements_at_most(
+    kb: KnowledgeBase, size: int
+) -> None:
+    fill(kb, size)
+    with kb.transaction():
+        kb.propositions.delete(fact(0))
+        # What is pending is written first.
+        kb.propositions.get_all()
+        taken = {name: count(partial(read, kb)) for name, read in READS.items()}
+        assert max(taken.values()) <= READ, taken
+        assert kb.propositions.get_by_object("rb1") == kb.propositions.get_all()
+
+
+def test_a_fact_given_as_text_takes_as_many_statements_as_one_given_as_a_dto(
+    warm: KnowledgeBase,
+) -> None:
+    facts, text = warm.propositions, str(fact(1))
+    assert count(lambda: facts.delete(text)) <= WRITE
+    assert count(lambda: facts.save(text)) <= WRITE
+    assert count(lambda: facts.save(text)) == 1
+
+
 # Revisions, and opening.
 
 

@@ -20,6 +20,7 @@ from kant_sql import (
     PddlTypeDto,
     ReadOnlyError,
     TypeMismatchError,
+    UnknownNameError,
 )
 from tests.support.reading import last_changes, rows, undone, versions
 from tests.support.worlds.robots import (
@@ -53,7 +54,7 @@ def kb(fresh_kb: KnowledgeBase) -> KnowledgeBase:
 
 def test_a_value_is_set_and_read(fresh_kb: KnowledgeBase) -> None:
     values = fresh_kb.function_values
-    assert values.get("battery", objects=["rb1"]) is None
+    assert values.get(BATTERY, objects=[RB1]) is None
     assert values.set(BATTERY, objects=[RB1], value=10) is True
     assert last_changes(fresh_kb) == [
         "+ function (battery ?r0 - robot)",
@@ -77,7 +78,8 @@ def test_a_value_is_set_and_read(fresh_kb: KnowledgeBase) -> None:
     (found,) = values.get_by_function("LOC")
     assert (found.function, found.objects, found.value) == (LOCATION, [RB1], WP2)
     assert texts(fresh_kb) == ["(= (battery rb1) 9.50)", "(= (total-cost) 0)", "(= (loc rb1) wp2)"]
-    assert values.get_by_function("speed") == []
+    with pytest.raises(UnknownNameError, match="has never had a function 'speed'"):
+        values.get_by_function("speed")
 
 
 @pytest.mark.parametrize(
@@ -98,9 +100,10 @@ def test_a_value_is_unset_and_set_again(kb: KnowledgeBase) -> None:
     assert last_changes(kb) == ["- value (= (battery rb1) 10)"]
     assert values.unset(BATTERY, objects=[RB1]) is False
     assert values.get(BATTERY, objects=[RB1]) is None
-    assert (
-        values.unset("speed", objects=["rb1"]) is values.unset("battery", objects=["rb9"]) is False
-    )
+    for function, robot in (("speed", "rb1"), ("battery", "rb9")):
+        for call in (values.unset, values.get):
+            with pytest.raises(UnknownNameError):
+                call(function, objects=[robot])
     assert values.delete(Value(LOCATION, [RB1])) is True
     assert values.delete(Value(LOCATION, [RB1])) is False
     assert values.set("battery", objects=["rb1"], value=10) is True
@@ -203,14 +206,14 @@ REFUSED: dict[str, tuple[type[KantSqlError], Callable[[Any], object], str]] = {
     "unknown object": (
         InvalidKnowledgeError,
         lambda values: values.set("battery", objects=["rb7"], value=1),
-        "a function value refers to object 'rb7', which is not known; save it first, or give a "
-        "PddlObjectDto",
+        "a function value refers to object 'rb7', which is not known (did you mean rb1?); save it "
+        "first, or give a PddlObjectDto",
     ),
     "unknown value": (
         InvalidKnowledgeError,
         lambda values: values.set("loc", objects=["rb1"], value="wp7"),
-        "a function value refers to object 'wp7', which is not known; save it first, or give a "
-        "PddlObjectDto",
+        "a function value refers to object 'wp7', which is not known (did you mean wp1?); save it "
+        "first, or give a PddlObjectDto",
     ),
     "too many": (
         ArityError,
@@ -295,7 +298,7 @@ REFUSED: dict[str, tuple[type[KantSqlError], Callable[[Any], object], str]] = {
     "no DTO": (
         InvalidKnowledgeError,
         lambda values: values.save_all([distance(1), 7]),
-        "what the function value DAO takes is a PddlFunctionValueDto, not int: 7",
+        "the function value DAO takes a value, for example '(= (battery rb1) 80)', not int: 7",
     ),
     "no name": (
         InvalidNameError,

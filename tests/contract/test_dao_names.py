@@ -17,6 +17,7 @@ from kant_sql import (
     PddlPredicateDto,
     PddlPropositionDto,
     PddlTypeDto,
+    UnknownNameError,
 )
 from tests.support.reading import beside, facts, nothing_changes, refuses, state, undone
 from tests.support.worlds.robots import RB1, ROBOT, WAYPOINT, robot_at
@@ -162,8 +163,9 @@ def test_asking_for_a_name_that_cannot_be_finds_nothing(fresh_kb: KnowledgeBase)
         assert fresh_kb.objects.get(name) is None
         assert fresh_kb.predicates.get(name) is None
         assert fresh_kb.actions.get(name) is None
-        assert fresh_kb.propositions.get_by_predicate(name) == []
-        assert fresh_kb.at(1).propositions.get_by_predicate(name) == []
+        for kb in (fresh_kb, fresh_kb.at(1)):
+            with pytest.raises(UnknownNameError):
+                kb.propositions.get_by_predicate(name)
         with nothing_changes(fresh_kb):
             assert fresh_kb.types.delete(PddlTypeDto(name)) is False
             assert fresh_kb.objects.delete(PddlObjectDto(ROBOT, name)) is False

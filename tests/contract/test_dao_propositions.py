@@ -13,6 +13,7 @@ from kant_sql import (
     PddlPropositionDto,
     PddlTypeDto,
     TypeMismatchError,
+    UnknownNameError,
 )
 from tests.support.reading import (
     facts,
@@ -86,8 +87,9 @@ def test_propositions_are_read_by_predicate_in_any_spelling(fresh_kb: KnowledgeB
     by_predicate = fresh_kb.propositions.get_by_predicate
     assert by_predicate("ROBOT_AT") == [robot_at(), robot_at(RB1, WP2, is_goal=True)]
     assert by_predicate("raining") == [RAINING]
-    assert by_predicate("robot") == []
-    assert by_predicate("%") == []
+    for unknown in ("robot", "%"):
+        with pytest.raises(UnknownNameError):
+            by_predicate(unknown)
 
 
 def test_insert_refuses_what_holds_and_update_what_does_not(fresh_kb: KnowledgeBase) -> None:

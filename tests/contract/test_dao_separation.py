@@ -6,7 +6,7 @@ from itertools import count
 
 import pytest
 
-from kant_sql import KnowledgeBase, PddlTypeDto
+from kant_sql import KnowledgeBase, PddlTypeDto, UnknownNameError
 from tests.support.reading import State, beside, facts, nothing_changes, state, undone
 from tests.support.stores import Connect
 from tests.support.worlds.robots import (
@@ -56,7 +56,8 @@ def test_an_empty_knowledge_base_answers_every_question(fresh_kb: KnowledgeBase)
         assert kb.objects.get("rb1") is None
         assert kb.predicates.get("robot_at") is None
         assert kb.actions.get("navigation") is None
-        assert kb.propositions.get_by_predicate("robot_at") == []
+        with pytest.raises(UnknownNameError):
+            kb.propositions.get_by_predicate("robot_at")
         assert kb.revision == 0
         assert kb.revisions() == []
         assert list(kb.log()) == []

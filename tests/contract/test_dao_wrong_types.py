@@ -21,6 +21,7 @@ from kant_sql import (
     KnowledgeBase,
     PddlActionDto,
     PddlConditionEffectDto,
+    PddlError,
     PddlObjectDto,
     PddlPredicateDto,
     PddlPropositionDto,
@@ -143,10 +144,16 @@ def test_what_is_no_dto_of_the_kind_is_refused(fresh_kb: KnowledgeBase, kind: st
     dao = getattr(fresh_kb, kind)
     others = [dto for other, dto in GOOD.items() if other != kind]
     for wrong in [None, *JUNK[:-2], *others, LITERAL]:
+        is_text = kind == "propositions" and isinstance(wrong, str)
+        error = PddlError if is_text else InvalidKnowledgeError
         for method in (dao.save, dao.insert, dao.update, dao.delete):
-            caught = refuses(fresh_kb, InvalidKnowledgeError, method, wrong)
-            assert type(GOOD[kind]).__name__ in str(caught.value)
-        refuses(fresh_kb, InvalidKnowledgeError, dao.save_all, [GOOD[kind], wrong])
+            caught = refuses(fresh_kb, error, method, wrong)
+            if kind == "propositions":
+                assert "a fact" in str(caught.value)
+                assert "(robot_at rb1 wp1)" in str(caught.value)
+            else:
+                assert type(GOOD[kind]).__name__ in str(caught.value)
+        refuses(fresh_kb, error, dao.save_all, [GOOD[kind], wrong])
 
 
 @pytest.mark.parametrize("kind", GOOD)

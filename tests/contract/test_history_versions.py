@@ -17,6 +17,7 @@ from kant_sql import (
     PddlPredicateDto,
     PddlPropositionDto,
     PddlTypeDto,
+    UnknownNameError,
 )
 from kant_sql.dto.formulas import (
     And,
@@ -241,18 +242,21 @@ def test_an_equation_may_be_a_value_and_a_goal(fresh_kb: KnowledgeBase) -> None:
     ]
 
 
-NEVER: list[Any] = [
+UNKNOWN = [
     "nobody",
     "(robot_at rb1 nowhere)",
+    "(nothing)",
+    "(nothing ?x - place)",
+    "nobody - robot",
+]
+NEVER: list[Any] = [
+    "(robot_at \ud800 wp1)",
     "(robot_at wp1 rb1)",
     "(robot_at rb1)",
     "(robot_at)",
-    "(nothing)",
     "(battery wp1)",
     "(= (battery wp1) 3)",
-    "(nothing ?x - place)",
-    "nobody - robot",
-    "(robot_at \ud800 wp1)",
+    "(> (battery rb9) 3)",
     PddlTypeDto("nothing"),
     PddlObjectDto(ROBOT, "robot"),
     PddlObjectDto(ROBOT, "\ud800"),
@@ -269,6 +273,18 @@ def test_what_never_was_has_no_version(kb_with_past: KnowledgeBase) -> None:
         assert kb_with_past.history(element) == []
         assert kb_with_past.blame(element) is None
         assert list(kb_with_past.log(element=element)) == []
+
+
+def test_a_text_with_a_name_that_never_was_is_refused(kb_with_past: KnowledgeBase) -> None:
+    for text in UNKNOWN:
+        for call in (
+            kb_with_past.history,
+            kb_with_past.blame,
+            lambda element: list(kb_with_past.log(element=element)),
+            kb_with_past.at(1).blame,
+        ):
+            with pytest.raises(UnknownNameError, match="has never had a"):
+                call(text)
 
 
 REFUSED: list[Any] = [
@@ -343,7 +359,9 @@ def test_what_is_not_committed_is_not_told(kb_with_past: KnowledgeBase) -> None:
 
 
 def test_of_an_empty_knowledge_base_nothing_is_told(fresh_kb: KnowledgeBase) -> None:
-    assert fresh_kb.history("rb1") == []
+    with pytest.raises(UnknownNameError):
+        fresh_kb.history("rb1")
+    assert fresh_kb.history(RB1) == []
     assert fresh_kb.blame(robot_at()) is None
 
 

@@ -1,0 +1,344 @@
+"""Facts, values, goals and constraints are given as PDDL text or as nodes, and found by names."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from decimal import Decimal
+from typing import Any
+
+import pytest
+
+from kant_sql import (
+    InvalidKnowledgeError,
+    KnowledgeBase,
+    PddlError,
+    PddlObjectDto,
+    PddlPropositionDto,
+    TypeMismatchError,
+    UnknownNameError,
+)
+from kant_sql.dto.formulas import Atom, Comparison, Constant, Fluent, Not, Number, Or, Variable
+from tests.support.reading import last_changes, nothing_changes
+
+DOMAIN = """(define (domain d) (:requirements :typing :numeric-fluents :object-fluents :constraints)
+ (:types dock - wp robot wp - object)
+ (:predicates (idle) (robot_at ?r - robot ?w - wp) (between ?w ?a ?b - wp))
+ (:functions (battery ?r - robot) - number (home ?r - robot) - wp (cost) - number))"""
+PROBLEM = """(define (problem p) (:domain d)
+ (:objects rb1 rb2 - robot wp1 wp2 - wp dock1 - dock) (:init (robot_at rb1 wp1)) (:goal (and)))"""
+
+
+def at(robot: str, place: str) -> Atom:
+    return Atom("robot_at", (Constant(robot), Constant(place)))
+
+
+@pytest.fixture
+def world(fresh_kb: KnowledgeBase) -> KnowledgeBase:
+    """A knowledge base with names, and `(robot_at rb1 wp1)`."""
+    fresh_kb.load_domain(DOMAIN)
+    fresh_kb.load_problem(PROBLEM)
+    return fresh_kb
+
+
+def facts(kb: KnowledgeBase) -> list[str]:
+    return [str(dto) for dto in kb.propositions.get_facts()]
+
+
+@pytest.mark.parametrize(
+    "given", ["(robot_at rb1 dock1)", "( ROBOT_AT\n rb1 Dock1 )", at("RB1", "dock1")]
+)
+def test_a_fact_is_saved_and_deleted_as_text_or_as_an_atom(
+    world: KnowledgeBase, given: str | Atom
+) -> None:
+    dao = world.propositions
+    assert dao.update(given) is False
+    assert dao.insert(given) is True
+    assert last_changes(world) == ["+ fact (robot_at rb1 dock1)"]
+    with nothing_changes(world):
+        assert (dao.insert(given), dao.update(given), dao.save(given)) == (False, True, True)
+    assert dao.delete(given) is True
+    assert last_changes(world) == ["- fact (robot_at rb1 dock1)"]
+    with nothing_changes(world):
+        assert dao.delete(given) is False
+
+
+def test_texts_atoms_and_dtos_are_saved_together(world: KnowledgeBase) -> None:
+    [dto] = world.propositions.get_facts()
+    new = PddlObjectDto(dto.objects[1].type, "wp9")
+    given: list[Any] = [
+        "(idle)",
+        dto,
+        at("rb2", "wp2"),
+        PddlPropositionDto(dto.predicate, [dto.objects[0], new]),
+    ]
+    # What a DTO brings in is known to the texts after it.
+    assert world.propositions.save_all([*given, "(between wp9 wp1 dock1)"]) == 4
+    assert facts(world) == [
+        *("(robot_at rb1 wp1)", "(idle)", "(robot_at rb2 wp2)", "(robot_at rb1 wp9)"),
+        "(between wp9 wp1 dock1)",
+    ]
+    with nothing_changes(world), pytest.raises(PddlError, match="'wp8'"):
+        world.propositions.save_all(["(robot_at rb2 wp1)", "(robot_at rb1 wp8)"])
+
+
+def test_within_a_transaction_text_names_what_is_pending(world: KnowledgeBase) -> None:
+    with world.transaction():
+        [dto] = world.propositions.get_facts()
+        world.objects.save(PddlObjectDto(dto.objects[1].type, "wp9"))
+        world.propositions.save("(robot_at rb2 wp9)")
+        assert world.propositions.delete("(robot_at rb2 wp9)") is True
+        world.propositions.save("(robot_at rb2 wp9)")
+    assert facts(world) == ["(robot_at rb1 wp1)", "(robot_at rb2 wp9)"]
+
+
+NO_FACTS: dict[str, tuple[Any, type[Exception], str]] = {
+    "unknown predicate": ("(robotat rb1 wp1)", PddlError, ":1:2: .*did you mean robot_at"),
+    "unknown object": ("(robot_at rb1\n wp11)", PddlError, ":2:2: .*did you mean wp1"),
+    "unknown object of an atom": (at("rb11", "wp1"), PddlError, "'rb11'.*did you mean rb1"),
+    "arity": ("(robot_at rb1)", PddlError, "found 1, expected 2 arguments of robot_at"),
+    "type": ("(robot_at wp1 wp1)", InvalidKnowledgeError, "wp1.*robot"),
+    "variable": ("(robot_at rb1 ?w)", PddlError, r":1:15: .*'\?w'"),
+    "variable of an atom": (Atom("robot_at", (Constant("rb1"), Variable("w"))), PddlError, "w"),
+    "negation": ("(not (idle))", PddlError, "a fact such as"),
+    "conjunction": ("(and (idle))", PddlError, "a fact such as"),
+    "no parentheses": ("idle", PddlError, "a fact such as"),
+    "nothing": ("", PddlError, "a fact such as"),
+    "two": ("(idle) (idle)", PddlError, ":1:8: "),
+    "open": ("(idle", PddlError, "in the fact"),
+    "no text": (
+        5,
+        InvalidKnowledgeError,
+        r"a fact, for example '\(robot_at rb1 wp1\)', not int: 5",
+    ),
+    "bytes": (b"(idle)", InvalidKnowledgeError, "not bytes"),
+}
+
+
+@pytest.mark.parametrize(("given", "error", "message"), NO_FACTS.values(), ids=NO_FACTS)
+def test_what_is_no_fact_is_refused(
+    world: KnowledgeBase, given: Any, error: type[Exception], message: str
+) -> None:
+    dao = world.propositions
+    for call in (dao.save, dao.insert, dao.update, dao.delete, lambda it: dao.save_all([it])):
+        with nothing_changes(world), pytest.raises(error, match=rf"(?s){message}"):
+            call(given)
+
+
+def test_what_names_something_deleted_is_not_there_and_cannot_be_saved(
+    world: KnowledgeBase,
+) -> None:
+    world.propositions.save("(robot_at rb1 dock1)")
+    world.function_values.save("(= (home rb2) dock1)")
+    world.goals.save("(or (idle) (robot_at rb1 dock1))")
+    world.objects.delete(world.objects.get("dock1"))  # type: ignore[arg-type]
+    with nothing_changes(world):
+        assert world.propositions.delete("(robot_at rb1 dock1)") is False
+        assert world.propositions.update("(robot_at rb1 dock1)") is False
+        assert world.function_values.delete("(= (home rb2) dock1)") is False
+        assert world.goals.delete("(or (idle) (robot_at rb1 dock1))") is False
+        for call in (world.propositions.save, world.propositions.insert, world.goals.save):
+            with pytest.raises(PddlError, match="'dock1'"):
+                call("(robot_at rb1 dock1)")
+        with pytest.raises(PddlError, match="'dock2'"):
+            world.propositions.delete("(robot_at rb1 dock2)")
+
+
+def test_values_are_set_and_unset_as_text_and_nodes(world: KnowledgeBase) -> None:
+    values = world.function_values
+    battery = Fluent("battery", (Constant("rb1"),))
+    assert values.insert("(= (battery rb1) 80)") is True
+    assert values.insert("(= (battery rb1) 90)") is False
+    assert values.update(Comparison("=", battery, Number(Decimal("90.5")))) is True
+    assert values.update("(= (battery rb2) 1)") is False
+    assert values.save_all(["(= (home rb1) wp1)", "(= (cost) 7)", *values.get_all()]) == 2
+    assert values.get("battery", objects=["rb1"]) == Decimal("90.5")
+    assert values.get("home", objects=["rb1"]) == world.objects.get("wp1")
+    assert values.delete("(battery rb1)") is True
+    assert values.delete(battery) is False
+    assert values.delete("(= (home rb1) wp2)") is True
+    assert [str(dto) for dto in values.get_all()] == ["(= (cost) 7)"]
+
+
+NO_VALUES: dict[str, tuple[Any, type[Exception], str]] = {
+    "unknown function": ("(= (batery rb1) 3)", PddlError, "did you mean battery"),
+    "unknown object": ("(= (battery rb11) 3)", PddlError, "did you mean rb1"),
+    "object for a number": ("(= (battery rb1) wp1)", InvalidKnowledgeError, "a number"),
+    "number for an object": ("(= (home rb1) 3)", InvalidKnowledgeError, "3"),
+    "wrong type": ("(= (home rb1) rb1)", InvalidKnowledgeError, "rb1"),
+    "no value": ("(battery rb1)", InvalidKnowledgeError, "has no value; give one"),
+    "another comparison": ("(> (battery rb1) 3)", PddlError, "expected a function"),
+    "a fact": ("(idle)", PddlError, "expected a function"),
+    "a fluent of a fluent": ("(= (battery rb1) (battery rb2))", PddlError, "a value such as"),
+    "no text": (5, InvalidKnowledgeError, r"a value, for example '\(= \(battery rb1\) 80\)'"),
+}
+
+
+@pytest.mark.parametrize(("given", "error", "message"), NO_VALUES.values(), ids=NO_VALUES)
+def test_what_is_no_value_is_refused(
+    world: KnowledgeBase, given: Any, error: type[Exception], message: str
+) -> None:
+    dao = world.function_values
+    for call in (dao.save, dao.insert, lambda it: dao.save_all([it])):
+        with nothing_changes(world), pytest.raises(error, match=message):
+            call(given)
+
+
+def test_goals_are_given_as_text_nodes_and_dtos(world: KnowledgeBase) -> None:
+    goals = world.goals
+    [dto] = world.propositions.get_facts()
+    assert goals.save("(and (idle) (or (idle) (robot_at rb1 wp2)))") is True
+    assert goals.insert(dto) is True
+    assert goals.insert("(robot_at rb1 wp1)") is False
+    either = Or((at("rb1", "wp2"), Not(Atom("idle", ()))))
+    assert goals.save_all([either, "(preference p (idle))", dto]) == 2
+    assert [str(goal) for goal in goals.get_all()] == [
+        *("(idle)", "(robot_at rb1 wp1)", "(or (idle) (robot_at rb1 wp2))", str(either)),
+        "(preference p (idle))",
+    ]
+    assert facts(world) == ["(robot_at rb1 wp1)"]
+    assert goals.delete(dto) is goals.delete("(OR (idle) (robot_at rb1 wp2))") is True
+    assert goals.delete(dto) is goals.delete("(or (idle) (robot_at rb1 wp2))") is False
+    assert goals.delete("(and (idle) (preference p (idle)))") is True
+    assert goals.get_all() == [either]
+
+
+def test_constraints_are_given_as_text(world: KnowledgeBase) -> None:
+    text = "(and (always (not (idle))) (sometime (robot_at rb1 wp2)))"
+    assert world.constraints.save(text) is True
+    assert [str(each) for each in world.constraints.get_all()] == [
+        "(always (not (idle)))",
+        "(sometime (robot_at rb1 wp2))",
+    ]
+    assert world.constraints.delete("(always (not (idle)))") is True
+    with pytest.raises(PddlError, match=r"did you mean idle"):
+        world.constraints.save("(always (idel))")
+
+
+@pytest.mark.parametrize(
+    ("dao", "given", "message"),
+    [
+        ("goals", "(robot_at rb1 ?w)", r"'\?w'"),
+        ("goals", "(robot_at rb1 wp11)", "did you mean wp1"),
+        ("goals", 5, r"takes a goal, for example '\(robot_at rb1 wp1\)', not int"),
+        ("constraints", "(idle)", "in the constraints"),
+        ("constraints", None, "takes a constraint, for example"),
+        ("derived_predicates", "(idle)", "is a node Derived of kant_sql.pddl, not str"),
+    ],
+)
+def test_what_is_no_formula_of_the_section_is_refused(
+    world: KnowledgeBase, dao: str, given: Any, message: str
+) -> None:
+    for method in ("save", "insert", "delete"):
+        with nothing_changes(world), pytest.raises(InvalidKnowledgeError, match=message):
+            getattr(getattr(world, dao), method)(given)
+
+
+def test_objects_are_found_by_type_with_those_of_its_subtypes(world: KnowledgeBase) -> None:
+    def names(type_: str, kb: KnowledgeBase = world) -> list[str]:
+        return [dto.name for dto in kb.objects.get_by_type(type_)]
+
+    assert names("WP") == ["wp1", "wp2", "dock1"]
+    assert names("dock") == ["dock1"]
+    assert names("object") == ["rb1", "rb2", "wp1", "wp2", "dock1"]
+    with world.transaction():
+        world.objects.delete(world.objects.get("wp1"))  # type: ignore[arg-type]
+        assert names("wp") == ["wp2", "dock1"]
+        world.types.delete(world.types.get("dock"))  # type: ignore[arg-type]
+        assert names("dock") == []
+    assert (names("wp"), names("dock")) == (["wp2"], [])
+    assert names("wp", world.at(2)) == ["wp1", "wp2", "dock1"]
+    assert (names("wp", world.at(1)), names("wp", world.at(0))) == ([], [])
+
+
+def test_facts_and_goals_are_found_by_an_object(world: KnowledgeBase) -> None:
+    def of(name: str, kb: KnowledgeBase = world) -> list[str]:
+        return [str(dto) for dto in kb.propositions.get_by_object(name)]
+
+    world.propositions.save_all(["(between wp1 wp2 wp1)", "(robot_at rb2 wp2)", "(idle)"])
+    world.goals.save("(robot_at rb1 wp1)")
+    every = ["(robot_at rb1 wp1)", "(between wp1 wp2 wp1)", "(robot_at rb1 wp1)"]
+    assert of("WP1") == every
+    assert of("dock1") == []
+    for _ in range(3):
+        world.propositions.delete("(robot_at rb1 wp1)")
+        world.propositions.save("(robot_at rb1 wp1)")
+    before = world.revision
+    with world.transaction():
+        world.propositions.delete("(between wp1 wp2 wp1)")
+        assert of("wp1") == ["(robot_at rb1 wp1)"] * 2
+        world.objects.delete(world.objects.get("rb1"))  # type: ignore[arg-type]
+        assert (of("wp1"), of("rb1")) == ([], [])
+    assert of("rb1") == []
+    assert of("wp1", world.at(before)) == every
+    assert of("wp1", world.at(before - 1)) == every[1:]
+    assert of("wp1", world.at(2)) == every[:1]
+    assert of("wp1", world.at(1)) == []
+
+
+NAMED: dict[str, tuple[Callable[[KnowledgeBase, str], Any], str, str]] = {
+    "get_by_predicate": (
+        lambda kb, name: kb.propositions.get_by_predicate(name),
+        "predicate",
+        "robot_at",
+    ),
+    "get_by_object": (lambda kb, name: kb.propositions.get_by_object(name), "object", "rb1"),
+    "get_by_type": (lambda kb, name: kb.objects.get_by_type(name), "type", "robot"),
+    "get_by_function": (
+        lambda kb, name: kb.function_values.get_by_function(name),
+        "function",
+        "battery",
+    ),
+    "get of a function": (
+        lambda kb, name: kb.function_values.get(name, objects=["rb1"]),
+        "function",
+        "battery",
+    ),
+    "get of an object": (
+        lambda kb, name: kb.function_values.get("battery", objects=[name]),
+        "object",
+        "rb1",
+    ),
+    "unset": (
+        lambda kb, name: kb.function_values.unset(name, objects=["rb1"]),
+        "function",
+        "battery",
+    ),
+    "history": (lambda kb, name: kb.history(name), "element", "robot_at"),
+    "blame": (lambda kb, name: kb.blame(name), "element", "robot_at"),
+    "log": (lambda kb, name: list(kb.log(element=name)), "element", "robot_at"),
+}
+
+
+@pytest.mark.parametrize(("call", "kind", "name"), NAMED.values(), ids=NAMED)
+def test_a_name_that_never_was_is_refused_and_one_that_was_is_not(
+    world: KnowledgeBase, call: Callable[[KnowledgeBase, str], Any], kind: str, name: str
+) -> None:
+    said = rf"has never had an? {kind} '{name}s' \(did you mean {name}\?\)"
+    views = [world, *([world.at(1)] if call is not NAMED["unset"][0] else [])]
+    for kb in views:
+        with pytest.raises(UnknownNameError, match=said):
+            call(kb, f"{name}s")
+    with world.transaction():
+        with pytest.raises(UnknownNameError, match=said):
+            call(world, f"{name}s")
+        call(world, name)
+    world.types.delete_all()
+    world.functions.delete_all()
+    for kb in views:
+        call(kb, name.upper())
+
+
+def test_what_a_dto_describes_may_be_saved_later(world: KnowledgeBase) -> None:
+    [dto] = world.propositions.get_facts()
+    new = PddlObjectDto(dto.objects[0].type, "rb9")
+    assert world.history(new) == []
+    assert world.function_values.get("battery", objects=[new]) is None
+    assert world.function_values.unset("battery", objects=[new]) is False
+    assert (
+        world.propositions.delete(PddlPropositionDto(dto.predicate, [new, dto.objects[1]])) is False
+    )
+
+
+def test_a_mismatch_of_types_is_one_error(world: KnowledgeBase) -> None:
+    with pytest.raises((PddlError, TypeMismatchError)):
+        world.goals.save("(robot_at wp1 rb1)")
