@@ -48,7 +48,7 @@ READS: dict[str, Callable[[KnowledgeBase], Any]] = {
     "get_all": lambda kb: kb.function_values.get_all(),
     "get_by_function": lambda kb: kb.function_values.get_by_function("distance"),
     "get": lambda kb: kb.function_values.get("distance", objects=["wp1", "wp0"]),
-    "get of nothing": lambda kb: kb.function_values.get("speed", objects=["wp1"]),
+    "get of nothing": lambda kb: kb.function_values.get("distance", objects=["wp0", "wp0"]),
     "functions.get_all": lambda kb: kb.functions.get_all(),
 }
 

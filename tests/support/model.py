@@ -28,6 +28,7 @@ from kant_sql import (
     StaleRevisionError,
     TypeCycleError,
     TypeMismatchError,
+    UnknownNameError,
     UnknownRevisionError,
 )
 from tests.support.worlds.robots import literals
@@ -414,6 +415,8 @@ class ModelDao:
         return [dto_of(state, kind, key) for key in state.known[kind] if key in state.held[kind]]
 
     def get_by_predicate(self, name: str) -> list[Any]:
+        if fold(name) not in self._model.state.known["predicate"]:
+            raise UnknownNameError(name)
         return [dto for dto in self.get_all() if fold(dto.predicate.name) == fold(name)]
 
     def get_goals(self) -> list[Any]:
