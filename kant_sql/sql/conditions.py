@@ -55,12 +55,16 @@ MAX_JOINED = 40
 
 Places = Mapping[Slot, str]
 _PARAMETER = re.compile(r":(\w+)")
+_ALIAS = re.compile(r"\b([a-z]\d+)\.")
+# A table of the schema with its alias.
+_STORED = re.compile(r"[a-z_]+ AS [a-z]\d+")
 
 
 class JoinedTables:
     """The tables that a conjunction joins, and the conditions on their rows."""
 
-    def __init__(self, places: Places) -> None:
+    def __init__(self, words: Words, places: Places) -> None:
+        self._words = words
         self.places: dict[Slot, str] = dict(places)
         self.tables: list[str] = []
         self.where: list[str] = []
@@ -69,12 +73,36 @@ class JoinedTables:
 
     def text(self, columns: str) -> str:
         """Write it as a SELECT."""
+        tables, where = (self.tables, self.where)
+        if self._words.fence:
+            tables, where = self._fenced()
         sql = f"SELECT {columns}"
-        if self.tables:
-            sql += " FROM " + " CROSS JOIN ".join(self.tables)
-        if self.where:
-            sql += f" WHERE {balanced('AND', self.where)}"
+        if tables:
+            sql += " FROM " + " CROSS JOIN ".join(tables)
+        if where:
+            sql += f" WHERE {balanced('AND', where)}"
         return sql
+
+    def _fenced(self) -> tuple[list[str], list[str]]:
+        """Keep a planner to the order of the tables: each one looks up what those before found.
+
+        Without statistics PostgreSQL takes every lookup for one row, whatever index finds it, and
+        then any order and any index are as good to it as the best.
+        """
+        number = {table.split()[-1]: n for n, table in enumerate(self.tables)}
+        own: list[list[str]] = [[] for _ in self.tables]
+        rest = []
+        for condition in self.where:
+            last = max((number.get(alias, -1) for alias in _ALIAS.findall(condition)), default=-1)
+            is_stored = last >= 0 and _STORED.fullmatch(self.tables[last])
+            (own[last] if is_stored else rest).append(condition)
+        tables = []
+        for table, where in zip(self.tables, own, strict=True):
+            alias = table.split()[-1]
+            select = f"SELECT {alias}.* FROM {table} WHERE {balanced('AND', where)}"
+            fenced = f"LATERAL ({select}{self._words.fence}) AS {alias}"
+            tables.append(fenced if where else table)
+        return tables, rest
 
 
 def balanced(operator: str, parts: Sequence[str]) -> str:
@@ -140,6 +168,10 @@ class ConditionWriter(ABC):
             return f"{alias}.until IS NULL"
         return f"{alias}.since <= :at AND ({alias}.until IS NULL OR {alias}.until > :at)"
 
+    def exists(self, tables: str, where: Sequence[str]) -> str:
+        """Write that there is a row, which is looked up for each one that asks."""
+        return f"EXISTS (SELECT 1 FROM {tables} WHERE {' AND '.join(where)}{self.words.fence})"
+
     def _key(self, terms: Sequence[Place], places: Places) -> str:
         """Write the text that interns an atom or a fluent: the ids of its objects."""
         if all(isinstance(term, Known) for term in terms):
@@ -157,7 +189,7 @@ class ConditionWriter(ABC):
             case FluentIs(function, terms, value):
                 versions, where = self.value_version(function, terms, places)
                 where.append(f"{versions.split()[-1]}.object_id = {self.place(value, places)}")
-                return f"EXISTS (SELECT 1 FROM {versions} WHERE {' AND '.join(where)})"
+                return self.exists(versions, where)
             case SameObject(left, right):
                 return f"{self.place(left, places)} = {self.place(right, places)}"
             case HasType(term, types):
@@ -245,10 +277,8 @@ class ConditionWriter(ABC):
         version = self.alias("v")
         key = f"{version}.kb_id = :kb AND {version}.proposition_id = {atom}.id"
         if not self.is_past:
-            return (
-                f"EXISTS (SELECT 1 FROM proposition_version AS {version} "
-                f"WHERE {key} AND {version}.until IS NULL)"
-            )
+            where = [key, f"{version}.until IS NULL"]
+            return self.exists(f"proposition_version AS {version}", where)
         # The last version that began by then: a fact may have come and gone a million times.
         return (
             f"COALESCE((SELECT COALESCE({version}.until, :at + 1) FROM proposition_version AS "
@@ -276,12 +306,11 @@ class ConditionWriter(ABC):
                 f"{version}.{column} = {self.place(term, places)}"
                 for column, term in zip(ARGUMENT_COLUMNS, terms, strict=False)
             ]
-            sql = f"proposition_version AS {version} WHERE {' AND '.join(where)}"
-            return f"EXISTS (SELECT 1 FROM {sql})"
+            return self.exists(f"proposition_version AS {version}", where)
         atom = self.alias("p")
         where = self.atom(atom, fact.predicate)
         where += [f"{atom}.arguments = {self._key(terms, places)}", self.atom_holds(atom)]
-        return f"EXISTS (SELECT 1 FROM proposition AS {atom} WHERE {' AND '.join(where)})"
+        return self.exists(f"proposition AS {atom}", where)
 
     def versions(self, alias: str, predicate: int) -> list[str]:
         """Write that a version is that of a fact of a predicate that holds now."""
@@ -313,7 +342,7 @@ class ConditionWriter(ABC):
             return "TRUE" if fits(self.definitions, term.id, types) else "FALSE"
         version = self.alias("o")
         where = [f"{version}.object_id = {places[term]}", *self.objects(version, (types,))]
-        return f"EXISTS (SELECT 1 FROM object_version AS {version} WHERE {' AND '.join(where)})"
+        return self.exists(f"object_version AS {version}", where)
 
     def objects(self, alias: str, types: Iterable[TypeSet]) -> list[str]:
         """Write that a version is that of an object of each of some type sets."""

@@ -42,7 +42,7 @@ class _Join:
 
     def __init__(self, writer: JoinWriter, places: Places) -> None:
         self._writer = writer
-        self._selection = JoinedTables(places)
+        self._selection = JoinedTables(writer.words, places)
         self._outer = places
         # Variables that are yet to be bound, in order, and what may bind them.
         self._unbound: dict[Slot, tuple[TypeSet, ...]] = {}

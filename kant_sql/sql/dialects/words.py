@@ -18,12 +18,15 @@ class Words(NamedTuple):
         in_list: the condition that an expression is among the values of a list parameter.
         rows: the relation of a parameter that holds rows of ids, as JSON, with columns `c0` ...
         list_text: writes a list as a literal.
+        fence: what ends a subquery that is to be planned by itself; empty where no planner would
+            change the order of a join.
     """
 
     is_fact: str
     in_list: str
     rows: Callable[[str, int], str]
     list_text: Callable[[Sequence[int] | Sequence[str]], str]
+    fence: str
 
 
 def quoted(text: str) -> str:
@@ -60,5 +63,12 @@ SQLITE_WORDS = Words(
     "{0} IN (SELECT value FROM json_each({1}))",
     _sqlite_rows,
     _sqlite_list,
+    "",
 )
-POSTGRESQL_WORDS = Words("NOT {0}.is_goal", "{0} = ANY({1})", _postgresql_rows, _postgresql_list)
+POSTGRESQL_WORDS = Words(
+    "NOT {0}.is_goal",
+    "{0} = ANY({1})",
+    _postgresql_rows,
+    _postgresql_list,
+    " OFFSET 0",
+)
