@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any, TypeVar, overload
 
@@ -15,6 +16,7 @@ from ..knowledge.conditions import (
     HoldsFact,
     ResolvedCondition,
     Slot,
+    closure,
     exists,
     fits,
     negate,
@@ -32,6 +34,7 @@ from ..store.snapshot import DefinitionsMovedError, View, refuse_archived
 from ..store.store import Store
 
 T = TypeVar("T")
+_ATOM = re.compile(r"\s*\(\s*[a-z][\w-]*(?:\s+[a-z][\w-]*)*\s*\)\s*", re.ASCII | re.IGNORECASE)
 Binding = str | PddlObjectDto
 EXAMPLE = "(robot_at ?r kitchen)"
 # How many prepared conditions a snapshot of definitions keeps, and rows that `str` shows.
@@ -194,7 +197,9 @@ def holds(store: Store, at: int | None, condition: object, bindings: Mapping[str
     """Return whether a condition holds for some objects of its free variables."""
 
     def work(view: View) -> bool:
-        prepared, values = _ground(view.definitions, condition) if not bindings else (None, {})
+        prepared, values = _seen(view.definitions, condition) if not bindings else (None, {})
+        if prepared is None and not bindings:
+            prepared, values = _ground(view.definitions, condition)
         if prepared is None:
             prepared = prepare(view.definitions, condition, None, bindings)
             values = prepared.values(view.definitions, bindings)
@@ -207,6 +212,33 @@ def holds(store: Store, at: int | None, condition: object, bindings: Mapping[str
 
 def _truth(question: Question, prepared: Prepared) -> ConditionStatement:
     return question.truths([exists(prepared.condition)], prepared.places)
+
+
+def _seen(definitions: Definitions, condition: object) -> tuple[Prepared | None, dict[str, int]]:
+    """Recognise a ground atom of a predicate that was prepared before, without reading it as PDDL.
+
+    Whatever is not as expected is left to the reader, which says what is wrong.
+    """
+    if not isinstance(condition, str) or _ATOM.fullmatch(condition) is None:
+        return None, {}
+    name, *terms = condition.strip().strip("()").split()
+    predicate = definitions.predicates.named(name)
+    kept = definitions.derived.get(Prepared)
+    if predicate is None or not kept or len(terms) != len(predicate.parameters):
+        return None, {}
+    found: Prepared | None = kept.get(("ground", predicate.id, False))
+    if found is None or found.definitions is not definitions:
+        return None, {}
+    values = {}
+    for number, (term, parameter) in enumerate(zip(terms, predicate.parameters, strict=True)):
+        object_ = definitions.objects.named(term)
+        if object_ is None:
+            return None, {}
+        types = closure(definitions, parameter.type_ids)
+        if types is not None and types.isdisjoint(object_.type_ids):
+            return None, {}
+        values[f"b{number}"] = object_.id
+    return found, values
 
 
 def _ground(definitions: Definitions, condition: object) -> tuple[Prepared | None, dict[str, int]]:

@@ -91,7 +91,7 @@ class JoinedTables:
         """
         number = {table.split()[-1]: n for n, table in enumerate(self.tables)}
         own: list[list[str]] = [[] for _ in self.tables]
-        rest = []
+        rest: list[str] = []
         for condition in self.where:
             last = max((number.get(alias, -1) for alias in _ALIAS.findall(condition)), default=-1)
             is_stored = last >= 0 and _STORED.fullmatch(self.tables[last])

@@ -254,7 +254,7 @@ def conjunctions(kb: kant_sql.KnowledgeBase, hand: ByHand, facts: int) -> Iterat
     for each in CONJUNCTIONS:
 
         def ask(number: int, each: Conjunction = each) -> Callable[[], Any]:
-            given = each.given(number)
+            given: dict[str, Any] = each.given(number)
             return lambda: list(kb.query(each.text, **given))
 
         def ask_by_hand(
