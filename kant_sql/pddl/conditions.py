@@ -6,9 +6,10 @@ from collections.abc import Callable, Iterable
 from decimal import Decimal
 from typing import NamedTuple, TypeVar
 
+from ..arguments import expect
 from ..dto import formulas as f
 from ..dto.lexical import fold, is_name
-from ..errors import InvalidKnowledgeError
+from ..errors import InvalidArgumentError, InvalidKnowledgeError
 from .cursor import VARIABLES, Diagnostics, Section, hint
 from .formulas import CONSTRAINTS, EFFECT, PREFERENCES, FormulaReader
 from .lexer import STRING, Text
@@ -126,7 +127,11 @@ def read_condition(
 
     Raises:
         PddlError: the text is no condition, or it uses what is not declared.
+        InvalidArgumentError: an argument is no text.
     """
+    expect(text, str, "the condition", InvalidArgumentError)
+    if parameters is not None:
+        expect(parameters, str, "the parameters", InvalidArgumentError)
     reader = ConditionReader(symbols, text, "the condition", parameters)
     formula = reader.whole(0)
     free = tuple(bound.declared for bound in reader.free.values())
@@ -233,7 +238,7 @@ def read_step(text: str, *, symbols: SymbolTable, actions: Callable[[], Iterable
     action = known.get(fold(word))
     if action is None:
         expected = f"an action that is declared{hint(word, list(known.values()))}"
-        reader.fail(expected, f"the action '{word}'", at)
+        reader.fail(expected, f"the action {reader.quoted(at)}", at)
     arguments = []
     while reader.tokens[reader.at] != ")":
         if reader.tokens[reader.at] in ("", "("):

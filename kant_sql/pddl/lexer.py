@@ -48,7 +48,8 @@ class Text:
     """
 
     def __init__(self, name: str, *, whole: str) -> None:
-        self.name = name
+        self.name = expect(name, str, "the name of a source", InvalidArgumentError)
+        expect(whole, str, "the text of a source", InvalidArgumentError)
         if "\r" in whole:
             whole = whole.replace("\r\n", "\n").replace("\r", "\n")
         self._whole = whole.removeprefix("\ufeff")

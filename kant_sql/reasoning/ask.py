@@ -6,7 +6,7 @@ import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any, TypeVar, overload
 
-from ..arguments import expect, whole_number
+from ..arguments import expect, shown, whole_number
 from ..dto import PddlObjectDto
 from ..dto import formulas as f
 from ..dto.lexical import either_text, fold
@@ -93,7 +93,7 @@ def find_object(definitions: Definitions, given: Binding) -> ObjectDefinition:
     found = definitions.objects.named(name)
     if found is None:
         names = [object_.name for object_ in definitions.objects]
-        raise InvalidKnowledgeError(f"the object {name!r} is not known{hint(name, names)}")
+        raise InvalidKnowledgeError(f"the object {shown(name)} is not known{hint(name, names)}")
     return found
 
 

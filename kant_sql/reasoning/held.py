@@ -8,6 +8,7 @@ from typing import Any, NamedTuple, overload
 
 from typing_extensions import override
 
+from ..arguments import expect_tuple
 from ..history.revisions import Revision
 
 # Periods whose revisions are read together.
@@ -88,7 +89,7 @@ class HeldPeriods(Sequence[Held]):
             names: the names of the objects, by id.
             read: reads revisions by number.
         """
-        self.columns = tuple(columns)
+        self.columns = expect_tuple(columns, str, "the columns of HeldPeriods")
         self._spans = spans
         self._first = first
         self._names = names

@@ -316,7 +316,7 @@ def find_action(definitions: Definitions, name: str) -> ActionDefinition:
     found = definitions.actions.named(name)
     names = [each.name for each in executable(definitions)]
     if found is None:
-        raise InvalidKnowledgeError(f"the action {name!r} is not known{hint(name, names)}")
+        raise InvalidKnowledgeError(f"the action {shown(name)} is not known{hint(name, names)}")
     if found.kind not in (ACTION, DURATIVE_ACTION):
         raise UnsupportedConstructError(
             f"{found.name!r} is of kind {found.kind}, which happens by itself; name an action"
@@ -340,7 +340,7 @@ def ground(definitions: Definitions, step: object) -> GroundStep:
         if object_ is None:
             names = [each.name for each in definitions.objects]
             raise InvalidKnowledgeError(
-                f"the object {argument!r} of the step is not known{hint(argument, names)}"
+                f"the object {shown(argument)} of the step is not known{hint(argument, names)}"
             )
         objects.append(object_)
     ids = tuple([each.id for each in objects])
@@ -365,10 +365,9 @@ def _said(definitions: Definitions, step: object) -> _Said:
         return step.action, step.arguments, step.duration, None
     if isinstance(step, RecordedStep):
         return step.action, step.arguments, step.duration, step
-    action = getattr(step, "action", None)
-    if type(step).__module__.startswith("unified_planning") and action is not None:
+    if type(step).__module__.startswith("unified_planning") and hasattr(step, "actual_parameters"):
         given: Any = step
-        return action.name, [str(each) for each in given.actual_parameters], None, None
+        return given.action.name, [str(each) for each in given.actual_parameters], None, None
     raise PlanError(
         f"{shown(step)} is no step; give text such as '(move rb1 hall kitchen)', a PlanStep, a "
         "step of a recorded plan, or an ActionInstance of unified-planning"

@@ -57,14 +57,17 @@ def asynchronous_cases(kb: aio.AsyncKnowledgeBase) -> list[Case]:
 async def asynchronous_call(kb: aio.AsyncKnowledgeBase, case: Case) -> None:
     """Call with junk where the synchronous method has its first parameter, and use the answer."""
     thing = getattr(kb, case.owner[3:]) if "." in case.owner else kb
-    many = [JUNK[case.junk]()] if case.method == "load_domain" else []
+    given = one_argument(kb, case)
+    # What stands before keywords has no name to be given by.
+    many = [given.pop(name) for name in POSITIONAL_ONLY if name in given and is_unnamed(kb, case)]
+    many += [JUNK[case.junk]()] if case.method == "load_domain" else []
     made = getattr(thing, case.method)(
         *many,
         **({"reason": JUNK[case.junk]()} if case.method == "transaction" else {}),
         **({"limit": JUNK[case.junk]()} if case.method in ("log", "revisions") else {}),
         **({"timeout": JUNK[case.junk]()} if case.method in ("plan", "watch") else {}),
         **({"after": JUNK[case.junk]()} if case.method == "changes" else {}),
-        **one_argument(kb, case),
+        **given,
     )
     if inspect.isawaitable(made):
         await made
@@ -73,6 +76,15 @@ async def asynchronous_call(kb: aio.AsyncKnowledgeBase, case: Case) -> None:
             pass
     else:
         await anext(made, None)
+
+
+POSITIONAL_ONLY = ("condition",)
+
+
+def is_unnamed(kb: aio.AsyncKnowledgeBase, case: Case) -> bool:
+    """Whether the first parameter is given by position alone."""
+    parameters = list(inspect.signature(getattr(type(kb._kb), case.method)).parameters.values())
+    return len(parameters) > 1 and parameters[1].kind is inspect.Parameter.POSITIONAL_ONLY
 
 
 def one_argument(kb: aio.AsyncKnowledgeBase, case: Case) -> dict[str, object]:

@@ -64,6 +64,7 @@ from kant_sql.pddl.document import (
     Problem,
 )
 from kant_sql.pddl.requirements import REQUIREMENTS, used_requirements
+from kant_sql.reasoning.derived import used_by
 
 T = TypeVar("T")
 Scope = tuple[TypedName, ...]
@@ -475,7 +476,10 @@ def _derived(words: Formulas) -> tuple[Derived, ...]:
     for predicate in words.world.predicates:
         if fold(predicate.name) in words.world.derived:
             parts = [TypedName(f"v{i}", part.types) for i, part in enumerate(predicate.parameters)]
-            rules.append(Derived(predicate.name, tuple(parts), words.goal(tuple(parts), 2)))
+            formula = words.goal(tuple(parts), 2)
+            # Rules must be stratified: none negates what rules derive.
+            if not any(no and fold(used) in words.world.derived for used, no in used_by(formula)):
+                rules.append(Derived(predicate.name, tuple(parts), formula))
     return tuple(rules)
 
 

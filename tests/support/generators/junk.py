@@ -299,7 +299,7 @@ class World:
         "events": PddlEventDto("fail"),
     }
     formulas: typing.ClassVar[dict[str, Any]] = {
-        "derived_predicates": Derived("idle", (), Not(Atom("idle"))),
+        "derived_predicates": Derived("idle", (), Not(Not(Atom("idle")))),
         "timed_initial_literals": TimedLiteral(Number(1), Atom("idle")),
         "initial_literals": Not(Atom("idle")),
         "goals": Comparison(">", Fluent("fuel", (Constant("t1"),)), Number(1)),
