@@ -18,7 +18,7 @@ from sqlalchemy import (
     union_all,
 )
 
-from ..arguments import expect, expect_list, shown
+from ..arguments import expect, expect_list, flag, shown
 from ..dao.known import refuse_unknown
 from ..dto import (
     PddlActionDto,
@@ -129,7 +129,7 @@ def _refusal(element: object) -> InvalidKnowledgeError:
 def _of_dto(dto: Dto) -> Sought:
     if isinstance(dto, PddlPropositionDto):
         expect(dto.predicate, PddlPredicateDto, "the predicate of a proposition")
-        kind = GOAL if dto.is_goal else FACT
+        kind = GOAL if flag(dto.is_goal, "is_goal of a proposition") else FACT
         return _applied((kind,), dto.predicate.name, _names(dto.objects, "a proposition"))
     if isinstance(dto, PddlFunctionValueDto):
         expect(dto.function, PddlFunctionDto, "the function of a function value")
