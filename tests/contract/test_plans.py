@@ -34,6 +34,7 @@ BEFORE, AFTER = "postgresql without statistics", "postgresql after ANALYZE"
 NOW = {"ix_proposition_version_now"}
 LIVE = {"uq_proposition_version_live"}
 ALL = NOW | LIVE
+OF_KEY = {"pk_proposition_version", "sqlite_autoindex_proposition_version_1"}
 HISTORY = {"ix_proposition_version_history"}
 OF_GOALS = {"ix_proposition_version_goal", "ix_proposition_version_goal_history"}
 
@@ -43,6 +44,11 @@ READS: dict[str, tuple[Call, set[str]]] = {
     "get_by_predicate of most facts": (lambda kb: kb.propositions.get_by_predicate("near"), NOW),
     "get_by_predicate of few facts": (lambda kb: kb.propositions.get_by_predicate("lit"), NOW),
     "get_by_predicate with a past": (lambda kb: kb.propositions.get_by_predicate("visited"), NOW),
+    "get_by_object of many facts": (lambda kb: kb.propositions.get_by_object("p0"), LIVE),
+    "get_by_object of the past": (
+        lambda kb: kb.at(kb.revision // 2).propositions.get_by_object("p0"),
+        OF_KEY,
+    ),
     "get_goals": (lambda kb: kb.propositions.get_goals(), OF_GOALS),
     "get_by_predicate of the past": (
         lambda kb: kb.at(kb.revision // 2).propositions.get_by_predicate("visited"),
