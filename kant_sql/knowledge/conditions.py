@@ -439,12 +439,16 @@ class Resolver:
         places = []
         for term, parameter in zip(terms, parameters, strict=True):
             place = self._term(term, needed, bound)
-            if isinstance(place, Slot):
-                types = closure(self._definitions, parameter.type_ids)
-                if types is not None:
-                    self._allowed.setdefault(place, {})[types] = None
+            self._allow(place, parameter)
             places.append(place)
         return tuple(places)
+
+    def _allow(self, place: Place, parameter: Any) -> None:
+        """Note that a variable is an argument, so that its objects fit the parameter."""
+        if isinstance(place, Slot):
+            types = closure(self._definitions, parameter.type_ids)
+            if types is not None:
+                self._allowed.setdefault(place, {})[types] = None
 
     def _term(self, term: f.Term, needed: list[Part], bound: list[Bound]) -> Place:
         """Resolve a term; the value of a fluent becomes a variable of its own."""
@@ -456,6 +460,8 @@ class Resolver:
                 raise InvalidKnowledgeError(f"function {fluent.function!r} is not known")
             # Adds the fluents among its own terms, which the loop comes to.
             places = tuple([self._place(inner, opened) for inner in fluent.terms])
+            for place_, parameter in zip(places, function.parameters, strict=True):
+                self._allow(place_, parameter)
             types = closure(self._definitions, function.type_ids)
             bound.append(Bound(slot, () if types is None else (types,)))
             needed.append(FluentIs(function.id, places, slot))

@@ -72,9 +72,10 @@ class Prepared:
     def values(self, definitions: Definitions, bindings: Mapping[str, Binding]) -> dict[str, int]:
         """Return the ids of the objects that the variables are given."""
         values = {}
+        names = [column.name for column in self.condition.given]
+        given = {given_variable(keyword, names): value for keyword, value in bindings.items()}
         for number, column in enumerate(self.condition.given):
-            [given] = [value for name, value in bindings.items() if _is(name, column.name)]
-            object_ = find_object(definitions, given)
+            object_ = find_object(definitions, given[fold(column.name)])
             check_fit(definitions, object_, column)
             values[f"b{number}"] = object_.id
         return values
@@ -129,9 +130,15 @@ def prepare(
     found = kept.get(key)
     if found is None or found.definitions is not definitions:
         read = read_condition(text, symbols=symbols_of(definitions), parameters=parameters)
-        variables = [variable.name for variable in read.free]
-        given = {given_variable(name, variables) for name in bindings}
-        resolved = resolve(definitions, read, given)
+        names = [variable.name for variable in read.free]
+        given: dict[str, str] = {}
+        for keyword in bindings:
+            other = given.setdefault(given_variable(keyword, names), keyword)
+            if other != keyword:
+                raise InvalidArgumentError(
+                    f"{other!r} and {keyword!r} are both for ?{keyword}; give one of them"
+                )
+        resolved = resolve(definitions, read, given.keys())
         for column in (*resolved.columns, *resolved.given):
             _check_possible(definitions, column)
         found = Prepared(resolved, definitions)
@@ -160,7 +167,8 @@ def _check_possible(definitions: Definitions, column: Column) -> None:
 
 def given_variable(keyword: str, variables: Sequence[str]) -> str:
     """Return the variable that a keyword names, folded."""
-    for name in variables:
+    # A variable of just this name comes before one with `-` for `_`.
+    for name in sorted(variables, key=lambda name: fold(name) != fold(keyword)):
         if _is(keyword, name):
             return fold(name)
     known = ", ".join(f"?{name}" for name in variables) or "none"
@@ -381,7 +389,8 @@ def query(
 
         statement = prepared.statement(view, f"answers {is_limited}", write)
         rows = asked(view, statement, given, lambda row: row[1:3])
-        return view.definitions, rows[1:]
+        # Without a head there is no row of it.
+        return view.definitions, rows if view.kb_id is None else rows[1:]
 
     def sql(view: View) -> str:
         prepared, given = prepared_in(view)

@@ -16,7 +16,7 @@ from ..dao.function_value import DECREASE, INCREASE, SCALE_DOWN, SCALE_UP, calcu
 from ..dto.elements import atom_text
 from ..dto.lexical import decimal_text, either_text
 from ..errors import NotApplicableError, TypeMismatchError
-from ..knowledge.conditions import AllOf, Known, NumberOf, Place, Slot, closure, fits
+from ..knowledge.conditions import FALSE, AllOf, Known, NumberOf, Place, Slot, closure, fits
 from ..knowledge.definitions import Definitions, FunctionDefinition, PredicateDefinition
 from ..sql.questions import run
 from ..sql.relations import ConditionStatement
@@ -91,9 +91,24 @@ class EffectReader:
     def read(self, items: Sequence[EffectItem]) -> StepChanges:
         """Return what the effects change."""
         for item in items:
+            if item.lacking != FALSE:
+                self._check_values(item)
             for objects, values in self._rows(item):
                 self._apply(item, objects, values)
         return self.changes
+
+    def _check_values(self, item: EffectItem) -> None:
+        """Refuse an effect on, or to, what an object fluent without a value denotes."""
+        rows = self._run(item, "lacking")
+        if item.earlier != AllOf(()):
+            held = {row[: len(item.around)] for row in self._earlier[id(item)]}
+            rows = [row for row in rows if row in held]
+        if rows:
+            declared = self._definitions.predicates, self._definitions.functions
+            head = declared[item.operator not in ("add", "delete")].live(item.head)
+            reason = "an object fluent in it has no value"
+            failed = FailedCondition(f"({item.operator} ({head.name} ...) ...)", reason)
+            raise not_applicable(self._step, [failed])
 
     def _rows(
         self, item: EffectItem
@@ -130,16 +145,19 @@ class EffectReader:
         key = (which, id(item), *statement_key(view, self._numbers))
         statement: ConditionStatement | None = action.kept.get(key)
         if statement is None:
-            condition, numbers = item.condition, item.numbers
+            condition, bound, numbers = item.condition, item.bound, item.numbers
             if which == "earlier":
                 condition, numbers = item.earlier, []
+            elif which == "lacking":
+                condition, bound, numbers = item.lacking, item.around, []
             asking = question(view, self._numbers)
-            statement = asking.effects(condition, item.bound, numbers, self._step.places)
+            statement = asking.effects(condition, bound, numbers, self._step.places)
             action.kept[key] = statement
         given = {**self._step.values, **{k: float(v) for k, v in self._numbers.items()}}
         rows = run(view.session, statement, kb=view.kb_id, at=view.at, given=given)
         # Without columns, a row says that the condition holds.
-        return rows if item.bound or (item.numbers and which == "now") else [()] * len(rows)
+        has_columns = item.around if which == "lacking" else item.bound
+        return rows if has_columns or (item.numbers and which == "now") else [()] * len(rows)
 
     def _apply(
         self, item: EffectItem, objects: Mapping[Slot, int], values: Mapping[NumberOf, Decimal]
@@ -261,5 +279,7 @@ def _assigned(
         raise not_applicable(step, [FailedCondition(text, "has no value that could be changed")])
     number = Decimal(before.text)
     for operator, by in made:
+        if operator == "scale-down" and not by:
+            raise not_applicable(step, [FailedCondition(text, "the step divides it by 0")])
         number = calculate(_CHANGES[operator], number, Decimal(by))
     return FluentValue(decimal_text(number))

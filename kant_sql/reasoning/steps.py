@@ -13,6 +13,7 @@ from ..dto import formulas as f
 from ..dto.lexical import either_text
 from ..errors import InvalidKnowledgeError, PlanError, UnsupportedConstructError
 from ..knowledge.conditions import (
+    FALSE,
     AllOf,
     Bound,
     Column,
@@ -24,9 +25,11 @@ from ..knowledge.conditions import (
     ResolvedCondition,
     Resolver,
     Slot,
+    Witness,
     all_of,
     check_levels,
     fits,
+    negate,
 )
 from ..knowledge.definitions import ActionDefinition, Definitions
 from ..knowledge.formulas import TreeReader, typed_name
@@ -111,6 +114,9 @@ class EffectItem:
         bound: the variables that it is for.
         condition: what must hold right before the effect.
         earlier: what must have held at the start of a durative action.
+        lacking: holds where an object fluent in its terms or its value has no value; for the
+            variables of `around`.
+        around: the variables that quantifiers bind.
     """
 
     operator: str
@@ -120,6 +126,8 @@ class EffectItem:
     bound: tuple[Bound, ...]
     condition: Part
     earlier: Part
+    lacking: Part
+    around: tuple[Bound, ...]
 
     @property
     def numbers(self) -> list[NumberOf]:
@@ -246,15 +254,14 @@ class PreparedAction:
         if isinstance(node, f.Assign):
             function, terms, bound, needed = resolver.fluent(node.fluent)
             value, of_value = resolver.assigned(node.value, function)
-            around = around.binding((*bound, *of_value.bound))
-            around = around.holding(all_of([*needed, *of_value.needed]))
-            return EffectItem(node.operator, function.id, terms, value, *around.parts)
+            parts = around.needing((*bound, *of_value.bound), [*needed, *of_value.needed])
+            return EffectItem(node.operator, function.id, terms, value, *parts)
         operator, atom = ("delete", node.formula) if isinstance(node, f.Not) else ("add", node)
         if not isinstance(atom, f.Atom):
             raise UnsupportedConstructError(f"action {self.name!r} has no such effect: {node}")
         predicate, terms, bound, needed = resolver.atom(atom)
-        around = around.binding(bound).holding(all_of(needed))
-        return EffectItem(operator, predicate.id, terms, None, *around.parts)
+        parts = around.needing(bound, needed)
+        return EffectItem(operator, predicate.id, terms, None, *parts)
 
 
 @dataclass(frozen=True)
@@ -274,9 +281,15 @@ class _Around:
     def after(self, part: Part) -> _Around:
         return _Around(self.bound, self.condition, all_of([self.earlier, part]))
 
-    @property
-    def parts(self) -> tuple[tuple[Bound, ...], Part, Part]:
-        return self.bound, self.condition, self.earlier
+    def needing(
+        self, bound: Sequence[Bound], needed: Sequence[Part]
+    ) -> tuple[tuple[Bound, ...], Part, Part, Part, tuple[Bound, ...]]:
+        """Return the parts of an effect that needs the values of object fluents."""
+        within = self.binding(bound).holding(all_of(needed))
+        lacking: Part = FALSE
+        if needed:
+            lacking = all_of([self.condition, negate(Witness(tuple(bound), all_of(needed)))])
+        return within.bound, within.condition, within.earlier, lacking, self.bound
 
 
 def of_time(node: f.Formula, time: str | None) -> f.Formula | None:

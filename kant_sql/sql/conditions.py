@@ -54,7 +54,6 @@ FEW_GROUND = 8
 MAX_JOINED = 40
 
 Places = Mapping[Slot, str]
-_PARAMETER = re.compile(r":(\w+)")
 _ALIAS = re.compile(r"\b([a-z]\d+)\.")
 # A table of the schema with its alias.
 _STORED = re.compile(r"[a-z_]+ AS [a-z]\d+")
@@ -112,6 +111,19 @@ def balanced(operator: str, parts: Sequence[str]) -> str:
     half = len(parts) // 2
     sides = balanced(operator, parts[:half]), balanced(operator, parts[half:])
     return f"({sides[0]}) {operator} ({sides[1]})"
+
+
+def _without_repeats(parts: Sequence[Part]) -> Sequence[Part]:
+    """Leave out facts that repeat; other parts may be too deep to be compared."""
+    seen: set[Part] = set()
+    found = []
+    for part in parts:
+        if isinstance(part.part if isinstance(part, Lacks) else part, HoldsFact):
+            if part in seen:
+                continue
+            seen.add(part)
+        found.append(part)
+    return found
 
 
 class ConditionWriter(ABC):
@@ -227,6 +239,7 @@ class ConditionWriter(ABC):
         self, parts: Sequence[Part], is_all: bool
     ) -> tuple[list[str], Sequence[Part]]:
         """Write many ground facts of one predicate with one list; return the other parts."""
+        parts = _without_repeats(parts)
         if len(parts) < FEW_GROUND:
             return [], parts
         groups: dict[tuple[int, bool], dict[str, None]] = {}

@@ -96,18 +96,17 @@ class Question:
             return self._compiler.statement(
                 f"SELECT CASE WHEN EXISTS ({select}) THEN 1 ELSE 0 END AS holds"
             )
+        # No join: with those of the condition it might have too many tables.
         names = ", ".join(
-            f'o{n}.name AS "{column.name.replace(chr(34), chr(34) * 2)}"'
+            f"(SELECT o{n}.name FROM object AS o{n} WHERE o{n}.kb_id = :kb "
+            f"AND o{n}.id = answers.c{n}) "
+            f'AS "{column.name.replace(chr(34), chr(34) * 2)}"'
             for n, column in enumerate(columns)
-        )
-        joined = " ".join(
-            f"JOIN object AS o{n} ON o{n}.kb_id = :kb AND o{n}.id = answers.c{n}"
-            for n in range(len(columns))
         )
         order = ", ".join(f"answers.c{n}" for n in range(len(columns)))
         limit = " LIMIT :most" if is_limited else ""
         return self._compiler.statement(
-            f"SELECT {names} FROM ({select}) AS answers {joined} ORDER BY {order}{limit}"
+            f"SELECT {names} FROM ({select}) AS answers ORDER BY {order}{limit}"
         )
 
     def effects(

@@ -44,7 +44,8 @@ from .query import Query
 
 # A rule whose recursive disjunctions have more combinations is computed without parting them.
 MAX_ALTERNATIVES = 64
-_PARAMETER = re.compile(r":(\w+)")
+# A parameter, or a quoted name or text, in which a colon is one.
+_PARAMETER = re.compile(r""":(\w+)|"[^"]*"|'[^']*'""")
 
 
 class Iteration(NamedTuple):
@@ -86,6 +87,8 @@ class ConditionStatement:
         known = {**self.values, **values}
 
         def write(found: re.Match[str]) -> str:
+            if found[1] is None:
+                return found[0]
             value = known[found[1]]
             if isinstance(value, str):
                 return quoted(value)

@@ -307,8 +307,9 @@ def test_conditions_and_values_are_those_of_the_state_before(kb: KnowledgeBase) 
     assert len(kb.query("(lit ?c)")) == 1  # (last p1) is c0, which is lit
 
 
-def test_an_effect_on_a_fluent_without_value_does_not_happen(kb: KnowledgeBase) -> None:
-    assert kb.apply("(lost p1)") is None
+def test_an_effect_on_a_fluent_without_value_is_refused(kb: KnowledgeBase) -> None:
+    with pytest.raises(NotApplicableError, match="has no value"):
+        kb.apply("(lost p1)")
 
 
 def test_steps_within_a_transaction(kb: KnowledgeBase) -> None:

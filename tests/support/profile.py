@@ -20,6 +20,7 @@ class Profile(NamedTuple):
         texts: domains and problems read and written, without a store.
         documents: domains and problems that go through a store on each backend.
         histories: sequences of these, whose earlier states are read again.
+        episodes: domains with states and questions about them, on each backend.
         tasks: programs of concurrent tasks.
         programs: programs of DAO calls, each on three backends beside the model.
         restored: programs whose states are restored, on each backend.
@@ -36,6 +37,7 @@ class Profile(NamedTuple):
     texts: int
     documents: int
     histories: int
+    episodes: int
     tasks: int
     programs: int
     restored: int
@@ -48,9 +50,9 @@ class Profile(NamedTuple):
 
 
 PROFILES = {
-    "quick": Profile(20, 10, 3, 1, 3, 8, 3, 24, 20, 40, 40, 50, False),
-    "default": Profile(100, 30, 8, 3, 8, 20, 6, 24, 40, 100, 60, 10, False),
-    "long": Profile(500, 500, 100, 20, 50, 500, 60, 100, 500, None, 1_000, 1, True),
+    "quick": Profile(20, 10, 3, 1, 2, 3, 8, 3, 24, 20, 40, 40, 50, False),
+    "default": Profile(100, 30, 8, 3, 4, 8, 20, 6, 24, 40, 100, 60, 10, False),
+    "long": Profile(500, 500, 100, 20, 600, 50, 500, 60, 100, 500, None, 1_000, 1, True),
 }
 NAME = os.environ.get("KANT_SQL_TEST_PROFILE", "default")
 PROFILE = PROFILES[NAME]

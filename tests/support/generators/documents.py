@@ -118,6 +118,10 @@ class World:
     def fits(self, types: tuple[str, ...], wanted: tuple[str, ...]) -> bool:
         return all(any(self._is_below(name, above) for above in wanted) for name in types)
 
+    def fits_any(self, types: tuple[str, ...], wanted: tuple[str, ...]) -> bool:
+        """Whether an object of some types may stand where others are wanted."""
+        return any(self._is_below(name, above) for name in types for above in wanted)
+
     def _is_below(self, name: str, above: str) -> bool:
         while name not in (above, ROOT_TYPE):
             name = self.parents[name]
@@ -167,6 +171,9 @@ class Words:
 
     def flip(self) -> bool:
         return self.draw(_FLIPS)
+
+    def between(self, least: int, most: int) -> int:
+        return self.draw(st.integers(least, most))
 
     def term(self, wanted: tuple[str, ...], scope: Scope, nested: int) -> Term | None:
         fits = self.world.fits
@@ -220,7 +227,7 @@ class Formulas(Words):
     """Draws what the grammar has, each in the context that the grammar has it in."""
 
     def several(self, one: Callable[[], Formula], most: int = 3) -> tuple[Formula, ...]:
-        return tuple(one() for _ in range(self.draw(st.integers(0, most))))
+        return tuple(one() for _ in range(self.between(0, most)))
 
     def conjuncts(self, one: Callable[[], Formula], most: int = 3) -> tuple[Formula, ...]:
         """What is at the top of a goal, a condition or an effect: no conjunction is within it."""
@@ -249,7 +256,7 @@ class Formulas(Words):
         if kind == "arithmetic" and depth:
             operator = self.pick(ARITHMETIC)
             most = {"+": 3, "*": 3, "-": 2, "/": 2}[operator]
-            count = self.draw(st.integers(1 if operator == "-" else 2, most))
+            count = self.between(1 if operator == "-" else 2, most)
             parts = [self.expression(scope, depth - 1, duration) for _ in range(count)]
             return Arithmetic(operator, tuple(parts))
         return self.number() if kind == "number" else self.fluent(scope) or self.number()

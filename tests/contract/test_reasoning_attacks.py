@@ -1,0 +1,263 @@
+"""Questions that a careless implementation answers wrongly, or not at all, on every backend."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from kant_sql import (
+    InvalidArgumentError,
+    KantSqlError,
+    KnowledgeBase,
+    NotApplicableError,
+    PddlError,
+    TypeMismatchError,
+)
+from tests.support.reading import rows
+
+DOMAIN = """(define (domain yard) (:requirements :adl :fluents :derived-predicates)
+  (:types robot wp - object kitchen - wp ghost - object)
+  (:constants Dock - wp)
+  (:predicates (at ?r - robot ?w - wp) (p ?x ?y) (done) (lamp ?w - wp)
+    (six ?a ?b ?c ?d ?e ?f) (link ?x ?y - wp) (reach ?x ?y - wp) (docked ?x - wp)
+    (cut-off ?x - wp))
+  (:functions (level ?x - object) - number (total) - number
+    (place ?r - robot) - wp (next ?w - wp) - wp (boss ?r - robot) - robot)
+  (:derived (reach ?x ?y - wp)
+    (or (link ?x ?y) (exists (?z - wp) (and (reach ?x ?z) (reach ?z ?y)))))
+  (:derived (docked ?x - wp) (or (= ?x Dock) (link Dock ?x)))
+  (:derived (cut-off ?x - wp) (not (reach ?x a)))
+  (:action swap :parameters (?x ?y - wp) :precondition (link ?x ?y)
+    :effect (and (not (link ?x ?y)) (link ?y ?x)))
+  (:action share :parameters (?x ?y - object) :precondition (p ?x ?y)
+    :effect (scale-down (level ?x) (level ?y)))
+  (:action follow :parameters (?r - robot) :precondition (done)
+    :effect (and (at ?r (place (boss ?r))) (assign (place ?r) (place (boss ?r))))))
+"""
+PROBLEM = """(define (problem one) (:domain yard)
+  (:objects r1 r2 - robot b Ünïcödé 名前 x%s a:kb $1 - wp k - kitchen)
+  (:init (at r1 a) (at r2 b) (p a a) (p a b) (p r1 r1) (p Ünïcödé 名前) (link a b) (link b k)
+    (link k a) (six a b a b a b) (= (level a) 1) (= (level b) 2.5) (= (level r1) 0)
+    (= (place r1) a) (= (next a) b) (= (boss r1) r2) (= (place r2) b))
+  (:goal (and (at r1 b) (p b b) (lamp b))))
+"""
+
+
+@pytest.fixture
+def yard(fresh_kb: KnowledgeBase) -> KnowledgeBase:
+    domain = DOMAIN.replace("Dock - wp", "a Dock - wp")
+    with fresh_kb.transaction():
+        fresh_kb.load_domain(domain)
+        fresh_kb.load_problem(PROBLEM)
+    return fresh_kb
+
+
+# Nothing is known.
+
+
+def test_an_empty_knowledge_base_has_a_logic(fresh_kb: KnowledgeBase) -> None:
+    assert fresh_kb.holds("(and)")
+    assert not fresh_kb.holds("(or)")
+    assert fresh_kb.holds("(forall (?x) (or))")
+    assert not fresh_kb.holds("(exists (?x) (and))")
+    assert list(fresh_kb.query("(and)")) == [()]
+    assert list(fresh_kb.query("(or)")) == []
+    assert list(fresh_kb.query("(= ?x ?y)")) == []
+    assert len(fresh_kb.at(0).query("(and)")) == 1
+    assert list(fresh_kb.applicable_actions()) == []
+    assert fresh_kb.is_goal_reached()
+    assert fresh_kb.unsatisfied_goals() == []
+    with pytest.raises(PddlError, match="predicate 'p'"):
+        fresh_kb.holds("(p)")
+
+
+# What a condition says.
+
+Rows = list[tuple[str, ...]]
+ANSWERS: dict[str, tuple[str, Rows]] = {
+    "a variable twice": ("(p ?x ?x)", [("a",), ("r1",)]),
+    "another case": ("(P ?X A)", [("a",)]),
+    "other letters": ("(p ÜNÏCÖDÉ ?x)", [("名前",)]),
+    "a variable with a colon": ("(p ?a:kb b)", [("a",)]),
+    "a hidden variable": ("(and (at r1 ?x) (exists (?X - wp) (at r2 ?X)))", [("a",)]),
+    "hidden by another type": (
+        "(and (exists (?x - robot) (at ?x b)) (link ?x b))",
+        [("a",)],
+    ),
+    "bound twice": ("(exists (?y) (p ?x ?y))", [("a",), ("r1",), ("Ünïcödé",)]),
+    "no goal": ("(at r1 ?w)", [("a",)]),
+    "equal to a constant": ("(= ?x DOCK)", [("Dock",)]),
+    "equal through others": ("(and (= ?x ?y) (= ?y ?z) (= ?z r1))", [("r1", "r1", "r1")]),
+    "six arguments": ("(six ?a ?b ?c ?d ?e ?f)", [("a", "b", "a", "b", "a", "b")]),
+    "six arguments of two variables": ("(six ?a ?b ?a ?b ?a ?b)", [("a", "b")]),
+    "a fluent's value": ("(= (place ?r) ?w)", [("r1", "a"), ("r2", "b")]),
+    "fluents of fluents": ("(> (level (next (place ?r))) 2)", [("r1",)]),
+    "a rule that joins itself": ("(reach a ?y)", [("a",), ("b",), ("k",)]),
+    "a rule with a constant": ("(docked ?y)", [("Dock",)]),
+    "the rule above a negation": (
+        "(and (cut-off ?y) (not (= ?y Dock)) (not (p ?y ?y)) (exists (?z) (p ?y ?z)))",
+        [("Ünïcödé",)],
+    ),
+    "only under a negation": ("(and (lamp b) (not (lamp ?w)))", []),
+    "under a negation, of the other atom's type": (
+        "(exists (?w - wp) (and (link a ?w) (not (at ?r ?w))))",
+        [("r1",)],
+    ),
+    "no objects of the type": ("(not (exists (?g - ghost ?x) (and)))", [()]),
+}
+
+
+@pytest.mark.parametrize("name", ANSWERS)
+def test_answers(yard: KnowledgeBase, name: str) -> None:
+    condition, wanted = ANSWERS[name]
+    answers = yard.query(condition)
+    assert list(answers) == wanted
+    assert len(answers) == len(wanted)
+    assert list(yard.at(yard.revision).query(condition)) == wanted
+
+
+DECLARED: dict[str, tuple[str, str, Rows]] = {
+    "equal": ("(= ?x ?y)", "?x ?y - robot", [("r1", "r1"), ("r2", "r2")]),
+    "equal of two types": ("(= ?x ?y)", "?x - robot ?y - wp", []),
+    "unequal": ("(not (= ?x ?y))", "?x ?y - robot", [("r1", "r2"), ("r2", "r1")]),
+    "unequal to itself": ("(not (= ?x ?x))", "?x - robot", []),
+    "unused": ("(and)", "(?x - robot)", [("r1",), ("r2",)]),
+    "unused without objects": ("(and)", "?x - ghost", []),
+    "a subtype": ("(link ?x a)", "?x - kitchen", [("k",)]),
+    "either": ("(p ?x ?y)", "?x - (either robot kitchen) ?y", [("r1", "r1")]),
+    "any": ("(p ?x ?x)", "?x - object", [("a",), ("r1",)]),
+}
+
+
+@pytest.mark.parametrize("name", DECLARED)
+def test_answers_with_declared_variables(yard: KnowledgeBase, name: str) -> None:
+    condition, parameters, wanted = DECLARED[name]
+    assert list(yard.query(condition, parameters=parameters)) == wanted
+
+
+TRUTHS: dict[str, bool] = {
+    "(= (next (place (boss (boss r1)))) b)": False,
+    "(not (= (next (place (boss (boss r1)))) b))": True,
+    "(= (next (place r1)) (place (boss r1)))": True,
+    "(> (/ 1 (level r1)) 0)": False,
+    "(not (> (/ 1 (level r1)) 0))": True,
+    "(= (/ 0 0) (/ 0 0))": False,
+    "(= (level k) (level k))": False,
+    "(= (/ (level a) 4) 0.25)": True,
+    "(= (/ 1 2) 0.5)": True,
+    "(= (- (level b)) -2.5)": True,
+    "(lamp b)": False,
+    "(p x%s a:kb)": False,
+    "(forall (?g - ghost) (done))": True,
+    "(exists (?g - ghost) (and))": False,
+}
+
+
+@pytest.mark.parametrize("condition", TRUTHS)
+def test_truths(yard: KnowledgeBase, condition: str) -> None:
+    assert yard.holds(condition) is TRUTHS[condition]
+    assert (yard.unsatisfied(condition) == []) is TRUTHS[condition]
+
+
+# Size.
+
+
+def test_a_thousand_atoms(yard: KnowledgeBase) -> None:
+    assert yard.holds("(and " + "(link a b) " * 1_000 + ")")
+    assert len(yard.query("(and " + "(p ?x ?y) " * 1_000 + ")")) == 4
+    assert yard.holds("(and " + "(not (at r1 b)) (not (at r1 k)) " * 500 + ")")
+
+
+def test_ten_thousand_ground_atoms(yard: KnowledgeBase) -> None:
+    assert yard.holds("(and " + "(link a b) (not (link b a)) " * 5_000 + ")")
+    assert not yard.holds("(or " + "(link b a) (not (link a b)) " * 5_000 + ")")
+
+
+@pytest.mark.parametrize("levels", [500, 5_000])
+def test_deep_formulas_that_become_flat(yard: KnowledgeBase, levels: int) -> None:
+    assert yard.holds("(not " * levels + "(link a b)" + ")" * levels)
+    assert not yard.holds("(and (done) " * levels + "(link a b)" + ")" * levels)
+    assert yard.holds("(imply (link a b) " * levels + "(link a b)" + ")" * levels)
+
+
+# Bindings.
+
+
+def test_a_binding_names_one_variable(yard: KnowledgeBase) -> None:
+    assert list(yard.query("(p ?a-b ?y)", a_b="a")) == [("a",), ("b",)]
+    # A variable of just this name comes first.
+    assert list(yard.query("(p ?a-b ?a_b)", a_b="b")) == [("a",)]
+    assert yard.holds("(p a ?x)", x=yard.objects.get("b"))  # type: ignore[arg-type]
+    assert yard.query("(p ?É ?x)", é="ünïcödé").to_dicts() == [{"x": "名前"}]
+
+
+REFUSED: dict[str, tuple[type[KantSqlError], Callable[[KnowledgeBase], object]]] = {
+    "two bindings": (InvalidArgumentError, lambda kb: kb.holds("(p a ?x)", x="b", X="b")),
+    "an unknown variable": (InvalidArgumentError, lambda kb: kb.holds("(p a a)", x="b")),
+    "no object": (InvalidArgumentError, lambda kb: kb.holds("(p a ?x)", x=None)),  # type: ignore[arg-type]
+    "a wrong type": (TypeMismatchError, lambda kb: kb.holds("(at ?r ?w)", r="a")),
+    "a limit": (InvalidArgumentError, lambda kb: kb.query("(done)", limit=-1)),
+    "two conditions": (PddlError, lambda kb: kb.holds("(done) (done)")),
+    "no condition": (PddlError, lambda kb: kb.holds("")),
+    "an open parenthesis": (PddlError, lambda kb: kb.holds("(and (done)")),
+    "parameters that go on": (PddlError, lambda kb: kb.query("(p ?x b)", parameters="?x) (or")),
+    "too few parameters": (PddlError, lambda kb: kb.query("(p ?x ?y)", parameters="?x")),
+    "a preference": (PddlError, lambda kb: kb.holds("(preference x (done))")),
+    "a constraint": (PddlError, lambda kb: kb.holds("(always (done))")),
+    "a time": (PddlError, lambda kb: kb.holds("(at start (done))")),
+    "an effect": (PddlError, lambda kb: kb.holds("(when (done) (done))")),
+    "a duration": (PddlError, lambda kb: kb.holds("(> ?duration 3)")),
+    "an arity": (PddlError, lambda kb: kb.holds("(p a)")),
+    "an ill-typed constant": (PddlError, lambda kb: kb.holds("(at a r1)")),
+    "hostile text": (PddlError, lambda kb: kb.holds("(p a b'); DROP TABLE proposition; --")),
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_refusals(yard: KnowledgeBase, name: str) -> None:
+    error, ask = REFUSED[name]
+    with pytest.raises(error):
+        ask(yard)
+
+
+# The statement, to be pasted elsewhere.
+
+
+@pytest.mark.parametrize("variable", ["a:kb", "a:at", "a%s", "select", "x-y", "é", "v0"])
+def test_the_statement_has_any_variable_as_a_column(yard: KnowledgeBase, variable: str) -> None:
+    answers = yard.query(f"(p ?{variable} b)")
+    assert answers.columns == (variable,)
+    sql = answers.sql
+    assert f'"{variable}"' in sql
+    assert rows(yard, sql.replace(":", "\\:")) == [("a",)]
+
+
+# Steps.
+
+
+def test_an_effect_without_a_value_is_refused(yard: KnowledgeBase) -> None:
+    for step, reason in {
+        "(share r1 r1)": "divides it by 0",
+        "(share Ünïcödé 名前)": "no value",
+    }.items():
+        with pytest.raises(NotApplicableError, match=reason):
+            yard.apply(step)
+    revision = yard.revision
+    with yard.transaction():
+        yard.propositions.save(_done(yard))
+        with pytest.raises(NotApplicableError, match="no value"):
+            yard.apply("(follow r2)")
+        assert not yard.holds("(at r2 a)")
+        yard.apply("(follow r1)")
+        assert yard.holds("(and (at r1 b) (= (place r1) b) (at r1 a))")
+    assert yard.revision == revision + 1
+
+
+def _done(kb: KnowledgeBase) -> Any:
+    from kant_sql import PddlPropositionDto
+
+    predicate = kb.predicates.get("done")
+    assert predicate is not None
+    return PddlPropositionDto(predicate, [])

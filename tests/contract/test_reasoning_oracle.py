@@ -1,0 +1,271 @@
+"""What is asked and done has the results of a plain evaluator, on every backend.
+
+KANT_SQL_TEST_EXAMPLES=5000 hunts for longer, each time from another seed.
+"""
+
+from __future__ import annotations
+
+import itertools
+from fractions import Fraction
+from random import Random
+from typing import Any
+
+from hypothesis import given
+
+from kant_sql import (
+    Answers,
+    KnowledgeBase,
+    NotApplicableError,
+    PddlObjectDto,
+    PddlPropositionDto,
+    TypeMismatchError,
+)
+from kant_sql.dto.formulas import Atom, variables_text
+from kant_sql.dto.lexical import fold
+from kant_sql.pddl import write
+from kant_sql.pddl.document import Action
+from tests.support.evaluator import Bindings, Evaluator, Ground, State, UndefinedEffectError
+from tests.support.generators.episodes import (
+    EPISODES,
+    Change,
+    Episode,
+    Question,
+    free_variables,
+)
+from tests.support.profile import PROFILE, hunting
+from tests.support.reading import beside, undone
+
+_numbers = itertools.count(1)
+# So many assignments of a question's variables are asked one by one.
+ASSIGNED = 3
+
+
+def opened(kb: KnowledgeBase, episode: Episode) -> KnowledgeBase:
+    """A knowledge base of its own with the initial state."""
+    new = beside(kb, f"episode {next(_numbers)}")
+    with new.transaction():
+        new.load_domain(write(episode.domain))
+        new.load_problem(write(episode.problem))
+    return new
+
+
+def make(kb: KnowledgeBase, change: Change) -> None:
+    """Change a state by calls of the DAOs."""
+
+    def proposition(atom: Atom) -> PddlPropositionDto:
+        predicate = kb.predicates.get(atom.predicate)
+        assert predicate is not None
+        objects = [kb.objects.get(str(term)) for term in atom.terms]
+        return PddlPropositionDto(predicate, [each for each in objects if each is not None])
+
+    kb.propositions.save_all([proposition(atom) for atom in change.added])
+    for atom in change.removed:
+        kb.propositions.delete(proposition(atom))
+    for fluent, value in change.values:
+        names = [str(term) for term in fluent.terms]
+        if value is None:
+            kb.function_values.unset(fluent.function, objects=names)
+        else:
+            given: Any = value if isinstance(value, str) else float(value)
+            kb.function_values.set(fluent.function, objects=names, value=given)
+
+
+def state_in(kb: KnowledgeBase) -> tuple[frozenset[Ground], dict[Ground, Fraction | str]]:
+    """The stored facts and values."""
+    facts = frozenset(
+        (fold(dto.predicate.name), *(fold(each.name) for each in dto.objects))
+        for dto in kb.propositions.get_no_goals()
+    )
+    values: dict[Ground, Fraction | str] = {}
+    for dto in kb.function_values.get_all():
+        key = (fold(dto.function.name), *(fold(each.name) for each in dto.objects))
+        is_object = isinstance(dto.value, PddlObjectDto)
+        values[key] = fold(dto.value.name) if is_object else Fraction(dto.value)  # type: ignore[union-attr, arg-type]
+    return facts, values
+
+
+def is_same(found: Fraction | str, wanted: Fraction | str) -> bool:
+    """Whether a value is exact, or rounded where no decimal is."""
+    if isinstance(found, str) or isinstance(wanted, str) or found == wanted:
+        return found == wanted
+    return abs(found - wanted) <= abs(wanted) * Fraction(1, 10**25)
+
+
+def folded(rows: Any) -> list[tuple[str, ...]]:
+    return [tuple(map(fold, row)) for row in rows]
+
+
+def is_refused(kb: KnowledgeBase, step: str) -> bool:
+    """Whether a step cannot be executed."""
+    try:
+        kb.apply(step)
+    except NotApplicableError:
+        return True
+    return False
+
+
+class Judge:
+    """Compares what a view of a knowledge base answers with what holds in a state."""
+
+    def __init__(self, view: KnowledgeBase, episode: Episode, state: State, when: str) -> None:
+        self.view, self.episode, self.when = view, episode, when
+        self.plain = Evaluator(episode.theory, state)
+
+    def check(self) -> None:
+        for number, question in enumerate(self.episode.questions):
+            about = f"episode({self.episode.seed}), {self.when}: {question}"
+            # Nodes and text in turn.
+            asked = question.formula if number % 2 else str(question.formula)
+            self.declared(question, asked, about)
+            self.undeclared(question, asked, about)
+            self.one_by_one(question, asked, about)
+
+    def declared(self, question: Question, asked: Any, about: str) -> None:
+        """The free variables have declared types, and some are bound."""
+        given: dict[str, Any] = {**question.fixed}
+        parameters = f"({variables_text(question.columns)})"
+        answers = self.view.query(asked, parameters=parameters, **given)
+        fixed = {name: fold(value) for name, value in question.fixed.items()}
+        wanted = self.plain.answers(question.formula, question.free, fixed)
+        assert [*map(fold, answers.columns)] == [fold(part.name) for part in question.free], about
+        if self.when != "pending":
+            self.same_statement(answers, wanted, about)
+        assert folded(answers) == wanted, about
+        assert len(answers) == len(wanted), about
+
+    def same_statement(self, answers: Answers, wanted: list[tuple[str, ...]], about: str) -> None:
+        """The statement that can be pasted elsewhere finds the same."""
+        store: Any = self.view.factory._store  # type: ignore[attr-defined]
+        with store.backend.engine.connect() as connection:
+            driver = connection.connection.driver_connection
+            found = driver.execute(answers.sql).fetchall()
+            connection.rollback()
+        if answers.columns:
+            assert folded(found) == wanted, about
+        else:
+            assert found == [(len(wanted),)], about
+
+    def undeclared(self, question: Question, asked: Any, about: str) -> None:
+        """A free variable has the types that its atoms allow."""
+        free = free_variables(self.episode.domain, question.formula)
+        fixed: dict[str, Any] = {
+            name: value for name, value in question.fixed.items() if name in free
+        }
+        names = [name for name in free if name not in fixed]
+        ranges = [
+            [
+                object_
+                for object_, types in self.plain.state.objects.items()
+                if all(self.plain.theory.fits(types, wanted) for wanted in free[name])
+            ]
+            for name in names
+        ]
+        try:
+            answers = self.view.query(asked, **fixed)
+        except TypeMismatchError:
+            # No object can be in all places of a variable.
+            assert [] in ranges or fixed, about
+            return
+        given = {name: fold(value) for name, value in fixed.items()}
+        wanted = [
+            objects
+            for objects in itertools.product(*ranges)
+            if self.plain.holds(
+                question.formula, {**given, **dict(zip(names, objects, strict=True))}
+            )
+        ]
+        assert [*map(fold, answers.columns)] == names, about
+        assert folded(answers) == wanted, about
+
+    def one_by_one(self, question: Question, asked: Any, about: str) -> None:
+        """All free variables are bound."""
+        free = free_variables(self.episode.domain, question.formula)
+        every = [*self.plain.bindings(question.columns)]
+        for bound in Random(self.episode.seed).sample(every, min(len(every), ASSIGNED)):
+            given = {name: object_ for name, object_ in bound.items() if name in free}
+            wanted = self.plain.holds(question.formula, bound)
+            if not self.can_be(bound, free):
+                continue
+            assert self.view.holds(asked, **given) is wanted, f"{about} {bound}"
+            assert (self.view.unsatisfied(asked, **given) == []) is wanted, f"{about} {bound}"
+
+    def can_be(self, bound: Bindings, free: dict[str, list[tuple[str, ...]]]) -> bool:
+        """Whether objects fit all places of their variables."""
+        types = self.plain.state.objects
+        fits = self.plain.theory.fits
+        return all(fits(types[bound[name]], one) for name in free for one in free[name])
+
+    def acts(self) -> None:
+        """Steps are applicable, and have the effects, that they have in the state."""
+        kb, actions = self.view, self.episode.domain.actions
+        wanted = [
+            (fold(action.name), *arguments)
+            for action in actions
+            for arguments in self.plain.applicable(action)
+        ]
+        found = [(step.action, *step.arguments) for step in kb.applicable_actions()]
+        about = f"episode({self.episode.seed}), {self.when}"
+        assert folded(found) == wanted, about
+        random = Random(self.episode.seed)
+        for action in actions:
+            every = [tuple(bound.values()) for bound in self.plain.bindings(action.parameters)]
+            for arguments in random.sample(every, min(len(every), ASSIGNED)):
+                self.act(action, arguments, (fold(action.name), *arguments) in wanted)
+
+    def act(self, action: Action, arguments: tuple[str, ...], is_applicable: bool) -> None:
+        kb, step = self.view, f"({' '.join((action.name, *arguments))})"
+        about = f"episode({self.episode.seed}), {self.when}: {step}"
+        assert kb.is_applicable(step) is is_applicable, about
+        assert (kb.why_not(step) == []) is is_applicable, about
+        before = state_in(kb)
+        try:
+            after = self.plain.apply(action, arguments) if is_applicable else None
+        except UndefinedEffectError:
+            after = None
+        if after is None:
+            assert is_refused(kb, step), about
+            assert state_in(kb) == before, about
+            return
+        with undone(kb):
+            kb.apply(step)
+            facts, values = state_in(kb)
+            assert facts == after.facts, about
+            assert values.keys() == after.values.keys(), about
+            for fluent, value in after.values.items():
+                assert is_same(values[fluent], value), f"{about}: {fluent}"
+        assert state_in(kb) == before, about
+
+
+def test_answers_are_those_of_the_plain_evaluator(fresh_kb: KnowledgeBase) -> None:
+    @hunting(PROFILE.episodes)
+    @given(EPISODES)
+    def same(episode: Episode) -> None:
+        first, second = episode.changes
+        kb = opened(fresh_kb, episode)
+        states = [episode.first]
+        Judge(kb, episode, states[0], "present").check()
+        with kb.transaction():
+            make(kb, first)
+            states.append(first.of(states[0]))
+            Judge(kb, episode, states[1], "pending").check()
+        revisions = [1, kb.revision]
+        make(kb, second)
+        states.append(second.of(states[1]))
+        Judge(kb, episode, states[2], "present again").check()
+        for revision, state in zip(revisions, states, strict=False):
+            Judge(kb.at(revision), episode, state, "past").check()
+
+    same()
+
+
+def test_steps_are_those_of_the_plain_evaluator(fresh_kb: KnowledgeBase) -> None:
+    @hunting(PROFILE.episodes)
+    @given(EPISODES)
+    def same(episode: Episode) -> None:
+        kb = opened(fresh_kb, episode)
+        Judge(kb, episode, episode.first, "present").acts()
+        with kb.transaction():
+            make(kb, episode.changes[0])
+            Judge(kb, episode, episode.changes[0].of(episode.first), "pending").acts()
+
+    same()

@@ -1,0 +1,351 @@
+"""What PDDL means, plainly: conditions, derived predicates and effects over a dictionary.
+
+Brute force over all objects, and nothing of the product but the nodes of formulas and the folding
+of names. All names in a state are folded.
+"""
+
+from __future__ import annotations
+
+import itertools
+import operator
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from typing import Any, Protocol, TypeVar
+
+from kant_sql.dto.formulas import (
+    And,
+    Arithmetic,
+    Assign,
+    Atom,
+    Comparison,
+    Constant,
+    Derived,
+    Equal,
+    Exists,
+    Fluent,
+    Forall,
+    Imply,
+    Node,
+    Not,
+    Number,
+    Or,
+    Preference,
+    Timed,
+    TypedName,
+    Variable,
+    When,
+)
+from kant_sql.dto.lexical import ROOT_TYPE, fold
+
+# A predicate or a function, and its arguments.
+Ground = tuple[str, ...]
+Bindings = Mapping[str, str]
+Typing = Mapping[str, tuple[str, ...]]
+N = TypeVar("N", float, Fraction)
+
+COMPARE: dict[str, Callable[[float, float], bool]] = {
+    "<": operator.lt,
+    "<=": operator.le,
+    "=": operator.eq,
+    ">=": operator.ge,
+    ">": operator.gt,
+}
+OPERATE: dict[str, Callable[[Any, Any], Any]] = {
+    "+": operator.add,
+    "-": operator.sub,
+    "*": operator.mul,
+    "/": operator.truediv,
+}
+CHANGE: dict[str, Callable[[Fraction, Fraction], Fraction]] = {
+    "increase": operator.add,
+    "decrease": operator.sub,
+    "scale-up": operator.mul,
+    "scale-down": operator.truediv,
+}
+
+
+class UndefinedEffectError(Exception):
+    """An effect has no result: a value is missing, a divisor is 0, or two effects disagree."""
+
+
+class ActionLike(Protocol):
+    """What an action has."""
+
+    @property
+    def name(self) -> str: ...
+    @property
+    def parameters(self) -> Sequence[TypedName]: ...
+    @property
+    def condition(self) -> Sequence[Node]: ...
+    @property
+    def effect(self) -> Sequence[Node]: ...
+
+
+@dataclass(frozen=True)
+class State:
+    """Objects with their types, in the order of their declaration; facts; values of fluents."""
+
+    objects: Typing
+    facts: frozenset[Ground]
+    values: Mapping[Ground, Fraction | str]
+
+
+@dataclass(frozen=True)
+class Theory:
+    """The types with those above them, and the rules of derived predicates."""
+
+    parents: Typing
+    rules: Sequence[Derived] = ()
+
+    def is_below(self, lower: str, upper: str) -> bool:
+        if lower == upper or upper == ROOT_TYPE:
+            return True
+        return any(self.is_below(above, upper) for above in self.parents.get(lower, ()))
+
+    def fits(self, types: Iterable[str], wanted: Iterable[str]) -> bool:
+        return any(self.is_below(fold(one), fold(other)) for one in types for other in wanted)
+
+    def strata(self) -> list[list[Derived]]:
+        """The rules in layers: each negates predicates of lower layers only."""
+        level = {fold(rule.predicate): 0 for rule in self.rules}
+        for _ in range(len(level) + 1):
+            for rule in self.rules:
+                head = fold(rule.predicate)
+                for name, positive in occurrences(rule.formula):
+                    if name in level:
+                        level[head] = max(level[head], level[name] + (not positive))
+        if level and max(level.values()) >= len(level):
+            raise ValueError("the rules are not stratified")
+        layers: list[list[Derived]] = [[] for _ in level]
+        for rule in self.rules:
+            layers[level[fold(rule.predicate)]].append(rule)
+        return layers
+
+
+def occurrences(formula: Node, positive: bool = True) -> Iterator[tuple[str, bool]]:
+    """The predicates in a formula, each with whether it is there under no or two negations."""
+    match formula:
+        case Atom():
+            yield fold(formula.predicate), positive
+        case Not():
+            yield from occurrences(formula.formula, not positive)
+        case Imply():
+            yield from occurrences(formula.condition, not positive)
+            yield from occurrences(formula.formula, positive)
+        case And() | Or():
+            for part in formula.formulas:
+                yield from occurrences(part, positive)
+        case Forall() | Exists():
+            yield from occurrences(formula.formula, positive)
+
+
+class Evaluator:
+    """What holds in a state."""
+
+    def __init__(self, theory: Theory, state: State) -> None:
+        self.theory, self.state = theory, state
+        self.facts = set(state.facts)
+        for layer in theory.strata():
+            while new := {fact for rule in layer for fact in self._derived(rule)} - self.facts:
+                self.facts |= new
+
+    def _derived(self, rule: Derived) -> Iterator[Ground]:
+        for bound in self.bindings(rule.variables):
+            if self.holds(rule.formula, bound):
+                yield (fold(rule.predicate), *bound.values())
+
+    def range(self, types: Iterable[str]) -> list[str]:
+        """The objects that a variable of these types takes, as they were declared."""
+        wanted = tuple(types)
+        return [o for o, own in self.state.objects.items() if self.theory.fits(own, wanted)]
+
+    def bindings(self, variables: Iterable[TypedName]) -> Iterator[dict[str, str]]:
+        """All values of variables, the last of them changing fastest."""
+        listed = list(variables)
+        names = [fold(variable.name) for variable in listed]
+        for objects in itertools.product(*(self.range(variable.types) for variable in listed)):
+            yield dict(zip(names, objects, strict=True))
+
+    def holds(self, formula: Node, bound: Bindings) -> bool:
+        match formula:
+            case Atom() | Equal() | Comparison():
+                return self._is_true(formula, bound)
+            case Not():
+                return not self.holds(formula.formula, bound)
+            case And():
+                return all(self.holds(part, bound) for part in formula.formulas)
+            case Or():
+                return any(self.holds(part, bound) for part in formula.formulas)
+            case Imply():
+                return self.holds(Or((Not(formula.condition), formula.formula)), bound)
+            case Forall():
+                return not self.holds(Exists(formula.variables, Not(formula.formula)), bound)
+            case Exists():
+                inner = self.bindings(formula.variables)
+                return any(self.holds(formula.formula, {**bound, **more}) for more in inner)
+            case Preference():
+                return True
+        raise TypeError(f"no condition: {formula!r}")
+
+    def _is_true(self, formula: Atom | Equal | Comparison, bound: Bindings) -> bool:
+        """Whether a formula without parts holds; none does where a fluent has no value."""
+        if isinstance(formula, Atom):
+            return self.ground(formula.predicate, formula.terms, bound) in self.facts
+        if isinstance(formula, Equal):
+            value = self.term(formula.left, bound)
+            return value is not None and value == self.term(formula.right, bound)
+        left = self.number(formula.left, bound, float)
+        right = self.number(formula.right, bound, float)
+        if left is None or right is None:
+            return False
+        return COMPARE[formula.operator](left, right)
+
+    def term(self, term: Node, bound: Bindings) -> str | None:
+        """The object that a term denotes; None for a fluent without a value."""
+        match term:
+            case Variable():
+                return bound[fold(term.name)]
+            case Constant():
+                return fold(term.name)
+            case Fluent():
+                value = self.value(term, bound)
+                assert value is None or isinstance(value, str)
+                return value
+        raise TypeError(f"no term: {term!r}")
+
+    def value(self, fluent: Fluent, bound: Bindings) -> Fraction | str | None:
+        key = self.ground(fluent.function, fluent.terms, bound)
+        return None if key is None else self.state.values.get(key)
+
+    def ground(self, name: str, terms: Iterable[Node], bound: Bindings) -> Ground | None:
+        objects = [self.term(term, bound) for term in terms]
+        found = tuple(object_ for object_ in objects if object_ is not None)
+        return (fold(name), *found) if len(found) == len(objects) else None
+
+    def number(self, expression: Node, bound: Bindings, kind: type[N]) -> N | None:
+        """The value of an expression; None where a part has none or where it divides by 0."""
+        match expression:
+            case Number():
+                return kind(expression.value)
+            case Fluent():
+                value = self.value(expression, bound)
+                return None if value is None else kind(value)
+            case Arithmetic():
+                parts = [self.number(part, bound, kind) for part in expression.operands]
+                operands = [part for part in parts if part is not None]
+                if len(operands) < len(parts):
+                    return None
+                return calculated(expression.operator, operands)
+        raise TypeError(f"no number: {expression!r}")
+
+    def answers(
+        self, formula: Node, columns: Sequence[TypedName], fixed: Bindings | None = None
+    ) -> list[tuple[str, ...]]:
+        """The objects for which a condition holds, in the order of the columns."""
+        given = fixed or {}
+        return [
+            tuple(bound.values())
+            for bound in self.bindings(columns)
+            if self.holds(formula, {**given, **bound})
+        ]
+
+    def applicable(self, action: ActionLike) -> list[tuple[str, ...]]:
+        """The arguments for which an action's condition holds."""
+        return self.answers(And(tuple(action.condition)), action.parameters)  # type: ignore[arg-type]
+
+    def apply(self, action: ActionLike, arguments: Sequence[str]) -> State:
+        """The state after an action that is applicable."""
+        names = [fold(parameter.name) for parameter in action.parameters]
+        return self.changed(action.effect, dict(zip(names, arguments, strict=True)))
+
+    def changed(self, effects: Iterable[Node], bound: Bindings, time: str | None = None) -> State:
+        """The state after effects; of a durative action, after those at a time.
+
+        All is evaluated in the state before; what is deleted and added is added.
+        """
+        found = [change for effect in effects for change in self._changes(effect, bound, time)]
+        removed = {self._changed_fact(e.formula, b) for e, b in found if isinstance(e, Not)}
+        added = {self._changed_fact(e, b) for e, b in found if isinstance(e, Atom)}
+        values = dict(self.state.values)
+        changes: dict[Ground, list[tuple[str, Fraction | str]]] = {}
+        for effect, inner in found:
+            if isinstance(effect, Assign):
+                key, value = self._assignment(effect, inner)
+                changes.setdefault(key, []).append((effect.operator, value))
+        for key, several in changes.items():
+            values[key] = assigned(values.get(key), several)
+        return replace(self.state, facts=(self.state.facts - removed) | added, values=values)
+
+    def _changes(
+        self, effect: Node, bound: Bindings, time: str | None
+    ) -> Iterator[tuple[Node, Bindings]]:
+        """The literals and assignments that an effect comes to, with their variables."""
+        match effect:
+            case And():
+                for part in effect.formulas:
+                    yield from self._changes(part, bound, time)
+            case Forall():
+                for more in self.bindings(effect.variables):
+                    yield from self._changes(effect.formula, {**bound, **more}, time)
+            case When():
+                if self.holds(effect.condition, bound):
+                    yield from self._changes(effect.effect, bound, time)
+            case Timed():
+                if effect.time == time:
+                    yield from self._changes(effect.formula, bound, time)
+            case _:
+                yield effect, bound
+
+    def _changed_fact(self, atom: Node, bound: Bindings) -> Ground:
+        assert isinstance(atom, Atom)
+        found = self.ground(atom.predicate, atom.terms, bound)
+        if found is None:
+            raise UndefinedEffectError(f"an argument of {atom} has no value")
+        return found
+
+    def _assignment(self, effect: Assign, bound: Bindings) -> tuple[Ground, Fraction | str]:
+        key = self.ground(effect.fluent.function, effect.fluent.terms, bound)
+        value: Fraction | str | None
+        if isinstance(effect.value, Variable | Constant):
+            value = self.term(effect.value, bound)
+        elif isinstance(effect.value, Fluent):
+            value = self.value(effect.value, bound)
+        else:
+            value = self.number(effect.value, bound, Fraction)
+        if key is None or value is None:
+            raise UndefinedEffectError(f"{effect} has no value")
+        return key, value
+
+
+def calculated(sign: str, operands: Sequence[N]) -> N | None:
+    """The value of an operation, from left to right."""
+    first, *rest = operands
+    if not rest:
+        return first * -1 if sign == "-" else first
+    for operand in rest:
+        if sign == "/" and not operand:
+            return None
+        first = OPERATE[sign](first, operand)
+    return first
+
+
+def assigned(
+    value: Fraction | str | None, changes: Sequence[tuple[str, Fraction | str]]
+) -> Fraction | str:
+    """The value after the effects on one fluent, which must commute."""
+    kinds = {kind for kind, _ in changes}
+    if kinds == {"assign"}:
+        if len({to for _, to in changes}) > 1:
+            raise UndefinedEffectError("two values for one fluent")
+        return changes[0][1]
+    if not (kinds <= {"increase", "decrease"} or kinds <= {"scale-up", "scale-down"}):
+        raise UndefinedEffectError("effects on one fluent do not commute")
+    for kind, by in changes:
+        if not isinstance(value, Fraction) or not isinstance(by, Fraction):
+            raise UndefinedEffectError("no number to change")
+        if kind == "scale-down" and not by:
+            raise UndefinedEffectError("a division by 0")
+        value = CHANGE[kind](value, by)
+    assert value is not None
+    return value
