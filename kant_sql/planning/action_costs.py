@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from ..dto import formulas as f
 from ..dto.lexical import fold
@@ -24,7 +24,6 @@ from .costs import ActionCost, Values, rebuilt, whole
 from .names import number
 
 TOTAL_COST = f.Fluent(f.TOTAL_COST)
-N = TypeVar("N", bound=f.Node)
 
 
 @dataclass(frozen=True)
@@ -177,40 +176,34 @@ def _renamed(
             return f.Fluent(name, made.terms)
         return made
 
-    def changed(nodes: Iterable[N]) -> tuple[N, ...]:
-        return tuple(map(change, nodes))  # type: ignore[arg-type]
-
-    actions = tuple(
-        replace(
-            action,
-            duration=changed(action.duration),
-            condition=changed(action.condition),
-            effect=changed(action.effect),
-        )
-        for action in domain.actions
-    )
     functions = tuple(
         replace(one, name=name) if fold(one.name) == f.TOTAL_COST else one
         for one in domain.functions
     )
-    return replace(
-        domain,
-        functions=functions,
-        constraints=changed(domain.constraints),
-        derived=changed(domain.derived),
-        actions=actions,
-    ), replace(
-        problem,
-        values=tuple(
-            FunctionValue(f.Fluent(name, value.fluent.terms), value.value)
-            if _is_named_total(value.fluent)
-            else value
-            for value in problem.values
-        ),
-        timed=changed(problem.timed),
-        goal=changed(problem.goal),
-        constraints=changed(problem.constraints),
+    values = tuple(
+        FunctionValue(f.Fluent(name, value.fluent.terms), value.value)
+        if _is_named_total(value.fluent)
+        else value
+        for value in problem.values
     )
+    actions = tuple(_changed(one, change, _OF_ACTION) for one in domain.actions)
+    return (
+        replace(_changed(domain, change, _OF_DOMAIN), functions=functions, actions=actions),
+        replace(_changed(problem, change, _OF_PROBLEM), values=values),
+    )
+
+
+# The fields that are tuples of nodes.
+_OF_ACTION = ("duration", "condition", "effect")
+_OF_DOMAIN = ("constraints", "derived")
+_OF_PROBLEM = ("timed", "goal", "constraints")
+D = TypeVar("D", Action, Domain, Problem)
+
+
+def _changed(document: D, change: Callable[[f.Node], f.Node], names: Sequence[str]) -> D:
+    """Change each node of some fields."""
+    fields: dict[str, Any] = {name: tuple(map(change, getattr(document, name))) for name in names}
+    return replace(document, **fields)
 
 
 def _is_named_total(node: f.Node) -> bool:
