@@ -11,7 +11,7 @@ from ..dto.lexical import fold
 from ..history.revisions import Revision
 from .conditions import Compiler, Condition, Conditions, Env
 from .grounding import Binding, substitute
-from .junctions import junction
+from .junctions import Literal, junction
 from .world import World
 
 # Parts of one universal quantifier that are named.
@@ -60,26 +60,61 @@ def failed_parts(
         binding: the objects of its free variables.
         duration: the value of `?duration`.
     """
-    stack: list[tuple[f.Formula, bool, Binding]] = [(formula, False, binding)]
+    stack: list[tuple[f.Formula, bool, Binding, _Truths | None]]
+    stack = [(formula, False, binding, None)]
     while stack:
-        part, negated, names = stack.pop()
-        if isinstance(part, f.Preference | f.Timed):
-            if isinstance(part, f.Timed):
-                stack.append((part.formula, negated, names))
+        part, negated, names, truths = stack.pop()
+        if truths is None:
+            truths = _truths(world, part, negated, names, duration)
+        if truths[id(part), negated]:
             continue
-        whole = f.Not(part) if negated else part
-        parameters = [f.TypedName(name) for name in names]
-        if Condition(world, whole, parameters).holds(tuple(names.values()), duration):
-            continue
-        inner = junction(part, negated)
-        kind = f.Exists if negated else f.Forall
+        inner = _parts(part, negated)
         if inner is not None and inner[1]:
-            stack.extend((one, flag, names) for one, flag in reversed(inner[0]))
-        elif isinstance(part, kind):
+            stack.extend((one, flag, names, truths) for one, flag in reversed(inner[0]))
+        elif isinstance(part, f.Exists if negated else f.Forall):
+            assert isinstance(part, f.Forall | f.Exists)
             found = _counterexamples(world, part, negated, names, duration)
-            stack.extend((part.formula, negated, one) for one in reversed(found))
+            stack.extend((part.formula, negated, one, None) for one in reversed(found))
         else:
             yield _failure(conditions, part, negated, names, duration)
+
+
+# Whether each part of a formula holds, by its id and whether it is negated.
+_Truths = dict[tuple[int, bool], bool]
+
+
+def _parts(part: f.Formula, negated: bool) -> tuple[list[Literal], bool] | None:
+    """Return the parts of a junction; a preference is one without parts, which holds."""
+    if isinstance(part, f.Preference):
+        return [], True
+    if isinstance(part, f.Timed):
+        return [(part.formula, negated)], True
+    return junction(part, negated)
+
+
+def _truths(
+    world: World, formula: f.Formula, negated: bool, binding: Binding, duration: Decimal | None
+) -> _Truths:
+    """Evaluate all parts of a formula, each once."""
+    parameters = [f.TypedName(name) for name in binding]
+    order: list[Literal] = []
+    stack: list[Literal] = [(formula, negated)]
+    while stack:
+        order.append(stack.pop())
+        inner = _parts(*order[-1])
+        stack.extend(inner[0] if inner is not None else ())
+    truths: _Truths = {}
+    for part, flag in reversed(order):
+        key, inner = (id(part), flag), _parts(part, flag)
+        if key in truths:
+            continue
+        if inner is None:
+            holds = Condition(world, part, parameters).holds(tuple(binding.values()), duration)
+            truths[key] = holds != flag
+        else:
+            values = (truths[id(one), each] for one, each in inner[0])
+            truths[key] = all(values) if inner[1] else any(values)
+    return truths
 
 
 def _counterexamples(

@@ -29,6 +29,7 @@ from ..dto import formulas as f
 from ..dto.lexical import fold
 from ..errors import UnsupportedConstructError
 from ..pddl.document import DURATIVE_ACTION, EVENT, PROCESS, Domain, Problem
+from ..pddl.reader import without_collector
 from ..planning import Plan, PlanStep
 from ..plans.interfaces import RecordedPlan, RecordedStep
 from .actions import Changes, Schema, Snap, Update, apply_changes, interference, pass_time
@@ -136,6 +137,7 @@ class Validation:
         return "\n".join(lines)
 
 
+@without_collector()
 def validate(domain: Domain, problem: Problem, plan: Plan | RecordedPlan) -> Validation:
     """Execute a plan.
 

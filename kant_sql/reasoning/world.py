@@ -130,8 +130,8 @@ class World:
         """Return the objects of some types, as declared."""
         found = self._ranges.get(types)
         if found is None:
-            objects = self.objects.items()
-            found = tuple([name for name, own in objects if self.fits(own, types)])
+            fitting = {own for own in set(self.objects.values()) if self.fits(own, types)}
+            found = tuple([name for name, own in self.objects.items() if own in fitting])
             self._ranges[types] = found
         return found
 
