@@ -8,14 +8,10 @@ The store is in memory when no other is named. It needs planners: pip install 'k
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 
 import kant_sql
-from kant_sql import (
-    KnowledgeBase,
-    PddlConditionEffectDto,
-    PddlObjectDto,
-    PddlPropositionDto,
-)
+from kant_sql import KnowledgeBase, NotApplicableError
 from kant_sql.planning import Plan, PlanStep
 
 DOMAIN = """
@@ -48,42 +44,22 @@ PROBLEM = """
 """
 
 
-def ground(literal: PddlConditionEffectDto, bound: dict[str, PddlObjectDto]) -> PddlPropositionDto:
-    """Bind the objects of a step to the action's parameters."""
-    objects = [bound.get(term.name, term) for term in literal.objects]
-    return PddlPropositionDto(literal.predicate, objects)
-
-
-def find(kb: KnowledgeBase, name: str) -> PddlObjectDto:
-    """Return a known object."""
-    dto = kb.objects.get(name)
-    assert dto is not None
-    return dto
-
-
-def act(kb: KnowledgeBase, step: PlanStep) -> None:
-    """Save the effects of a step, as one revision."""
-    action = kb.actions.get(step.action)
-    assert action is not None
-    parameters = [parameter.name for parameter in action.parameters]
-    bound = dict(zip(parameters, (find(kb, name) for name in step.arguments), strict=True))
-    literals = [part for part in action.effects if isinstance(part, PddlConditionEffectDto)]
-    with kb.transaction(actor="executive", reason=f"{step} succeeded", source={"step": str(step)}):
-        for negative in (True, False):
-            for literal in literals:
-                if literal.is_negative == negative:
-                    dao = kb.propositions
-                    (dao.delete if negative else dao.save)(ground(literal, bound))
+def act(kb: KnowledgeBase, steps: Sequence[PlanStep]) -> bool:
+    """Execute steps, each as one revision, until one is not applicable."""
+    for step in steps:
+        try:
+            kb.apply(step, reason=f"{step} succeeded")
+        except NotApplicableError as error:
+            print(error)
+            return False
+    return True
 
 
 def surprise(kb: KnowledgeBase) -> None:
     """Save what perception sees: the letter is elsewhere than the robot believes."""
-    letter = find(kb, "letter")
-    parcel_at = kb.predicates.get("parcel_at")
-    assert parcel_at is not None
     with kb.transaction(actor="perception", reason="the letter was seen at the dock"):
-        kb.propositions.delete(PddlPropositionDto(parcel_at, [letter, find(kb, "hall")]))
-        kb.propositions.save(PddlPropositionDto(parcel_at, [letter, find(kb, "dock")]))
+        kb.propositions.delete("(parcel_at letter hall)")
+        kb.propositions.save("(parcel_at letter dock)")
 
 
 def show(plan: Plan) -> None:
@@ -93,21 +69,19 @@ def show(plan: Plan) -> None:
 
 def main(url: str) -> None:
     """Deliver the letter."""
-    with kant_sql.connect(url, knowledge_base="delivery") as kb:
+    with kant_sql.connect(url, knowledge_base="delivery", actor="executive") as kb:
         with kb.transaction(actor="operator", reason="Monday's mission"):
             kb.load_domain(DOMAIN)
             kb.load_problem(PROBLEM)
         plan = kb.plan(timeout=60)
         show(plan)
-        act(kb, plan.steps[0])
+        act(kb, plan.steps[:1])
         surprise(kb)
-        plan = kb.plan(timeout=60)
-        show(plan)
-        for step in plan.steps:
-            act(kb, step)
-        goals, facts = kb.propositions.get_goals(), kb.propositions.get_no_goals()
-        reached = {str(goal) for goal in goals} <= {str(fact) for fact in facts}
-        print("The goals are reached." if reached else "The goals are not reached.")
+        if not act(kb, plan.steps[1:]):
+            plan = kb.plan(timeout=60)
+            show(plan)
+            act(kb, plan.steps)
+        print("The goals are reached." if kb.is_goal_reached() else "The goals are not reached.")
         print("What happened:")
         for revision in kb.revisions():
             print(f"  {revision.number} {revision.actor}: {revision.reason}")

@@ -10,7 +10,7 @@ from __future__ import annotations
 import sys
 
 import kant_sql
-from kant_sql import KnowledgeBase, PddlPropositionDto
+from kant_sql import KnowledgeBase
 from kant_sql.planning import Plan, PlanStep
 from kant_sql.plans.interfaces import RecordedPlan, RecordedStep
 
@@ -43,23 +43,16 @@ STEPS = (
 )
 
 
-def fact(kb: KnowledgeBase, predicate: str, *names: str) -> PddlPropositionDto:
-    """Return a fact about known objects."""
-    declared = kb.predicates.get(predicate)
-    objects = [dto for dto in map(kb.objects.get, names) if dto is not None]
-    assert declared is not None
-    return PddlPropositionDto(declared, objects)
-
-
-def move(kb: KnowledgeBase, step: RecordedStep) -> bool:
-    """Drive, unless the place is shut; save what was seen."""
-    robot, start, end = step.arguments
-    if end == "lab":
-        kb.propositions.delete(fact(kb, "open", end))
-        return False
-    kb.propositions.delete(fact(kb, "at", robot, start))
-    kb.propositions.save(fact(kb, "at", robot, end))
-    return True
+def execute(kb: KnowledgeBase, step: RecordedStep) -> bool:
+    """Execute a step, unless the place is shut; save what was seen."""
+    if step.arguments[-1] != "lab":
+        kb.apply(step)
+        return True
+    kb.plans.set_status(step, status="started")
+    with kb.transaction(reason="the door is shut", plan_step=step):
+        kb.propositions.delete("(open lab)")
+        kb.plans.set_status(step, status="failed")
+    return False
 
 
 def carry_out(kb: KnowledgeBase, plan: RecordedPlan) -> None:
@@ -68,14 +61,8 @@ def carry_out(kb: KnowledgeBase, plan: RecordedPlan) -> None:
     for step in plan.steps:
         if has_failed:
             kb.plans.set_status(step, status="aborted")
-            continue
-        kb.plans.set_status(step, status="started")
-        with kb.transaction(reason=str(step), plan_step=step):
-            if step.action == "move":
-                has_failed = not move(kb, step)
-            else:
-                kb.propositions.save(fact(kb, "checked", step.arguments[1]))
-            kb.plans.set_status(step, status="failed" if has_failed else "succeeded")
+        else:
+            has_failed = not execute(kb, step)
 
 
 def run(kb: KnowledgeBase) -> int:
@@ -87,8 +74,8 @@ def run(kb: KnowledgeBase) -> int:
     carry_out(kb, plan)
     # The robot is put back, and the night continues.
     with kb.transaction(actor="operator", reason="brought home"):
-        kb.propositions.delete(fact(kb, "at", "rb1", "kitchen"))
-        kb.propositions.save(fact(kb, "at", "rb1", "hall"))
+        kb.propositions.delete("(at rb1 kitchen)")
+        kb.propositions.save("(at rb1 hall)")
     return plan.id
 
 

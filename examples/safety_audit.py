@@ -12,7 +12,7 @@ from collections.abc import Iterable
 from datetime import UTC, datetime, timedelta
 
 import kant_sql
-from kant_sql import KnowledgeBase, PddlPropositionDto
+from kant_sql import KnowledgeBase
 
 DOMAIN = """
 (define (domain house)
@@ -51,15 +51,6 @@ DAY: tuple[tuple[int, str, str, str], ...] = (
 )
 
 
-def fact(kb: KnowledgeBase, text: str) -> PddlPropositionDto:
-    """Return the fact of a text such as `(child_in hall)`."""
-    name, *names = text.strip("()").split()
-    predicate = kb.predicates.get(name)
-    objects = [dto for dto in map(kb.objects.get, names) if dto is not None]
-    assert predicate is not None
-    return PddlPropositionDto(predicate, objects)
-
-
 def changes(text: str) -> Iterable[tuple[str, str]]:
     """Split `-(a) +(b c)` into signs and facts."""
     for part in text.split(")"):
@@ -77,7 +68,7 @@ def live(kb: KnowledgeBase) -> None:
         with kb.transaction(actor=actor, reason=reason, observed_at=seen):
             for sign, text in changes(said):
                 act = kb.propositions.save if sign == "+" else kb.propositions.delete
-                act(fact(kb, text))
+                act(text)
 
 
 def audit(kb: KnowledgeBase) -> None:

@@ -1,8 +1,13 @@
-"""The robot plans, is surprised, plans anew from the store, and everything is on record."""
+"""The robot plans, is surprised, plans anew from the store, and everything is on record.
+
+With actions that take no time, with durations, and with fuel.
+"""
 
 from __future__ import annotations
 
 import importlib.util
+import shutil
+from decimal import Decimal
 from pathlib import Path
 
 import pytest
@@ -30,12 +35,29 @@ What happened:
 """
 
 
+FUEL = """\
+What became of the fuel:
+  1 operator, the tour: (= (fuel blue) 20)
+  2 executive, (drive blue depot village) succeeded: (= (fuel blue) 13.5)
+  3 gauge, the tank leaks: (= (fuel blue) 3.5)
+  4 executive, (drive blue village garage) succeeded: (= (fuel blue) 2.0)
+  5 executive, (refuel blue garage) succeeded: (= (fuel blue) 20)
+  6 executive, (drive blue garage village) succeeded: (= (fuel blue) 18.5)
+  7 executive, (drive blue village farm) succeeded: (= (fuel blue) 10.5)
+"""
+
+
+def missing(module: str) -> bool:
+    return importlib.util.find_spec(module) is None
+
+
 def test_it_delivers_the_letter_in_spite_of_the_surprise(tmp_path: Path) -> None:
     url = f"sqlite:///{tmp_path / 'delivery.db'}"
     done = run_example("plan_and_act.py", url)
     assert (done.returncode, done.stderr) == (0, "")
     assert "Plan of revision 1, by " in done.stdout
     assert "Plan of revision 3, by " in done.stdout
+    assert "(pick letter hall) cannot be applied: (parcel_at letter hall): " in done.stdout
     assert "The goals are reached." in done.stdout
     assert done.stdout.endswith(STORY)
     with kant_sql.connect(url, knowledge_base="delivery") as kb:
@@ -43,5 +65,45 @@ def test_it_delivers_the_letter_in_spite_of_the_surprise(tmp_path: Path) -> None
         assert "(parcel_at letter hall)" in before
         now = {str(fact) for fact in kb.propositions.get_no_goals()}
         assert {"(parcel_at letter office)", "(robot_at dock)", "(gripper_free)"} <= now
-        source = kb.revisions(after=1, limit=1)[0].source
-        assert source == {"step": "(move dock hall)"}
+
+
+@pytest.mark.skipif(missing("up_aries"), reason="aries is not installed")
+def test_a_door_that_slips_breaks_an_invariant_and_is_planned_for_anew(tmp_path: Path) -> None:
+    url = f"sqlite:///{tmp_path / 'ward.db'}"
+    done = run_example("plan_and_act_temporal.py", url)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "(open hall room): does not hold, since revision 5 by camera" in done.stdout
+    assert "The goals are reached." in done.stdout
+    with kant_sql.connect(url, knowledge_base="ward") as kb:
+        first, second = kb.plans.get_all()
+        # The drive is lost, the robot at the door goes on holding it, and nothing else begins.
+        assert {step.action: step.status for step in first.steps} == {
+            "hold_door": "succeeded",
+            "drive": "aborted",
+            "disinfect": None,
+        }
+        assert {step.status for step in second.steps} == {"succeeded"}
+        assert kb.validate(second, at=second.revision).valid
+        # While one robot drives, the other one holds the door.
+        [held] = kb.when("(open hall room)", since=second.recorded_in)
+        [drove] = kb.when("(not (at ?r hall))", since=second.recorded_in)
+        assert held.since is not None
+        assert drove.since is not None
+        assert held.since.number < drove.since.number
+
+
+@pytest.mark.skipif(
+    missing("up_enhsp") or shutil.which("java") is None,
+    reason="ENHSP, or the Java that runs it, is not installed",
+)
+def test_a_leaking_tank_is_noticed_and_refilled_on_the_way(tmp_path: Path) -> None:
+    url = f"sqlite:///{tmp_path / 'courier.db'}"
+    done = run_example("plan_and_act_numeric.py", url)
+    assert (done.returncode, done.stderr) == (0, "")
+    needed = "(drive blue village farm) needs (>= (fuel blue) (length village farm)), "
+    assert f"{needed}which is 3.5 and 8.\n" in done.stdout
+    assert "The goals are reached.\n" in done.stdout
+    assert done.stdout.endswith(FUEL)
+    with kant_sql.connect(url, knowledge_base="courier") as kb:
+        values = [kb.at(number).function_values.get("fuel", objects=["blue"]) for number in (2, 3)]
+        assert values == [Decimal("13.5"), Decimal("3.5")]
