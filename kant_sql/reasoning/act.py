@@ -22,8 +22,8 @@ from ..sql.relations import ConditionStatement
 from ..store.snapshot import View
 from ..store.store import Store
 from ..store.transaction import Transaction
-from .ask import Binding, asked, check_fit, find_object, first_two, question
-from .effects import Earlier, EffectReader, not_applicable, statement_key, write
+from .ask import Binding, asked, check_fit, find_object, first_two, question, statement_key
+from .effects import Earlier, EffectReader, not_applicable, write
 from .explain import Explainer
 from .failures import FailedCondition
 from .grounding import bound, substitute

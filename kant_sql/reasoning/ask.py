@@ -28,6 +28,7 @@ from ..knowledge.symbols import symbols_of
 from ..pddl.conditions import read_condition, text_of
 from ..pddl.cursor import hint
 from ..sql.dialects.base import Row
+from ..sql.estimates import estimates_of
 from ..sql.questions import GUARDS, Question, literal_values, run
 from ..sql.relations import ConditionStatement
 from ..store.snapshot import DefinitionsMovedError, View, refuse_archived
@@ -63,7 +64,7 @@ class Prepared:
         self, view: View, kind: str, write: Callable[[Question], ConditionStatement]
     ) -> ConditionStatement:
         """Return a statement for a state; write it when it is first needed."""
-        key = (kind, view.at is not None, view.session.backend.dialect.name)
+        key = (kind, *statement_key(view))
         found = self._statements.get(key)
         if found is None:
             found = self._statements[key] = write(question(view))
@@ -81,9 +82,23 @@ class Prepared:
         return values
 
 
+def statement_key(view: View, numbers: Iterable[str] = ()) -> tuple[Any, ...]:
+    """Return what a statement depends on besides its condition."""
+    session = view.session
+    generation = estimates_of(view.definitions).current(session, view.kb_id)
+    return view.at is not None, session.backend.dialect.name, generation, *sorted(numbers)
+
+
 def question(view: View, numbers: Iterable[str] = ()) -> Question:
     """Begin a question about a state."""
-    return Question(view.session.backend.words, view.definitions, view.at is not None, numbers)
+    session, kb_id, estimates = view.session, view.kb_id, estimates_of(view.definitions)
+    return Question(
+        session.backend.words,
+        view.definitions,
+        view.at is not None,
+        numbers,
+        lambda predicate: estimates.size(session, kb_id, predicate),
+    )
 
 
 def find_object(definitions: Definitions, given: Binding) -> ObjectDefinition:

@@ -7,7 +7,7 @@ fluent add up; other assignments of one fluent must agree. Numbers are calculate
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from decimal import Decimal
 from typing import Any
@@ -23,7 +23,7 @@ from ..sql.relations import ConditionStatement
 from ..store.caches import AtomKey, FluentKey, FluentValue
 from ..store.snapshot import View
 from ..store.transaction import Transaction
-from .ask import question
+from .ask import question, statement_key
 from .explain import exact
 from .failures import FailedCondition
 from .steps import EffectItem, GroundStep
@@ -40,11 +40,6 @@ _GROUPS = ({"increase", "decrease"}, {"scale-up", "scale-down"})
 
 # For which objects the earlier condition of each effect held.
 Earlier = Mapping[int, set[tuple[Any, ...]]]
-
-
-def statement_key(view: View, numbers: Iterable[str]) -> tuple[Any, ...]:
-    """Return what a statement depends on besides its condition."""
-    return view.at is not None, view.session.backend.dialect.name, *sorted(numbers)
 
 
 @dataclass

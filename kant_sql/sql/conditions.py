@@ -43,6 +43,7 @@ from ..knowledge.conditions import (
 from ..knowledge.definitions import Definitions
 from ..knowledge.rules import DerivationRule, DerivationRules, rules_of
 from .dialects.words import Words
+from .estimates import Size
 
 # The first arguments of a fact that its version has, too.
 ARGUMENT_COLUMNS = ("first_object_id", "second_object_id")
@@ -133,10 +134,18 @@ class ConditionWriter(ABC):
         words: the dialect's.
         definitions: what is defined in the state.
         is_past: whether the state is that of the parameter `at`, not the present.
+        size: returns how many facts of a predicate hold, about; None where that is not known.
     """
 
-    def __init__(self, words: Words, definitions: Definitions, is_past: bool) -> None:
+    def __init__(
+        self,
+        words: Words,
+        definitions: Definitions,
+        is_past: bool,
+        size: Size | None = None,
+    ) -> None:
         self.words = words
+        self.size = size
         self.definitions = definitions
         self.is_past = is_past
         self.rules: DerivationRules = rules_of(definitions)

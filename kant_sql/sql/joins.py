@@ -27,6 +27,7 @@ from ..knowledge.conditions import (
 )
 from ..knowledge.trees import ParameterDefinition
 from .conditions import ARGUMENT_COLUMNS, ConditionWriter, JoinedTables, Places
+from .estimates import COUNTED, domain_size
 
 # SQLite joins at most 64 tables.
 MAX_JOINED = 60
@@ -148,14 +149,15 @@ class _Join:
 
     def _next_fact(self) -> bool:
         """Join the most selective fact that binds a variable."""
-        best: tuple[tuple[float, ...], HoldsFact | FluentIs] | None = None
-        for position, fact in enumerate(self._facts):
-            rank = self._rank(fact)
-            if rank is not None and (best is None or (*rank, position) < best[0]):
-                best = (*rank, position), fact
-        if best is None:
+        ranks = {n: rank for n, fact in enumerate(self._facts) if (rank := self._rank(fact))}
+        if not ranks:
             return False
-        fact = best[1]
+        first = min(ranks.values())
+        equal = [n for n, rank in ranks.items() if rank[0] == first[0]]
+        if len(equal) > 1:
+            # Only where there is a choice it matters how many facts there are.
+            equal.sort(key=lambda n: (self._rows_of(self._facts[n]), ranks[n], n))
+        fact = self._facts[equal[0]]
         self._facts.remove(fact)
         if isinstance(fact, FluentIs):
             self._join_value(fact)
@@ -171,7 +173,7 @@ class _Join:
         unbound = {term for term in terms if not self._is_bound(term)}
         if not unbound:
             return None
-        bound = len(terms) - sum(1 for term in terms if term in unbound)
+        bound = len(terms) - len([term for term in terms if term in unbound])
         if isinstance(fact, FluentIs):
             # A function has one value: once its arguments are bound, one row.
             if all(self._is_bound(term) for term in fact.terms):
@@ -180,6 +182,19 @@ class _Join:
         if self._writer.is_derived(fact):
             return (2 if bound else 4, -bound, len(unbound))
         return (1 if bound else 3, -bound, len(unbound))
+
+    def _rows_of(self, fact: HoldsFact | FluentIs) -> float:
+        """Estimate how many facts one row finds: as many for each object that is bound."""
+        writer = self._writer
+        if isinstance(fact, FluentIs) or writer.is_derived(fact):
+            return 0
+        found = COUNTED if writer.size is None else writer.size(fact.predicate)
+        parameters = writer.definitions.predicates.live(fact.predicate).parameters
+        for term, parameter in zip(fact.terms, parameters, strict=True):
+            if self._is_bound(term):
+                types = closure(writer.definitions, parameter.type_ids)
+                found /= domain_size(writer.definitions, types)
+        return found
 
     def _join_fact(self, fact: HoldsFact) -> None:
         predicate = self._writer.definitions.predicates.live(fact.predicate)

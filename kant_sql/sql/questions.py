@@ -14,6 +14,7 @@ from ..knowledge.conditions import Bound, Column, NumberOf, Part, Quantity, Slot
 from ..knowledge.definitions import Definitions
 from .dialects.base import Row, Session
 from .dialects.words import Words
+from .estimates import Size
 from .intervals import forks_at
 from .relations import (
     ConditionCompiler,
@@ -38,6 +39,7 @@ class Question:
         definitions: what is defined in the state.
         is_past: whether the state is that of a revision, not the present.
         numbers: what comes with each evaluation, as parameters: a duration.
+        size: returns how many facts of a predicate hold, about; None where that is not known.
     """
 
     def __init__(
@@ -46,9 +48,10 @@ class Question:
         definitions: Definitions,
         is_past: bool,
         numbers: Iterable[str] = (),
+        size: Size | None = None,
     ) -> None:
         self._words = words
-        self._compiler = ConditionCompiler(words, definitions, is_past)
+        self._compiler = ConditionCompiler(words, definitions, is_past, size)
         self._compiler.known_numbers = frozenset(numbers)
 
     def truths(

@@ -39,6 +39,7 @@ from ..knowledge.definitions import Definitions
 from ..knowledge.rules import DerivationRule
 from .conditions import Places
 from .dialects.words import Words, quoted
+from .estimates import Size
 from .joins import JoinWriter
 from .query import Query
 
@@ -119,8 +120,14 @@ def delta_parameter(predicate: int) -> str:
 class ConditionCompiler(JoinWriter):
     """Writes the statements of one condition, with the relations that it needs."""
 
-    def __init__(self, words: Words, definitions: Definitions, is_past: bool) -> None:
-        super().__init__(words, definitions, is_past)
+    def __init__(
+        self,
+        words: Words,
+        definitions: Definitions,
+        is_past: bool,
+        size: Size | None = None,
+    ) -> None:
+        super().__init__(words, definitions, is_past, size)
         self.steps: list[Iteration] = []
         self._tables: list[str] = []
         self._relations: dict[Any, str] = {}
@@ -322,7 +329,9 @@ class ConditionCompiler(JoinWriter):
         component = sorted(self.rules.component[predicate])
         if ("iterated", *component) not in self._relations:
             self._relations["iterated", *component] = ""
-            made, steps = iteration(self.words, self.definitions, self.is_past, component)
+            made, steps = iteration(
+                self.words, self.definitions, self.is_past, component, self.size
+            )
             known = [each.arities for each in self.steps]
             self.steps += [each for each in (*steps, made) if each.arities not in known]
         return self.listed(predicate, rows_parameter(predicate))
@@ -388,12 +397,16 @@ def _alternatives(rule: DerivationRule, component: frozenset[int]) -> list[_Alte
 
 
 def iteration(
-    words: Words, definitions: Definitions, is_past: bool, component: Sequence[int]
+    words: Words,
+    definitions: Definitions,
+    is_past: bool,
+    component: Sequence[int],
+    size: Size | None = None,
 ) -> tuple[Iteration, Sequence[Iteration]]:
     """Make the statements that compute a component; return also what they need before."""
     arities = {each: len(definitions.predicates.live(each).parameters) for each in component}
     width = max(arities.values())
-    first, further = (ConditionCompiler(words, definitions, is_past) for _ in range(2))
+    first, further = (ConditionCompiler(words, definitions, is_past, size) for _ in range(2))
     for writer in (first, further):
         for each in component:
             writer.growing[each] = writer.listed(each, rows_parameter(each))

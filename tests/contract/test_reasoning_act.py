@@ -240,7 +240,8 @@ def test_applicable_actions(kb: KnowledgeBase) -> None:
 
 
 def test_each_action_takes_one_statement_when_it_is_needed(kb: KnowledgeBase) -> None:
-    kb.holds("(calm)")
+    # The order of a join is chosen once, by how many facts there are.
+    _ = list(kb.applicable_actions())
     steps = kb.applicable_actions()
     assert count(lambda: next(steps)) == 1
     assert count(lambda: next(steps)) == 1
