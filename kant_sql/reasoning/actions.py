@@ -22,6 +22,7 @@ from typing import NamedTuple
 from ..dto import formulas as f
 from ..dto.lexical import fold
 from ..errors import UnsupportedConstructError
+from ..pddl.cursor import hint
 from ..pddl.document import DURATIVE_ACTION, Action
 from ..pddl.formulas import flatten
 from .arithmetic import DECIMALS, LINEARS, Linear, decimal_of
@@ -384,7 +385,8 @@ class Schema:
         for name, parameter in zip(names, parameters, strict=True):
             known = world.object(name)
             if known is None:
-                return FailedCondition(text, f"there is no object {name}")
+                near = hint(name, list(world.objects))
+                return FailedCondition(text, f"there is no object {name}{near}")
             if known not in world.members(parameter.types):
                 wanted = f"?{parameter.name} is of type {parameter.type_text}"
                 return FailedCondition(text, f"{known} does not fit: {wanted}")

@@ -28,6 +28,7 @@ from typing import NamedTuple
 from ..dto import formulas as f
 from ..dto.lexical import fold
 from ..errors import UnsupportedConstructError
+from ..pddl.cursor import hint
 from ..pddl.document import DURATIVE_ACTION, EVENT, PROCESS, Domain, Problem
 from ..pddl.reader import without_collector
 from ..planning import Plan, PlanStep
@@ -335,7 +336,8 @@ class _Execution:
         step = self.steps[entry.position]
         action = self.world.action(step.action)
         if action is None:
-            failed = FailedCondition(str(step), f"there is no action {step.action}")
+            near = hint(step.action, [one.name for one in self.domain.actions])
+            failed = FailedCondition(str(step), f"there is no action {step.action}{near}")
             raise _Failure(entry.position, None, [failed])
         key = fold(action.name)
         if key not in self.schemas:

@@ -108,7 +108,9 @@ def test_right_hand_sides_and_conditions_are_of_the_state_before() -> None:
     ("wrong", "reason"),
     [
         ("fly hall", "there is no action fly"),
+        ("sty hall", "there is no action sty (did you mean stay?)"),
         ("stay cellar", "there is no object cellar"),
+        ("stay kitchn", "there is no object kitchn (did you mean kitchen?)"),
         ("stay", "stay has 1 parameters, and 0 arguments are given"),
         ("stay hall hall", "stay has 1 parameters, and 2 arguments are given"),
     ],
