@@ -177,6 +177,10 @@ def test_a_branch_may_be_in_another_store(breakfast: str, tmp_path: Path) -> Non
     assert document("branch", breakfast, "--url", target)["knowledge_base"] == "default"
     assert run("dump", target, "--problem").stdout == run("dump", breakfast, "--problem").stdout
     assert "give a name, --url or both" in complaint("branch", breakfast, code=2)
+    server = "postgresql://robot:hunter2@127.0.0.1:1/fleet"
+    line = complaint("branch", breakfast, "--url", server)
+    assert "no connection" in line
+    assert "hunter2" not in line
     empty = document("branch", breakfast, "empty", "--url", target, "--at", "0")
     assert (empty["revision"], empty["source"]) == (None, None)
     text = run("branch", breakfast, "nothing", "--url", target, "--at", "0").stdout
