@@ -26,7 +26,7 @@ from .definitions import Definitions, FunctionDefinition, PredicateDefinition
 # The ids of types whose objects fit; None for all objects.
 TypeSet = frozenset[int] | None
 # SQLite refuses expressions of more than 1,000 levels; a level here takes up to six.
-MAX_LEVELS = 150
+MAX_LEVELS = 120
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,7 +14,8 @@ from typing import Any
 
 from ..dao.function_value import DECREASE, INCREASE, SCALE_DOWN, SCALE_UP, calculate
 from ..dto.elements import atom_text
-from ..dto.lexical import decimal_text, either_text
+from ..dto.formulas import TOTAL_COST
+from ..dto.lexical import decimal_text, either_text, fold
 from ..errors import NotApplicableError, TypeMismatchError
 from ..knowledge.conditions import FALSE, AllOf, Known, NumberOf, Place, Slot, closure, fits
 from ..knowledge.definitions import Definitions, FunctionDefinition, PredicateDefinition
@@ -270,9 +271,11 @@ def _assigned(
     if not any(operators <= group for group in _GROUPS):
         reason = "the step both adds to it and scales it"
         raise not_applicable(step, [FailedCondition(text, reason)])
-    if before is None:
+    # The cost of a plan begins at 0, also where the problem does not say so, as VAL has it.
+    is_cost = before is None and fold(text) == f"({TOTAL_COST})"
+    if before is None and not is_cost:
         raise not_applicable(step, [FailedCondition(text, "has no value that could be changed")])
-    number = Decimal(before.text)
+    number = Decimal(0) if before is None else Decimal(before.text)
     for operator, by in made:
         if operator == "scale-down" and not by:
             raise not_applicable(step, [FailedCondition(text, "the step divides it by 0")])

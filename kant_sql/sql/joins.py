@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 from typing_extensions import override
 
@@ -325,9 +325,8 @@ class _Join:
         }
         columns = [slot for slot in slots if slot not in given]
         bound = [Bound(slot, writer.types_of(slot)) for slot in columns]
-        branches = [writer.rows([part], bound, given) for part in choice.parts]
         alias = writer.alias("u")
-        selection.tables.append(f"({' UNION '.join(branches)}) AS {alias}")
+        selection.tables.append(f"{writer.union(choice, bound, given)} AS {alias}")
         for number, slot in enumerate(columns):
             column = f"{alias}.c{number}"
             if slot in self._unbound:
@@ -380,6 +379,11 @@ class JoinWriter(ConditionWriter):
             found.append(f"{typed} AS c{number}")
         distinct = "" if selection.is_distinct else "DISTINCT "
         return selection.text(f"{distinct}{', '.join(found) or '1 AS present'}")
+
+    def union(self, choice: OneOf, bound: Sequence[Bound], places: Places) -> str:
+        """Write the relation of the variables for which one of some parts holds."""
+        branches = [self.rows([part], bound, places) for part in choice.parts]
+        return f"({' UNION '.join(branches)})"
 
     @abstractmethod
     def past(self, predicate: int, arity: int) -> str:

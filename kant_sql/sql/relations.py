@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from itertools import chain, product
 from math import prod
@@ -20,18 +21,22 @@ from typing import Any, NamedTuple
 from sqlalchemy import text
 from typing_extensions import override
 
+from ..errors import UnsupportedConstructError
 from ..knowledge.conditions import (
     FALSE,
     AllOf,
     Bound,
+    Compares,
     HasType,
     HoldsFact,
+    Lacks,
     OneOf,
     Part,
     Place,
     Slot,
     Witness,
     closure,
+    inner_parts,
     parts_of,
     slots_of,
 )
@@ -117,6 +122,30 @@ def delta_parameter(predicate: int) -> str:
     return f"delta_{predicate}"
 
 
+# How many entries of a parser's stack a subquery takes.
+_SUBQUERY = 10
+# How deep calculations may be nested where the depth is limited; sums and products are flat.
+MAX_CALCULATED = 20
+
+
+def _weight(part: Part) -> int:
+    """Return how many entries of a parser's stack the text around the inner parts takes."""
+    match part:
+        case Witness():
+            return _SUBQUERY
+        case AllOf() | OneOf():
+            return 3
+        case Lacks():
+            return 2
+        case Compares(_, left, right):
+            levels, level = 0, [left, right]
+            while level:
+                level = [inner for outer in level for inner in inner_parts(outer)]
+                levels += 1
+            return 3 * levels
+    return 0
+
+
 class ConditionCompiler(JoinWriter):
     """Writes the statements of one condition, with the relations that it needs."""
 
@@ -131,6 +160,8 @@ class ConditionCompiler(JoinWriter):
         self.steps: list[Iteration] = []
         self._tables: list[str] = []
         self._relations: dict[Any, str] = {}
+        # How deep the parentheses are nested around what is being written.
+        self._level = 0
 
     def statement(self, sql: str) -> ConditionStatement:
         """Make the statement of a SELECT, with the WITH clause that it needs."""
@@ -169,6 +200,73 @@ class ConditionCompiler(JoinWriter):
             self._tables.append(f"{name} ({listed}) AS MATERIALIZED ({sql})")
         return name
 
+    # Depth.
+
+    @override
+    def truth(self, part: Part, places: Places) -> str:
+        weight = _weight(part)
+        if not self._is_too_deep(part, weight):
+            with self._at(self._level + weight):
+                return super().truth(part, places)
+        slots = sorted(slots_of(part), key=lambda slot: slot.number)
+        given = {slot: places[slot] for slot in slots if places[slot].startswith(":")}
+        columns = [slot for slot in slots if slot not in given]
+        with self._at(0):
+            bound = [Bound(slot, self.types_of(slot)) for slot in columns]
+            name = self._apart(self.rows([part], bound, given), len(columns))
+        if not columns:
+            return f"EXISTS (SELECT 1 FROM {name})"
+        values = ", ".join(places[slot] for slot in columns)
+        listed = ", ".join(f"c{n}" for n in range(len(columns)))
+        return f"({values}) IN (SELECT {listed} FROM {name})"
+
+    @override
+    def union(self, choice: OneOf, bound: Sequence[Bound], places: Places) -> str:
+        if not self._is_too_deep(choice, _SUBQUERY):
+            with self._at(self._level + _SUBQUERY):
+                return super().union(choice, bound, places)
+        with self._at(0):
+            sql = super().union(choice, bound, places)
+        return self._apart(f"SELECT * FROM {sql} AS found", len(bound))
+
+    def _is_too_deep(self, part: Part, weight: int) -> bool:
+        """Return whether a part has to be a table of the WITH clause.
+
+        A subquery is better there than a junction: fewer rows are found for it.
+        """
+        levels = self.words.levels
+        if levels is None or not weight:
+            return False
+        if isinstance(part, Compares) and weight > 3 * MAX_CALCULATED:
+            raise UnsupportedConstructError(
+                f"a number is calculated in {weight // 3} nested steps, and at most "
+                f"{MAX_CALCULATED} can be evaluated; compare parts of it"
+            )
+        if not self._level:
+            return False
+        spare = 0 if weight >= _SUBQUERY else 15
+        if self._level + weight <= levels + spare:
+            return False
+        # What a recursive statement has found so far is known in that statement alone.
+        return not any(
+            isinstance(inner, HoldsFact) and self.growing.get(inner.predicate, "(")[0] != "("
+            for inner in parts_of(part)
+        )
+
+    @contextmanager
+    def _at(self, level: int) -> Iterator[None]:
+        before, self._level = self._level, level
+        try:
+            yield
+        finally:
+            self._level = before
+
+    def _apart(self, sql: str, columns: int) -> str:
+        """Add a table; return its name."""
+        name = f"apart_{len(self._tables)}"
+        self._table(name, columns, sql)
+        return name
+
     # Recursion.
 
     @override
@@ -195,10 +293,11 @@ class ConditionCompiler(JoinWriter):
         name = self._relations.get(key)
         if name is None:
             name = self._relations[key] = f"derived_{len(self._relations)}"
-            if limits is None:
-                self._factored(name, alternatives, recursive[0], texts)
-            else:
-                self._recursive(name, predicate, alternatives, limits)
+            with self._at(0):
+                if limits is None:
+                    self._factored(name, alternatives, recursive[0], texts)
+                else:
+                    self._recursive(name, predicate, alternatives, limits)
         return name
 
     def _alternatives(self, predicate: int) -> list[_Alternative] | None:

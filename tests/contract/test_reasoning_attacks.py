@@ -14,6 +14,7 @@ from kant_sql import (
     NotApplicableError,
     PddlError,
     TypeMismatchError,
+    UnsupportedConstructError,
 )
 from tests.support.reading import rows
 
@@ -23,7 +24,7 @@ DOMAIN = """(define (domain yard) (:requirements :adl :fluents :derived-predicat
   (:predicates (at ?r - robot ?w - wp) (p ?x ?y) (done) (lamp ?w - wp)
     (six ?a ?b ?c ?d ?e ?f) (link ?x ?y - wp) (reach ?x ?y - wp) (docked ?x - wp)
     (cut-off ?x - wp))
-  (:functions (level ?x - object) - number (total) - number
+  (:functions (level ?x - object) (total-cost) - number
     (place ?r - robot) - wp (next ?w - wp) - wp (boss ?r - robot) - robot)
   (:derived (reach ?x ?y - wp)
     (or (link ?x ?y) (exists (?z - wp) (and (reach ?x ?z) (reach ?z ?y)))))
@@ -33,6 +34,7 @@ DOMAIN = """(define (domain yard) (:requirements :adl :fluents :derived-predicat
     :effect (and (not (link ?x ?y)) (link ?y ?x)))
   (:action share :parameters (?x ?y - object) :precondition (p ?x ?y)
     :effect (scale-down (level ?x) (level ?y)))
+  (:action pay :parameters () :effect (increase (total-cost) 2))
   (:action follow :parameters (?r - robot) :precondition (done)
     :effect (and (at ?r (place (boss ?r))) (assign (place ?r) (place (boss ?r))))))
 """
@@ -182,6 +184,39 @@ def test_deep_formulas_that_become_flat(yard: KnowledgeBase, levels: int) -> Non
     assert yard.holds("(imply (link a b) " * levels + "(link a b)" + ")" * levels)
 
 
+NESTED: dict[str, Callable[[int], str]] = {
+    "junctions": lambda n: "(and (link a b) (or (done) " * n + "(link a b)" + "))" * n,
+    "quantifiers": lambda n: (
+        "(forall (?x - wp) (exists (?y - robot) (or (done) " * n + "(link a b)" + ")))" * n
+    ),
+    "negations of quantifiers": lambda n: (
+        "".join(f"(exists (?x{i} - wp) (not " for i in range(2 * n + 1))
+        + f"(link ?x{2 * n} ?x0)"
+        + "))" * (2 * n + 1)
+    ),
+    "choices": lambda n: (
+        "".join(f"(exists (?x{i} - wp) (or (done) (and (link a ?x{i}) " for i in range(n))
+        + "(link a b)"
+        + ")))" * n
+    ),
+    "numbers": lambda n: "(> " + "(- " * n + "(level b)" + ")" * n + " -9)",
+}
+
+
+@pytest.mark.parametrize("levels", [2, 8, 12])
+@pytest.mark.parametrize("name", NESTED)
+def test_nested_conditions(yard: KnowledgeBase, name: str, levels: int) -> None:
+    """SQLite parses subqueries of some ten levels only: deeper ones become tables of their own."""
+    assert yard.holds(NESTED[name](levels))
+    assert yard.at(yard.revision).holds(NESTED[name](levels))
+
+
+def test_what_is_nested_too_deep_is_refused(yard: KnowledgeBase) -> None:
+    for name in ("junctions", "quantifiers", "choices", "numbers"):
+        with pytest.raises(UnsupportedConstructError, match=r"deep|steps"):
+            yard.holds(NESTED[name](200))
+
+
 # Bindings.
 
 
@@ -253,6 +288,11 @@ def test_an_effect_without_a_value_is_refused(yard: KnowledgeBase) -> None:
         yard.apply("(follow r1)")
         assert yard.holds("(and (at r1 b) (= (place r1) b) (at r1 a))")
     assert yard.revision == revision + 1
+
+
+def test_the_cost_of_a_plan_begins_at_zero(yard: KnowledgeBase) -> None:
+    yard.apply("(pay)")
+    assert yard.function_values.get("total-cost", objects=[]) == 2
 
 
 def _done(kb: KnowledgeBase) -> Any:

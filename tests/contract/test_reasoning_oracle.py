@@ -10,6 +10,7 @@ from fractions import Fraction
 from random import Random
 from typing import Any
 
+import pytest
 from hypothesis import given
 
 from kant_sql import (
@@ -34,6 +35,8 @@ from tests.support.generators.episodes import (
 )
 from tests.support.profile import PROFILE, hunting
 from tests.support.reading import beside, undone
+
+pytestmark = pytest.mark.slow
 
 _numbers = itertools.count(1)
 # So many assignments of a question's variables are asked one by one.
@@ -267,5 +270,23 @@ def test_steps_are_those_of_the_plain_evaluator(fresh_kb: KnowledgeBase) -> None
         with kb.transaction():
             make(kb, episode.changes[0])
             Judge(kb, episode, episode.changes[0].of(episode.first), "pending").acts()
+
+    same()
+
+
+def test_deep_statements_have_the_same_answers(
+    fresh_kb: KnowledgeBase, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A part that is nested too deep for the parser of SQLite becomes a table of its own."""
+    store: Any = fresh_kb.factory._store  # type: ignore[attr-defined]
+    kind = type(store.backend)
+    monkeypatch.setattr(kind, "words", kind.words._replace(levels=6))
+
+    @hunting(PROFILE.episodes)
+    @given(EPISODES)
+    def same(episode: Episode) -> None:
+        kb = opened(fresh_kb, episode)
+        Judge(kb, episode, episode.first, "present").check()
+        Judge(kb.at(kb.revision), episode, episode.first, "past").check()
 
     same()

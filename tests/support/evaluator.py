@@ -274,7 +274,9 @@ class Evaluator:
                 key, value = self._assignment(effect, inner)
                 changes.setdefault(key, []).append((effect.operator, value))
         for key, several in changes.items():
-            values[key] = assigned(values.get(key), several)
+            # The cost of a plan begins at 0.
+            begun = Fraction(0) if key == ("total-cost",) else None
+            values[key] = assigned(values.get(key, begun), several)
         return replace(self.state, facts=(self.state.facts - removed) | added, values=values)
 
     def _changes(

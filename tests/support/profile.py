@@ -51,7 +51,7 @@ class Profile(NamedTuple):
 
 PROFILES = {
     "quick": Profile(20, 10, 3, 1, 2, 3, 8, 3, 24, 20, 40, 40, 50, False),
-    "default": Profile(100, 30, 8, 3, 4, 8, 20, 6, 24, 40, 100, 60, 10, False),
+    "default": Profile(100, 30, 8, 3, 3, 8, 20, 6, 24, 40, 100, 60, 10, False),
     "long": Profile(500, 500, 100, 20, 600, 50, 500, 60, 100, 500, None, 1_000, 1, True),
 }
 NAME = os.environ.get("KANT_SQL_TEST_PROFILE", "default")

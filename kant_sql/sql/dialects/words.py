@@ -20,6 +20,7 @@ class Words(NamedTuple):
         list_text: writes a list as a literal.
         fence: what ends a subquery that is to be planned by itself; empty where no planner would
             change the order of a join.
+        levels: how deep the parentheses of a statement may be nested; None for any depth.
     """
 
     is_fact: str
@@ -27,6 +28,7 @@ class Words(NamedTuple):
     rows: Callable[[str, int], str]
     list_text: Callable[[Sequence[int] | Sequence[str]], str]
     fence: str
+    levels: int | None = None
 
 
 def quoted(text: str) -> str:
@@ -64,6 +66,8 @@ SQLITE_WORDS = Words(
     _sqlite_rows,
     _sqlite_list,
     "",
+    # The parser has a stack of 100 entries up to SQLite 3.45.
+    levels=45,
 )
 POSTGRESQL_WORDS = Words(
     "NOT {0}.is_goal",
