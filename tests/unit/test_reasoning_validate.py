@@ -394,6 +394,18 @@ def test_invariants_are_checked_while_fluents_change() -> None:
     )
 
 
+def test_derived_predicates_follow_what_changes_continuously() -> None:
+    domain = (
+        TANK.replace("(<= (level) (limit))", "(safe)").replace(
+            "(running) (ready)", "(running) (ready) (safe)"
+        )
+        + " (:derived (safe) (and (<= (level) (limit)) (not (= (level) 2))))"
+    )
+    found = run(domain, WATER, "0 fill / 3")
+    assert failure(found) == (0, "3", "over all", ["(safe): does not hold"])
+    assert run(domain, WATER, "0 fill / 2").valid
+
+
 def test_change_that_is_not_linear_is_refused() -> None:
     for effect in ("(* #t #t)", "(* #t (level))", "(+ #t 1)"):
         domain = TANK.replace("(* #t (flow))", effect)
