@@ -1,7 +1,8 @@
 """The declarative base, column types, and what tables of one sort have in common.
 
-Every table starts with `kb_id`, the first column of each primary key, foreign key and index: a
-knowledge base is the unit of tenancy and of sharding.
+Every table starts with `kb_id`, the first column of each primary key, foreign key and index, except
+for the index of open propositions and those of names and texts: a knowledge base is the unit of
+tenancy and of sharding.
 """
 
 from __future__ import annotations
