@@ -12,6 +12,8 @@ import typer
 from ..dto import formulas as f
 from ..errors import InvalidKnowledgeError, UnsupportedConstructError, printable
 from ..knowledge.canonical import time_text
+from ..pddl.lexer import Source, decode
+from .check import STANDARD_INPUT, read_bytes
 from .common import (
     AsJson,
     At,
@@ -300,8 +302,8 @@ def rules(
         list[str] | None,
         words_argument(
             _RULES_USAGE,
-            "a file of constraints, or one such as '(always (robot_at rb1 wp1))'; default: the "
-            "constraints of the domain and the problem.",
+            "a file of constraints (- is standard input), or one such as "
+            "'(always (robot_at rb1 wp1))'; default: those of the domain and the problem.",
         ),
     ] = None,
     kb: Name = None,
@@ -323,7 +325,7 @@ def rules(
     """
     example = "sqlite:///robot.db '(always (not (robot_at rb1 wp1)))'"
     url, given = split_url(words or (), _RULES_USAGE, example)
-    source = next((one if one.lstrip()[:1] in "(;" else Path(one) for one in given), None)
+    source = next(map(_source, given), None)
     first, last = parse_optional(since, "--since"), parse_state(until, "--until")
     with open_state(url, kb, at) as (name, state):
         found = state.check_rules(source, since=first, until=last, clock=clock)
@@ -334,6 +336,13 @@ def rules(
     else:
         _write_verdicts(Printer(), found)
     return 0 if found.is_satisfied else FAILED
+
+
+def _source(given: str) -> Source:
+    """Return rules that are given as text, as a file, or on standard input."""
+    if given == STANDARD_INPUT:
+        return decode(*read_bytes(given))
+    return given if given.lstrip()[:1] in ("(", ";") else Path(given)
 
 
 def _verdict_document(verdict: Verdict) -> Document:

@@ -12,6 +12,7 @@ import typer
 
 from ..errors import KantSqlError, printable
 from ..planning import Plan, PlanStep
+from .check import STANDARD_INPUT, read_bytes
 from .common import AsJson, At, Name, Url, json_lines, open_state, option
 from .output import Document, Printer, write_json
 
@@ -37,7 +38,8 @@ _Strict = Annotated[
 _Read = Annotated[
     Path | None,
     option(
-        "Read the plan from a file that another planner wrote, instead of planning.",
+        "Read the plan from a file that another planner wrote (- is standard input), instead of "
+        "planning.",
         "--read",
         metavar="FILE",
     ),
@@ -75,7 +77,7 @@ def plan(
         raise typer.BadParameter("these do not go with --read", param_hint=hint)
     with open_state(url, kb, at) as (name, state):
         if read is not None:
-            found = replace(Plan.read(read), revision=state.revision)
+            found = replace(read_plan(read), revision=state.revision)
         else:
             found = state.plan(engine=engine, timeout=timeout, strict=strict)
     recorded = _record(url, name, found, actor, reason) if record else None
@@ -83,6 +85,15 @@ def plan(
         write_json({"knowledge_base": name, **_plan_document(found, recorded)})
     else:
         _write_plan(Printer(), found, recorded)
+
+
+def read_plan(path: Path) -> Plan:
+    """Read a plan from a file, or from standard input."""
+    if str(path) != STANDARD_INPUT:
+        return Plan.read(path)
+    _, content = read_bytes(STANDARD_INPUT)
+    # Text with a line end is no path.
+    return Plan.read(f"{content.decode('utf-8', 'surrogateescape')}\n")
 
 
 def _record(

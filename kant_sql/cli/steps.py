@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ..errors import printable
-from ..planning import Plan
 from .common import (
     Actor,
     AsJson,
@@ -27,7 +26,7 @@ from .common import (
 from .conditions import failed_document, write_failed
 from .history import changes_document, write_changes
 from .output import FAILED, Document, Printer, write_json
-from .plans import get_recorded, step_document
+from .plans import get_recorded, read_plan, step_document
 
 if TYPE_CHECKING:
     from ..reasoning.validate import FailedStep, Validation
@@ -127,7 +126,8 @@ _PLAN_USAGE = "[URL] [FILE]"
 
 def validate(
     words: Annotated[
-        list[str] | None, words_argument(_PLAN_USAGE, "the file of a plan of any planner.")
+        list[str] | None,
+        words_argument(_PLAN_USAGE, "the file of a plan of any planner; - is standard input."),
     ] = None,
     kb: Name = None,
     at: At = None,
@@ -144,7 +144,7 @@ def validate(
     if bool(files) == (id_ is not None):
         raise typer.BadParameter("give a file or --plan", param_hint="FILE")
     with open_state(url, kb, at) as (name, state):
-        plan = Plan.read(Path(files[0])) if id_ is None else get_recorded(state, name, id_)
+        plan = read_plan(Path(files[0])) if id_ is None else get_recorded(state, name, id_)
         found = state.validate(plan)
         if as_json:
             header = {"knowledge_base": name, "revision": state.revision}

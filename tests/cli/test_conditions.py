@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sqlite3
+import subprocess
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,7 @@ import pytest
 
 import kant_sql
 from tests.cli.conftest import write_breakfast
-from tests.support.processes.commands import one_line, run
+from tests.support.processes.commands import command, one_line, run
 
 IN_KITCHEN = "(at rb1 kitchen)"
 
@@ -276,3 +277,21 @@ def test_rules_come_from_the_store_or_a_file(breakfast: str, tmp_path: Path) -> 
     with kant_sql.connect(f"sqlite:///{tmp_path / 'none.db'}") as kb:
         kb.types.save(kant_sql.PddlTypeDto("robot"))
     assert run("rules", f"sqlite:///{tmp_path / 'none.db'}").stdout == "there are no rules\n"
+
+
+def test_rules_come_from_standard_input(tmp_path: Path) -> None:
+    url = f"sqlite:///{tmp_path / 'kitchen.db'}"
+    write_breakfast(url)
+    for rules, code, said in (
+        (f"\n{RULE}\n", 1, f"violated rule: {RULE}\n"),
+        ("(always (at rb1))", 1, "kant-sql: <stdin>:1:"),
+    ):
+        done = subprocess.run(
+            [*command(), "rules", url, "-"],
+            input=rules,
+            text=True,
+            capture_output=True,
+            check=False,
+        )
+        assert done.returncode == code
+        assert (done.stdout or done.stderr).startswith(said)

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+import subprocess
 from pathlib import Path
 
 import kant_sql
 from kant_sql import Plan
+from tests.cli.conftest import write_breakfast
 from tests.cli.test_conditions import complaint, document, documents
-from tests.support.processes.commands import run
+from tests.support.processes.commands import command, run
 
 TAKE, BACK = "(take rb1 cup kitchen)", "(move rb1 kitchen table1)"
 
@@ -152,6 +154,33 @@ def test_a_recorded_plan_is_validated(own_breakfast: str, tmp_path: Path) -> Non
     assert "a file or --plan" in complaint("validate", own_breakfast, *both, code=2)
     missing = str(tmp_path / "missing")
     assert "No such file" in complaint("validate", own_breakfast, missing)
+
+
+def test_a_plan_comes_from_standard_input(tmp_path: Path) -> None:
+    url = f"sqlite:///{tmp_path / 'kitchen.db'}"
+    write_breakfast(url)
+    for plan, code, said in (
+        (TAKE, 0, "the plan is valid\n"),
+        ("", 1, "the plan is not valid\n"),
+        ("take", 1, "kant-sql: <string>:1:1: in the plan: "),
+    ):
+        done = subprocess.run(
+            [*command(), "validate", url, "-"],
+            input=plan,
+            text=True,
+            capture_output=True,
+            check=False,
+        )
+        assert done.returncode == code
+        assert (done.stdout or done.stderr).startswith(said)
+    done = subprocess.run(
+        [*command(), "plan", url, "--read", "-"],
+        input=TAKE,
+        text=True,
+        capture_output=True,
+        check=False,
+    )
+    assert done.stdout.splitlines()[-1] == TAKE
 
 
 def test_a_branch_begins_with_a_state(own_breakfast: str) -> None:
