@@ -13,6 +13,7 @@ from ..knowledge.conditions import (
     AllOf,
     Bound,
     FluentIs,
+    HasType,
     HoldsFact,
     Known,
     OneOf,
@@ -33,6 +34,11 @@ from .estimates import COUNTED, domain_size
 MAX_JOINED = 60
 
 
+def _fit(have: tuple[TypeSet, ...], types: TypeSet) -> bool:
+    """Return whether all objects of some type sets fit types."""
+    return types is None or any(one is not None and one <= types for one in have)
+
+
 class _Join:
     """One join in the making.
 
@@ -51,6 +57,8 @@ class _Join:
         self._equalities: list[SameObject] = []
         self._choices: list[OneOf] = []
         self._filters: list[Part] = []
+        # The types that variables have by what binds them.
+        self._have: dict[Slot, tuple[TypeSet, ...]] = {}
 
     def run(self, parts: Iterable[Part], bound: Iterable[Bound]) -> JoinedTables:
         """Join."""
@@ -61,7 +69,8 @@ class _Join:
             if not (self._equate() or self._next_fact() or self._next_choice()):
                 self._range(next(iter(self._unbound)))
         self._equate()
-        rest = [*self._equalities, *self._facts, *self._choices, *self._filters]
+        filters = [part for part in self._filters if not self._is_fitting(part)]
+        rest = [*self._equalities, *self._facts, *self._choices, *filters]
         selection = self._selection
         selection.where += self._writer.conjuncts(rest, selection.places)
         if len(selection.tables) > MAX_JOINED:
@@ -120,12 +129,21 @@ class _Join:
     def _bind(self, slot: Slot, place: str, have: tuple[TypeSet, ...]) -> None:
         """Bind a variable; check its types where what binds it allows more."""
         wanted = self._unbound.pop(slot)
+        self._have[slot] = have
         self._selection.places[slot] = place
         for types in wanted:
-            if types is not None and not any(one is not None and one <= types for one in have):
+            if not _fit(have, types):
                 self._selection.where.append(
                     self._writer.has_type(slot, types, self._selection.places)
                 )
+
+    def _is_fitting(self, part: Part) -> bool:
+        """Return whether a variable has a type by what binds it."""
+        return (
+            isinstance(part, HasType)
+            and isinstance(part.term, Slot)
+            and _fit(self._have.get(part.term, ()), part.types)
+        )
 
     def _equate(self) -> bool:
         """Bind the variables that equal what is bound."""
@@ -199,6 +217,12 @@ class _Join:
     def _join_fact(self, fact: HoldsFact) -> None:
         predicate = self._writer.definitions.predicates.live(fact.predicate)
         columns = self._past_facts(fact) if self._writer.is_past else self._present_facts(fact)
+        if fact.is_stored and not self._writer.is_past:
+            # Facts of a derived predicate are rare: without any, none is looked up.
+            version = self._writer.alias("v")
+            where = self._writer.versions(version, fact.predicate)
+            tables = f"proposition_version AS {version}"
+            self._selection.where.append(self._writer.exists(tables, where))
         self._match(fact.terms, columns, predicate.parameters)
 
     def _present_facts(self, fact: HoldsFact) -> list[str]:
@@ -273,7 +297,19 @@ class _Join:
         alias = writer.alias("r")
         selection.tables.append(f"{writer.relation(fact, given, selection.places)} AS {alias}")
         columns = [f"{alias}.c{n}" for n in range(len(fact.terms))]
-        self._match(fact.terms, columns, [None] * len(columns))
+        self._match(fact.terms, columns, self._derived_types(fact))
+
+    def _derived_types(self, fact: HoldsFact) -> list[ParameterDefinition | None]:
+        """Return the declared types that the rules of a predicate keep to."""
+        # A use that is limited to the facts of the last round has the negated id.
+        predicate, definitions = abs(fact.predicate), self._writer.definitions
+        rules = self._writer.rules.of(predicate)
+        found: list[ParameterDefinition | None] = []
+        for n, declared in enumerate(definitions.predicates.live(predicate).parameters):
+            have = closure(definitions, declared.type_ids)
+            keep = have is not None and all(_fit(rule.parameters[n].types, have) for rule in rules)
+            found.append(declared if keep else None)
+        return found
 
     def _join_value(self, fact: FluentIs) -> None:
         """Join the versions of an object fluent, with its arguments and its value."""

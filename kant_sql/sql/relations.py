@@ -34,6 +34,7 @@ from ..knowledge.conditions import (
     Part,
     Place,
     Slot,
+    TypeSet,
     Witness,
     closure,
     inner_parts,
@@ -362,14 +363,20 @@ class ConditionCompiler(JoinWriter):
         columns: Iterable[Place] | None = None,
         parts: Iterable[Part] | None = None,
         first: str = "",
+        checked: Mapping[int, tuple[TypeSet, ...]] | None = None,
     ) -> str:
-        """Write the facts that an alternative implies."""
+        """Write the facts that an alternative implies.
+
+        `checked` are the types that given arguments are known to fit.
+        """
+        fitting = {} if checked is None else checked
         parameters = alternative.parameters
         self.declare(parameters)
         places = {parameters[n].slot: place for n, place in given.items()}
         typed = [
             HasType(parameters[n].slot, types)
             for n in given
+            if parameters[n].types != fitting.get(n)
             for types in parameters[n].types
             if types is not None
         ]
@@ -407,20 +414,38 @@ class ConditionCompiler(JoinWriter):
         from_here = {n: f"{reached}.c{column}" for column, n in enumerate(given)}
         parts = [part for part in step.parts if part is not step.uses[0]]
         next_ = [step.uses[0].terms[n] for n in given]
+        # Types are checked once: at the start, and of each object that is reached.
+        checked = {n: step.parameters[n].types for n in given}
+        begun = [
+            self.has_type(step.parameters[n].slot, types, {step.parameters[n].slot: texts[n]})
+            for n in given
+            for types in checked[n]
+            if types is not None
+        ]
+        parts += [
+            HasType(term, types)
+            for term, n in zip(next_, given, strict=True)
+            for types in checked[n]
+            if types is not None
+        ]
         # The other parameters are handed on, so the step does not need them.
         own = step._replace(parameters=tuple(step.parameters[n] for n in given), parts=tuple(parts))
         places = {column: from_here[n] for column, n in enumerate(given)}
-        select = self._select(own, places, next_, first=reached)
-        self._table(reached, len(given), f"SELECT {start} UNION {select}")
+        fitting = dict(enumerate(checked.values()))
+        select = self._select(own, places, next_, first=reached, checked=fitting)
+        started = f"{start} WHERE {' AND '.join(begun)}" if begun else start
+        self._table(reached, len(given), f"SELECT {started} UNION {select}")
         selects = [
-            self._select(each, from_here, first=reached) for each in alternatives if not each.uses
+            self._select(each, from_here, first=reached, checked=checked)
+            for each in alternatives
+            if not each.uses
         ]
-        facts = " UNION ".join(selects)
+        facts = " UNION ALL ".join(selects)
         arity = len(step.parameters)
         columns = ", ".join(
             f"CAST({texts[n]} AS BIGINT)" if n in texts else f"c{n}" for n in range(arity)
         )
-        self._table(name, arity, f"SELECT {columns} FROM ({facts}) AS facts")
+        self._table(name, arity, f"SELECT DISTINCT {columns} FROM ({facts}) AS facts")
 
     def _iterated(self, predicate: int, arity: int) -> str:
         """Have a component computed round by round; return the relation of one predicate."""

@@ -377,3 +377,31 @@ def test_the_sql_of_answers_runs_in_psql(one_database: str) -> None:
         for condition, (columns, rows) in ANSWERS.items():
             found = connection.execute(texts[condition].encode()).fetchall()
             assert found == (rows if columns else [(int(bool(rows)),)]), condition
+
+
+def test_a_closure_has_each_answer_once_whatever_ways_lead_to_it(fresh_kb: KnowledgeBase) -> None:
+    edges = ["a b", "a c", "b d", "c d", "d a", "d e", "e e"]
+    fresh_kb.load_domain(
+        "(define (domain ways) (:requirements :strips :typing :derived-predicates)"
+        " (:types node - object stop - node) (:predicates (edge ?a ?b - node)"
+        " (reach ?a ?b - node) (stops ?a ?b - node))"
+        " (:derived (reach ?a ?b - node)"
+        "  (or (edge ?a ?b) (exists (?c - node) (and (edge ?a ?c) (reach ?c ?b)))))"
+        # Only by stops is it handed on, and only stops are reached.
+        " (:derived (stops ?a ?b - stop)"
+        "  (or (edge ?a ?b) (exists (?c - stop) (and (edge ?a ?c) (stops ?c ?b))))))"
+    )
+    fresh_kb.load_problem(
+        "(define (problem p) (:domain ways) (:objects a b d - stop c e - node)"
+        f" (:init {' '.join(f'(edge {edge})' for edge in edges)}) (:goal (and)))"
+    )
+    assert [*fresh_kb.query("(reach a ?x)")] == [("a",), ("b",), ("d",), ("c",), ("e",)]
+    assert [*fresh_kb.query("(reach ?x e)")] == [("a",), ("b",), ("d",), ("c",), ("e",)]
+    assert [*fresh_kb.query("(stops a ?x)")] == [("a",), ("b",), ("d",)]
+    assert [*fresh_kb.query("(stops c ?x)")] == []
+    assert [*fresh_kb.query("(stops ?x c)")] == []
+    assert fresh_kb.holds("(stops d b)")
+    assert not fresh_kb.holds("(stops d e)")
+    # A fact that is stored of it holds, too.
+    fresh_kb.propositions.save("(reach e b)")
+    assert [*fresh_kb.query("(reach e ?x)")] == [("b",), ("e",)]
