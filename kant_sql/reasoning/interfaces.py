@@ -443,7 +443,7 @@ class Reasoning(Interface):
             The periods, in the order of their beginnings; none of them adjoin.
 
         Raises:
-            PddlError: the condition is not well-formed, or a name in it was never defined.
+            PddlError: the condition is not well-formed, or no state had all its names.
             InvalidArgumentError: a binding names no free variable.
             UnknownRevisionError: `since` or `until` lies in the future, or is a time without zone.
             ArchivedError: a part of the range was moved to an archive.
@@ -485,7 +485,7 @@ class Reasoning(Interface):
             The verdicts, in the order of the rules.
 
         Raises:
-            PddlError: a rule is not well-formed, or a name in it was never defined.
+            PddlError: a rule is not well-formed, or no state had all the names in the rules.
             UnsupportedConstructError: PDDL 3.0 gives a rule no meaning, as to nested modalities.
             SourceError: the file cannot be read.
             InvalidArgumentError: there is no such clock.

@@ -9,13 +9,14 @@ from typing import Any, NamedTuple, TypeVar
 from ..arguments import shown
 from ..dto import PddlObjectDto
 from ..dto import formulas as f
-from ..dto.lexical import fold
-from ..errors import InvalidArgumentError, InvalidKnowledgeError
+from ..dto.lexical import either_text, fold
+from ..errors import InvalidArgumentError, InvalidKnowledgeError, TypeMismatchError
 from ..history.revisions import LARGEST, read_archived_revision
 from ..knowledge.definitions import Definitions
 from ..knowledge.symbols import symbols_of
 from ..pddl.conditions import ReadCondition, read_condition, text_of
 from ..pddl.cursor import hint
+from ..pddl.hierarchy import Fit
 from ..pddl.symbols import SymbolTable
 from ..sql.dialects.base import Session
 from ..sql.held import read_last_revisions
@@ -28,34 +29,33 @@ T = TypeVar("T")
 EXAMPLE = "(robot_at rb1 kitchen)"
 
 
+Read = Callable[[SymbolTable], ReadCondition]
+
+
 class PastQuestion(NamedTuple):
     """A condition, and the definitions with which it was read.
 
     Attributes:
         formula: the condition; variables that are bound by the caller are objects.
         free: its free variables; `object` where nothing declares a type.
-        are_declared: whether the caller declared them.
+        unbound: the condition as it was given, with all its free variables.
+        objects: the objects that the caller bound variables to.
         definitions: those of the latest state in which all names had a meaning.
+        read: reads it again with the names of another state; raises `InvalidKnowledgeError` where
+            it has no meaning.
     """
 
     formula: f.Formula
     free: tuple[f.TypedName, ...]
-    are_declared: bool
+    unbound: ReadCondition
+    objects: tuple[f.Constant, ...]
     definitions: Definitions
+    read: Read
 
     @property
     def columns(self) -> tuple[str, ...]:
         """The names of the free variables."""
         return tuple([variable.name for variable in self.free])
-
-    def read(self, symbols: SymbolTable) -> ReadCondition:
-        """Read it again, with the names of another state.
-
-        Raises:
-            InvalidKnowledgeError: it has no meaning there.
-        """
-        declared = f.variables_text(self.free) if self.are_declared else None
-        return read_condition(str(self.formula), symbols=symbols, parameters=declared)
 
 
 def ask(
@@ -67,40 +67,64 @@ def ask(
 ) -> PastQuestion:
     """Read a condition with the names of the latest state in which it has a meaning."""
     text = text_of(condition, EXAMPLE)
+    objects = {name: _name(name, value) for name, value in bindings.items()}
 
-    def read(symbols: SymbolTable) -> ReadCondition:
+    def whole(symbols: SymbolTable) -> ReadCondition:
         return read_condition(text, symbols=symbols, parameters=parameters)
 
-    found, definitions = read_at_last(store, text, read, upto)
-    question = PastQuestion(found.formula, found.free, found.are_declared, definitions)
-    return _bound(question, bindings) if bindings else question
+    def read(symbols: SymbolTable) -> ReadCondition:
+        return _bound(whole(symbols), objects, symbols) if objects else whole(symbols)
+
+    words = " ".join([text, *objects.values()])
+    found, definitions = read_at_last(store, words, read, upto)
+    unbound = whole(symbols_of(definitions))
+    bound = tuple([f.Constant(name) for name in objects.values()])
+    return PastQuestion(found.formula, found.free, unbound, bound, definitions, read)
 
 
-def _bound(question: PastQuestion, bindings: Mapping[str, Any]) -> PastQuestion:
+def _name(variable: str, value: object) -> str:
+    """Return the name of the object that a variable is bound to."""
+    name = value.name if isinstance(value, PddlObjectDto) else value
+    if not isinstance(name, str):
+        raise InvalidArgumentError(
+            f"{variable}={shown(value)} is no object; give its name or a PddlObjectDto"
+        )
+    return name
+
+
+def _bound(found: ReadCondition, objects: Mapping[str, str], symbols: SymbolTable) -> ReadCondition:
     """Put objects in the place of some free variables."""
-    free = {fold(variable.name): variable for variable in question.free}
+    free = {fold(variable.name): variable for variable in found.free}
     binding: dict[str, str] = {}
-    for name, value in bindings.items():
+    for name, given in objects.items():
         # A keyword has `_` where a variable may have `-`.
         key = next((key for key in free if _plain(key) == _plain(fold(name))), None)
         if key is None:
-            known = ", ".join(f"?{one}" for one in question.columns) or "none"
+            columns = [variable.name for variable in found.free]
+            known = ", ".join(f"?{column}" for column in columns) or "none"
             raise InvalidArgumentError(
-                f"the condition has no free variable ?{name}{hint(name, [*question.columns])}; "
-                f"it has {known}"
+                f"the condition has no free variable ?{name}{hint(name, columns)}; it has {known}"
             )
-        object_ = value.name if isinstance(value, PddlObjectDto) else value
-        if not isinstance(object_, str):
-            raise InvalidArgumentError(
-                f"{name}={shown(value)} is no object; give its name or a PddlObjectDto"
-            )
-        del free[key]
-        binding[key] = object_
-    bound = question._replace(
-        formula=substitute(question.formula, binding), free=tuple(free.values())
-    )
-    again = bound.read(symbols_of(question.definitions))
-    return bound._replace(formula=again.formula, free=again.free)
+        binding[key] = _fitting(given, free.pop(key), symbols)
+    bound = substitute(found.formula, binding)
+    rest = tuple(free.values())
+    declared = f.variables_text(rest) if found.are_declared else None
+    again = read_condition(str(bound), symbols=symbols, parameters=declared)
+    return again._replace(free=rest)
+
+
+def _fitting(name: str, variable: f.TypedName, symbols: SymbolTable) -> str:
+    """Return the declared spelling of an object that a variable can be."""
+    entity = symbols.object(name)
+    if entity is None:
+        known = hint(name, list(symbols.object_names()))
+        raise InvalidKnowledgeError(f"the object {name!r} is not known{known}")
+    if symbols.fit(entity[1], variable.types) != Fit.YES:
+        raise TypeMismatchError(
+            f"?{variable.name} is {name} of type {either_text(entity[1])}, expected "
+            f"{variable.type_text}"
+        )
+    return str(entity[0])
 
 
 def _plain(name: str) -> str:
@@ -114,7 +138,7 @@ def read_at_last(
 
     Args:
         store: the knowledge base.
-        text: the text.
+        text: the text, whose names are looked for in the past.
         read: reads it.
         upto: the revision of a view of the past.
 

@@ -91,7 +91,7 @@ class Sweep:
         self,
         session: Session,
         kb_id: int,
-        formulas: Sequence[f.Formula],
+        formulas: Sequence[f.Node],
         definitions: Definitions,
         span: Range,
         ranges: bool,
@@ -101,7 +101,7 @@ class Sweep:
         Args:
             session: the session, in a transaction that sees one state.
             kb_id: the knowledge base.
-            formulas: the formulas.
+            formulas: the formulas, and further objects.
             definitions: those with which their names have a meaning.
             span: the range; not empty.
             ranges: whether variables range over objects besides those of quantifiers.

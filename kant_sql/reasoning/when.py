@@ -85,21 +85,22 @@ class _Search:
 
     def _is_join(self, atoms: Sequence[f.Atom]) -> bool:
         """Return whether versions of facts alone tell when a conjunction held."""
-        definitions, free = self._question.definitions, self._question.free
-        mentioned = {fold(str(term)[1:]) for atom in atoms for term in atom.terms}
-        if any(fold(variable.name) not in mentioned for variable in free):
+        definitions, given = self._question.definitions, self._question.unbound
+        unbound = conjunction(given.formula) or []
+        mentioned = {fold(str(term)[1:]) for atom in unbound for term in atom.terms}
+        if any(fold(variable.name) not in mentioned for variable in given.free):
             return False
         ids = sorted({self._predicate(atom).id for atom in atoms})
         meanings, rules = read_meanings(self._session, self._kb_id, ids, *self._range[:2])
         derived = {fold(found[1]) for rule in rules if (found := RULE.match(rule))}
         if any(fold(atom.predicate) in derived for atom in atoms):
             return False
-        if not self._question.are_declared:
+        if not given.are_declared:
             return True
         stable = [
-            atom for atom in atoms if meanings[(one := self._predicate(atom)).id] == {one.text}
+            atom for atom in unbound if meanings[(one := self._predicate(atom)).id] == {one.text}
         ]
-        return all(_is_implied(variable, stable, definitions) for variable in free)
+        return all(_is_implied(variable, stable, definitions) for variable in given.free)
 
     def _predicate(self, atom: f.Atom) -> PredicateDefinition:
         found = self._question.definitions.predicates.named(atom.predicate)
@@ -132,7 +133,7 @@ class _Search:
         sweep = Sweep(
             self._session,
             self._kb_id,
-            [question.formula],
+            [question.formula, *question.objects],
             question.definitions,
             self._range,
             bool(question.free),
