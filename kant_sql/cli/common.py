@@ -6,10 +6,10 @@ import os
 import re
 import signal
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from datetime import UTC, datetime, timedelta
-from typing import TYPE_CHECKING, Annotated, Any, NoReturn
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn, TypeVar
 
 import typer
 
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from ..knowledge_base import KnowledgeBase
 
 
+T = TypeVar("T")
 URL_VARIABLE = "KANT_SQL_URL"
 DEFAULT_NAME = "default"
 JSON_OPTION = "--json"
@@ -249,6 +250,28 @@ def open_state(url: str, name: str | None, at: str | None) -> Iterator[tuple[str
     when = parse_state(at)
     with open_to_read(url, name) as (chosen, knowledge_base):
         yield chosen, knowledge_base.at(knowledge_base.revision if when is None else when)
+
+
+def ask_state(
+    url: str, name: str | None, at: str | None, question: Callable[[KnowledgeBase], T]
+) -> tuple[str, int, T]:
+    """Ask one state of an existing knowledge base.
+
+    The present is asked as such: its facts have indexes that those of the past lack. If somebody
+    writes meanwhile, the state before is asked again.
+
+    Returns:
+        The name of the knowledge base, the revision of the state, and the answer.
+    """
+    when = parse_state(at)
+    with open_to_read(url, name) as (chosen, knowledge_base):
+        if when is None:
+            when = knowledge_base.revision
+            answer = question(knowledge_base)
+            if knowledge_base.revision == when:
+                return chosen, when, answer
+        state = knowledge_base.at(when)
+        return chosen, state.revision, question(state)
 
 
 def choose(name: str | None, names: Sequence[str]) -> str:

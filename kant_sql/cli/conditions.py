@@ -22,9 +22,9 @@ from .common import (
     Since,
     Until,
     Url,
+    ask_state,
     json_lines,
     open_state,
-    open_to_read,
     option,
     parse_fixed,
     parse_optional,
@@ -38,6 +38,7 @@ from .output import FAILED, Document, Printer, write_json
 if TYPE_CHECKING:
     from ..history.revisions import Revision
     from ..knowledge_base import KnowledgeBase
+    from ..reasoning.ask import Answers
     from ..reasoning.failures import FailedCondition
     from ..reasoning.held import Held
     from ..reasoning.verdicts import Verdict
@@ -74,20 +75,25 @@ def query(
     """
     url, (condition,) = split_url(words, _USAGE, _EXAMPLE)
     fixed = parse_fixed(fix)
-    # The statement for the present stays one for the present.
-    is_live = sql and parse_state(at) is None
-    with open_to_read(url, kb) if is_live else open_state(url, kb, at) as (name, state):
+
+    def find(state: KnowledgeBase) -> Answers | str:
         answers = state.query(condition, parameters=parameters, limit=limit, **fixed)
         if sql:
-            _write_sql(name, answers.sql, as_json)
-        elif as_json:
-            for answer in answers.to_dicts():
-                write_json(answer)
-        elif not answers.columns:
-            Printer().line("holds" if answers else "does not hold")
-        else:
-            columns = [f"?{column}" for column in answers.columns]
-            Printer().table("answers", columns, list(answers))
+            return answers.sql
+        # They are read from the state when they are first needed.
+        len(answers)
+        return answers
+
+    name, _, found = ask_state(url, kb, at, find)
+    if isinstance(found, str):
+        _write_sql(name, found, as_json)
+    elif as_json:
+        for answer in found.to_dicts():
+            write_json(answer)
+    elif not found.columns:
+        Printer().line("holds" if found else "does not hold")
+    else:
+        Printer().table("answers", [f"?{column}" for column in found.columns], list(found))
 
 
 def _write_sql(name: str, statement: str, as_json: bool) -> None:
@@ -106,13 +112,14 @@ def holds(
     """
     url, (condition,) = split_url(words, _USAGE, _EXAMPLE)
     fixed = parse_fixed(fix)
-    with open_state(url, kb, at) as (name, state):
-        does_hold = state.holds(condition, **fixed)
-        if as_json:
-            header = {"knowledge_base": name, "revision": state.revision}
-            write_json({**header, "condition": condition, "holds": does_hold})
-        else:
-            Printer().line("holds" if does_hold else "does not hold")
+    name, revision, does_hold = ask_state(
+        url, kb, at, lambda state: state.holds(condition, **fixed)
+    )
+    if as_json:
+        header = {"knowledge_base": name, "revision": revision}
+        write_json({**header, "condition": condition, "holds": does_hold})
+    else:
+        Printer().line("holds" if does_hold else "does not hold")
     return 0 if does_hold else FAILED
 
 
@@ -130,11 +137,13 @@ def goals(url: Url, kb: Name = None, at: At = None, as_json: AsJson = False) -> 
 
     Preferences do not count. The value of the metric is shown, too.
     """
-    with open_state(url, kb, at) as (name, state):
-        found = list(_goals(state))
-        unsatisfied = state.unsatisfied_goals()
-        metric, value, lack = _metric(state)
-        revision = state.revision
+    name, revision, answer = ask_state(
+        url,
+        kb,
+        at,
+        lambda state: (list(_goals(state)), state.unsatisfied_goals(), _metric(state)),
+    )
+    found, unsatisfied, (metric, value, lack) = answer
     if as_json:
         document: Document = {
             "knowledge_base": name,

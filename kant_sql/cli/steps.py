@@ -15,6 +15,7 @@ from .common import (
     Fixed,
     Name,
     Reason,
+    ask_state,
     json_lines,
     open_state,
     open_to_read,
@@ -42,18 +43,17 @@ def why_not(words: _Step, kb: Name = None, at: At = None, as_json: AsJson = Fals
     Of a durative action, those at its start count.
     """
     url, (step,) = split_url(words, _STEP_USAGE, _STEP_EXAMPLE)
-    with open_state(url, kb, at) as (name, state):
-        failed = state.why_not(step)
-        if as_json:
-            header = {"knowledge_base": name, "revision": state.revision, "step": step}
-            unsatisfied = [failed_document(part) for part in failed]
-            write_json({**header, "is_applicable": not failed, "unsatisfied": unsatisfied})
-            return
-        printer = Printer()
-        if failed:
-            write_failed(printer, failed)
-        else:
-            printer.line(f"{step} is applicable")
+    name, revision, failed = ask_state(url, kb, at, lambda state: state.why_not(step))
+    if as_json:
+        header = {"knowledge_base": name, "revision": revision, "step": step}
+        unsatisfied = [failed_document(part) for part in failed]
+        write_json({**header, "is_applicable": not failed, "unsatisfied": unsatisfied})
+        return
+    printer = Printer()
+    if failed:
+        write_failed(printer, failed)
+    else:
+        printer.line(f"{step} is applicable")
 
 
 _APPLICABLE_USAGE = "[URL] [ACTION]"
@@ -78,14 +78,16 @@ def applicable(
     """
     url, names = split_url(words or (), _APPLICABLE_USAGE, "sqlite:///robot.db move")
     fixed = parse_fixed(fix)
-    with open_state(url, kb, at) as (_, state):
-        printer = Printer()
-        for step in state.applicable_actions(*names, limit=limit, **fixed):
-            if as_json:
-                document = {"action": step.action, "arguments": list(step.arguments)}
-                write_json({**document, "step": str(step)})
-            else:
-                printer.line(printable(str(step)))
+    _, _, steps = ask_state(
+        url, kb, at, lambda state: list(state.applicable_actions(*names, limit=limit, **fixed))
+    )
+    printer = Printer()
+    for step in steps:
+        if as_json:
+            document = {"action": step.action, "arguments": list(step.arguments)}
+            write_json({**document, "step": str(step)})
+        else:
+            printer.line(printable(str(step)))
 
 
 def apply(

@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 
 import kant_sql
+from kant_sql import KnowledgeBase
 from tests.cli.conftest import write_breakfast
 from tests.support.processes.commands import command, one_line, run
 
@@ -105,6 +106,26 @@ def test_holds_is_an_exit_code(breakfast: str) -> None:
         "condition": "(at ?r kitchen)",
         "holds": False,
     }
+
+
+def test_what_is_written_meanwhile_is_no_part_of_the_answer(
+    own_breakfast: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[int] = []
+    holds = KnowledgeBase.holds
+
+    def write_first(kb: KnowledgeBase, *words: Any, **fixed: Any) -> bool:
+        asked.append(kb.revision)
+        if len(asked) == 1:
+            with kant_sql.connect(own_breakfast) as writer:
+                writer.propositions.delete(IN_KITCHEN)
+        return holds(kb, *words, **fixed)
+
+    monkeypatch.setattr(KnowledgeBase, "holds", write_first)
+    found = document("holds", own_breakfast, IN_KITCHEN)
+    assert (found["revision"], found["holds"], asked) == (2, True, [2, 2])
+    found = document("holds", own_breakfast, IN_KITCHEN, code=1)
+    assert (found["revision"], found["holds"], asked) == (3, False, [2, 2, 3])
 
 
 def test_the_url_may_come_from_the_environment(breakfast: str) -> None:
