@@ -25,7 +25,7 @@ class Pyperplan:
 
         parser = Parser(domain, problem)
         task = parser.parse_problem(parser.parse_domain())
-        self._task = ground(task, remove_irrelevant_operators=False)
+        self._task = ground(task, False, False)
         self.first = self._task.initial_state
 
     def look(self, state: Any) -> State:
