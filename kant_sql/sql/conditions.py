@@ -56,6 +56,8 @@ MAX_JOINED = 40
 
 Places = Mapping[Slot, str]
 _ALIAS = re.compile(r"\b([a-z]\d+)\.")
+# A row looked up in a relation.
+_LISTED = re.compile(r"\([^()]*\) IN \(SELECT c0")
 # A table of the schema with its alias.
 _STORED = re.compile(r"[a-z_]+ AS [a-z]\d+")
 
@@ -219,7 +221,10 @@ class ConditionWriter(ABC):
                 sides = self.number(left, places), self.number(right, places)
                 return f"COALESCE({sides[0]} {operator} {sides[1]}, FALSE)"
             case Lacks(inner):
-                return f"NOT ({self.truth(inner, places)})"
+                text = self.truth(inner, places)
+                # For NOT IN, SQLite looks for NULL in all rows of the list, for each row that asks.
+                is_listed = _LISTED.match(text) is not None
+                return f"({text}) IS NOT TRUE" if is_listed else f"NOT ({text})"
             case AllOf(parts) | OneOf(parts):
                 return self._junction(part, parts, places)
             case Witness(bound, inner):
