@@ -223,7 +223,8 @@ class PreparedAction:
                 with self._resolver.within(variables) as bound:
                     yield from self._effect(inner, around.binding(bound), time)
             case f.When(condition, inner):
-                yield from self._effect(inner, self._when(condition, around, time), time)
+                if _has_effect(inner, time):
+                    yield from self._effect(inner, self._when(condition, around, time), time)
             case _ if time is None:
                 yield self._leaf(node, around)
             case f.Assign():
@@ -290,6 +291,13 @@ class _Around:
         if needed:
             lacking = all_of([self.condition, negate(Witness(tuple(bound), all_of(needed)))])
         return within.bound, within.condition, within.earlier, lacking, self.bound
+
+
+def _has_effect(effect: f.Formula, time: str | None) -> bool:
+    """Return whether something of an effect happens at a time."""
+    if time is None:
+        return True
+    return any(isinstance(node, f.Timed) and node.time == time for node in f.walk(effect))
 
 
 def of_time(node: f.Formula, time: str | None) -> f.Formula | None:

@@ -34,6 +34,9 @@ DOMAIN = """(define (domain yard) (:requirements :adl :fluents :derived-predicat
     :effect (and (not (link ?x ?y)) (link ?y ?x)))
   (:action share :parameters (?x ?y - object) :precondition (p ?x ?y)
     :effect (scale-down (level ?x) (level ?y)))
+  (:durative-action light :parameters (?w - wp) :duration (= ?duration 2)
+    :condition (at start (not (lamp ?w)))
+    :effect (and (at start (done)) (when (at end (done)) (at end (lamp ?w)))))
   (:action pay :parameters () :effect (increase (total-cost) 2))
   (:action follow :parameters (?r - robot) :precondition (done)
     :effect (and (at ?r (place (boss ?r))) (assign (place ?r) (place (boss ?r))))))
@@ -288,6 +291,13 @@ def test_an_effect_without_a_value_is_refused(yard: KnowledgeBase) -> None:
         yard.apply("(follow r1)")
         assert yard.holds("(and (at r1 b) (= (place r1) b) (at r1 a))")
     assert yard.revision == revision + 1
+
+
+def test_a_condition_at_the_end_of_an_effect_there(yard: KnowledgeBase) -> None:
+    yard.end(yard.start("(light b)"))
+    assert yard.holds("(lamp b)")
+    yard.apply("(light k)")
+    assert yard.holds("(lamp k)")
 
 
 def test_the_cost_of_a_plan_begins_at_zero(yard: KnowledgeBase) -> None:

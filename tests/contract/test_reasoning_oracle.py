@@ -6,6 +6,7 @@ KANT_SQL_TEST_EXAMPLES=5000 hunts for longer, each time from another seed.
 from __future__ import annotations
 
 import itertools
+from collections.abc import Callable
 from fractions import Fraction
 from random import Random
 from typing import Any
@@ -21,10 +22,10 @@ from kant_sql import (
     PddlPropositionDto,
     TypeMismatchError,
 )
-from kant_sql.dto.formulas import Atom, variables_text
+from kant_sql.dto.formulas import AT_END, AT_START, OVER_ALL, Atom, variables_text
 from kant_sql.dto.lexical import fold
 from kant_sql.pddl import write
-from kant_sql.pddl.document import Action
+from kant_sql.pddl.document import DURATIVE_ACTION, Action
 from tests.support.evaluator import Bindings, Evaluator, Ground, State, UndefinedEffectError
 from tests.support.generators.episodes import (
     EPISODES,
@@ -98,10 +99,10 @@ def folded(rows: Any) -> list[tuple[str, ...]]:
     return [tuple(map(fold, row)) for row in rows]
 
 
-def is_refused(kb: KnowledgeBase, step: str) -> bool:
+def is_refused(act: Callable[[str], object], step: str) -> bool:
     """Whether a step cannot be executed."""
     try:
-        kb.apply(step)
+        act(step)
     except NotApplicableError:
         return True
     return False
@@ -211,6 +212,8 @@ class Judge:
         assert folded(found) == wanted, about
         random = Random(self.episode.seed)
         for action in actions:
+            if action.kind == DURATIVE_ACTION:
+                continue
             every = [tuple(bound.values()) for bound in self.plain.bindings(action.parameters)]
             for arguments in random.sample(every, min(len(every), ASSIGNED)):
                 self.act(action, arguments, (fold(action.name), *arguments) in wanted)
@@ -226,17 +229,55 @@ class Judge:
         except UndefinedEffectError:
             after = None
         if after is None:
-            assert is_refused(kb, step), about
+            assert is_refused(kb.apply, step), about
             assert state_in(kb) == before, about
             return
         with undone(kb):
             kb.apply(step)
-            facts, values = state_in(kb)
-            assert facts == after.facts, about
-            assert values.keys() == after.values.keys(), about
-            for fluent, value in after.values.items():
-                assert is_same(values[fluent], value), f"{about}: {fluent}"
+            self.is_in(after, about)
         assert state_in(kb) == before, about
+
+    def lasts(self) -> None:
+        """Durative steps start and end as they do in the state."""
+        random = Random(self.episode.seed)
+        for action in self.episode.domain.actions:
+            every = [tuple(bound.values()) for bound in self.plain.bindings(action.parameters)]
+            if action.kind == DURATIVE_ACTION:
+                for arguments in random.sample(every, min(len(every), ASSIGNED)):
+                    with undone(self.view):
+                        self.last(action, arguments)
+
+    def last(self, action: Action, arguments: tuple[str, ...]) -> None:
+        kb, step = self.view, f"({' '.join((action.name, *arguments))})"
+        about = f"episode({self.episode.seed}): {step}"
+        state = self._after(self.plain, action, arguments, AT_START)
+        assert is_refused(kb.start, step) is (state is None), about
+        if state is None:
+            return
+        self.is_in(state, about)
+        here = Evaluator(self.episode.theory, state)
+        is_kept = arguments in here.applicable(action, OVER_ALL)
+        after = self._after(here, action, arguments, AT_END) if is_kept else None
+        assert is_refused(kb.end, step) is (after is None), about
+        self.is_in(state if after is None else after, about)
+
+    def _after(
+        self, here: Evaluator, action: Action, arguments: tuple[str, ...], time: str
+    ) -> State | None:
+        """The state after a time of a step; None if it cannot happen."""
+        if arguments not in here.applicable(action, time):
+            return None
+        try:
+            return here.apply(action, arguments, time)
+        except UndefinedEffectError:
+            return None
+
+    def is_in(self, state: State, about: str) -> None:
+        facts, values = state_in(self.view)
+        assert facts == state.facts, about
+        assert values.keys() == state.values.keys(), about
+        for fluent, value in state.values.items():
+            assert is_same(values[fluent], value), f"{about}: {fluent}"
 
 
 def test_answers_are_those_of_the_plain_evaluator(fresh_kb: KnowledgeBase) -> None:
@@ -266,7 +307,9 @@ def test_steps_are_those_of_the_plain_evaluator(fresh_kb: KnowledgeBase) -> None
     @given(EPISODES)
     def same(episode: Episode) -> None:
         kb = opened(fresh_kb, episode)
-        Judge(kb, episode, episode.first, "present").acts()
+        judge = Judge(kb, episode, episode.first, "present")
+        judge.acts()
+        judge.lasts()
         with kb.transaction():
             make(kb, episode.changes[0])
             Judge(kb, episode, episode.changes[0].of(episode.first), "pending").acts()

@@ -14,6 +14,7 @@ from fractions import Fraction
 from typing import Any, Protocol, TypeVar
 
 from kant_sql.dto.formulas import (
+    AT_START,
     And,
     Arithmetic,
     Assign,
@@ -140,6 +141,13 @@ def occurrences(formula: Node, positive: bool = True) -> Iterator[tuple[str, boo
             yield from occurrences(formula.formula, positive)
 
 
+def of_time(condition: Node, time: str | None) -> Node:
+    """What a condition says of a time; what it says of no time, it says of each."""
+    if isinstance(condition, Timed):
+        return condition.formula if condition.time == time else And()
+    return condition
+
+
 class Evaluator:
     """What holds in a state."""
 
@@ -250,14 +258,15 @@ class Evaluator:
             if self.holds(formula, {**given, **bound})
         ]
 
-    def applicable(self, action: ActionLike) -> list[tuple[str, ...]]:
-        """The arguments for which an action's condition holds."""
-        return self.answers(And(tuple(action.condition)), action.parameters)  # type: ignore[arg-type]
+    def applicable(self, action: ActionLike, time: str = AT_START) -> list[tuple[str, ...]]:
+        """The arguments for which the condition holds; of a durative action, that of a time."""
+        parts = tuple(of_time(part, time) for part in action.condition)
+        return self.answers(And(parts), action.parameters)  # type: ignore[arg-type]
 
-    def apply(self, action: ActionLike, arguments: Sequence[str]) -> State:
-        """The state after an action that is applicable."""
+    def apply(self, action: ActionLike, arguments: Sequence[str], time: str | None = None) -> State:
+        """The state after an action that is applicable; after a time of a durative one."""
         names = [fold(parameter.name) for parameter in action.parameters]
-        return self.changed(action.effect, dict(zip(names, arguments, strict=True)))
+        return self.changed(action.effect, dict(zip(names, arguments, strict=True)), time)
 
     def changed(self, effects: Iterable[Node], bound: Bindings, time: str | None = None) -> State:
         """The state after effects; of a durative action, after those at a time.
@@ -291,7 +300,7 @@ class Evaluator:
                 for more in self.bindings(effect.variables):
                     yield from self._changes(effect.formula, {**bound, **more}, time)
             case When():
-                if self.holds(effect.condition, bound):
+                if self.holds(of_time(effect.condition, time), bound):
                     yield from self._changes(effect.effect, bound, time)
             case Timed():
                 if effect.time == time:

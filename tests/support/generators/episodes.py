@@ -19,8 +19,12 @@ from hypothesis import strategies as st
 from hypothesis.strategies import DrawFn, SearchStrategy
 
 from kant_sql.dto.formulas import (
+    AT_END,
+    AT_START,
+    TIMES,
     And,
     Atom,
+    Comparison,
     Constant,
     Derived,
     Exists,
@@ -33,13 +37,16 @@ from kant_sql.dto.formulas import (
     Number,
     Or,
     Term,
+    Timed,
     TypedName,
     Variable,
+    When,
     children,
 )
 from kant_sql.dto.lexical import ROOT_TYPE, fold
 from kant_sql.pddl.document import (
     ACTION,
+    DURATIVE_ACTION,
     Action,
     Domain,
     Function,
@@ -52,6 +59,7 @@ from tests.support.evaluator import Ground, State, Theory
 from tests.support.generators.documents import (
     AWKWARD,
     DEPTH,
+    DURATION,
     VARIABLES,
     Formulas,
     Scope,
@@ -253,6 +261,20 @@ class Conditions(Formulas):
             ACTION, name, scope, (), condition, self.conjuncts(lambda: self.effect(scope))
         )
 
+    def durative(self, name: str) -> Action:
+        """A durative action, each of whose conditional effects has one time."""
+        scope = self.variables(self.random.sample(VARIABLES, self.pick([2, 1, 3, 0])))
+        condition = tuple(Timed(self.pick(TIMES), self.goal(scope, 2)) for _ in range(3))
+        effect: list[Formula] = []
+        for _ in range(self.between(1, 4)):
+            time = self.pick((AT_START, AT_END))
+            made: Formula = Timed(time, self.change(scope))
+            if self.random.random() < 0.3:
+                made = When(Timed(time, self.goal(scope, 1)), made)
+            effect.append(made)
+        lasts = Comparison("=", DURATION, Number(5))
+        return Action(DURATIVE_ACTION, name, scope, (lasts,), condition, tuple(effect))
+
     def question(self) -> Question:
         columns = self.variables(self.random.sample(VARIABLES, self.pick([2, 1, 2, 0, 3])))
         fixed = {}
@@ -375,7 +397,10 @@ def episode(seed: int, changed: int = 2, asked: int = 8) -> Episode:
         predicates=world.predicates,
         functions=world.functions,
         derived=tuple(dict.fromkeys(rules)),
-        actions=tuple(words.action(name) for name in names[22:25]),
+        actions=(
+            *(words.action(name) for name in names[22:25]),
+            *(words.durative(name) for name in names[25:27]),
+        ),
     )
     words.world = world
     begin = changes(random, world, begins=True)
