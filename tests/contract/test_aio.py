@@ -490,12 +490,16 @@ async def called(thing: Any, name: str, given: dict[str, Any]) -> None:
     """Call a method with all that it must be given, and use what it returns."""
     method = getattr(type(thing._sync), name)
     needed: dict[str, Any] = {}
+    positional: list[Any] = []
     if callable(method):
         for parameter in list(inspect.signature(method).parameters.values())[1:]:
             is_variable = parameter.kind in (parameter.VAR_POSITIONAL, parameter.VAR_KEYWORD)
             if parameter.default is parameter.empty and not is_variable:
-                needed[parameter.name] = given[parameter.name]
-    made = getattr(thing, name)(**needed)
+                if parameter.kind is parameter.POSITIONAL_ONLY:
+                    positional.append(given[parameter.name])
+                else:
+                    needed[parameter.name] = given[parameter.name]
+    made = getattr(thing, name)(*positional, **needed)
     if inspect.isawaitable(made):
         await made
     elif hasattr(made, "__aenter__"):
