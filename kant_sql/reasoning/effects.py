@@ -60,6 +60,20 @@ class StepChanges:
     )
 
 
+def _is_certain(item: EffectItem) -> bool:
+    """Return whether an effect happens once, whatever holds."""
+    return not item.bound and item.condition == AllOf(()) == item.earlier
+
+
+def _decimals(numbers: Sequence[NumberOf], texts: Sequence[str | None]) -> dict[NumberOf, Decimal]:
+    """Return the numbers of fluents that have a value."""
+    return {
+        number: Decimal(text)
+        for number, text in zip(numbers, texts, strict=True)
+        if text is not None
+    }
+
+
 class EffectReader:
     """Evaluates the effects of one step in a state.
 
@@ -86,12 +100,29 @@ class EffectReader:
 
     def read(self, items: Sequence[EffectItem]) -> StepChanges:
         """Return what the effects change."""
+        certain = [item for item in items if item.numbers and _is_certain(item)]
+        known = self._numbers_of(certain) if certain else {}
         for item in items:
             if item.lacking != FALSE:
                 self._check_values(item)
-            for objects, values in self._rows(item):
+            rows = [({}, known)] if item in certain else self._rows(item)
+            for objects, values in rows:
                 self._apply(item, objects, values)
         return self.changes
+
+    def _numbers_of(self, items: Sequence[EffectItem]) -> Mapping[NumberOf, Decimal]:
+        """Return the numbers that effects without a condition need, by one statement."""
+        action, view = self._step.action, self._view
+        numbers = list(dict.fromkeys(number for item in items for number in item.numbers))
+        key = ("numbers", *map(id, items), *statement_key(view, self._numbers))
+        statement: ConditionStatement | None = action.kept.get(key)
+        if statement is None:
+            asking = question(view, self._numbers)
+            statement = asking.effects(AllOf(()), (), numbers, self._step.places)
+            action.kept[key] = statement
+        given = self._step.values
+        [texts] = run(view.session, statement, kb=view.kb_id, at=view.at, given=given)
+        return _decimals(numbers, texts)
 
     def _check_values(self, item: EffectItem) -> None:
         """Refuse an effect on, or to, what an object fluent without a value denotes."""
@@ -111,7 +142,7 @@ class EffectReader:
     ) -> Iterator[tuple[Mapping[Slot, int], Mapping[NumberOf, Decimal]]]:
         """Yield for which objects an effect happens, with the numbers that it needs."""
         numbers = item.numbers
-        if not (numbers or item.bound or item.condition != AllOf(()) or item.earlier != AllOf(())):
+        if not numbers and _is_certain(item):
             yield {}, {}
             return
         rows = self._run(item, "now")
@@ -120,12 +151,7 @@ class EffectReader:
             held = self._earlier[id(item)]
             rows = [row for row in rows if row[: len(slots)] in held]
         for row in rows:
-            texts = row[len(slots) : len(slots) + len(numbers)]
-            values = {
-                number: Decimal(text)
-                for number, text in zip(numbers, texts, strict=True)
-                if text is not None
-            }
+            values = _decimals(numbers, row[len(slots) : len(slots) + len(numbers)])
             yield dict(zip(slots, row, strict=False)), values
 
     def earlier(self, items: Sequence[EffectItem]) -> Earlier:

@@ -9,6 +9,8 @@ import pytest
 from tests.benchmarks import present
 
 SMALL = {
+    "acting": ["--repeat", "1", "--pairs", "0", "--backend", "sqlite"],
+    "answering": ["--facts", "2000", "--edges", "90", "--rounds", "3", "--backend", "sqlite"],
     "asof": ["--changes", "30000", "--small", "20000", "--backend", "sqlite"],
     "documents": ["--facts", "50", "--repeat", "1", "--backend", "sqlite"],
     "held": ["--changes", "30000", "--small", "20000", "--backend", "sqlite"],
