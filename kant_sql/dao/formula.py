@@ -686,7 +686,7 @@ class SqlFormulaDao(SqlDao, FormulaDao[N], Generic[N]):
     section: ClassVar[str]
     node_classes: tuple[type, ...] = (Node,)
     # Reads such a formula from text, where it can be told from others of its form.
-    reads: ClassVar[Callable[..., Any] | None] = None
+    _reads: ClassVar[Callable[..., Any] | None] = None
     example: ClassVar[str] = ""
 
     @override
@@ -723,7 +723,7 @@ class SqlFormulaDao(SqlDao, FormulaDao[N], Generic[N]):
         """Refuse what is no formula of the section."""
         if isinstance(formula, self.node_classes):
             return
-        if self.reads is not None:
+        if self._reads is not None:
             expect_text(formula, f"the {self.section} DAO", f"a {self.section}", self.example)
             return
         names = " or ".join(each.__name__ for each in self.node_classes)
@@ -751,8 +751,8 @@ class SqlFormulaDao(SqlDao, FormulaDao[N], Generic[N]):
         return any(gone)
 
     def _reader(self) -> Callable[..., Any]:
-        assert self.reads is not None
-        return self.reads
+        assert self._reads is not None
+        return self._reads
 
     @override
     def delete_all(self) -> int:
@@ -817,7 +817,7 @@ class SqlConstraintDao(_SqlConjunctionDao, ConstraintDao):
     """The problem's constraints in an SQL store."""
 
     section = CONSTRAINT
-    reads = staticmethod(read_constraints)
+    _reads = staticmethod(read_constraints)
     example = "(always (not (open door1)))"
 
 
@@ -831,7 +831,7 @@ class SqlGoalDao(_SqlConjunctionDao, GoalDao):
     """Goals of any form in an SQL store; ground atoms among them are propositions."""
 
     section = GOAL
-    reads = staticmethod(read_goal)
+    _reads = staticmethod(read_goal)
     example = "(robot_at rb1 wp1)"
 
     @override

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from typing import Any, TypeVar, overload
+from typing import Any, NamedTuple, TypeVar, overload
 
 from ..arguments import expect, shown, whole_number
 from ..dto import PddlObjectDto
@@ -376,6 +376,54 @@ class Answers:
         return f"<Answers {', '.join(self.columns) or 'without columns'}: {found}>"
 
 
+class _Asking(NamedTuple):
+    """A question for objects, before a state is known.
+
+    Attributes:
+        limit: the greatest number of answers.
+    """
+
+    condition: object
+    parameters: str | None
+    limit: int | None
+    bindings: Mapping[str, Binding]
+
+    def columns(self, definitions: Definitions) -> tuple[str, ...]:
+        """Return the names of the columns, or refuse the question."""
+        prepared = prepare(definitions, self.condition, self.parameters, self.bindings)
+        prepared.values(definitions, self.bindings)
+        return tuple(column.name for column in prepared.condition.columns)
+
+    def read(self, view: View) -> tuple[Definitions, list[Row]]:
+        """Read the answers in a state."""
+        prepared, given = self._prepared(view)
+        condition, is_limited = prepared.condition, self.limit is not None
+
+        def write(question: Question) -> ConditionStatement:
+            part, columns = condition.part, condition.columns
+            return question.answers(part, columns, prepared.places, is_limited)
+
+        statement = prepared.statement(view, f"answers {is_limited}", write)
+        rows = asked(view, statement, given, lambda row: row[1:3])
+        # Without a head there is no row of it.
+        return view.definitions, rows if view.kb_id is None else rows[1:]
+
+    def sql(self, view: View) -> str:
+        """Write the statement with all its values, those that are computed first included."""
+        prepared, given = self._prepared(view)
+        condition, session = prepared.condition, view.session
+        statement = question(view).readable(
+            condition.part, condition.columns, prepared.places, self.limit is not None
+        )
+        values = literal_values(session, statement, kb=view.kb_id, at=view.at, given=given)
+        return statement.literal(session.backend.words, values)
+
+    def _prepared(self, view: View) -> tuple[Prepared, dict[str, Any]]:
+        prepared = prepare(view.definitions, self.condition, self.parameters, self.bindings)
+        given: dict[str, Any] = {**prepared.values(view.definitions, self.bindings)}
+        return prepared, given if self.limit is None else {**given, "most": self.limit}
+
+
 def query(
     store: Store,
     at: int | None,
@@ -387,48 +435,9 @@ def query(
     """Prepare the answers to a condition."""
     if limit is not None:
         whole_number(limit, "the limit")
-    is_limited = limit is not None
-
-    def prepared_in(view: View) -> tuple[Prepared, dict[str, Any]]:
-        prepared = prepare(view.definitions, condition, parameters, bindings)
-        given: dict[str, Any] = {**prepared.values(view.definitions, bindings)}
-        return prepared, {**given, "most": limit} if is_limited else given
-
-    def read(view: View) -> tuple[Definitions, list[Row]]:
-        prepared, given = prepared_in(view)
-        columns = prepared.condition.columns
-
-        def write(asked: Question) -> ConditionStatement:
-            part = prepared.condition.part
-            return asked.answers(part, columns, prepared.places, is_limited)
-
-        statement = prepared.statement(view, f"answers {is_limited}", write)
-        rows = asked(view, statement, given, lambda row: row[1:3])
-        # Without a head there is no row of it.
-        return view.definitions, rows if view.kb_id is None else rows[1:]
-
-    def sql(view: View) -> str:
-        prepared, given = prepared_in(view)
-        condition = prepared.condition
-        made = question(view).readable(
-            condition.part, condition.columns, prepared.places, is_limited
-        )
-        return literal(view, made, given)
-
-    def columns(definitions: Definitions) -> tuple[str, ...]:
-        prepared = prepare(definitions, condition, parameters, bindings)
-        prepared.values(definitions, bindings)
-        return tuple(column.name for column in prepared.condition.columns)
-
+    asking = _Asking(condition, parameters, limit, bindings)
     return Answers(
-        lambda: store.read(read, at),
-        columns=store.check_definitions(columns, at),
-        sql=lambda: store.read_in_snapshot(sql, at),
+        lambda: store.read(asking.read, at),
+        columns=store.check_definitions(asking.columns, at),
+        sql=lambda: store.read_in_snapshot(asking.sql, at),
     )
-
-
-def literal(view: View, statement: ConditionStatement, given: Mapping[str, Any]) -> str:
-    """Write a statement with all its values, those that are computed first included."""
-    words = view.session.backend.words
-    values = literal_values(view.session, statement, kb=view.kb_id, at=view.at, given=given)
-    return statement.literal(words, values)

@@ -410,31 +410,10 @@ class ConditionCompiler(JoinWriter):
         """Add the table of what the given arguments lead to, and that of the facts from there."""
         given = sorted(texts)
         reached = f"{name}_from"
-        start = ", ".join(f"CAST({texts[n]} AS BIGINT)" for n in given)
         from_here = {n: f"{reached}.c{column}" for column, n in enumerate(given)}
-        parts = [part for part in step.parts if part is not step.uses[0]]
-        next_ = [step.uses[0].terms[n] for n in given]
-        # Types are checked once: at the start, and of each object that is reached.
+        self._reached(reached, step, given, texts)
+        # The types of the given arguments are checked where they are reached.
         checked = {n: step.parameters[n].types for n in given}
-        begun = [
-            self.has_type(step.parameters[n].slot, types, {step.parameters[n].slot: texts[n]})
-            for n in given
-            for types in checked[n]
-            if types is not None
-        ]
-        parts += [
-            HasType(term, types)
-            for term, n in zip(next_, given, strict=True)
-            for types in checked[n]
-            if types is not None
-        ]
-        # The other parameters are handed on, so the step does not need them.
-        own = step._replace(parameters=tuple(step.parameters[n] for n in given), parts=tuple(parts))
-        places = {column: from_here[n] for column, n in enumerate(given)}
-        fitting = dict(enumerate(checked.values()))
-        select = self._select(own, places, next_, first=reached, checked=fitting)
-        started = f"{start} WHERE {' AND '.join(begun)}" if begun else start
-        self._table(reached, len(given), f"SELECT {started} UNION {select}")
         selects = [
             self._select(each, from_here, first=reached, checked=checked)
             for each in alternatives
@@ -446,6 +425,31 @@ class ConditionCompiler(JoinWriter):
             f"CAST({texts[n]} AS BIGINT)" if n in texts else f"c{n}" for n in range(arity)
         )
         self._table(name, arity, f"SELECT DISTINCT {columns} FROM ({facts}) AS facts")
+
+    def _reached(
+        self, name: str, step: _Alternative, given: Sequence[int], texts: Mapping[int, str]
+    ) -> None:
+        """Add the table of what the given arguments lead to, themselves included."""
+        start = ", ".join(f"CAST({texts[n]} AS BIGINT)" for n in given)
+        next_ = [step.uses[0].terms[n] for n in given]
+        # Types are checked once: at the start, and of each object that is reached.
+        typed = [
+            (n, term, types)
+            for n, term in zip(given, next_, strict=True)
+            for types in step.parameters[n].types
+            if types is not None
+        ]
+        slots = {n: step.parameters[n].slot for n in given}
+        begun = [self.has_type(slots[n], types, {slots[n]: texts[n]}) for n, _, types in typed]
+        parts = [part for part in step.parts if part is not step.uses[0]]
+        parts += [HasType(term, types) for _, term, types in typed]
+        # The other parameters are handed on, so the step does not need them.
+        own = step._replace(parameters=tuple(step.parameters[n] for n in given), parts=tuple(parts))
+        places = {column: f"{name}.c{column}" for column in range(len(given))}
+        fitting = {column: step.parameters[n].types for column, n in enumerate(given)}
+        select = self._select(own, places, next_, first=name, checked=fitting)
+        started = f"{start} WHERE {' AND '.join(begun)}" if begun else start
+        self._table(name, len(given), f"SELECT {started} UNION {select}")
 
     def _iterated(self, predicate: int, arity: int) -> str:
         """Have a component computed round by round; return the relation of one predicate."""
