@@ -387,7 +387,7 @@ def random_rules(random: Random) -> list[tuple[str, ...]]:
     rules = []
     for operator, (numbers, atoms) in SHAPES.items():
         for _ in range(4):
-            times = sorted(random.choice(("0", "1", "2.5", "4", "7", "11")) for _ in range(numbers))
+            times = random.sample(("0", "1", "2.5", "4", "7", "11"), numbers)
             times.sort(key=Decimal)
             rules.append((operator, *times, *random.sample(ATOMS, atoms)))
     return rules
