@@ -252,14 +252,13 @@ class _Join:
         """Join what held of a predicate."""
         writer, selection = self._writer, self._selection
         arity = len(fact.terms)
-        if not any(isinstance(term, Known) or term in self._outer for term in fact.terms):
+        bound = [n for n, term in enumerate(fact.terms) if self._is_bound(term)]
+        if not bound:
             alias = writer.alias("h")
             selection.tables.append(f"{writer.past(fact.predicate, arity)} AS {alias}")
             return [f"{alias}.c{n}" for n in range(arity)]
-        # What is bound outside finds few atoms, each of which is looked up at that time.
-        bound = [
-            n for n, term in enumerate(fact.terms) if isinstance(term, Known) or term in self._outer
-        ]
+        # What is bound finds few atoms, each of which is looked up at that time: the relation of
+        # all of the predicate's facts would be read and indexed for it.
         order = [bound[0], *(n for n in range(arity) if n != bound[0])]
         aliases = {n: writer.alias("a") for n in order}
         atom = writer.alias("p")

@@ -43,7 +43,7 @@ from ..knowledge.conditions import (
 )
 from ..knowledge.definitions import Definitions
 from ..knowledge.rules import DerivationRule
-from .conditions import Places
+from .conditions import ARGUMENT_COLUMNS, Places
 from .dialects.words import Words, quoted
 from .estimates import Size
 from .joins import JoinWriter
@@ -180,7 +180,8 @@ class ConditionCompiler(JoinWriter):
         if ("past", predicate) not in self._relations:
             self._relations["past", predicate] = name
             among = self.words.in_list.format("v.fork", ":forks")
-            columns, tables = [], "proposition_version AS v"
+            columns = [f"v.{column}" for column in ARGUMENT_COLUMNS[:arity]]
+            tables = "proposition_version AS v"
             where = [
                 "v.kb_id = :kb",
                 f"v.predicate_id = {self.parameter(predicate)}",
@@ -188,7 +189,7 @@ class ConditionCompiler(JoinWriter):
                 among,
                 self.held("v"),
             ]
-            for n in range(arity):
+            for n in range(len(columns), arity):
                 tables += f" CROSS JOIN proposition_argument AS a{n}"
                 where += [
                     f"a{n}.kb_id = :kb",
