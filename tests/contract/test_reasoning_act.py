@@ -466,3 +466,11 @@ def test_a_robot_walks(fresh_kb: KnowledgeBase) -> None:
         assert step.arguments[2] == place
         fresh_kb.apply(step)
     assert list(fresh_kb.query("(robot_at rb1 ?w)")) == [("w4",)]
+
+
+def test_costs_begin_at_zero(fresh_kb: KnowledgeBase) -> None:
+    fresh_kb.load_domain("""(define (domain d) (:requirements :action-costs) (:functions (total-cost))
+      (:action pay :parameters () :effect (increase (total-cost) 2)))""")
+    fresh_kb.load_problem("(define (problem p) (:domain d) (:init) (:goal (and)))")
+    fresh_kb.apply("(pay)")
+    assert fresh_kb.function_values.get("total-cost") == 2
