@@ -35,7 +35,6 @@ _CHANGES = {
     "scale-up": SCALE_UP,
     "scale-down": SCALE_DOWN,
 }
-_COST = f"({TOTAL_COST})"
 # Changes of these commute; a set has one of them.
 _GROUPS = ({"increase", "decrease"}, {"scale-up", "scale-down"})
 

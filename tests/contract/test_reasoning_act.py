@@ -469,7 +469,7 @@ def test_a_robot_walks(fresh_kb: KnowledgeBase) -> None:
 
 
 def test_costs_begin_at_zero(fresh_kb: KnowledgeBase) -> None:
-    fresh_kb.load_domain("""(define (domain d) (:requirements :action-costs) (:functions (total-cost))
+    fresh_kb.load_domain("""(define (domain d) (:functions (total-cost))
       (:action pay :parameters () :effect (increase (total-cost) 2)))""")
     fresh_kb.load_problem("(define (problem p) (:domain d) (:init) (:goal (and)))")
     fresh_kb.apply("(pay)")
