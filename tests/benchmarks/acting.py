@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import argparse
 import multiprocessing
+import queue
 import subprocess
 import sys
 import tempfile
@@ -131,13 +132,13 @@ def steps(url: str, repeat: int) -> list[list[str]]:
     return rows
 
 
-def _simulate(domain: str, problem: str, answers: Any) -> None:
+def _simulate(url: str, answers: Any) -> None:
     import unified_planning.shortcuts as up
-    from unified_planning.io import PDDLReader
 
     up.get_environment().credits_stream = None
     try:
-        read = PDDLReader().parse_problem(domain, problem)
+        with kant_sql.connect(url, knowledge_base="bench") as kb:
+            read = kb.to_unified_planning()
         with up.SequentialSimulator(read) as simulator:
             state = simulator.get_initial_state()
             start = time.perf_counter()
@@ -147,17 +148,15 @@ def _simulate(domain: str, problem: str, answers: Any) -> None:
         answers.put(type(error).__name__)
 
 
-def simulated(pair: Pair, limit: float) -> tuple[float, int] | str:
+def simulated(url: str, limit: float) -> tuple[float, int] | str:
     """Ask unified-planning's simulator; gives seconds and number, or why there is none."""
     context = multiprocessing.get_context("spawn")
     answers = context.Queue()
-    process = context.Process(
-        target=_simulate, args=(str(pair.domain), str(pair.problem), answers), daemon=True
-    )
+    process = context.Process(target=_simulate, args=(url, answers), daemon=True)
     process.start()
     try:
         found: tuple[float, int] | str = answers.get(timeout=limit)
-    except Exception:
+    except queue.Empty:
         found = f"over {limit:g} s"
     process.kill()
     process.join()
@@ -174,11 +173,9 @@ def mimir(python: str, pair: Pair, limit: float) -> float | None:
     return float(done.stdout.split()[-2])
 
 
-def applicable(pair: Pair, folder: Path) -> tuple[float, float, int]:
+def applicable(pair: Pair, url: str) -> tuple[float, float, int]:
     """Ask the library: seconds of the first time, of later ones, and the number of steps."""
-    path = folder / "pair.db"
-    path.unlink(missing_ok=True)
-    with kant_sql.connect(f"sqlite:///{path}", knowledge_base="bench", actor="bench") as kb:
+    with kant_sql.connect(url, knowledge_base="bench", actor="bench") as kb:
         kb.load_domain(pair.domain)
         kb.load_problem(pair.problem)
         first = seconds(lambda: list(kb.applicable_actions()))
@@ -195,8 +192,9 @@ def pairs(number: int, limit: float, python: str | None) -> None:
     with tempfile.TemporaryDirectory() as folder:
         # From each competition some.
         for pair in PAIRS[:: max(len(PAIRS) // max(number, 1), 1)][:number]:
-            first, later, count = applicable(pair, Path(folder))
-            found = simulated(pair, limit)
+            url = f"sqlite:///{Path(folder) / f'pair{len(rows)}.db'}"
+            first, later, count = applicable(pair, url)
+            found = simulated(url, limit)
             compiled = None if python is None else mimir(python, pair, limit)
             if compiled is not None:
                 of_mimir.append(later / compiled)
@@ -205,6 +203,8 @@ def pairs(number: int, limit: float, python: str | None) -> None:
             ratio = ""
             if isinstance(found, str):
                 ended[found] = ended.get(found, 0) + 1
+                if found.startswith("over"):
+                    ratio = f"> {limit / later:.0f}x"
             else:
                 ratios.append(found[0] / later)
                 ratio = f"{ratios[-1]:.0f}x"

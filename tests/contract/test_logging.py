@@ -63,6 +63,8 @@ def test_migrations_are_told(tmp_path: Path, log: pytest.LogCaptureFixture) -> N
     assert steps[1:-1] == [
         f"{url}: migrating from 0001 to 0002",
         f"{url}: migrating from 0002 to 0003",
+        f"{url}: migrating from 0003 to 0004",
+        f"{url}: migrating from 0004 to 0003",
         f"{url}: migrating from 0003 to 0002",
     ]
     assert steps[-1] == f"{url}: migrating from 0002 to 0001"

@@ -92,6 +92,7 @@ def test_facts_and_goals_of_each_arity_are_carried_up_and_down(old_url: str) -> 
     }
     kinds = {(bool(is_goal), until is None) for _, is_goal, until, *_ in found}
     assert kinds == {(False, False), (False, True), (True, False), (True, True)}
+    kant_sql.upgrade(old_url)
     assert findings(old_url) == []
     check_chain(old_url)
     kant_sql.downgrade(old_url, revision="0002")

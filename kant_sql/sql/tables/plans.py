@@ -15,6 +15,7 @@ from .base import (
     kb_column,
     key_column,
     owner_column,
+    partial_index,
     position_column,
     reference,
     version_args,
@@ -117,6 +118,11 @@ class PlanStepVersionRow(VersionRow, Base):
         _to_step(),
         *version_args("plan_step_version", "plan_id", "position"),
         CheckConstraint("status IN ('started', 'succeeded', 'failed', 'aborted')", name="status"),
+        partial_index(
+            "ix_plan_step_version_running",
+            *("kb_id", "status", "plan_id", "position", "until"),
+            where="until IS NULL AND status = 'started'",
+        ),
     )
 
     plan_id: Mapped[int] = owner_column()
