@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+import asyncio
+import contextlib
+import itertools
+import threading
 from collections.abc import Callable
-from typing import Any
+from pathlib import Path
+from typing import TypeVar
 
 import pytest
 
@@ -15,8 +20,10 @@ from kant_sql import (
     PddlError,
     TypeMismatchError,
     UnsupportedConstructError,
+    aio,
 )
-from tests.support.reading import rows
+from tests.support.reading import rows, undone
+from tests.support.stores import Connect
 
 DOMAIN = """(define (domain yard) (:requirements :adl :fluents :derived-predicates)
   (:types robot wp - object kitchen - wp ghost - object)
@@ -284,7 +291,7 @@ def test_an_effect_without_a_value_is_refused(yard: KnowledgeBase) -> None:
             yard.apply(step)
     revision = yard.revision
     with yard.transaction():
-        yard.propositions.save(_done(yard))
+        yard.propositions.save("(done)")
         with pytest.raises(NotApplicableError, match="no value"):
             yard.apply("(follow r2)")
         assert not yard.holds("(at r2 a)")
@@ -305,9 +312,142 @@ def test_the_cost_of_a_plan_begins_at_zero(yard: KnowledgeBase) -> None:
     assert yard.function_values.get("total-cost", objects=[]) == 2
 
 
-def _done(kb: KnowledgeBase) -> Any:
-    from kant_sql import PddlPropositionDto
+# At work.
 
-    predicate = kb.predicates.get("done")
-    assert predicate is not None
-    return PddlPropositionDto(predicate, [])
+
+@pytest.mark.slow
+def test_answers_are_of_one_state_while_others_write(shared_url: str, connect: Connect) -> None:
+    kb = connect(shared_url)
+    with kb.transaction():
+        kb.load_domain(LINE)
+        kb.load_problem(line(60))
+    stop, failed = threading.Event(), []
+
+    def write() -> None:
+        own = connect(shared_url)
+        try:
+            for number in itertools.count():
+                if stop.is_set():
+                    return
+                with own.transaction():
+                    own.propositions.delete_all()
+                    own.propositions.save_all([f"(link w{i} w{i + 1})" for i in range(59)])
+                    own.propositions.save(f"(at w{number % 60})")
+        except Exception as error:
+            failed.append(error)
+
+    writers = [threading.Thread(target=write) for _ in range(2)]
+    for writer in writers:
+        writer.start()
+    try:
+        for _ in range(8):
+            answers = kb.query("(at ?w)")
+            assert len(list(iter(answers))) == len(answers) == 1
+            assert len(kb.query("(reach w0 ?y)")) == 59
+            assert len(kb.query("(even ?y)")) == 30
+            assert sum(1 for _ in kb.applicable_actions("go")) == 1
+            with contextlib.suppress(NotApplicableError):
+                kb.apply(next(kb.applicable_actions("go")))
+    finally:
+        stop.set()
+        for writer in writers:
+            writer.join(60)
+    assert failed == []
+
+
+LINE = """(define (domain line) (:requirements :adl :derived-predicates) (:types wp)
+  (:constants w0 w1 - wp)
+  (:predicates (at ?w - wp) (link ?x ?y - wp) (reach ?x ?y - wp) (even ?x - wp) (odd ?x - wp))
+  (:derived (reach ?x ?y - wp)
+    (or (link ?x ?y) (exists (?z - wp) (and (link ?x ?z) (reach ?z ?y)))))
+  (:derived (even ?x - wp) (or (= ?x w0) (exists (?y - wp) (and (odd ?y) (link ?y ?x)))))
+  (:derived (odd ?x - wp) (exists (?y - wp) (and (even ?y) (link ?y ?x))))
+  (:action go :parameters (?x - wp) :precondition (at ?x)
+    :effect (and (not (at ?x)) (at w1))))
+"""
+
+
+def line(many: int) -> str:
+    links = " ".join(f"(link w{n} w{n + 1})" for n in range(many - 1))
+    objects = " ".join(f"w{n}" for n in range(2, many))
+    return (
+        f"(define (problem p) (:domain line) (:objects {objects} - wp) "
+        f"(:init (at w0) {links}) (:goal (and)))"
+    )
+
+
+def test_what_a_transaction_undoes_is_not_answered(yard: KnowledgeBase) -> None:
+    with undone(yard):
+        yard.propositions.save("(lamp b)")
+        assert yard.holds("(lamp b)")
+        unread, read = yard.query("(lamp ?w)"), yard.query("(lamp ?w)")
+        assert len(read) == 1
+        with undone(yard):
+            yard.apply("(swap a b)")
+            assert yard.holds("(reach b a)")
+            assert not yard.holds("(reach a b)")
+        assert yard.holds("(reach a b)")
+    assert len(unread) == 0
+    assert list(read) == [("b",)]
+    assert not yard.holds("(lamp b)")
+
+
+def test_the_rules_of_the_past_are_those_of_then(yard: KnowledgeBase) -> None:
+    before = yard.revision
+    [rule] = [r for r in yard.derived_predicates.get_all() if r.predicate == "docked"]
+    yard.derived_predicates.delete(rule)
+    assert not yard.holds("(docked Dock)")
+    assert yard.at(before).holds("(docked Dock)")
+    yard.objects.delete(expected(yard.objects.get("k")))
+    with pytest.raises(PddlError, match="object 'k'"):
+        yard.holds("(reach a k)")
+    assert yard.at(before).holds("(reach a k)")
+    assert ("k",) not in list(yard.query("(reach a ?w)"))
+
+
+def test_a_store_that_is_opened_for_reading_answers(tmp_path: Path, connect: Connect) -> None:
+    kb = connect(f"sqlite:///{tmp_path / 'store.db'}")
+    with kb.transaction():
+        kb.load_domain(LINE)
+        kb.load_problem(line(3))
+    reader = connect(f"sqlite:///{tmp_path / 'store.db'}?mode=ro")
+    assert reader.holds("(reach w0 w2)")
+    assert reader.query("(even ?x)")[:] == [("w0",), ("w2",)]
+    assert [str(step) for step in reader.applicable_actions()] == ["(go w0)"]
+    assert reader.why_not("(go w1)")
+    with pytest.raises(KantSqlError):
+        reader.apply("(go w0)")
+    assert kb.holds("(at w0)")
+
+
+def test_tasks_ask_and_act(shared_url: str) -> None:
+    async def work() -> None:
+        async with await aio.connect(shared_url) as kb:
+            async with kb.transaction():
+                await kb.load_domain(LINE)
+                await kb.load_problem(line(4))
+            async with kb.transaction():
+                await kb.propositions.save("(at w3)")
+                assert await kb.holds("(at w3)")
+                # Another task is not within the transaction.
+                assert not await asyncio.create_task(elsewhere(kb))
+            assert len(await kb.query("(at ?w)")) == 2
+            assert [str(step) async for step in kb.applicable_actions()] == ["(go w0)", "(go w3)"]
+            await kb.apply("(go w3)")
+            with pytest.raises(NotApplicableError):
+                await kb.apply("(go w3)")
+            assert await kb.why_not("(go w3)")
+
+    async def elsewhere(kb: aio.AsyncKnowledgeBase) -> bool:
+        async with await aio.connect(shared_url) as other:
+            return await other.holds("(at w3)")
+
+    asyncio.run(work())
+
+
+T = TypeVar("T")
+
+
+def expected(found: T | None) -> T:
+    assert found is not None
+    return found

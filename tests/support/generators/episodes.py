@@ -237,11 +237,17 @@ class Conditions(Formulas):
         self.positive = not self.positive
         return made
 
+    def narrowed(self, types: tuple[str, ...]) -> tuple[str, ...]:
+        """The types, or seldom one below them."""
+        below = [name for name in self.world.parents if self.world.fits((name,), types)]
+        return (self.pick(below),) if below and self.random.random() < 0.2 else types
+
     def rule(self, predicate: Predicate) -> Derived:
         """A rule: any condition, or a join with some variables more, as in a transitive closure."""
         self.layer = self.layers[fold(predicate.name)]
         parts = tuple(
-            TypedName(f"v{number}", part.types) for number, part in enumerate(predicate.parameters)
+            TypedName(f"v{number}", self.narrowed(part.types))
+            for number, part in enumerate(predicate.parameters)
         )
         if self.random.random() < 0.6:
             more = self.variables(["w0", "w1"][: self.pick([1, 1, 2])])
@@ -328,7 +334,8 @@ def changes(random: Random, world: World, begins: bool = False) -> Change:
     added: list[Atom] = []
     removed: list[Atom] = []
     for predicate in world.predicates:
-        if fold(predicate.name) in world.derived:
+        # A fact of a derived predicate can be stored as well, but not in a problem.
+        if fold(predicate.name) in world.derived and (begins or random.random() < 0.7):
             continue
         share = random.choice([0.1, 0.3, 0.6]) if begins else 0.15
         for terms in atoms_of(world, predicate.parameters):
