@@ -320,9 +320,9 @@ class ConditionWriter(ABC):
 
     def is_derived(self, fact: HoldsFact) -> bool:
         """Return whether rules count for a fact."""
-        if fact.predicate in self.growing:
-            return True
-        return not fact.is_stored and bool(self.rules.of(fact.predicate))
+        if fact.is_stored:
+            return False
+        return fact.predicate in self.growing or bool(self.rules.of(fact.predicate))
 
     def _stored_holds(self, fact: HoldsFact, places: Places) -> str:
         terms = fact.terms

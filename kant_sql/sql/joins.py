@@ -83,7 +83,9 @@ class _Join:
     def _join_growing(self) -> None:
         """Join first what a recursive statement has found so far: it is read row by row."""
         for fact in list(self._facts):
-            if isinstance(fact, HoldsFact) and fact.predicate in self._writer.growing:
+            if not isinstance(fact, HoldsFact) or fact.is_stored:
+                continue
+            if fact.predicate in self._writer.growing:
                 self._facts.remove(fact)
                 self._join_relation(fact)
 

@@ -376,6 +376,18 @@ def line(many: int) -> str:
     )
 
 
+def test_stored_facts_of_predicates_that_derive_each_other_hold(fresh_kb: KnowledgeBase) -> None:
+    with fresh_kb.transaction():
+        fresh_kb.load_domain(LINE)
+        fresh_kb.load_problem(line(5))
+    fresh_kb.propositions.save("(odd w2)")
+    odd = [("w1",), ("w2",), ("w3",), ("w4",)]
+    assert list(fresh_kb.query("(odd ?x)")) == odd
+    assert list(fresh_kb.query("(even ?x)")) == [("w0",), ("w2",), ("w3",), ("w4",)]
+    assert list(fresh_kb.at(fresh_kb.revision).query("(odd ?x)")) == odd
+    assert not fresh_kb.at(1).holds("(odd w2)")
+
+
 def test_what_a_transaction_undoes_is_not_answered(yard: KnowledgeBase) -> None:
     with undone(yard):
         yard.propositions.save("(lamp b)")
