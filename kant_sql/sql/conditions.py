@@ -291,12 +291,12 @@ class ConditionWriter(ABC):
         where = [*self.atom(atom, predicate), among, self.atom_holds(atom)]
         return f"(SELECT count(*) FROM proposition AS {atom} WHERE {' AND '.join(where)})"
 
-    def atom(self, alias: str, predicate: int) -> list[str]:
+    def atom(self, alias: str, predicate: int, column: str = "predicate_id") -> list[str]:
         """Write that an interned atom is a fact of a predicate."""
         return [
             f"{alias}.kb_id = :kb",
             self.words.is_fact.format(alias),
-            f"{alias}.predicate_id = {self.parameter(predicate)}",
+            f"{alias}.{column} = {self.parameter(predicate)}",
         ]
 
     def atom_holds(self, atom: str) -> str:

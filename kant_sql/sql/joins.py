@@ -272,7 +272,12 @@ class _Join:
                 f"{alias}.position = {n}",
             ]
         selection.tables.insert(len(selection.tables) - arity + 1, f"proposition AS {atom}")
-        selection.where += [*writer.atom(atom, fact.predicate), writer.atom_holds(atom)]
+        # As a sum it is no condition of an index: without statistics PostgreSQL would read all of
+        # the predicate's atoms for each one that it looks up by its id.
+        selection.where += [
+            *writer.atom(atom, fact.predicate, "predicate_id + 0"),
+            writer.atom_holds(atom),
+        ]
         return [f"{aliases[n]}.object_id" for n in range(arity)]
 
     def _match(
