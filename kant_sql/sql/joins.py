@@ -30,6 +30,8 @@ from ..knowledge.trees import ParameterDefinition
 from .conditions import ARGUMENT_COLUMNS, ConditionWriter, JoinedTables, Places
 from .estimates import COUNTED, domain_size
 
+# Up to this number the facts that held of a predicate are read at once.
+FEW_HELD = 1_000
 # SQLite joins at most 64 tables.
 MAX_JOINED = 60
 
@@ -255,7 +257,10 @@ class _Join:
         writer, selection = self._writer, self._selection
         arity = len(fact.terms)
         bound = [n for n, term in enumerate(fact.terms) if self._is_bound(term)]
-        if not bound:
+        is_given = any(isinstance(term, Known) or term in self._outer for term in fact.terms)
+        # Many atoms of the past may mention an object of which few facts held at a time.
+        is_small = writer.size is not None and writer.size(fact.predicate) <= FEW_HELD
+        if not bound or (is_small and not is_given):
             alias = writer.alias("h")
             selection.tables.append(f"{writer.past(fact.predicate, arity)} AS {alias}")
             return [f"{alias}.c{n}" for n in range(arity)]
