@@ -327,7 +327,7 @@ def test_deep_statements_have_the_same_answers(
     """A part that is nested too deep for the parser of SQLite becomes a table of its own."""
     store: Any = fresh_kb.factory._store  # type: ignore[attr-defined]
     kind = type(store.backend)
-    monkeypatch.setattr(kind, "words", kind.words._replace(levels=6))
+    monkeypatch.setattr(kind, "words", kind.words._replace(levels=10))
 
     @hunting(PROFILE.episodes)
     @given(EPISODES)
