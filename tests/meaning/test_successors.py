@@ -19,7 +19,7 @@ from typing import TypeVar
 import pytest
 
 import kant_sql
-from kant_sql import KnowledgeBase, PddlPropositionDto, PlanStep
+from kant_sql import KnowledgeBase, NotApplicableError, PddlPropositionDto, PlanStep
 from kant_sql.dto.lexical import fold
 from kant_sql.pddl.document import Action
 from tests.meaning.others import need
@@ -128,10 +128,20 @@ class Replay:
             for fluent, value in look.values.items():
                 assert is_near(values[fluent], value), f"state {number}: {fluent}"
             self.same_actions(look, f"state {number}")
-            if look.taken is not None and not self.is_durative:
+            self.counts["states"] += 1
+            if look.taken is None or self.is_durative:
+                continue
+            try:
                 self.kb.apply(PlanStep(None, look.taken[0], look.taken[1:]))
-                self.counts["applied"] += 1
-        self.counts["states"] += len(walk)
+            except NotApplicableError:
+                # unified-planning takes numbers without a value for 0.
+                assert not self.has_values(look.taken), f"state {number}: {look.taken}"
+                return
+            self.counts["applied"] += 1
+
+    def has_values(self, step: Ground) -> bool:
+        """Whether all effects of a step have values."""
+        return is_defined(Evaluator(self.theory, self.state()), self.actions[step[0]], step)
 
     def same_actions(self, look: Look, when: str) -> None:
         found = applicable(self.kb)
