@@ -14,7 +14,7 @@ import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from itertools import chain, product
+from itertools import chain, count, product
 from math import prod
 from typing import Any, NamedTuple
 
@@ -39,6 +39,7 @@ from ..knowledge.conditions import (
     closure,
     inner_parts,
     parts_of,
+    replaced,
     slots_of,
 )
 from ..knowledge.definitions import Definitions
@@ -411,26 +412,41 @@ class ConditionCompiler(JoinWriter):
         """Add the table of what the given arguments lead to, and that of the facts from there."""
         given = sorted(texts)
         reached = f"{name}_from"
+        arity = len(step.parameters)
+        others = [n for n in range(arity) if n not in texts]
         from_here = {n: f"{reached}.c{column}" for column, n in enumerate(given)}
-        self._reached(reached, step, given, texts)
         # The types of the given arguments are checked where they are reached.
         checked = {n: step.parameters[n].types for n in given}
-        selects = [
-            self._select(each, from_here, first=reached, checked=checked)
-            for each in alternatives
-            if not each.uses
-        ]
-        facts = " UNION ALL ".join(selects)
-        arity = len(step.parameters)
+        base = [each for each in alternatives if not each.uses]
+        is_closure = _is_closure(base[:-1], step, given, others)
+        self._reached(reached, step, given, texts, is_closure)
+        selects: list[str] = []
+        if is_closure:
+            # What a step reaches is what follows: only stored facts are added to it.
+            places = dict(zip(others, range(len(given)), strict=True))
+            columns = ", ".join(
+                f"{reached}.c{places[n]} AS c{n}" if n in places else f"NULL AS c{n}"
+                for n in range(arity)
+            )
+            selects.append(f"SELECT {columns} FROM {reached}")
+            selects.append(self._select(base[-1], dict(texts)))
+            base = base[-1:]
+        selects += [self._select(each, from_here, first=reached, checked=checked) for each in base]
+        facts = (" UNION " if is_closure else " UNION ALL ").join(selects)
         columns = ", ".join(
             f"CAST({texts[n]} AS BIGINT)" if n in texts else f"c{n}" for n in range(arity)
         )
         self._table(name, arity, f"SELECT DISTINCT {columns} FROM ({facts}) AS facts")
 
     def _reached(
-        self, name: str, step: _Alternative, given: Sequence[int], texts: Mapping[int, str]
+        self,
+        name: str,
+        step: _Alternative,
+        given: Sequence[int],
+        texts: Mapping[int, str],
+        is_closure: bool,
     ) -> None:
-        """Add the table of what the given arguments lead to, themselves included."""
+        """Add the table of what the given arguments lead to, themselves included or by a step."""
         start = ", ".join(f"CAST({texts[n]} AS BIGINT)" for n in given)
         next_ = [step.uses[0].terms[n] for n in given]
         # Types are checked once: at the start, and of each object that is reached.
@@ -449,8 +465,11 @@ class ConditionCompiler(JoinWriter):
         places = {column: f"{name}.c{column}" for column in range(len(given))}
         fitting = {column: step.parameters[n].types for column, n in enumerate(given)}
         select = self._select(own, places, next_, first=name, checked=fitting)
-        started = f"{start} WHERE {' AND '.join(begun)}" if begun else start
-        self._table(name, len(given), f"SELECT {started} UNION {select}")
+        started = f"SELECT {start}" + (f" WHERE {' AND '.join(begun)}" if begun else "")
+        if is_closure:
+            own_start = dict(enumerate(texts[n] for n in given))
+            started = self._select(own, own_start, next_)
+        self._table(name, len(given), f"{started} UNION {select}")
 
     def _iterated(self, predicate: int, arity: int) -> str:
         """Have a component computed round by round; return the relation of one predicate."""
@@ -469,6 +488,46 @@ class ConditionCompiler(JoinWriter):
         """Return the relation of the facts of a predicate that a parameter has."""
         declared = self.definitions.predicates.live(predicate).parameters
         return self.words.rows(parameter, len(declared))
+
+
+def _is_closure(
+    base: Sequence[_Alternative], step: _Alternative, given: Sequence[int], others: Sequence[int]
+) -> bool:
+    """Return whether what the base says of the other arguments is what a step says of the next."""
+    if len(base) != 1 or len(given) != len(others):
+        return False
+    [first] = base
+    next_ = [step.uses[0].terms[n] for n in given]
+    ends = [first.parameters[n].slot for n in others]
+    own = {each.slot: each.types for each in step.bound}
+    if len(set(next_)) < len(next_) or not all(term in own for term in next_):
+        return False
+    if any(
+        not first.parameters[g].types == first.parameters[o].types == step.parameters[g].types
+        for g, o in zip(given, others, strict=True)
+    ):
+        return False
+    parts = tuple(part for part in step.parts if part is not step.uses[0])
+    rest = [each for each in step.bound if each.slot not in next_]
+    return _shape(first.parts, [first.parameters[n].slot for n in given], ends, first.bound) == (
+        _shape(parts, [step.parameters[n].slot for n in given], next_, rest)
+    )
+
+
+def _shape(
+    parts: Iterable[Part],
+    starts: Sequence[Slot],
+    ends: Sequence[Place],
+    bound: Iterable[Bound],
+) -> tuple[object, ...]:
+    """Return the parts with their variables in one numbering, and the types of those bound."""
+    numbers = count()
+    places: dict[Slot, Place] = {slot: Slot(next(numbers)) for slot in starts}
+    places.update((slot, Slot(next(numbers))) for slot in ends if isinstance(slot, Slot))
+    bound = tuple(bound)
+    places.update((each.slot, Slot(next(numbers))) for each in bound)
+    made = tuple(replaced(part, places, numbers) for part in parts)
+    return *made, *(each.types for each in bound)
 
 
 # The parts of a conjunction, and the variables that it binds.
