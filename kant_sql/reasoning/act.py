@@ -10,7 +10,6 @@ from typing import Any
 from ..arguments import expect, optional_text, whole_number
 from ..dto import formulas as f
 from ..dto.formulas import AT_END, AT_START
-from ..dto.lexical import fold
 from ..errors import InvalidArgumentError
 from ..knowledge.definitions import ActionDefinition, Definitions
 from ..pddl.cursor import hint
@@ -22,7 +21,16 @@ from ..sql.relations import ConditionStatement
 from ..store.snapshot import View
 from ..store.store import Store
 from ..store.transaction import Transaction
-from .ask import Binding, asked, check_fit, find_object, first_two, question, statement_key
+from .ask import (
+    Binding,
+    asked,
+    check_fit,
+    find_object,
+    first_two,
+    question,
+    statement_key,
+    variable_of,
+)
 from .effects import Earlier, EffectReader, not_applicable, write
 from .explain import Explainer
 from .failures import FailedCondition
@@ -143,10 +151,9 @@ def _fixed(
 
 
 def _position(names: Sequence[str], keyword: str) -> int | None:
-    """Return the parameter that a keyword names; `_` stands for `-`."""
-    folded = [fold(each).replace("-", "_") for each in names]
-    key = fold(keyword).replace("-", "_")
-    return folded.index(key) if key in folded else None
+    """Return the position of the parameter that a keyword names."""
+    name = variable_of(keyword, names)
+    return None if name is None else names.index(name)
 
 
 def _applicable(

@@ -125,9 +125,12 @@ def check_fit(definitions: Definitions, object_: ObjectDefinition, column: Colum
             )
 
 
-def _is(keyword: str, variable: str) -> bool:
-    """Return whether a keyword names a variable: it has `_` where PDDL may have `-`."""
-    return fold(keyword).replace("-", "_") == fold(variable).replace("-", "_")
+def variable_of(keyword: str, variables: Iterable[str]) -> str | None:
+    """Return the variable that a keyword names: it has `_` where PDDL may have `-`."""
+    plain = fold(keyword).replace("-", "_")
+    # A variable of just this name comes before one with `-` for `_`.
+    ordered = sorted(variables, key=lambda name: fold(name) != fold(keyword))
+    return next((name for name in ordered if fold(name).replace("-", "_") == plain), None)
 
 
 def prepare(
@@ -182,10 +185,9 @@ def _check_possible(definitions: Definitions, column: Column) -> None:
 
 def given_variable(keyword: str, variables: Sequence[str]) -> str:
     """Return the variable that a keyword names, folded."""
-    # A variable of just this name comes before one with `-` for `_`.
-    for name in sorted(variables, key=lambda name: fold(name) != fold(keyword)):
-        if _is(keyword, name):
-            return fold(name)
+    name = variable_of(keyword, variables)
+    if name is not None:
+        return fold(name)
     known = ", ".join(f"?{name}" for name in variables) or "none"
     raise InvalidArgumentError(
         f"the condition has no free variable ?{keyword}{hint(keyword, [*variables])}; it has "

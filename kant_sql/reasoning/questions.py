@@ -21,6 +21,7 @@ from ..pddl.symbols import SymbolTable
 from ..sql.dialects.base import Session
 from ..sql.held import read_last_revisions
 from ..store.store import Store
+from .ask import variable_of
 from .grounding import substitute
 
 _WORD = re.compile(r"[^\s()?]+")
@@ -97,8 +98,7 @@ def _bound(found: ReadCondition, objects: Mapping[str, str], symbols: SymbolTabl
     free = {fold(variable.name): variable for variable in found.free}
     binding: dict[str, str] = {}
     for name, given in objects.items():
-        # A keyword has `_` where a variable may have `-`.
-        key = next((key for key in free if _plain(key) == _plain(fold(name))), None)
+        key = variable_of(name, free)
         if key is None:
             columns = [variable.name for variable in found.free]
             known = ", ".join(f"?{column}" for column in columns) or "none"
@@ -125,10 +125,6 @@ def _fitting(name: str, variable: f.TypedName, symbols: SymbolTable) -> str:
             f"{variable.type_text}"
         )
     return str(entity[0])
-
-
-def _plain(name: str) -> str:
-    return name.replace("-", "_")
 
 
 def read_at_last(

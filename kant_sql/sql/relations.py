@@ -288,7 +288,7 @@ class ConditionCompiler(JoinWriter):
             and all(len(each.uses) == 1 for each in recursive)
         )
         if not is_linear or alternatives is None:
-            return self._iterated(predicate, len(fact.terms))
+            return self._iterated(predicate)
         limits = self._limits(alternatives, recursive, texts)
         key = (predicate, *sorted(limits.items())) if limits is not None else None
         if key is None:
@@ -432,7 +432,7 @@ class ConditionCompiler(JoinWriter):
             selects.append(self._select(base[-1], dict(texts)))
             base = base[-1:]
         selects += [self._select(each, from_here, first=reached, checked=checked) for each in base]
-        facts = (" UNION " if is_closure else " UNION ALL ").join(selects)
+        facts = " UNION ALL ".join(selects)
         columns = ", ".join(
             f"CAST({texts[n]} AS BIGINT)" if n in texts else f"c{n}" for n in range(arity)
         )
@@ -471,9 +471,8 @@ class ConditionCompiler(JoinWriter):
             started = self._select(own, own_start, next_)
         self._table(name, len(given), f"{started} UNION {select}")
 
-    def _iterated(self, predicate: int, arity: int) -> str:
+    def _iterated(self, predicate: int) -> str:
         """Have a component computed round by round; return the relation of one predicate."""
-        del arity
         component = sorted(self.rules.component[predicate])
         if ("iterated", *component) not in self._relations:
             self._relations["iterated", *component] = ""
