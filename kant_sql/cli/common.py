@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import os
-import re
 import signal
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from datetime import UTC, datetime, timedelta
+from datetime import datetime
 from typing import TYPE_CHECKING, Annotated, Any, NoReturn, TypeVar
 
 import typer
 
-from ..errors import KantSqlError, printable
+from ..errors import InvalidArgumentError, KantSqlError, printable
+from ..moment_text import is_now, parse_moment
 from ..pddl.cursor import hint
 from ..pddl.lexer import tokenize
 
@@ -26,18 +26,6 @@ URL_VARIABLE = "KANT_SQL_URL"
 DEFAULT_NAME = "default"
 JSON_OPTION = "--json"
 
-_UNITS = {"s": "seconds", "m": "minutes", "h": "hours", "d": "days", "w": "weeks"}
-_AGO = re.compile(
-    r"(?P<count>\d+(?:\.\d+)?|an?)\s*"
-    r"(?P<unit>s|secs?|seconds?|m|mins?|minutes?|h|hours?|d|days?|w|weeks?)\s+ago",
-    re.IGNORECASE,
-)
-_DAYS = ("monday", "tuesday", "wednesday", "thursday", "friday", "saturday", "sunday")
-_DAY = re.compile(
-    rf"(?P<day>today|yesterday|last\s+(?P<weekday>{'|'.join(_DAYS)}))"
-    r"(?:\s+(?:at\s+)?(?P<time>\d{1,2}:\d{2}(?::\d{2}(?:\.\d+)?)?(?:Z|[+-]\d{2}:?\d{2})?))?",
-    re.IGNORECASE,
-)
 _MOMENT = (
     "a revision's number, a time in ISO 8601, 'now', '2 hours ago', 'yesterday' or 'last tuesday "
     "14:30'; UTC unless a zone is given."
@@ -144,15 +132,9 @@ def parse_fixed(pairs: Sequence[str] | None) -> dict[str, str]:
 def parse_when(text: str, hint: str = "--at") -> int | datetime:
     """Parse a revision's number or a time."""
     try:
-        if text.removeprefix("-").isdecimal():
-            return int(text)
-        return _time(text.strip(), datetime.now(UTC))
-    except (ValueError, OverflowError):
-        raise typer.BadParameter(
-            f"{text!r} is neither a revision's number nor a time as 2026-01-31T09:30:00Z, 'now', "
-            "'2 hours ago', 'yesterday' or 'last tuesday 14:30'",
-            param_hint=hint,
-        ) from None
+        return parse_moment(text)
+    except InvalidArgumentError as error:
+        raise typer.BadParameter(str(error), param_hint=hint) from None
 
 
 def parse_optional(text: str | None, hint: str) -> int | datetime | None:
@@ -162,41 +144,7 @@ def parse_optional(text: str | None, hint: str) -> int | datetime | None:
 
 def parse_state(text: str | None, hint: str = "--at") -> int | datetime | None:
     """Parse a revision's number or a time; None for the present."""
-    return None if text is None or _is_now(text) else parse_when(text, hint)
-
-
-def _is_now(text: str) -> bool:
-    return text.strip().lower() == "now"
-
-
-def _time(text: str, now: datetime) -> datetime:
-    if _is_now(text):
-        return now
-    if ago := _AGO.fullmatch(text):
-        return now - _duration(ago["count"], ago["unit"])
-    if day := _DAY.fullmatch(text):
-        return _on_day(day, now)
-    return _in_utc(datetime.fromisoformat(text))
-
-
-def _on_day(match: re.Match[str], now: datetime) -> datetime:
-    """Return the beginning of a day, or the given time of that day."""
-    days = int(match["day"].lower() == "yesterday")
-    if match["weekday"]:
-        # Seven days back if today is that weekday.
-        days = (now.weekday() - _DAYS.index(match["weekday"].lower()) - 1) % 7 + 1
-    date = (now - timedelta(days=days)).date()
-    clock = match["time"] or "00:00"
-    return _in_utc(datetime.fromisoformat(f"{date}T{clock if clock[2] == ':' else f'0{clock}'}"))
-
-
-def _in_utc(moment: datetime) -> datetime:
-    return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).astimezone(UTC)
-
-
-def _duration(count: str, unit: str) -> timedelta:
-    number = 1.0 if count.lower().startswith("a") else float(count)
-    return timedelta(**{_UNITS[unit[0].lower()]: number})
+    return None if text is None or is_now(text) else parse_when(text, hint)
 
 
 _NAMES_SHOWN = 20

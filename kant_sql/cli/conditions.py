@@ -11,6 +11,7 @@ import typer
 
 from ..dto import formulas as f
 from ..errors import InvalidKnowledgeError, UnsupportedConstructError, printable
+from ..json_documents import failed_document, held_document, verdict_document
 from ..knowledge.canonical import time_text
 from ..pddl.lexer import Source, decode
 from .check import STANDARD_INPUT, read_bytes
@@ -32,7 +33,7 @@ from .common import (
     split_url,
     words_argument,
 )
-from .history import metadata, revision_document
+from .history import metadata
 from .output import FAILED, Document, Printer, write_json
 
 if TYPE_CHECKING:
@@ -223,17 +224,6 @@ def _write_goals(
         write_failed(printer, parts)
 
 
-def failed_document(part: FailedCondition) -> Document:
-    """Return what does not hold as JSON data."""
-    return {
-        "condition": part.text,
-        "reason": part.reason,
-        "left": None if part.left is None else f"{part.left:f}",
-        "right": None if part.right is None else f"{part.right:f}",
-        "retracted": None if part.retracted is None else revision_document(part.retracted),
-    }
-
-
 def write_failed(printer: Printer, parts: Iterable[FailedCondition], indent: str = "") -> None:
     """Write what does not hold, and which revision retracted it."""
     for part in parts:
@@ -272,21 +262,13 @@ def when(
         printer = Printer()
         for position, held in enumerate(periods):
             if as_json:
-                write_json(_held_document(held))
+                write_json(held_document(held))
                 continue
             if position:
                 printer.line()
             _write_held(printer, condition, held)
         if not periods and not as_json:
             printer.line("at no time")
-
-
-def _held_document(held: Held) -> Document:
-    ends = {"since": held.since, "until": held.until}
-    return {
-        "binding": dict(held.binding),
-        **{name: one and revision_document(one) for name, one in ends.items()},
-    }
 
 
 def _write_held(printer: Printer, condition: str, held: Held) -> None:
@@ -340,7 +322,7 @@ def rules(
         found = state.check_rules(source, since=first, until=last, clock=clock)
     if as_json:
         header = {"knowledge_base": name, "first": found.first, "last": found.last}
-        verdicts = [_verdict_document(one) for one in found]
+        verdicts = [verdict_document(one) for one in found]
         write_json({**header, "is_satisfied": found.is_satisfied, "rules": verdicts})
     else:
         _write_verdicts(Printer(), found)
@@ -352,17 +334,6 @@ def _source(given: str) -> Source:
     if given == STANDARD_INPUT:
         return decode(*read_bytes(given))
     return given if given.lstrip()[:1] in ("(", ";") else Path(given)
-
-
-def _verdict_document(verdict: Verdict) -> Document:
-    return {
-        "rule": verdict.text,
-        "is_satisfied": verdict.is_satisfied,
-        "is_preference": verdict.is_preference,
-        "preference": verdict.preference,
-        "revision": verdict.revision and revision_document(verdict.revision),
-        "time": None if verdict.time is None else f"{verdict.time:f}",
-    }
 
 
 def _write_verdicts(printer: Printer, verdicts: Iterable[Verdict]) -> None:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ..errors import ConnectionLostError, StoreUnreachableError, printable
+from ..json_documents import changes_document, entry_document, version_document
 from ..knowledge.canonical import time_text
 from .common import (
     Actor,
@@ -34,7 +35,7 @@ from .common import (
     unknown_element,
     words_argument,
 )
-from .output import Document, Printer, json_text, write_json
+from .output import Printer, json_text, write_json
 
 if TYPE_CHECKING:
     from ..history.revisions import LogEntry, Revision
@@ -43,41 +44,6 @@ if TYPE_CHECKING:
     from ..sql.changes import Change
 
 _STYLES = {"+": "green", "-": "red"}
-
-
-def revision_document(revision: Revision) -> Document:
-    """Return a revision as JSON data."""
-    observed_at, step = revision.observed_at, revision.plan_step
-    return {
-        "number": revision.number,
-        "committed_at": time_text(revision.committed_at),
-        "observed_at": None if observed_at is None else time_text(observed_at),
-        "actor": revision.actor,
-        "reason": revision.reason,
-        "source": revision.source,
-        "plan_step": None if step is None else {"plan": step[0], "position": step[1]},
-        "hash": revision.hash,
-    }
-
-
-def _entry_document(entry: LogEntry) -> Document:
-    changes = changes_document(entry.changes)
-    return {**revision_document(entry.revision), "changes": changes}
-
-
-def changes_document(changes: Iterable[Change]) -> list[Document]:
-    """Return changes as JSON data."""
-    return [change._asdict() for change in changes]
-
-
-def _version_document(version: Version) -> Document:
-    until = version.until
-    return {
-        "kind": version.kind,
-        "text": version.text,
-        "since": revision_document(version.since),
-        "until": None if until is None else revision_document(until),
-    }
 
 
 def _write_entry(printer: Printer, entry: LogEntry) -> None:
@@ -175,7 +141,7 @@ class _EntryWriter:
     def write(self, entry: LogEntry) -> None:
         """Write a revision."""
         if self._as_json:
-            write_json(_entry_document(entry))
+            write_json(entry_document(entry))
             return
         if not self._is_first:
             self._printer.line()
@@ -208,7 +174,7 @@ def history(
         printer = Printer()
         for position, version in enumerate(versions):
             if as_json:
-                write_json(_version_document(version))
+                write_json(version_document(version))
                 continue
             if position:
                 printer.line()
@@ -223,7 +189,7 @@ def blame(words: _Words, kb: Name = None, at: At = None, as_json: AsJson = False
         if version is None:
             raise unknown_element(state, name, element, "does not hold; see: kant-sql history")
         if as_json:
-            write_json(_version_document(version))
+            write_json(version_document(version))
         else:
             _write_version(Printer(), version)
 

@@ -11,14 +11,15 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ..errors import KantSqlError, printable
-from ..planning import Plan, PlanStep
+from ..json_documents import recorded_plan_document, step_document
+from ..planning import Plan
 from .check import STANDARD_INPUT, read_bytes
 from .common import AsJson, At, Name, Url, json_lines, open_state, option
 from .output import Document, Printer, write_json
 
 if TYPE_CHECKING:
     from ..knowledge_base import KnowledgeBase
-    from ..plans.interfaces import RecordedPlan, RecordedStep
+    from ..plans.interfaces import RecordedPlan
 
 _NOT_STARTED = "not started"
 
@@ -137,16 +138,6 @@ def _plan_document(found: Plan, recorded: RecordedPlan | None) -> Document:
     return document
 
 
-def step_document(step: PlanStep | RecordedStep) -> Document:
-    """Return a step as JSON data."""
-    return {
-        "start": _number(step.start),
-        "action": step.action,
-        "arguments": list(step.arguments),
-        "duration": _number(step.duration),
-    }
-
-
 def plans(
     url: Url,
     kb: Name = None,
@@ -161,7 +152,7 @@ def plans(
         found = state.plans.get_all() if id_ is None else [get_recorded(state, name, id_)]
         if as_json:
             for one in found:
-                write_json({"knowledge_base": name, **_recorded_document(one)})
+                write_json({"knowledge_base": name, **recorded_plan_document(one)})
         elif id_ is None:
             columns = "plan", "recorded in", "planned from", "planner", "status", "steps"
             Printer().table("plans", columns, [_recorded_row(one) for one in found])
@@ -209,29 +200,6 @@ def _write_recorded(printer: Printer, one: RecordedPlan) -> None:
         for step in one.steps
     ]
     printer.table("steps", ("step", "action", "status"), rows)
-
-
-def _recorded_document(one: RecordedPlan) -> Document:
-    return {
-        "plan": one.id,
-        "recorded_in": one.recorded_in,
-        "revision": one.revision,
-        "problem_hash": one.problem_hash,
-        "planner": one.planner,
-        "planner_version": one.planner_version,
-        "objective": one.objective,
-        "value": _number(one.value),
-        "status": one.status,
-        "steps": [
-            {
-                "position": step.position,
-                **step_document(step),
-                "status": step.status,
-                "revisions": list(step.revisions),
-            }
-            for step in one.steps
-        ],
-    }
 
 
 def _number(number: Decimal | None) -> str | None:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ..errors import printable
+from ..json_documents import changes_document, failed_document, step_document
 from .common import (
     Actor,
     AsJson,
@@ -24,10 +25,10 @@ from .common import (
     split_url,
     words_argument,
 )
-from .conditions import failed_document, write_failed
-from .history import changes_document, write_changes
+from .conditions import write_failed
+from .history import write_changes
 from .output import FAILED, Document, Printer, write_json
-from .plans import get_recorded, read_plan, step_document
+from .plans import get_recorded, read_plan
 
 if TYPE_CHECKING:
     from ..reasoning.validate import FailedStep, Validation

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ..errors import InvalidMetadataError, KantSqlError, printable
+from ..json_documents import verification_document
 from ..knowledge.canonical import time_text
 from .common import (
     DEFAULT_NAME,
@@ -270,7 +271,7 @@ def verify(
         verification = _verify(url, name, anchored, structure=number == 0)
         is_intact &= verification.is_intact
         if as_json:
-            write_json(_verification_document(verification))
+            write_json(verification_document(verification))
         else:
             _write_verification(printer, verification, anchored is not None)
     return 0 if is_intact else FAILED
@@ -323,15 +324,6 @@ def _finding_text(finding: Finding) -> str:
     place = "" if finding.revision is None else f"revision {finding.revision}: "
     table = "" if finding.table is None else f"{finding.table}: "
     return f"{place}{table}{finding.message}"
-
-
-def _verification_document(verification: Verification) -> Document:
-    return {
-        **verification._asdict(),
-        "is_intact": verification.is_intact,
-        "findings": [finding._asdict() for finding in verification.findings],
-        "archives": list(verification.archives),
-    }
 
 
 _Before = Annotated[

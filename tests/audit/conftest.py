@@ -5,8 +5,7 @@ from __future__ import annotations
 import pytest
 
 import kant_sql
-from kant_sql import PddlObjectDto, PddlPredicateDto, PddlPropositionDto, PddlTypeDto
-from tests.audit.story import record
+from tests.audit.story import record_store
 from tests.support.pages import Ask, ask
 from tests.support.servers import Server
 
@@ -14,33 +13,20 @@ from tests.support.servers import Server
 @pytest.fixture(scope="session")
 def sqlite_story(tmp_path_factory: pytest.TempPathFactory) -> str:
     """The URL of the store on SQLite."""
-    return _recorded(f"sqlite:///{tmp_path_factory.mktemp('audit') / 'store.db'}")
+    return record_store(f"sqlite:///{tmp_path_factory.mktemp('audit') / 'store.db'}")
 
 
 @pytest.fixture(scope="session")
 def postgresql_story(server: Server) -> str:
     """The URL of the store on PostgreSQL."""
     url = server.new_store()
-    return _recorded(url)
+    return record_store(url)
 
 
 @pytest.fixture(params=["sqlite", "postgresql"])
 def story_url(request: pytest.FixtureRequest) -> str:
     """The URL of the store, on each dialect in turn."""
     url: str = request.getfixturevalue(f"{request.param}_story")
-    return url
-
-
-def _recorded(url: str) -> str:
-    """Record the story in a store; another robot in it has the same names for other things."""
-    with kant_sql.connect(url, knowledge_base="other", actor="nobody") as other:
-        robot, place = PddlTypeDto("robot"), PddlTypeDto("place")
-        robot_at = PddlPredicateDto("robot_at", [robot, place])
-        objects = [PddlObjectDto(robot, "rb1"), PddlObjectDto(place, "t2")]
-        for is_goal in (False, True):
-            other.propositions.save(PddlPropositionDto(robot_at, objects, is_goal))
-    with kant_sql.connect(url, knowledge_base="courier") as kb:
-        record(kb)
     return url
 
 

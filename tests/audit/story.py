@@ -9,6 +9,7 @@ from decimal import Decimal
 from types import SimpleNamespace
 from unittest import mock
 
+import kant_sql
 from kant_sql import (
     KnowledgeBase,
     PddlFunctionDto,
@@ -269,3 +270,16 @@ def _afternoon(story: Teller) -> None:
         story.kb.objects.delete(_OBJECTS["front"])
     with story.at(at("08:00", day=3), "operator", "opening"):  # 36
         story.say("robot_at rb1 dock", "- robot_at rb1 kitchen")
+
+
+def record_store(url: str) -> str:
+    """Record the story in a store; another robot in it has the same names for other things."""
+    with kant_sql.connect(url, knowledge_base="other", actor="nobody") as other:
+        robot, place = PddlTypeDto("robot"), PddlTypeDto("place")
+        robot_at = PddlPredicateDto("robot_at", [robot, place])
+        objects = [PddlObjectDto(robot, "rb1"), PddlObjectDto(place, "t2")]
+        for is_goal in (False, True):
+            other.propositions.save(PddlPropositionDto(robot_at, objects, is_goal))
+    with kant_sql.connect(url, knowledge_base="courier") as kb:
+        record(kb)
+    return url

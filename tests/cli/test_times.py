@@ -9,7 +9,7 @@ import typer
 from hypothesis import given
 from hypothesis import strategies as st
 
-from kant_sql.cli import common as times
+from kant_sql import moment_text as times
 from kant_sql.cli.common import parse_optional, parse_state, parse_when
 
 AGO = {

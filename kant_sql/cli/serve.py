@@ -1,0 +1,51 @@
+"""`kant-sql serve`: the store in a browser."""
+
+from __future__ import annotations
+
+import sys
+from typing import Annotated
+
+from ..errors import KantSqlError, printable
+from .common import Url, option
+
+WEB_MISSING = "the web pages need more packages; install them with: pip install 'kant-sql[web]'"
+
+
+def serve(
+    url: Url,
+    host: Annotated[
+        str,
+        option(
+            "The address to listen at; any other than this machine's needs a token.",
+            metavar="ADDRESS",
+        ),
+    ] = "127.0.0.1",
+    port: Annotated[
+        int, option("The port; 0 for a free one.", metavar="NUMBER", min=0, max=65535)
+    ] = 8765,
+    allow_host: Annotated[
+        list[str] | None,
+        option(
+            "Another name under which the server may be asked; may be given several times.",
+            metavar="NAME",
+        ),
+    ] = None,
+) -> None:
+    """Show the store in a browser: read-only pages, and their data as JSON.
+
+    Ends with Ctrl-C. At an address that other machines reach, readers need the token that is
+    printed at the start, or the one in KANT_SQL_TOKEN.
+    """
+    try:
+        from ..web.serving import make_server
+    except ImportError as error:
+        raise KantSqlError(WEB_MISSING) from error
+    server, token = make_server(url, host=host, port=port, hosts=allow_host or ())
+    listening = server.config.bind_socket()
+    address, number = listening.getsockname()[:2]
+    name = f"[{address}]" if ":" in address else address
+    sys.stdout.write(f"http://{name}:{number}/\n")
+    if token is not None:
+        sys.stdout.write(f"token: {printable(token)}\n")
+    sys.stdout.flush()
+    server.run(sockets=[listening])

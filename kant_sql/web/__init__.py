@@ -1,0 +1,1 @@
+"""The web application: pages, reports and their JSON, all read-only (the extra `web`)."""

@@ -1,0 +1,146 @@
+"""The application: its pages, their JSON, static files, and errors."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import AsyncIterator, Iterable
+from contextlib import asynccontextmanager
+from http import HTTPStatus
+from pathlib import Path
+
+import anyio
+import plotly
+from fastapi import FastAPI, Request
+from fastapi.exceptions import RequestValidationError
+from fastapi.responses import FileResponse, JSONResponse, Response
+from fastapi.staticfiles import StaticFiles
+from starlette.exceptions import HTTPException
+
+from .. import __version__
+from ..errors import (
+    InvalidArgumentError,
+    InvalidKnowledgeError,
+    KantSqlError,
+    StoreBusyError,
+    StoreError,
+    StoreUnreachableError,
+    UnknownNameError,
+    UnknownRevisionError,
+    UnsupportedConstructError,
+)
+from .pages import TOPICS
+from .rendering import STATIC, render
+from .security import Guard, allowed_hosts
+from .stores import OpenStore
+
+logger = logging.getLogger("kant_sql.web")
+
+# The first that fits; another error of the library is the server's.
+_STATUS: tuple[tuple[type[KantSqlError], int], ...] = (
+    (UnknownNameError, 404),
+    (UnknownRevisionError, 404),
+    (InvalidArgumentError, 400),
+    (InvalidKnowledgeError, 400),
+    (UnsupportedConstructError, 400),
+    (StoreBusyError, 503),
+    (StoreUnreachableError, 503),
+    (StoreError, 500),
+)
+# Questions that run at the same time; each has a thread and a connection.
+MOST_QUESTIONS = 8
+
+
+def create_app(
+    url: str,
+    *,
+    bound: str = "127.0.0.1",
+    hosts: Iterable[str] = (),
+    token: str | None = None,
+) -> FastAPI:
+    """Make the application of one store.
+
+    Args:
+        url: the database URL.
+        bound: the address that the server is bound to.
+        hosts: further names under which it may be asked.
+        token: what a reader has to know; None if everybody who reaches the server may read.
+
+    Returns:
+        An ASGI application, for uvicorn or another server.
+
+    Raises:
+        KantSqlError: the store cannot be opened, as for `connect`.
+    """
+    store = OpenStore(url)
+    store.names()
+
+    @asynccontextmanager
+    async def lifespan(app: FastAPI) -> AsyncIterator[None]:
+        app.state.limiter = anyio.CapacityLimiter(MOST_QUESTIONS)
+        try:
+            yield
+        finally:
+            store.close()
+
+    app = FastAPI(
+        title="kant_sql",
+        summary="A knowledge base with its history, read over HTTP.",
+        version=__version__,
+        openapi_url="/api/openapi.json",
+        docs_url=None,
+        redoc_url=None,
+        lifespan=lifespan,
+    )
+    app.state.store = store
+    for pages in TOPICS:
+        app.include_router(pages.api)
+        app.include_router(pages.html)
+    _serve_files(app)
+    _answer_errors(app)
+    app.add_middleware(Guard, bound=bound, hosts=allowed_hosts(bound, hosts), token=token)
+    return app
+
+
+def _serve_files(app: FastAPI) -> None:
+    """Serve the static files, and Plotly's script from its own package."""
+    script = Path(plotly.__file__).parent / "package_data" / "plotly.min.js"
+
+    @app.get("/static/plotly.min.js", include_in_schema=False)
+    async def plotly_script() -> FileResponse:
+        return FileResponse(script, media_type="text/javascript")
+
+    app.mount("/static", StaticFiles(directory=STATIC), name="static")
+
+
+def _answer_errors(app: FastAPI) -> None:
+    """Answer errors with one sentence, never with a traceback."""
+
+    async def refused(request: Request, error: Exception) -> Response:
+        status = next((code for kind, code in _STATUS if isinstance(error, kind)), 500)
+        return _error(request, status, str(error), type(error).__name__)
+
+    async def wrong(request: Request, error: Exception) -> Response:
+        assert isinstance(error, RequestValidationError)
+        parts = [f"{part['loc'][-1]}: {part['msg']}" for part in error.errors()]
+        return _error(request, 422, "; ".join(parts), "InvalidArgumentError")
+
+    async def failed(request: Request, error: Exception) -> Response:
+        assert isinstance(error, HTTPException)
+        return _error(request, error.status_code, str(error.detail), "HTTPException")
+
+    async def broken(request: Request, error: Exception) -> Response:
+        logger.error("%s %s failed", request.method, request.url.path, exc_info=error)
+        message = "the server failed; its log says more"
+        return _error(request, 500, message, "InternalServerError")
+
+    app.add_exception_handler(KantSqlError, refused)
+    app.add_exception_handler(RequestValidationError, wrong)
+    app.add_exception_handler(HTTPException, failed)
+    app.add_exception_handler(Exception, broken)
+
+
+def _error(request: Request, status: int, message: str, kind: str) -> Response:
+    if request.url.path.startswith(("/api/", "/static/")):
+        return JSONResponse({"error": message, "type": kind}, status)
+    page = {"status": status, "phrase": HTTPStatus(status).phrase, "message": message}
+    return render(request, "error.html", page, request.query_params.get("kb"), status)

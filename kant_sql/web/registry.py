@@ -1,0 +1,94 @@
+"""Registering pages: one function gives the data of a page and of its JSON under `/api/`."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Awaitable, Callable
+from functools import partial
+from typing import Annotated, Any, TypeVar
+
+from fastapi import APIRouter, Query, Request
+from fastapi.responses import HTMLResponse
+
+from ..knowledge_base import KnowledgeBase
+from .rendering import render
+from .stores import OpenStore, answer
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+KB_DESCRIPTION = "The knowledge base's name; not needed in a store of one."
+KbName = Annotated[str | None, Query(alias="kb", description=KB_DESCRIPTION)]
+
+
+class Pages:
+    """The pages of a topic, as HTML and as JSON.
+
+    Attributes:
+        html: the routes of the pages.
+        api: the routes of their JSON.
+    """
+
+    def __init__(self, topic: str) -> None:
+        self.html = APIRouter(include_in_schema=False)
+        self.api = APIRouter(prefix="/api", tags=[topic])
+
+    def page(self, path: str, template: str) -> Callable[[F], F]:
+        """Register a function that gives a page's data.
+
+        Its first argument is a knowledge base, or the store; the others are parameters of the
+        query, by keyword, as FastAPI declares them. It returns a `TypedDict`, which documents the
+        JSON. Its docstring describes the page.
+        """
+
+        def register(function: F) -> F:
+            self.api.get(path)(_endpoint(function, _json))
+            self.html.get(path, response_class=HTMLResponse)(
+                _endpoint(function, partial(_page, template=template))
+            )
+            return function
+
+        return register
+
+
+async def _json(request: Request, data: Any, kb: str | None) -> Any:
+    return data
+
+
+async def _page(request: Request, data: Any, kb: str | None, template: str) -> HTMLResponse:
+    return render(request, template, data, kb)
+
+
+def _endpoint(
+    function: Callable[..., Any], respond: Callable[[Request, Any, str | None], Awaitable[Any]]
+) -> Callable[..., Awaitable[Any]]:
+    """Make an endpoint of a data function: its parameters, the request and the name of a store."""
+    signature = inspect.signature(function, eval_str=True)
+    first, *others = signature.parameters.values()
+    of_store = first.annotation is OpenStore
+
+    async def endpoint(request: Request, **query: Any) -> Any:
+        store: OpenStore = request.app.state.store
+        name = query.pop("kb_name", None)
+
+        def work() -> tuple[Any, str | None]:
+            if of_store:
+                return function(store, **query), None
+            chosen = store.choose(name)
+            with store.knowledge_base(chosen) as kb:
+                return function(kb, **query), chosen
+
+        data, chosen = await answer(request, work)
+        return await respond(request, data, chosen)
+
+    keyword = inspect.Parameter.KEYWORD_ONLY
+    parameters = [inspect.Parameter("request", keyword, annotation=Request)]
+    if not of_store:
+        assert first.annotation is KnowledgeBase, function
+        parameters.append(inspect.Parameter("kb_name", keyword, annotation=KbName, default=None))
+    parameters += [other.replace(kind=keyword) for other in others]
+    returned = HTMLResponse if isinstance(respond, partial) else signature.return_annotation
+    endpoint.__signature__ = inspect.Signature(  # type: ignore[attr-defined]
+        parameters, return_annotation=returned
+    )
+    endpoint.__name__, endpoint.__doc__ = function.__name__, function.__doc__
+    return endpoint

@@ -1,0 +1,95 @@
+"""Templates, and what they share: links, and text that cannot be anything but text."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from functools import cache
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+from urllib.parse import urlencode
+
+from fastapi import Request
+from fastapi.responses import HTMLResponse
+from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
+
+from .. import __version__
+from ..errors import printable
+
+STATIC = Path(__file__).parent / "static"
+# A longer text is cut in links and titles; its own page has all of it.
+SHORT = 200
+
+
+def link(path: str, /, **query: object) -> str:
+    """Return the address of a page; parameters that are None are left out."""
+    given = {name: value for name, value in query.items() if value not in (None, "", False)}
+    return f"{path}?{urlencode(given)}" if given else path
+
+
+def shown_text(value: object) -> str:
+    """Make controls and bidirectional overrides visible; line feeds stay."""
+    lines = str(value).split("\n")
+    return "\n".join(printable(line) for line in lines)
+
+
+def shorten(value: object, length: int = SHORT) -> str:
+    """Return the beginning of a long text."""
+    text = shown_text(value)
+    return text if len(text) <= length else f"{text[:length]}…"
+
+
+def second(value: str | None) -> str:
+    """Return a time as people read it: 2026-03-02 14:03:00; fractions only if there are any."""
+    if value is None:
+        return ""
+    moment = value.replace("T", " ").removesuffix("Z")
+    return moment.rstrip("0").rstrip(".") if "." in moment else moment
+
+
+def as_json(value: object) -> str:
+    """Return a value as JSON text."""
+    return json.dumps(value, ensure_ascii=False, default=str)
+
+
+@cache
+def static_address(name: str) -> str:
+    """Return the address of a static file, which changes with the file."""
+    digest = sha256((STATIC / name).read_bytes()).hexdigest()[:12]
+    return f"/static/{name}?v={digest}"
+
+
+@cache
+def environment() -> Environment:
+    """Return the templates' environment."""
+    made = Environment(
+        loader=PackageLoader("kant_sql.web"),
+        autoescape=select_autoescape(default=True),
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    made.globals.update(link=link, static=static_address, version=__version__)
+    made.filters.update(shown=shown_text, short=shorten, second=second, as_json=as_json)
+    return made
+
+
+def render_text(template: str, data: Mapping[str, Any]) -> str:
+    """Return a template with its data."""
+    return environment().get_template(template).render(data)
+
+
+def render(
+    request: Request, template: str, data: Mapping[str, Any], kb: str | None, status: int = 200
+) -> HTMLResponse:
+    """Return a page."""
+    path, query = request.url.path, request.url.query
+    context = {
+        "page": data,
+        "kb": kb,
+        "path": path,
+        "api": f"/api{path}" + (f"?{query}" if query else ""),
+        "query": dict(request.query_params),
+    }
+    return HTMLResponse(render_text(template, context), status_code=status)

@@ -1,0 +1,185 @@
+"""Who may ask, under which name, and what a browser may do with the answer."""
+
+from __future__ import annotations
+
+import hmac
+import ipaddress
+import socket
+from collections.abc import Iterable
+from http.cookies import SimpleCookie
+from urllib.parse import parse_qs, quote, urlsplit
+
+from fastapi.responses import PlainTextResponse, RedirectResponse, Response
+from starlette.datastructures import Headers, MutableHeaders
+from starlette.requests import Request
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+TOKEN_VARIABLE = "KANT_SQL_TOKEN"
+TOKEN_COOKIE = "kant_sql_token"
+LOGIN = "/token"
+_LOOPBACK = frozenset({"localhost", "127.0.0.1", "::1"})
+_LONGEST_FORM = 10_000
+# No inline script or style, nothing from elsewhere, in no other page's frame.
+POLICY = "; ".join(
+    (
+        "default-src 'none'",
+        "script-src 'self'",
+        "style-src 'self'",
+        "img-src 'self' data: blob:",
+        "connect-src 'self'",
+        "form-action 'self'",
+        "base-uri 'none'",
+        "frame-ancestors 'none'",
+    )
+)
+_HEADERS = {
+    "Content-Security-Policy": POLICY,
+    "X-Content-Type-Options": "nosniff",
+    "X-Frame-Options": "DENY",
+    "Referrer-Policy": "same-origin",
+    "Cross-Origin-Opener-Policy": "same-origin",
+    "Cross-Origin-Resource-Policy": "same-origin",
+}
+# What holds now changes; a file with its digest in the address does not.
+_NO_CACHE, _CACHE = "no-cache", "max-age=31536000, immutable"
+
+
+def is_loopback(host: str) -> bool:
+    """Return whether only this machine can reach an address."""
+    if host in _LOOPBACK:
+        return True
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return False
+
+
+def allowed_hosts(bound: str, others: Iterable[str] = ()) -> frozenset[str]:
+    """Return the names under which a server that is bound to an address may be asked.
+
+    A page of somebody else can make its own name lead to this address ("DNS rebinding"), so
+    names are listed; an address in digits cannot be redirected.
+    """
+    own = () if is_loopback(bound) else (bound, socket.gethostname(), socket.getfqdn())
+    return frozenset(name.lower() for name in (*_LOOPBACK, *own, *others))
+
+
+class Guard:
+    """Refuses requests under a foreign name, from another site, or without the token."""
+
+    def __init__(self, app: ASGIApp, *, bound: str, hosts: frozenset[str], token: str | None):
+        self._app = app
+        self._hosts = hosts
+        self._is_loopback = is_loopback(bound)
+        self._token = None if token is None else token.encode()
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answer a request."""
+        if scope["type"] != "http":
+            await self._app(scope, receive, send)
+            return
+
+        async def send_guarded(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                _add_headers(MutableHeaders(scope=message), scope["path"])
+            await send(message)
+
+        response = await self._refuse(scope, receive)
+        await (self._app if response is None else response)(scope, receive, send_guarded)
+
+    async def _refuse(self, scope: Scope, receive: Receive) -> Response | None:
+        """Return the answer to a request that does not reach the application."""
+        headers = Headers(scope=scope)
+        name = _host_name(headers.get("host", ""))
+        if not self._is_known(name):
+            return PlainTextResponse(
+                "This server is not known under this name; start it with --allow-host NAME.", 400
+            )
+        if scope["method"] not in ("GET", "HEAD") and not _is_same_site(headers):
+            return PlainTextResponse("This request comes from another site.", 403)
+        if self._token is None:
+            return None
+        if scope["path"] == LOGIN and scope["method"] == "POST":
+            return await self._log_in(Request(scope, receive))
+        if self._has_token(headers) or scope["path"].startswith("/static/"):
+            return None
+        return self._ask_for_token(scope)
+
+    def _is_known(self, name: str) -> bool:
+        if name in self._hosts:
+            return True
+        return not self._is_loopback and _is_address(name)
+
+    def _has_token(self, headers: Headers) -> bool:
+        scheme, _, given = headers.get("authorization", "").partition(" ")
+        if scheme.lower() == "bearer":
+            return self._is_token(given.strip())
+        cookies = SimpleCookie(headers.get("cookie", ""))
+        return TOKEN_COOKIE in cookies and self._is_token(cookies[TOKEN_COOKIE].value)
+
+    def _is_token(self, given: str) -> bool:
+        return self._token is not None and hmac.compare_digest(given.encode(), self._token)
+
+    async def _log_in(self, request: Request) -> Response:
+        """Give the token as a cookie to who knows it."""
+        body = b""
+        async for part in request.stream():
+            body += part
+            if len(body) > _LONGEST_FORM:
+                return PlainTextResponse("This form is too long.", 413)
+        form = parse_qs(body.decode("utf-8", "replace"), keep_blank_values=True)
+        given, target = form.get("token", [""])[0], form.get("next", ["/"])[0]
+        if not self._is_token(given):
+            return _token_page(target, wrong=True)
+        # Only an address of this server: `//other` and `/\other` would be another one's.
+        is_own = target.startswith("/") and target[1:2] not in ("/", "\\")
+        response = RedirectResponse(target if is_own else "/", 303)
+        response.set_cookie(TOKEN_COOKIE, given, httponly=True, samesite="lax", path="/")
+        return response
+
+    def _ask_for_token(self, scope: Scope) -> Response:
+        if scope["path"].startswith("/api/") or scope["path"] == "/live":
+            headers = {"WWW-Authenticate": "Bearer"}
+            return PlainTextResponse("Give the token: Authorization: Bearer TOKEN.", 401, headers)
+        query = scope["query_string"].decode("latin-1")
+        return _token_page(scope["path"] + (f"?{query}" if query else ""))
+
+
+def _token_page(target: str, wrong: bool = False) -> Response:
+    from .rendering import render_text
+
+    page = render_text("token.html", {"target": target, "wrong": wrong, "action": LOGIN})
+    return Response(page, 401, media_type="text/html")
+
+
+def _add_headers(headers: MutableHeaders, path: str) -> None:
+    for name, value in _HEADERS.items():
+        headers.setdefault(name, value)
+    headers.setdefault("Cache-Control", _CACHE if path.startswith("/static/") else _NO_CACHE)
+
+
+def _host_name(host: str) -> str:
+    """Return the name in a `Host` header, without the port."""
+    try:
+        return urlsplit(f"//{quote(host, safe=':[]%.-_')}").hostname or ""
+    except ValueError:
+        return ""
+
+
+def _is_address(name: str) -> bool:
+    try:
+        ipaddress.ip_address(name)
+    except ValueError:
+        return False
+    return True
+
+
+def _is_same_site(headers: Headers) -> bool:
+    """Return whether a request that changes something comes from a page of this server.
+
+    Browsers say where it comes from; other programs do not, and no page can make them ask.
+    """
+    origin = headers.get("origin")
+    if origin is not None:
+        return urlsplit(origin).netloc.lower() == headers.get("host", "").lower()
+    return headers.get("sec-fetch-site", "same-origin") in ("same-origin", "none")

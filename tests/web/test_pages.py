@@ -1,0 +1,43 @@
+"""What all pages have in common: errors, links, JSON with a description."""
+
+from __future__ import annotations
+
+from fastapi.testclient import TestClient
+
+
+def test_the_home_page_lists_the_knowledge_bases(client: TestClient) -> None:
+    listed = client.get("/api/").json()["knowledge_bases"]
+    assert {one["name"]: one["revision"] for one in listed} == {"other": 2, "courier": 36}
+    assert 'href="/log?kb=courier"' in client.get("/").text
+
+
+def test_a_revision_is_the_same_as_a_page_and_as_json(client: TestClient) -> None:
+    data = client.get("/api/revision?kb=courier&number=5").json()["revision"]
+    assert (data["actor"], data["reason"]) == ("perception", "guest sat down")
+    assert data["changes"] == [{"sign": "+", "kind": "fact", "text": "(waiting t2)"}]
+    page = client.get("/revision?kb=courier&number=5").text
+    assert data["hash"] in page
+    assert "(waiting t2)" in page
+
+
+def test_errors_are_one_sentence_with_a_status(client: TestClient) -> None:
+    for query, status in {
+        "kb=nobody&number=1": 404,
+        "kb=courier&number=99999": 404,
+        "number=1": 404,
+        "kb=courier&number=none": 422,
+        "kb=courier": 422,
+    }.items():
+        page, data = client.get(f"/revision?{query}"), client.get(f"/api/revision?{query}")
+        assert (page.status_code, data.status_code) == (status, status)
+        assert "Traceback" not in page.text
+        assert set(data.json()) == {"error", "type"}
+
+
+def test_the_description_documents_every_answer(client: TestClient) -> None:
+    described = client.get("/api/openapi.json").json()
+    for path, methods in described["paths"].items():
+        for method in methods.values():
+            content = method["responses"]["200"]["content"]["application/json"]["schema"]
+            assert content, path
+            assert method["description"], path

@@ -1,0 +1,118 @@
+"""Who may ask, under which name, and what a browser may do with the answer."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+
+import pytest
+from fastapi.testclient import TestClient
+
+from kant_sql.errors import InvalidArgumentError
+from kant_sql.web.application import create_app
+from kant_sql.web.security import TOKEN_COOKIE, is_loopback
+from kant_sql.web.serving import token_for
+
+BASE = "http://127.0.0.1"
+TOKEN = "a secret of the tests, long"
+
+
+@pytest.fixture
+def guarded(sqlite_story: str) -> Iterator[TestClient]:
+    """A client of an application that other machines reach, and that has a token."""
+    app = create_app(sqlite_story, bound="0.0.0.0", hosts=["robots.example"], token=TOKEN)
+    with TestClient(app, base_url=BASE, follow_redirects=False) as made:
+        yield made
+
+
+@pytest.mark.parametrize(
+    "path", ["/", "/api/", "/static/style.css", "/nothing", "/revision?number=x"]
+)
+def test_every_answer_has_a_policy_without_inline_scripts(client: TestClient, path: str) -> None:
+    headers = client.get(path).headers
+    policy = headers["content-security-policy"]
+    assert "default-src 'none'" in policy
+    assert "unsafe" not in policy
+    assert headers["x-content-type-options"] == "nosniff"
+    assert "server" not in headers
+
+
+@pytest.mark.parametrize(
+    "host", ["evil.example", "evil.example:80", "", "127.0.0.1.evil.example", "10.0.0.1"]
+)
+def test_a_foreign_name_is_refused(client: TestClient, host: str) -> None:
+    answer = client.get("/", headers={"host": host})
+    assert answer.status_code == 400
+    assert "courier" not in answer.text
+
+
+@pytest.mark.parametrize("host", ["localhost:8765", "127.0.0.1", "[::1]:8765", "LOCALHOST"])
+def test_names_of_this_machine_are_known(client: TestClient, host: str) -> None:
+    assert client.get("/", headers={"host": host}).status_code == 200
+
+
+def test_a_server_for_others_knows_addresses_and_its_names(
+    guarded: TestClient,
+) -> None:
+    bearer = {"authorization": f"Bearer {TOKEN}"}
+    for host, status in {"10.1.2.3:80": 200, "Robots.example": 200, "evil.example": 400}.items():
+        assert guarded.get("/", headers={**bearer, "host": host}).status_code == status
+
+
+@pytest.mark.parametrize(
+    "given", ["", "Bearer", "Bearer wrong", f"Basic {TOKEN}", f"Bearer {TOKEN}x"]
+)
+def test_without_the_token_nothing_is_read(guarded: TestClient, given: str) -> None:
+    for path in ("/", "/api/", "/revision?kb=courier&number=1", "/api/openapi.json", "/nothing"):
+        answer = guarded.get(path, headers={"authorization": given})
+        assert answer.status_code == 401
+        assert "courier</" not in answer.text
+
+
+def test_the_token_is_taken_once_and_leads_back(guarded: TestClient) -> None:
+    asked = guarded.get("/revision?kb=courier&number=5")
+    target = re.search(r'name="next" value="([^"]+)"', asked.text)
+    assert target is not None
+    assert target[1] == "/revision?kb=courier&amp;number=5"
+    refused = guarded.post("/token", data={"token": "wrong", "next": "/"})
+    assert (refused.status_code, TOKEN_COOKIE in refused.cookies) == (401, False)
+    taken = guarded.post("/token", data={"token": TOKEN, "next": "/revision?kb=courier&number=5"})
+    assert (taken.status_code, taken.headers["location"]) == (303, "/revision?kb=courier&number=5")
+    assert "httponly" in taken.headers["set-cookie"].lower()
+    guarded.cookies.set(TOKEN_COOKIE, taken.cookies[TOKEN_COOKIE])
+    assert guarded.get("/revision?kb=courier&number=5").status_code == 200
+
+
+@pytest.mark.parametrize(
+    "target", ["//evil.example", "/\\evil.example", "https://evil.example", ""]
+)
+def test_the_token_page_leads_to_no_other_server(guarded: TestClient, target: str) -> None:
+    answer = guarded.post("/token", data={"token": TOKEN, "next": target})
+    assert answer.headers["location"] == "/"
+
+
+def test_a_page_of_another_site_can_post_nothing(client: TestClient) -> None:
+    for headers in (
+        {"origin": "http://evil.example"},
+        {"origin": "null"},
+        {"sec-fetch-site": "cross-site"},
+    ):
+        assert client.post("/token", headers=headers).status_code == 403
+
+
+def test_the_token_comes_from_the_environment_or_is_made(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("KANT_SQL_TOKEN", raising=False)
+    assert token_for("127.0.0.1") is None
+    first, second = token_for("0.0.0.0"), token_for("0.0.0.0")
+    assert first is not None
+    assert first != second
+    monkeypatch.setenv("KANT_SQL_TOKEN", TOKEN)
+    assert token_for("0.0.0.0") == token_for("localhost") == TOKEN
+    monkeypatch.setenv("KANT_SQL_TOKEN", "short")
+    with pytest.raises(InvalidArgumentError, match="16 or more"):
+        token_for("0.0.0.0")
+
+
+def test_loopback_addresses() -> None:
+    assert all(map(is_loopback, ("localhost", "127.0.0.1", "127.1.2.3", "::1")))
+    assert not any(map(is_loopback, ("0.0.0.0", "10.0.0.1", "::", "robot", "")))
