@@ -666,6 +666,9 @@ class AsyncKnowledgeBase(_Part):
         self.metric = AsyncMetricDao(door, of=kb.metric)
         self.plans = AsyncPlanDao(door, of=kb.plans)
 
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__} {self._kb.factory.label}>"
+
     async def at(self, when: int | datetime) -> AsyncKnowledgeBase:
         """Open a past state for reading, as `KnowledgeBase.at`; it is closed with this one."""
         return AsyncKnowledgeBase(self._door, kb=await self._door.read(partial(self._kb.at, when)))

@@ -189,9 +189,11 @@ class DaoFactory(Connection):
     Attributes:
         has_one_connection: whether threads take turns on one connection, so that a read waits for
             a transaction that another thread has open.
+        label: the knowledge base and its store for people to read, without a password.
     """
 
     has_one_connection: bool = False
+    label: str = ""
 
     @abstractmethod
     def __init__(
@@ -373,6 +375,13 @@ class SqlDaoFactory(DaoFactory):
         except BaseException:
             backend.close()
             raise
+
+    @property
+    @override
+    def label(self) -> str:  # type: ignore[override]
+        store, past = self._open_store, "" if self._at is None else f" at revision {self._at}"
+        closed = ", closed" if store.backend.is_closed else ""
+        return f"{store.name!r} of {store.backend.label}{past}{closed}"
 
     @property
     def _store(self) -> Store:

@@ -7,6 +7,7 @@ from typing import Self
 
 from typing_extensions import override
 
+from . import html
 from .arguments import expect
 from .dao.interfaces import forwarding
 from .documents.interfaces import Exchange
@@ -14,6 +15,9 @@ from .errors import InvalidArgumentError
 from .factory import Connection, DaoFactory, Daos, create_dao_factory
 from .history.interfaces import History
 from .reasoning.interfaces import Reasoning
+
+# Revisions that a notebook shows of a knowledge base.
+_LATEST = 5
 
 
 @forwarding(factory=Connection, _exchange=Exchange, _history=History, _reasoning=Reasoning)
@@ -51,6 +55,20 @@ class KnowledgeBase(Daos, Exchange, History, Reasoning, Connection):
         url: str | None = None,
     ) -> Self:
         return type(self)(self.factory.branch(name, at=at, url=url))
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__} {self.factory.label}>"
+
+    def _repr_html_(self) -> str:
+        return html.guarded(self._shown)
+
+    def _shown(self) -> str:
+        """Write what the state holds, and who changed it last."""
+        head = self.revision
+        last = [each._html_row_() for each in self.revisions(after=max(0, head - _LATEST))][::-1]
+        latest = html.heading("The latest revisions") + html.table(last) if last else ""
+        counts = {"revision": head, **self._overview()._asdict()}
+        return html.heading(self.factory.label) + html.fields(counts) + latest
 
     def __enter__(self) -> Self:
         return self

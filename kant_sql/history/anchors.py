@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 from sqlalchemy import literal_column, select
 
+from .. import html
 from ..arguments import expect, shown
 from ..errors import AnchorError, StoreIntegrityError, reading_rows
 from ..knowledge.canonical import time_text
@@ -68,6 +69,9 @@ class Anchor(NamedTuple):
             Its head; None when it is not in the anchor.
         """
         return next((head for head in self.heads if head.knowledge_base == knowledge_base), None)
+
+    def _repr_html_(self) -> str:
+        return html.lines(self.text())
 
     def text(self) -> str:
         """Write one small JSON document, which `parse_anchor` reads.

@@ -6,6 +6,7 @@ from typing import Any
 
 from sqlalchemy import ColumnElement, Select, and_, literal_column, or_, select, union_all
 
+from .. import html
 from ..sql.changes import ASSERTED, RETRACTED, Change, unsortable
 from ..sql.dialects.base import Session
 from ..sql.intervals import ANY_FUNCTION, ANY_PREDICATE, held_then, then
@@ -97,7 +98,7 @@ def diff_lines(here: list[tuple[str, str]], there: list[tuple[str, str]]) -> lis
     changes = [Change(ASSERTED, *line) for line in others - own]
     changes += [Change(RETRACTED, *line) for line in own - others]
     try:
-        return sorted(changes)
+        return html.Listing(sorted(changes), "change")
     except TypeError as error:
         raise unsortable(((kind, text) for _, kind, text in changes), "now", error) from error
 
@@ -120,8 +121,9 @@ def diff(store: Store, a: When, b: When, upto: int | None = None) -> list[Change
             net[kind, text] = net.get((kind, text), 0) + change
         refuse_archived(session, kb_id, before, net.pop(("", ""), 0))
         try:
-            return sorted(Change(came if net[key] > 0 else went, *key) for key in net if net[key])
+            found = sorted(Change(came if net[key] > 0 else went, *key) for key in net if net[key])
         except TypeError as error:
             raise unsortable(net, f"revisions {before} to {after}", error) from error
+        return found
 
-    return store.query(work)
+    return html.Listing(store.query(work), "change")

@@ -14,6 +14,7 @@ from ..dto.formulas import Node
 from ..sql.changes import Change
 from .anchors import Anchor
 from .archive.archive import Archived
+from .overview import Overview
 from .revisions import LogEntry, Revision
 from .verify.verify import Verification
 from .versions import Version
@@ -185,6 +186,10 @@ class History(Interface):
     @required
     def _state_lines(self) -> list[tuple[str, str]]:
         """Return kind and text of all that belongs to the state."""
+
+    @required
+    def _overview(self) -> Overview:
+        """Count what the state holds."""
 
     @required
     def history(self, element: Element) -> list[Version]:

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 from sqlalchemy import bindparam, select
 
+from .. import html
 from ..arguments import optional_text
 from ..dao.known import refuse_unknown_actor
 from ..dto.elements import Dto
@@ -149,7 +150,7 @@ def read_revisions(
         rows = session.rows(OLDEST_FIRST, kb=kb_id, low=after + 1, high=high)
         return [make_revision(session, row) for row in rows]
 
-    return store.query(work)
+    return html.Listing(store.query(work), "revision")
 
 
 def read_log(

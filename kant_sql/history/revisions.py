@@ -12,6 +12,7 @@ from typing import Any
 
 from sqlalchemy import ColumnElement, select
 
+from .. import html
 from ..arguments import shown, whole_number
 from ..errors import UNREADABLE, StoreIntegrityError, UnknownRevisionError, unreadable
 from ..sql.changes import OWN_COLUMNS, REVISIONS, STEP_COLUMNS, Change, in_range, stream_changes
@@ -60,6 +61,21 @@ class Revision:
     observed_at: datetime | None = None
     plan_step: tuple[int, int] | None = None
 
+    def _html_row_(self) -> html.Row:
+        step = None if self.plan_step is None else "plan {}, step {}".format(*self.plan_step)
+        return {
+            "revision": self.number,
+            "committed at": self.committed_at,
+            "observed at": self.observed_at,
+            "actor": self.actor,
+            "reason": self.reason,
+            "source": None if self.source is None else json.dumps(self.source),
+            "plan step": step,
+        }
+
+    def _repr_html_(self) -> str:
+        return html.fields({**self._html_row_(), "hash": self.hash})
+
 
 @dataclass(frozen=True)
 class LogEntry:
@@ -67,6 +83,14 @@ class LogEntry:
 
     revision: Revision
     changes: tuple[Change, ...]
+
+    def _html_row_(self) -> html.Row:
+        changes = tuple(" ".join(change) for change in self.changes[: html.LINES])
+        left = len(self.changes) - len(changes)
+        return {**self.revision._html_row_(), "changes": (*changes, *html.more(left))}
+
+    def _repr_html_(self) -> str:
+        return self.revision._repr_html_() + html.listing(self.changes, "change")
 
 
 def at_most(limit: int | None) -> int:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 from typing_extensions import override
 
+from .. import html
 from ..arguments import expect
 from ..dao.base import SqlDao
 from ..dao.interfaces import Progress
@@ -19,6 +20,7 @@ from .follow import read_changes, watch
 from .interfaces import Element, History, When
 from .log import read_log, read_revisions
 from .moments import state_at
+from .overview import Overview, read_overview
 from .restore import restore
 from .revisions import LogEntry, Revision
 from .verify.verify import Verification, verify
@@ -44,13 +46,22 @@ class SqlHistory(SqlDao, History):
         element: Element | None = None,
         limit: int | None = None,
     ) -> Iterator[LogEntry]:
-        return self._while_open(
-            read_log(self._store, since, until, actor, element, limit, self._at)
-        )
+        def read(most: int | None) -> Iterator[LogEntry]:
+            return read_log(self._store, since, until, actor, element, most, self._at)
+
+        return self._feed(read, limit)
 
     @override
     def changes(self, after: int = 0, *, limit: int | None = None) -> Iterator[LogEntry]:
-        return self._while_open(read_changes(self._store, after, limit, self._at))
+        return self._feed(lambda most: read_changes(self._store, after, most, self._at), limit)
+
+    def _feed(
+        self, read: Callable[[int | None], Iterator[LogEntry]], limit: int | None
+    ) -> Iterator[LogEntry]:
+        def again(most: int) -> Iterator[LogEntry]:
+            return read(most if limit is None else min(most, limit))
+
+        return html.Feed(self._while_open(read(limit)), again=again, noun="revision")
 
     def _while_open(self, entries: Iterator[LogEntry]) -> Iterator[LogEntry]:
         for entry in entries:
@@ -73,6 +84,10 @@ class SqlHistory(SqlDao, History):
     @override
     def _state_lines(self) -> list[tuple[str, str]]:
         return state_lines(self._store, self._at)
+
+    @override
+    def _overview(self) -> Overview:
+        return read_overview(self._store, self._at)
 
     @override
     def history(self, element: Element) -> list[Version]:

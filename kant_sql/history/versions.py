@@ -9,6 +9,7 @@ from typing import Any
 
 from sqlalchemy import ColumnElement, Select, literal_column, select, union_all
 
+from .. import html
 from ..arguments import shown
 from ..dto.elements import Dto
 from ..dto.formulas import Node
@@ -48,6 +49,24 @@ class Version:
     text: str
     since: Revision
     until: Revision | None
+
+    def _html_row_(self) -> html.Row:
+        until = self.until
+        return {
+            "kind": self.kind,
+            "text": self.text,
+            "since": self.since.number,
+            "asserted at": self.since.committed_at,
+            "asserted by": self.since.actor,
+            "reason": self.since.reason,
+            "until": None if until is None else until.number,
+            "retracted at": None if until is None else until.committed_at,
+            "retracted by": None if until is None else until.actor,
+            "reason to retract": None if until is None else until.reason,
+        }
+
+    def _repr_html_(self) -> str:
+        return html.fields(self._html_row_())
 
 
 def _versions(source: VersionColumns, owned: ColumnElement[bool], *which: Any) -> Select[Any]:
@@ -109,7 +128,7 @@ def read_versions(store: Store, element: Dto | Node | str, upto: int | None) -> 
     versions = _read_versions(store, element, upto)
     if not versions:
         refuse_unknown_element(store, element)
-    return versions
+    return html.Listing(versions, "version")
 
 
 def _read_versions(store: Store, element: Dto | Node | str, upto: int | None) -> list[Version]:

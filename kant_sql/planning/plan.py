@@ -17,6 +17,7 @@ from hashlib import sha256
 from pathlib import Path
 from typing import NamedTuple
 
+from .. import html
 from ..arguments import expect, expect_tuple, flag, optional_text, seconds, whole_number
 from ..dto.lexical import check_number
 from ..errors import (
@@ -63,6 +64,10 @@ class PlanStep:
         for number, role in ((self.start, "start"), (self.duration, "duration")):
             if number is not None:
                 check_number(number, f"the {role} of a PlanStep")
+
+    def _html_row_(self) -> html.Row:
+        text = f"({' '.join((self.action, *self.arguments))})"
+        return {"start": self.start, "step": text, "duration": self.duration}
 
     def __str__(self) -> str:
         text = f"({' '.join((self.action, *self.arguments))})"
@@ -152,6 +157,9 @@ class Plan:
 
     def __str__(self) -> str:
         return "".join(f"{step}\n" for step in self.steps)
+
+    def _repr_html_(self) -> str:
+        return html.listing(self.steps, "step")
 
 
 def problem_hash(domain: str, *, problem: str) -> str:

@@ -13,6 +13,7 @@ from typing import NamedTuple
 from sqlalchemy import bindparam, literal_column, select
 from typing_extensions import override
 
+from .. import html
 from ..arguments import one_of, shown, whole_number
 from ..dao.base import SqlDao
 from ..dao.formula import read_formulas
@@ -479,7 +480,7 @@ class SqlPlanDao(SqlDao, PlanDao):
 
     @override
     def get_all(self) -> list[RecordedPlan]:
-        return self._read(None)
+        return html.Listing(self._read(None), "plan")
 
     def _read(self, id_: int | None) -> list[RecordedPlan]:
         def work(view: View) -> list[RecordedPlan]:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from decimal import Decimal
 from typing import Literal, NamedTuple
 
+from .. import html
 from ..history.versions import Version
 from ..planning import Plan
 
@@ -60,6 +62,24 @@ class RecordedStep:
     def __str__(self) -> str:
         return f"({' '.join((self.action, *self.arguments))})"
 
+    def _html_row_(self) -> html.Row:
+        outcomes = self.outcomes[-html.LINES :]
+        return {
+            "position": self.position,
+            "start": self.start,
+            "step": str(self),
+            "duration": self.duration,
+            "status": self.status,
+            "outcomes": tuple(
+                f"revision {each.since.number}: {each.text}"
+                + ("" if each.since.actor is None else f" by {each.since.actor}")
+                for each in outcomes
+            ),
+        }
+
+    def _repr_html_(self) -> str:
+        return html.fields({"plan": self.plan_id, **self._html_row_()})
+
 
 @dataclass(frozen=True)
 class RecordedPlan:
@@ -90,6 +110,23 @@ class RecordedPlan:
     status: str | None
     steps: tuple[RecordedStep, ...]
     _given: Callable[[RecordedPlan], Given] = field(compare=False, repr=False)
+
+    def _html_row_(self) -> html.Row:
+        statuses = Counter(step.status or "not started" for step in self.steps)
+        return {
+            "plan": self.id,
+            "recorded in": self.recorded_in,
+            "made from": self.revision,
+            "planner": self.planner,
+            "version": self.planner_version,
+            "objective": self.objective,
+            "value": self.value,
+            "status": self.status,
+            "steps": tuple(f"{count:,} {status}" for status, count in statuses.items()),
+        }
+
+    def _repr_html_(self) -> str:
+        return html.fields(self._html_row_()) + html.listing(self.steps, "step")
 
     def domain_pddl(self) -> str:
         """Return the domain that the planner was given, byte for byte.

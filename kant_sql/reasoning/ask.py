@@ -6,6 +6,7 @@ import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple, TypeVar, overload
 
+from .. import html
 from ..arguments import expect, shown, whole_number
 from ..dto import PddlObjectDto
 from ..dto import formulas as f
@@ -376,6 +377,16 @@ class Answers:
         """Write the columns, and the answers once they are read."""
         found = "not read yet" if self._rows is None else f"{len(self._rows)} answers"
         return f"<Answers {', '.join(self.columns) or 'without columns'}: {found}>"
+
+    def _repr_html_(self) -> str:
+        return html.guarded(self._table)
+
+    def _table(self) -> str:
+        if not self.columns:
+            return html.heading(str(self))
+        names = [f"?{name}" for name in self.columns]
+        rows = [dict(zip(names, answer, strict=True)) for answer in self[: html.ROWS]]
+        return html.titled(rows, len(self), "answer")
 
 
 class _Asking(NamedTuple):

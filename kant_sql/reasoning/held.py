@@ -8,6 +8,7 @@ from typing import Any, NamedTuple, overload
 
 from typing_extensions import override
 
+from .. import html
 from ..arguments import expect_tuple
 from ..history.revisions import Revision
 
@@ -47,6 +48,23 @@ class Held:
     binding: Mapping[str, str]
     since: Revision | None
     until: Revision | None
+
+    def _html_row_(self) -> html.Row:
+        since, until = self.since, self.until
+        return {
+            **{f"?{name}": object_ for name, object_ in self.binding.items()},
+            "since": "before the range" if since is None else since.number,
+            "begun at": None if since is None else since.committed_at,
+            "begun by": None if since is None else since.actor,
+            "reason": None if since is None else since.reason,
+            "until": "the end of the range" if until is None else until.number,
+            "ended at": None if until is None else until.committed_at,
+            "ended by": None if until is None else until.actor,
+            "reason of the end": None if until is None else until.reason,
+        }
+
+    def _repr_html_(self) -> str:
+        return html.fields(self._html_row_())
 
     def __str__(self) -> str:
         names = " ".join(self.binding.values())
@@ -141,6 +159,9 @@ class HeldPeriods(Sequence[Held]):
 
     def __repr__(self) -> str:
         return f"<{len(self)} periods>"
+
+    def _repr_html_(self) -> str:
+        return html.guarded(lambda: html.listing(self, "period"))
 
     def _page(self, page: int) -> list[Held]:
         found = self._pages.get(page)

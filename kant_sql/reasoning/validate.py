@@ -25,6 +25,7 @@ from fractions import Fraction
 from itertools import pairwise
 from typing import NamedTuple
 
+from .. import html
 from ..dto import formulas as f
 from ..dto.lexical import fold
 from ..errors import UnsupportedConstructError
@@ -136,6 +137,9 @@ class Validation:
                 for name, count in self.violated_preferences.items()
             ]
         return "\n".join(lines)
+
+    def _repr_html_(self) -> str:
+        return html.lines(str(self))
 
 
 @without_collector()

@@ -9,6 +9,7 @@ from typing import Any, overload
 
 from typing_extensions import override
 
+from .. import html
 from ..history.revisions import Revision
 
 
@@ -32,6 +33,21 @@ class Verdict:
     preference: str | None = None
     revision: Revision | None = None
     time: Decimal | None = None
+
+    def _html_row_(self) -> html.Row:
+        revision = self.revision
+        return {
+            "rule": self.text,
+            "verdict": "satisfied" if self.is_satisfied else "violated",
+            "preference": self.preference or ("without a name" if self.is_preference else None),
+            "revision": None if revision is None else revision.number,
+            "committed at": None if revision is None else revision.committed_at,
+            "actor": None if revision is None else revision.actor,
+            "reason": None if revision is None else revision.reason,
+        }
+
+    def _repr_html_(self) -> str:
+        return html.fields(self._html_row_())
 
     def __str__(self) -> str:
         if self.revision is None:
@@ -121,3 +137,8 @@ class Verdicts(Sequence[Verdict]):
 
     def __repr__(self) -> str:
         return f"<{len(self)} verdicts, {len(self.violated)} of violations>"
+
+    def _repr_html_(self) -> str:
+        # Violations first, of more rules than a table shows.
+        ordered = [*self.violated, *(one for one in self if one.is_satisfied)]
+        return html.listing(ordered, "verdict")

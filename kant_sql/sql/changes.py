@@ -20,6 +20,7 @@ from sqlalchemy import (
     union_all,
 )
 
+from .. import html
 from ..errors import StoreIntegrityError, unreadable
 from .dialects.base import Row, Session
 from .query import Query, first_rows, in_list
@@ -70,6 +71,12 @@ class Change(NamedTuple):
     sign: str
     kind: str
     text: str
+
+    def _html_row_(self) -> html.Row:
+        return self._asdict()
+
+    def _repr_html_(self) -> str:
+        return html.fields(self._html_row_())
 
 
 def in_range(column: Any) -> ColumnElement[bool]:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections import Counter
 from typing import NamedTuple
 
+from ... import html
+
 # More findings of a table are only counted, to bound memory.
 LISTED = 100
 
@@ -21,6 +23,9 @@ class Finding(NamedTuple):
     revision: int | None
     table: str | None
     message: str
+
+    def _html_row_(self) -> html.Row:
+        return self._asdict()
 
 
 class Report:

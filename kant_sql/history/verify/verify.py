@@ -6,6 +6,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import NamedTuple
 
+from ... import html
 from ...arguments import flag, optional_call
 from ...dao.interfaces import Progress
 from ...errors import InvalidArgumentError, NotADatabaseError, ReadOnlyError, StoreError
@@ -51,6 +52,18 @@ class Verification(NamedTuple):
     def is_intact(self) -> bool:
         """Whether nothing is wrong."""
         return not self.findings
+
+    def _repr_html_(self) -> str:
+        checked = {
+            "knowledge base": self.knowledge_base,
+            "verdict": "intact" if self.is_intact else "not intact",
+            "revisions": self.revisions,
+            "changes": self.changes,
+            "compared with an anchor at revision": self.anchored,
+            "archives": self.archives,
+        }
+        found = html.listing(self.findings, "finding") if self.findings else ""
+        return html.fields(checked) + found
 
 
 def verify(

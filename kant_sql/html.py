@@ -1,0 +1,192 @@
+"""What notebooks show: bounded tables in HTML, in which all that was stored is data.
+
+A notebook asks a value for `_repr_html_`, and shows what it returns without a check. So every text
+is escaped, characters that reorder or hide text are written out, and a result of a million rows
+takes a few.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from datetime import datetime
+from html import escape
+from itertools import islice
+from typing import Generic, Protocol, TypeVar
+
+from .errors import KantSqlError, printable
+
+# Rows of a table, lines that a cell should have, and characters of a text.
+ROWS = 50
+LINES = 10
+LENGTH = 200
+
+_CELL = 'style="text-align:left;vertical-align:top"'
+# What has no width, or only turns the direction of text, and is no control to `printable`.
+_UNSEEN = re.compile(r"[\u00ad\u061c\u180e\u200b-\u200f\u2060-\u2064\ufeff]")
+_LAYOUT = re.compile(r"[\t\n]+")
+
+Row = Mapping[str, object]
+
+
+class HasRow(Protocol):
+    """What can be a row of a table."""
+
+    def _html_row_(self) -> Row: ...
+
+
+T_co = TypeVar("T_co", bound=HasRow, covariant=True)
+T = TypeVar("T", bound=HasRow)
+
+
+def visible(text: str) -> str:
+    """Write out the characters that control, reorder or hide text, as JSON does."""
+    return _UNSEEN.sub(lambda match: json.dumps(match[0])[1:-1], printable(text))
+
+
+def cut(text: str, length: int = LENGTH) -> str:
+    """Return the beginning of a text; of a long one, how long it is, too."""
+    if len(text) <= length:
+        return text
+    return f"{text[:length]}... ({len(text):,} characters)"
+
+
+def shown_text(value: object) -> str:
+    """Return a value as HTML: escaped, visible and bounded."""
+    text = value.isoformat(sep=" ") if isinstance(value, datetime) else str(value)
+    # An action's text has lines; in a cell it has none.
+    return escape(visible(_LAYOUT.sub(" ", cut(text))))
+
+
+def _cell(value: object) -> str:
+    if value is None:
+        return ""
+    if not isinstance(value, list | tuple):
+        return shown_text(value)
+    return "<br>".join(map(shown_text, value))
+
+
+def heading(text: str) -> str:
+    """Return a line above tables."""
+    return f"<p><strong><bdi>{shown_text(text)}</bdi></strong></p>"
+
+
+def table(rows: Sequence[Row], *, more: str = "") -> str:
+    """Return rows as a table, without the columns that are empty in all of them.
+
+    Args:
+        rows: the rows to show, all with the same columns.
+        more: what is said of those that are left out.
+    """
+    names = rows[0] if rows else ()
+    columns = [name for name in names if any(_is_said(row[name]) for row in rows)]
+    head = "".join(f"<th {_CELL}>{shown_text(name)}</th>" for name in columns)
+    body = "".join(
+        f"<tr>{''.join(f'<td {_CELL}>{_cell(row[name])}</td>' for name in columns)}</tr>"
+        for row in rows
+    )
+    end = f"<p>{shown_text(more)}</p>" if more else ""
+    return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>{end}"
+
+
+def _is_said(value: object) -> bool:
+    return value is not None and value != ()
+
+
+def more(left: int) -> tuple[str, ...]:
+    """Say how many are left out, if any."""
+    return (f"and {left:,} more",) if left else ()
+
+
+def counted(count: int, noun: str) -> str:
+    """Return a number with its noun."""
+    return f"{count:,} {noun}{'' if count == 1 else 's'}"
+
+
+def listing(items: Sequence[HasRow], noun: str) -> str:
+    """Return items as a table under their number."""
+    return titled([item._html_row_() for item in items[:ROWS]], len(items), noun)
+
+
+def titled(rows: Sequence[Row], count: int, noun: str) -> str:
+    """Return the first rows of so many as a table under their number."""
+    title = heading(counted(count, noun))
+    return title + table(rows, more="".join(more(count - len(rows)))) if rows else title
+
+
+def fields(row: Row) -> str:
+    """Return one row as a table with a line for each column."""
+    lines = "".join(
+        f"<tr><th {_CELL}>{shown_text(name)}</th><td {_CELL}>{_cell(value)}</td></tr>"
+        for name, value in row.items()
+        if _is_said(value)
+    )
+    return f"<table><tbody>{lines}</tbody></table>"
+
+
+def lines(text: str) -> str:
+    """Return a text of lines as they are, the first ones of many."""
+    every = text.split("\n")
+    said = [shown_text(line) for line in every[:ROWS]]
+    if len(every) > ROWS:
+        said.append(f"and {len(every) - ROWS:,} more lines")
+    together = "\n".join(said)
+    return f"<pre>{together}</pre>"
+
+
+def guarded(make: Callable[[], str]) -> str:
+    """Return what a read makes, or why it failed: a notebook shows no value for an error."""
+    try:
+        return make()
+    except KantSqlError as error:
+        return f"<p>{escape(visible(cut(str(error), 10 * LENGTH)))}</p>"
+
+
+class Listing(list[T]):
+    """A list that notebooks show as a table."""
+
+    def __init__(self, items: Iterable[T] = (), noun: str = "item") -> None:
+        """Copy the items.
+
+        Args:
+            items: the items.
+            noun: what one is called.
+        """
+        super().__init__(items)
+        self._noun = noun
+
+    def _repr_html_(self) -> str:
+        return listing(self, self._noun)
+
+
+class Feed(Iterator[T_co], Generic[T_co]):
+    """An iterator whose first page notebooks show, read afresh: to show it consumes nothing."""
+
+    def __init__(
+        self, items: Iterator[T_co], *, again: Callable[[int], Iterator[T_co]], noun: str
+    ) -> None:
+        """Wrap an iterator.
+
+        Args:
+            items: the items.
+            again: reads so many of the first items.
+            noun: what one is called.
+        """
+        self._items = items
+        self._again = again
+        self._noun = noun
+
+    def __next__(self) -> T_co:
+        return next(self._items)
+
+    def _repr_html_(self) -> str:
+        return guarded(self._first_page)
+
+    def _first_page(self) -> str:
+        found = list(islice(self._again(ROWS + 1), ROWS + 1))
+        if len(found) <= ROWS:
+            return listing(found, self._noun)
+        rows = [item._html_row_() for item in found[:ROWS]]
+        title = heading(f"The first {ROWS} of more {self._noun}s")
+        return title + table(rows, more="and more: iterate over it")
