@@ -24,7 +24,8 @@ LENGTH = 200
 
 _CELL = 'style="text-align:left;vertical-align:top"'
 # What has no width, or only turns the direction of text, and is no control to `printable`.
-_UNSEEN = re.compile(r"[\u00ad\u061c\u180e\u200b-\u200f\u2060-\u2064\ufeff]")
+# (Joiners, which writing in some languages needs, stay.)
+_UNSEEN = re.compile(r"[\u00ad\u061c\u180e\u200b\u200e\u200f\u2060-\u2064\ufeff]")
 _LAYOUT = re.compile(r"[\t\n]+")
 
 Row = Mapping[str, object]

@@ -15,7 +15,7 @@ from fastapi.responses import HTMLResponse
 from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
 
 from .. import __version__
-from ..errors import printable
+from ..html import visible
 
 STATIC = Path(__file__).parent / "static"
 # A longer text is cut in links and titles; its own page has all of it.
@@ -31,7 +31,7 @@ def link(path: str, /, **query: object) -> str:
 def shown_text(value: object) -> str:
     """Make controls and bidirectional overrides visible; line feeds stay."""
     lines = str(value).split("\n")
-    return "\n".join(printable(line) for line in lines)
+    return "\n".join(visible(line) for line in lines)
 
 
 def shorten(value: object, length: int = SHORT) -> str:

@@ -14,7 +14,9 @@ LONG = "x" * 10_000
 HOSTILE = (SCRIPT, RIGHT_TO_LEFT, LONG, "<!--", "{{7*7}}{% raw %}", "]]>", "\x00\x1b[2J", "a\nb")
 # A valid name in PDDL.
 TAG = "</script><img/src=x/onerror=alert>&lt"
-_UNSEEN = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200b-\u200f\u2028-\u202e\u2066-\u2069]")
+_UNSEEN = re.compile(
+    r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200b\u200e\u200f\u2028-\u202e\u2066-\u2069]"
+)
 _HARMLESS = {"table", "thead", "tbody", "tr", "th", "td", "p", "strong", "bdi", "br", "pre"}
 
 
