@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from .history.verify.verify import Verification
     from .history.versions import Version
     from .knowledge_base import KnowledgeBase, connect
+    from .limits import Limit, limited
     from .planning import Plan, PlanStep
     from .plans.interfaces import RecordedPlan, RecordedStep
     from .reasoning.ask import Answers
@@ -49,6 +50,7 @@ __all__ = [
     "Held",
     "HeldPeriods",
     "KnowledgeBase",
+    "Limit",
     "Loaded",
     "LogEntry",
     "Plan",
@@ -69,6 +71,7 @@ __all__ = [
     "create_roles",
     "downgrade",
     "drop_views",
+    "limited",
     "parse_anchor",
     "update_views",
     "upgrade",
@@ -90,6 +93,7 @@ _HOMES = {
         ".history.verify.verify": ("Verification",),
         ".history.versions": ("Version",),
         ".knowledge_base": ("KnowledgeBase", "connect"),
+        ".limits": ("Limit", "limited"),
         ".planning": ("Plan", "PlanStep"),
         ".plans.interfaces": ("RecordedPlan", "RecordedStep"),
         ".reasoning.ask": ("Answers",),

@@ -804,13 +804,20 @@ class Connecting(AbstractAsyncContextManager[AsyncKnowledgeBase]):
             await self._opened.close()
 
 
-def connect(url: str, *, knowledge_base: str = "default", actor: str | None = None) -> Connecting:
+def connect(
+    url: str,
+    *,
+    knowledge_base: str = "default",
+    actor: str | None = None,
+    read_only: bool = False,
+) -> Connecting:
     """Open a knowledge base for asyncio, with `await` or `async with`.
 
     Args:
         url: the database URL, as for `kant_sql.connect`.
         knowledge_base: the knowledge base's name; the first write creates it.
         actor: who writes, by default.
+        read_only: whether the database is to refuse all writes, as for `kant_sql.connect`.
 
     Returns:
         An awaitable; it raises what `kant_sql.connect` raises.
@@ -825,4 +832,6 @@ def connect(url: str, *, knowledge_base: str = "default", actor: str | None = No
         >>> asyncio.run(main())
         1
     """
-    return Connecting(partial(sync.connect, url, knowledge_base=knowledge_base, actor=actor))
+    return Connecting(
+        partial(sync.connect, url, knowledge_base=knowledge_base, actor=actor, read_only=read_only)
+    )

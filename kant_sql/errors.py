@@ -36,6 +36,7 @@ __all__ = [
     "PddlError",
     "PlanError",
     "PlannerMissingError",
+    "QuestionCancelledError",
     "ReadOnlyError",
     "ReadOnlyStoreError",
     "SchemaError",
@@ -45,6 +46,7 @@ __all__ = [
     "SourceError",
     "SourceMissingError",
     "StaleRevisionError",
+    "StatementTimeoutError",
     "StoreBusyError",
     "StoreError",
     "StoreIntegrityError",
@@ -263,6 +265,14 @@ class StoreBusyError(StoreError):
 
 class ConnectionLostError(StoreError):
     """The connection was lost inside a transaction; nothing of it was written."""
+
+
+class StatementTimeoutError(StoreError):
+    """The database took longer for a statement than it was allowed to, and ended it."""
+
+
+class QuestionCancelledError(StoreError):
+    """The question was cancelled, from another thread or by `Limit.cancel`."""
 
 
 class ClosedError(StoreError):

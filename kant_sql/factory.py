@@ -18,7 +18,7 @@ from typing import Self, TypeVar
 
 from typing_extensions import override
 
-from .arguments import whole_number
+from .arguments import flag, whole_number
 from .dao import formula as formulas
 from .dao import interfaces as daos
 from .dao.action import SqlActionDao, SqlEventDao, SqlProcessDao
@@ -32,7 +32,7 @@ from .dao.proposition import SqlPropositionDao
 from .dao.type import SqlTypeDao
 from .documents.exchange import SqlExchange
 from .documents.interfaces import Exchange
-from .errors import InvalidUrlError
+from .errors import InvalidArgumentError, InvalidUrlError
 from .history.branch import read_origin, write_branch
 from .history.interfaces import History
 from .history.moments import head_revision, state_at
@@ -197,7 +197,12 @@ class DaoFactory(Connection):
 
     @abstractmethod
     def __init__(
-        self, url: str, *, knowledge_base: str = "default", actor: str | None = None
+        self,
+        url: str,
+        *,
+        knowledge_base: str = "default",
+        actor: str | None = None,
+        read_only: bool = False,
     ) -> None:
         """Open a knowledge base, as `create_dao_factory` describes."""
 
@@ -365,10 +370,15 @@ class SqlDaoFactory(DaoFactory):
 
     @override
     def __init__(
-        self, url: str, *, knowledge_base: str = "default", actor: str | None = None
+        self,
+        url: str,
+        *,
+        knowledge_base: str = "default",
+        actor: str | None = None,
+        read_only: bool = False,
     ) -> None:
         self._at: int | None = None
-        backend = create_backend(url)
+        backend = create_backend(url, read_only=read_only)
         try:
             self._open_store = Store(backend, knowledge_base, actor)
             self.has_one_connection = backend.has_one_connection
@@ -450,6 +460,8 @@ class SqlDaoFactory(DaoFactory):
         store = self._store
         origin = read_origin(store, self._at if at is None else state_at(store, at, self._at))
         if url is None:
+            if name is not None:
+                store.refuse_read_only()
             url = "sqlite://" if name is None else store.backend.address
         own = store.name if name is None else name
         made = create_dao_factory(url, knowledge_base=own, actor=store.actor)
@@ -499,7 +511,11 @@ FAMILIES: dict[str, type[DaoFactory]] = {
 
 
 def create_dao_factory(
-    url: str, *, knowledge_base: str = "default", actor: str | None = None
+    url: str,
+    *,
+    knowledge_base: str = "default",
+    actor: str | None = None,
+    read_only: bool = False,
 ) -> DaoFactory:
     """Create the factory of the DAO family that supports a database URL.
 
@@ -513,9 +529,12 @@ def create_dao_factory(
         >>> factory.create_pddl_type_dao().get_all()
         []
     """
+    flag(read_only, "read_only", InvalidArgumentError)
     name = dialect_name(url)
     family = FAMILIES.get(name) or (SqlDaoFactory if name in BACKENDS else _joined_family(name))
-    return family(url, knowledge_base=knowledge_base, actor=actor)
+    if not read_only:
+        return family(url, knowledge_base=knowledge_base, actor=actor)
+    return family(url, knowledge_base=knowledge_base, actor=actor, read_only=True)
 
 
 def _joined_family(name: str) -> type[DaoFactory]:

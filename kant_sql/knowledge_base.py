@@ -78,7 +78,11 @@ class KnowledgeBase(Daos, Exchange, History, Reasoning, Connection):
 
 
 def connect(
-    url: str, *, knowledge_base: str = "default", actor: str | None = None
+    url: str,
+    *,
+    knowledge_base: str = "default",
+    actor: str | None = None,
+    read_only: bool = False,
 ) -> KnowledgeBase:
     """Open a knowledge base.
 
@@ -87,6 +91,8 @@ def connect(
             `postgresql://user@host/database` for a server.
         knowledge_base: the knowledge base's name; the first write creates it.
         actor: who writes, by default.
+        read_only: whether the database is to refuse all writes of these connections; each raises
+            `ReadOnlyError`. Nothing is created then, so that the store has to exist.
 
     Returns:
         The knowledge base. A new SQLite file, or a store in memory, is created.
@@ -113,4 +119,6 @@ def connect(
         >>> kb.revision
         1
     """
-    return KnowledgeBase(create_dao_factory(url, knowledge_base=knowledge_base, actor=actor))
+    return KnowledgeBase(
+        create_dao_factory(url, knowledge_base=knowledge_base, actor=actor, read_only=read_only)
+    )

@@ -49,6 +49,10 @@ logger = logging.getLogger(__name__)
 
 def ensure_schema(backend: Backend) -> None:
     """Check the tables' version with one SELECT, and create them in an empty SQLite store."""
+    if backend.is_read_only:
+        _require_store(backend)
+        _judge(backend, _current(backend))
+        return
     with backend.open_session() as session:
         version = _read_version(session)
         empty = version is None and backend.is_empty(session)

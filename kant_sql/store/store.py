@@ -23,6 +23,7 @@ from ..errors import (
     InvalidMetadataError,
     KantSqlError,
     OutcomeUnknownError,
+    ReadOnlyError,
     StaleRevisionError,
     StoreBusyError,
     StoreError,
@@ -136,7 +137,7 @@ class Store:
             ahead = block_ahead(self._queue)
             if ahead is not None and not ahead.is_mine():
                 raise ahead.refuse("to read a store in memory, whose one connection it holds,")
-        return self.backend.session()
+        return self.backend.reader()
 
     def read(self, work: Callable[[View], T], at: int | None = None) -> T:
         """Read from one consistent state; one statement needs no transaction."""
@@ -303,8 +304,17 @@ class Store:
                     transaction.session.rollback()
         backend.close()
 
+    def refuse_read_only(self) -> None:
+        """Raise when the store was opened for reading only."""
+        if self.backend.is_read_only:
+            raise ReadOnlyError(
+                f"{self.backend.label}: knowledge base {self.name!r} was opened with "
+                "read_only=True; connect without it to write"
+            )
+
     def queue_up(self) -> threading.Lock | None:
         """Take this process's turn to write, where its writers queue on a lock."""
+        self.refuse_read_only()
         ahead = block_ahead(self._queue)
         if ahead is not None:
             raise ahead.refuse("to write")

@@ -62,6 +62,7 @@ def archive(
             f"knowledge base {store.name!r} has a transaction open in this task or thread; end it "
             "first"
         )
+    store.refuse_read_only()
     optional_call(progress, "progress")
     flag(dry_run, "dry_run", InvalidArgumentError)
     upto = _last_before(store, before)

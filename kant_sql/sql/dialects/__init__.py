@@ -64,6 +64,6 @@ def backend_class(name: str) -> type[Backend]:
     return found
 
 
-def create_backend(url: str) -> Backend:
+def create_backend(url: str, *, read_only: bool = False) -> Backend:
     """Create the backend that a database URL names."""
-    return backend_class(backend_name(url))(parse_url(url))
+    return backend_class(backend_name(url))(parse_url(url), read_only=read_only)

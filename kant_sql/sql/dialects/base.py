@@ -23,12 +23,16 @@ from ...errors import (
     ConnectionLostError,
     ForkedError,
     InvalidUrlError,
+    QuestionCancelledError,
+    StatementTimeoutError,
     StoreBusyError,
     StoreError,
     StoreUnreachableError,
     printable,
 )
+from ...limits import Limit, current_limit, is_endless
 from ..query import IdsQuery, Insert, Query, insert_text, raw
+from .guard import GuardedCursor, StatementGuard
 from .structure import IndexFault, Statement, ViewDialect
 from .words import Words
 
@@ -161,8 +165,36 @@ class Session(ABC):
         self._cursor: DriverCursor = connection.cursor()  # type: ignore[assignment]
         self._dialect = backend.dialect
         self._savepoints = 0
+        self._guard: StatementGuard | None = None
         self.is_abandoned = False
         backend.sessions[self] = threading.get_ident()
+
+    def obey(self, limit: Limit | None) -> None:
+        """Let what follows obey a limit, until the transaction is rolled back or the session ends.
+
+        None is for a session that obeys none.
+        """
+        if limit is not None:
+            guard = self._guard = StatementGuard(limit, self._cursor, self._stop)
+            self._cursor = GuardedCursor(self._cursor, guard)
+            guard.join()
+
+    def _end_limit(self) -> StatementGuard | None:
+        """Let what follows obey no limit; nothing is stopped any more once this returns."""
+        guard, self._guard = self._guard, None
+        if guard is not None:
+            guard.leave()
+            if not self.is_abandoned:
+                self._cursor = guard.cursor
+        return guard
+
+    def _guarded(self, cursor: Any) -> Any:
+        """Let another cursor of this connection obey the limit, if there is one."""
+        return cursor if self._guard is None else GuardedCursor(cursor, self._guard)
+
+    @abstractmethod
+    def _stop(self) -> None:
+        """Ask the database to end the statement that runs; another thread calls this."""
 
     def rows(self, query: Query, **parameters: Any) -> list[Row]:
         """Run a query and fetch all rows."""
@@ -217,6 +249,8 @@ class Session(ABC):
     def rollback(self) -> None:
         """Roll the transaction back; a lost connection has done so itself."""
         self._savepoints = 0
+        if self._guard is not None:
+            self._end_limit()
         if not self.is_abandoned and self.in_transaction():
             self._execute("ROLLBACK")
 
@@ -244,6 +278,8 @@ class Session(ABC):
 
     def close(self) -> None:
         """Return the connection to the pool."""
+        if self._guard is not None:
+            self._end_limit()
         self.backend.sessions.pop(self, None)
         if self.is_current or self.is_abandoned:
             self._pooled.close()
@@ -305,11 +341,25 @@ class Session(ABC):
         # A database with strict types has none.
         return iter(())
 
+    def translate(self, error: Exception) -> StoreError:
+        """Translate a driver's error, and say why a statement was ended."""
+        made, guard = self.backend.translate(error), self._guard
+        if guard is None or not isinstance(made, StatementTimeoutError):
+            return made
+        if guard.limit.is_cancelled:
+            return QuestionCancelledError(f"{self.backend.label}: this question was cancelled")
+        if is_endless(guard.limit.seconds):
+            return made
+        return StatementTimeoutError(
+            f"{self.backend.label}: the database took longer than {guard.limit.seconds:g} s for "
+            "a statement of this question, and was told to end it; ask for less, or allow more time"
+        )
+
     def _fetch(self) -> list[Row]:
         try:
             return self._cursor.fetchall()
         except self.backend.driver_errors as error:
-            raise self.backend.translate(error) from error
+            raise self.translate(error) from error
 
     def _execute(self, sql: str, parameters: Any = ()) -> None:
         if logger.isEnabledFor(logging.DEBUG):
@@ -318,7 +368,7 @@ class Session(ABC):
         try:
             self._cursor.execute(sql, parameters)
         except self.backend.driver_errors as error:
-            raise self.backend.translate(error) from error
+            raise self.translate(error) from error
 
     def _execute_many(self, sql: str, parameters: Sequence[Any]) -> None:
         self._logged(self._cursor.executemany, sql, parameters)
@@ -329,7 +379,7 @@ class Session(ABC):
         try:
             execute(sql, parameters)
         except self.backend.driver_errors as error:
-            raise self.backend.translate(error) from error
+            raise self.translate(error) from error
         finally:
             log_statement(sql, started)
 
@@ -353,6 +403,7 @@ class Backend(ABC):
         sessions: the open sessions, each with the thread that uses it.
         has_answered: whether a server has answered before, so that it may come back.
         is_closed: whether it was closed for good.
+        is_read_only: whether the database refuses all writes of these connections.
         has_one_connection: whether all threads take turns on one connection.
         when_forked: called first in a forked child process.
         no_roles: why there are no roles, and what to do instead; None where there are.
@@ -374,8 +425,9 @@ class Backend(ABC):
     views: ViewDialect
     words: Words
 
-    def __init__(self, url: URL) -> None:
+    def __init__(self, url: URL, *, read_only: bool = False) -> None:
         self.url = url
+        self.is_read_only = read_only
         self.engine = self.create_engine()
         self.driver_errors: tuple[type[Exception], ...] = (
             self.engine.dialect.loaded_dbapi.Error,
@@ -403,6 +455,25 @@ class Backend(ABC):
         return self.url.render_as_string(hide_password=False)
 
     def session(self) -> Session:
+        """Take a connection, for writing or for what no limit concerns."""
+        return self._take_session(None)
+
+    def reader(self) -> Session:
+        """Take a connection for questions, which obey the limit of this context."""
+        return self._take_session(current_limit())
+
+    def _take_session(self, limit: Limit | None) -> Session:
+        if limit is not None:
+            limit.check()
+        session = self.connected()
+        try:
+            session.obey(limit)
+        except BaseException:
+            session.close()
+            raise
+        return session
+
+    def connected(self) -> Session:
         """Take a connection from the pool."""
         if self.is_closed:
             self.refuse_closed()

@@ -13,7 +13,7 @@ import selectors
 import threading
 import time
 from collections.abc import Collection, Hashable, Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, contextmanager, suppress
 from datetime import UTC, datetime
 from functools import cache
 from typing import Any
@@ -41,12 +41,14 @@ from ...errors import (
     ConnectionLostError,
     InvalidUrlError,
     ReadOnlyStoreError,
+    StatementTimeoutError,
     StoreBusyError,
     StoreError,
     StoreIntegrityError,
     StoreUnreachableError,
     TableMissingError,
 )
+from ...limits import Limit
 from ..query import IdsQuery, InList, InRows, Insert, Query, RowsOfIds, StoreClock, StorePlace
 from .base import (
     FETCH_SIZE,
@@ -58,6 +60,7 @@ from .base import (
     log_statement,
     refuse_unknown_options,
 )
+from .guard import StatementGuard
 from .postgresql_roles import holders, lock_schema, make_roles, roles_set_aside
 from .postgresql_structure import PostgresqlViews, describe, index_faults
 from .structure import IndexFault, Statement
@@ -257,6 +260,31 @@ class PostgresqlSession(Session):
 
     placeholder = "%s"
 
+    def obey(self, limit: Limit | None) -> None:
+        """Let the server end what takes too long: the connection keeps how long that is."""
+        allowed = None if limit is None else _milliseconds(limit.seconds)
+        info = self._pooled.info
+        if info.get(_TIMEOUT) != allowed:
+            # Before the statement: if it fails, its outcome is unknown.
+            info[_TIMEOUT] = _UNKNOWN
+            value = "DEFAULT" if allowed is None else str(allowed)
+            self._execute(f"SET statement_timeout = {value}")
+            info[_TIMEOUT] = allowed
+        super().obey(limit)
+
+    def _end_limit(self) -> StatementGuard | None:
+        guard = super()._end_limit()
+        if guard is not None and guard.was_stopped and not self.is_abandoned:
+            # The request may still be on its way, and would end the next statement, whosever.
+            connection: Any = self._pooled.driver_connection
+            connection.close()
+        return guard
+
+    def _stop(self) -> None:
+        connection: Any = self._pooled.driver_connection
+        with suppress(*self.backend.driver_errors):
+            connection.cancel_safe(timeout=CANCEL_TIMEOUT)
+
     def insert(self, into: Insert, rows: Sequence[Row]) -> None:
         """Insert rows: many of them by COPY."""
         if len(rows) < COPY_FROM_ROWS:
@@ -275,7 +303,7 @@ class PostgresqlSession(Session):
                 for row in rows:
                     copy.write_row(row)
         except self.backend.driver_errors as error:
-            raise self.backend.translate(error) from error
+            raise self.translate(error) from error
         finally:
             log_statement(sql, started)
 
@@ -346,12 +374,16 @@ class PostgresqlSession(Session):
         started = time.perf_counter()
         try:
             with connection.cursor(name=f"kant_sql_stream_{next(_STREAMS)}") as cursor:
-                cursor.itersize = FETCH_SIZE
-                cursor.execute(sql, parameters)
+                source = self._guarded(cursor)
+                source.execute(sql, parameters)
                 log_statement(sql, started)
-                yield from cursor
+                is_over = False
+                while not is_over:
+                    rows = source.fetchmany(FETCH_SIZE)
+                    yield from rows
+                    is_over = len(rows) < FETCH_SIZE
         except self.backend.driver_errors as error:
-            raise self.backend.translate(error) from error
+            raise self.translate(error) from error
 
     def list_value(self, values: Sequence[int] | Sequence[str]) -> Any:
         """Return the form that `= ANY` reads."""
@@ -388,11 +420,23 @@ class PostgresqlSession(Session):
 
 
 LOCK_TIMEOUT = "20s"
+# Seconds until a request to cancel a statement is given up.
+CANCEL_TIMEOUT = 2.0
+# What a connection's record calls its timeout, and its value when a change may have failed.
+_TIMEOUT, _UNKNOWN = "statement_timeout", -1
+# The server counts milliseconds in 31 bits.
+_LONGEST_TIMEOUT = 2**31 - 1
 CONNECT_TIMEOUT = "10"
 POOL_SIZE, MAX_CONNECTIONS = 8, 64
 # SQLSTATE: lock timeout, deadlock, table created or dropped meanwhile.
 _IN_THE_WAY = frozenset({"55P03", "40P01", "23505", "42P07"})
 _REFUSED = re.compile('authentication failed|no password|role ".*" (does not|is not)|pg_hba.conf')
+
+
+def _milliseconds(seconds: float) -> int | None:
+    """Convert a limit; None where there is none. Zero would mean none to the server."""
+    milliseconds = max(1.0, seconds * 1e3)
+    return None if milliseconds > _LONGEST_TIMEOUT else round(milliseconds)
 
 
 class PostgresqlBackend(Backend):
@@ -437,6 +481,8 @@ class PostgresqlBackend(Backend):
             record.info["made_at"] = time.monotonic()
             connection.autocommit = True
             connection.execute(f"SET lock_timeout = '{LOCK_TIMEOUT}'")
+            if self.is_read_only:
+                connection.execute("SET default_transaction_read_only = on")
             read_all_times(connection)
 
         @event.listens_for(engine, "checkout")
@@ -556,6 +602,12 @@ class PostgresqlBackend(Backend):
             return StoreBusyError(
                 f"{self.label}: another writer held the knowledge base for too long ({text}); "
                 "nothing was written, try again"
+            )
+        if state == "57014":
+            return StatementTimeoutError(
+                f"{self.label}: the server ended the statement ({text}): it took longer than "
+                "statement_timeout allows, or somebody cancelled it; nothing of the open "
+                "transaction was written"
             )
         if state in ("42501", "25006"):
             return ReadOnlyStoreError(f"{self.label}: {text}; ask for the right, or only read")

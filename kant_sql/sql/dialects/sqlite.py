@@ -39,6 +39,7 @@ from ...errors import (
     InvalidUrlError,
     NotADatabaseError,
     ReadOnlyStoreError,
+    StatementTimeoutError,
     StoreBusyError,
     StoreError,
     StoreIntegrityError,
@@ -46,6 +47,7 @@ from ...errors import (
     TableMissingError,
 )
 from ...knowledge.canonical import time_text
+from ...limits import Limit
 from ..query import InList, InRows, Query, StoreClock, StorePlace, raw
 from ..tables.base import UtcTime, text_time
 from .base import (
@@ -59,6 +61,7 @@ from .base import (
     refuse_unknown_options,
     url_label,
 )
+from .guard import StatementGuard
 from .sqlite_file import WAL_LIMIT, StoreFile
 from .structure import (
     MARK,
@@ -218,6 +221,32 @@ class SqliteSession(Session):
         # Cached: the pool's way to it takes as long as a small statement.
         self._driver: sqlite3.Connection = connection.driver_connection
 
+    def obey(self, limit: Limit | None) -> None:
+        """Let SQLite ask from time to time whether a statement must end."""
+        super().obey(limit)
+        if self._guard is not None:
+            # In memory, one read may be asked within another, on the same connection.
+            self._handlers().append(self._guard.is_over)
+            self._driver.set_progress_handler(self._guard.is_over, STEPS)
+
+    def _end_limit(self) -> StatementGuard | None:
+        guard = super()._end_limit()
+        if guard is not None and not self.is_abandoned:
+            handlers = self._handlers()
+            handlers.remove(guard.is_over)
+            with suppress(sqlite3.ProgrammingError):
+                self._driver.set_progress_handler(handlers[-1] if handlers else None, STEPS)
+        return guard
+
+    def _handlers(self) -> list[Callable[[], bool]]:
+        found: list[Callable[[], bool]] = self._pooled.info.setdefault("handlers", [])
+        return found
+
+    def _stop(self) -> None:
+        # Ends what takes long within one step, as the check of a table does.
+        with suppress(sqlite3.ProgrammingError):
+            self._driver.interrupt()
+
     def in_transaction(self) -> bool:
         """Return whether a transaction is open."""
         try:
@@ -229,7 +258,9 @@ class SqliteSession(Session):
     def stream(self, query: Query, **parameters: Any) -> Iterator[Row]:
         """Yield a query's rows from a cursor of their own."""
         sql = query.text(self.backend.dialect)
-        cursor: Any = self._cursor if self.is_abandoned else self._pooled.cursor()
+        cursor: Any = self._cursor
+        if not self.is_abandoned:
+            cursor = self._guarded(self._pooled.cursor())
         started = time.perf_counter()
         try:
             cursor.execute(sql, parameters)
@@ -237,7 +268,7 @@ class SqliteSession(Session):
             while rows := cursor.fetchmany(FETCH_SIZE):
                 yield from rows
         except self.backend.driver_errors as error:
-            raise self.backend.translate(error) from error
+            raise self.translate(error) from error
         finally:
             # After Ctrl-C the connection may be closed already.
             with suppress(*self.backend.driver_errors):
@@ -464,6 +495,8 @@ class MemoryListener(Listener):
 
 
 OPTIONS = {"synchronous", "timeout", "mode"}
+# Steps of SQLite's machine, about a millisecond, between questions whether a statement must end.
+STEPS = 50_000
 BUSY_TIMEOUT = 20.0
 # SQLite counts milliseconds in 31 bits.
 LONGEST_TIMEOUT = 2_000_000
@@ -485,7 +518,7 @@ class SqliteBackend(Backend):
         "?mode=ro for reading only"
     )
 
-    def __init__(self, url: URL) -> None:
+    def __init__(self, url: URL, *, read_only: bool = False) -> None:
         refuse_unknown_options(url, OPTIONS)
         if url.host or url.port or url.username or url.password:
             # Most likely two slashes are missing: it must not become a store in memory unnoticed.
@@ -502,7 +535,7 @@ class SqliteBackend(Backend):
         self._idle: list[SqliteSession] = []
         self._is_torn = False
         self.file = StoreFile(str(url.database), url_label(url))
-        super().__init__(url)
+        super().__init__(url, read_only=read_only)
 
     def create_engine(self) -> Engine:
         """Create the engine; sessions control transactions."""
@@ -528,6 +561,8 @@ class SqliteBackend(Backend):
             connection.execute("PRAGMA foreign_keys=ON")
             connection.execute(f"PRAGMA synchronous={synchronous}")
             connection.execute(f"PRAGMA journal_size_limit={WAL_LIMIT}")
+            if self.is_read_only:
+                connection.execute("PRAGMA query_only=ON")
             self.connections.add(connection)
 
         @event.listens_for(engine, "close")
@@ -570,8 +605,8 @@ class SqliteBackend(Backend):
                 f"{self.label}: timeout is a number of seconds, {LONGEST_TIMEOUT:,} at most"
             )
         name, is_uri = ":memory:" if self.in_memory else self.file.path, False
-        if "mode" in query and not self.in_memory:
-            mode = str(query["mode"])
+        mode = str(query.get("mode", "ro" if self.is_read_only else "rw"))
+        if ("mode" in query or self.is_read_only) and not self.in_memory:
             if mode not in ("ro", "immutable"):
                 raise InvalidUrlError(f"{self.label}: mode is 'ro' or 'immutable'")
             option = "mode=ro" if mode == "ro" else "immutable=1"
@@ -626,7 +661,7 @@ class SqliteBackend(Backend):
         """Create a listener."""
         return MemoryListener(self) if self.in_memory else FileListener(self)
 
-    def session(self) -> Session:
+    def connected(self) -> Session:
         """Take a connection; in memory, wait for this thread's turn."""
         if self._is_torn:
             raise ForkedError(
@@ -637,10 +672,10 @@ class SqliteBackend(Backend):
             if self.is_closed:
                 self.refuse_closed()
             self.file.check()
-            return self._resumed() or super().session()
+            return self._resumed() or super().connected()
         self._take_turn()
         try:
-            return self._resumed() or super().session()
+            return self._resumed() or super().connected()
         except BaseException:
             self.turns.end()
             raise
@@ -753,6 +788,8 @@ class SqliteBackend(Backend):
                 f"{label}: another process held the store for too long ({text}); nothing was "
                 "written, try again, or give ?timeout= in seconds"
             )
+        if code == sqlite3.SQLITE_INTERRUPT:
+            return StatementTimeoutError(f"{label}: the statement was ended ({text})")
         if code in (sqlite3.SQLITE_NOTADB, sqlite3.SQLITE_CORRUPT):
             return NotADatabaseError(f"{label}: {text}; name an SQLite file, or a new one")
         if code == sqlite3.SQLITE_READONLY:

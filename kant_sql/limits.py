@@ -1,0 +1,203 @@
+"""Limits of questions: how long a statement may take, and ending it from another thread.
+
+A limit is kept in a context variable, so that it reaches the calls of `kant_sql.aio`, and what
+`asyncio.to_thread` runs, too.
+"""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from typing import Protocol
+
+from .arguments import seconds as seconds_of
+from .errors import QuestionCancelledError
+
+__all__ = ["Limit", "limited"]
+
+# Seconds until a statement that still runs is stopped again: a server ignores a request to cancel
+# that comes before the statement does.
+STOP_AGAIN = 0.05
+# Seconds that `cancel` waits at most.
+CANCEL_WITHIN = 5.0
+
+
+class Stoppable(Protocol):
+    """The statements of a session, as a limit sees them.
+
+    Attributes:
+        is_running: whether a statement is on its way or runs.
+    """
+
+    is_running: bool
+
+    def stop(self) -> None:
+        """Ask the database to end the statement that runs, if any."""
+
+
+class Questions:
+    """The sessions that obey a limit, and the limits around it. Threads share it."""
+
+    def __init__(self, outer: Questions | None) -> None:
+        self._all: tuple[Questions, ...] = (self,) if outer is None else (self, *outer._all)
+        self._changed: threading.Condition = outer._changed if outer else threading.Condition()
+        self._asked: set[Stoppable] = set()
+        self._is_cancelled = False
+
+    @property
+    def is_cancelled(self) -> bool:
+        """Whether this limit, or one around it, was cancelled."""
+        return any(each._is_cancelled for each in self._all)
+
+    def cancel(self) -> None:
+        """Stop the statements that run, and wait for their end; refuse others."""
+        deadline, pause = time.monotonic() + CANCEL_WITHIN, STOP_AGAIN
+        with self._changed:
+            self._is_cancelled = True
+            while (running := self._running()) and time.monotonic() < deadline:
+                # The lock is held: a question that ends now waits with its connection, which the
+                # next one is to get in peace.
+                for question in running:
+                    question.stop()
+                self._changed.wait_for(lambda: not self._running(), pause)
+                pause *= 2
+
+    def _running(self) -> list[Stoppable]:
+        return [question for question in self._asked if question.is_running]
+
+    def join(self, question: Stoppable) -> None:
+        """Let a session's statements obey."""
+        with self._changed:
+            for each in self._all:
+                each._asked.add(question)
+
+    def leave(self, question: Stoppable) -> None:
+        """Release a session: once this returns, nothing that it runs is stopped."""
+        with self._changed:
+            question.is_running = False
+            for each in self._all:
+                each._asked.discard(question)
+            self._changed.notify_all()
+
+    def begin(self, question: Stoppable) -> None:
+        """Note that a statement begins, unless the limit is cancelled."""
+        with self._changed:
+            self.check()
+            question.is_running = True
+
+    def end(self, question: Stoppable) -> None:
+        """Note that a statement has ended."""
+        with self._changed:
+            question.is_running = False
+            self._changed.notify_all()
+
+    def check(self) -> None:
+        """Raise if the limit was cancelled."""
+        if self.is_cancelled:
+            raise QuestionCancelledError(
+                "this question was cancelled by Limit.cancel(), and reads nothing any more; ask in "
+                "another block of kant_sql.limited()"
+            )
+
+
+class Limit:
+    """What the questions of one `limited` block obey. Threads may share it.
+
+    Attributes:
+        seconds: how long each statement may take; infinite without a limit.
+    """
+
+    def __init__(self, seconds: float | None = None, *, outer: Limit | None = None) -> None:
+        """Create a limit; `limited` makes the questions of a block obey it.
+
+        Args:
+            seconds: how long each statement may take; None for as long as it takes.
+            outer: the limit of the block around this one, which is obeyed, too.
+        """
+        self.seconds: float = seconds_of(seconds)
+        if outer is not None:
+            self.seconds = min(self.seconds, outer.seconds)
+        around = None if outer is None else questions_of(outer)
+        self._questions = Questions(around)
+
+    @property
+    def is_cancelled(self) -> bool:
+        """Whether this limit, or one around it, was cancelled."""
+        return self._questions.is_cancelled
+
+    def cancel(self) -> None:
+        """End the questions that run in the block, and refuse further ones; from any thread.
+
+        They raise `QuestionCancelledError`. The call returns when no statement of the block runs
+        any more, or after some seconds. It may open a connection to the server, so that an event
+        loop calls it in a thread.
+        """
+        self._questions.cancel()
+
+    def check(self) -> None:
+        """Raise if the limit was cancelled: for work between statements.
+
+        Raises:
+            QuestionCancelledError: it was.
+        """
+        self._questions.check()
+
+
+def questions_of(limit: Limit) -> Questions:
+    """Return what the sessions that obey a limit join."""
+    return limit._questions
+
+
+_LIMIT: ContextVar[Limit | None] = ContextVar("kant_sql_limit", default=None)
+
+
+def current_limit() -> Limit | None:
+    """Return the limit of this context."""
+    return _LIMIT.get()
+
+
+@contextmanager
+def limited(seconds: float | None = None) -> Iterator[Limit]:
+    """Limit the questions asked within a `with` block, and allow to cancel them.
+
+    All reads of this context obey, of whichever knowledge base: also those that `kant_sql.aio` and
+    `asyncio.to_thread` run in other threads. Writes, and reads within an open transaction, do not:
+    they hold a lock that others wait for already. A block within another one obeys both.
+
+    Args:
+        seconds: how long the database may take for each statement; None for as long as it takes.
+
+    Yields:
+        The limit, whose `cancel` may be called from any thread.
+
+    Raises:
+        StatementTimeoutError: from a call within the block, a statement took too long.
+        QuestionCancelledError: from a call within the block, the limit was cancelled.
+        InvalidTimeoutError: it is no number of seconds.
+
+    Examples:
+        >>> with limited(seconds=5):
+        ...     kb.holds("(robot_at rb1 wp1)")
+        True
+        >>> with limited() as limit:
+        ...     limit.cancel()  # Another thread does, as a rule.
+        ...     kb.propositions.get_all()
+        Traceback (most recent call last):
+            ...
+        kant_sql.errors.QuestionCancelledError: this question was cancelled by Limit.cancel(), ...
+    """
+    limit = Limit(seconds, outer=_LIMIT.get())
+    token = _LIMIT.set(limit)
+    try:
+        yield limit
+    finally:
+        _LIMIT.reset(token)
+
+
+def is_endless(seconds: float) -> bool:
+    """Return whether a limit leaves statements as much time as they take."""
+    return math.isinf(seconds)
