@@ -21,6 +21,8 @@ from ..errors import (
     InvalidArgumentError,
     InvalidKnowledgeError,
     KantSqlError,
+    QuestionCancelledError,
+    StatementTimeoutError,
     StoreBusyError,
     StoreError,
     StoreUnreachableError,
@@ -44,6 +46,8 @@ _STATUS: tuple[tuple[type[KantSqlError], int], ...] = (
     (UnsupportedConstructError, 400),
     (StoreBusyError, 503),
     (StoreUnreachableError, 503),
+    (QuestionCancelledError, 503),
+    (StatementTimeoutError, 504),
     (StoreError, 500),
 )
 # Questions that run at the same time; each has a thread and a connection.

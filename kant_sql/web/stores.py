@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import asyncio
 import threading
 from collections import OrderedDict
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import TypeVar
 
 import anyio
@@ -14,12 +15,15 @@ from fastapi import Request
 from ..arguments import shown
 from ..errors import UnknownNameError
 from ..knowledge_base import KnowledgeBase, connect
+from ..limits import Limit, limited
 from ..sql.catalog import knowledge_bases
 
 T = TypeVar("T")
 
 # Each open knowledge base has connections of its own.
 MOST_OPEN = 32
+# Seconds that the database may take for one statement of a page.
+STATEMENT_SECONDS = 15.0
 
 
 class _Opened:
@@ -41,6 +45,7 @@ class OpenStore:
         self.url = url
         self._opened: OrderedDict[str, _Opened] = OrderedDict()
         self._lock = threading.Lock()
+        self._limits: set[Limit] = set()
 
     def names(self) -> list[str]:
         """Return the names of its knowledge bases."""
@@ -73,7 +78,7 @@ class OpenStore:
                 # Opening one that does not exist would succeed: the first write creates it.
                 if name not in self.names():
                     raise UnknownNameError(f"this store has no knowledge base {shown(name)}")
-                opened = self._opened[name] = _Opened(connect(self.url, knowledge_base=name))
+                opened = self._opened[name] = _Opened(self._connect(name))
             self._opened.move_to_end(name)
             opened.users += 1
         return opened
@@ -85,13 +90,41 @@ class OpenStore:
             for name in idle[: max(0, len(self._opened) - MOST_OPEN)]:
                 self._opened.pop(name).kb.close()
 
+    def _connect(self, name: str) -> KnowledgeBase:
+        return connect(self.url, knowledge_base=name, read_only=True)
+
+    @contextmanager
+    def asking(self, limit: Limit) -> Iterator[None]:
+        """Cancel the questions of a block when the store is closed meanwhile."""
+        self._limits.add(limit)
+        try:
+            yield
+        finally:
+            self._limits.discard(limit)
+
     def close(self) -> None:
-        """Close all of them."""
+        """Cancel all questions, and close all knowledge bases."""
+        for limit in list(self._limits):
+            limit.cancel()
         with self._lock:
             while self._opened:
                 self._opened.popitem()[1].kb.close()
 
 
 async def answer(request: Request, work: Callable[[], T]) -> T:
-    """Run a question in a thread."""
-    return await anyio.to_thread.run_sync(work, limiter=request.app.state.limiter)
+    """Run a question in a thread; it is cancelled when the reader leaves."""
+    store: OpenStore = request.app.state.store
+    with limited(seconds=STATEMENT_SECONDS) as limit, store.asking(limit):
+        leaving = asyncio.create_task(_cancel_when_left(request, limit))
+        try:
+            return await anyio.to_thread.run_sync(work, limiter=request.app.state.limiter)
+        finally:
+            leaving.cancel()
+            with suppress(asyncio.CancelledError):
+                await leaving
+
+
+async def _cancel_when_left(request: Request, limit: Limit) -> None:
+    while (await request.receive())["type"] != "http.disconnect":
+        pass
+    await anyio.to_thread.run_sync(limit.cancel)

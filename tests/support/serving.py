@@ -1,0 +1,37 @@
+"""A real HTTP server of the web application, in a thread of the tests."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from fastapi import FastAPI
+
+from kant_sql.web.serving import make_server
+
+PATIENCE = 20.0
+
+
+@contextmanager
+def running(url: str, *, port: int = 0, pages: object = None) -> Iterator[str]:
+    """Serve a store, with further pages, until the block ends; give the address."""
+    server, _ = make_server(url, port=port)
+    app = server.config.app
+    assert isinstance(app, FastAPI)
+    if pages is not None:
+        app.include_router(pages.api)  # type: ignore[attr-defined]
+    thread = threading.Thread(target=server.run)
+    thread.start()
+    try:
+        deadline = time.monotonic() + PATIENCE
+        while not server.started:
+            assert thread.is_alive()
+            assert time.monotonic() < deadline
+            time.sleep(0.01)
+        bound = server.servers[0].sockets[0].getsockname()[1]
+        yield f"http://127.0.0.1:{bound}"
+    finally:
+        server.should_exit = True
+        thread.join(PATIENCE)
