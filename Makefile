@@ -1,4 +1,5 @@
-# Everything that a clone needs is made here, in .venv; nothing outside the clone is touched.
+# Everything that a clone needs is made here, in .venv; nothing outside the clone is touched, except
+# that `make test` installs Debian's browser where it is missing and the user is root.
 # All paths are relative, so that the clone may lie below a path with a space in it.
 PYTHON ?= python3
 VENV := .venv
@@ -6,17 +7,28 @@ PY := $(VENV)/bin/python
 # Compiled modules are cached: processes and test workers start in half the time.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test test-fast check bench docs measure coverage clean
+.PHONY: demo test test-fast browser check bench docs measure coverage clean
 
 demo: $(VENV)/demo-ready
 	$(PY) examples/coffee_shop.py
 
-test: check
+test: check browser
 	$(PY) -m pytest -n 2 --dist worksteal
 
 # An answer in less than a minute: quick tests, on SQLite only.
 test-fast: $(VENV)/test-ready
 	KANT_SQL_TEST_PROFILE=quick $(PY) -m pytest -n 2 --dist worksteal --fast
+
+# Where this cannot be done, the tests in a browser skip.
+browser:
+	@if [ -z "$$KANT_SQL_TEST_BROWSER" ] && ! command -v chromium >/dev/null \
+	  && [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null; then \
+	  export DEBIAN_FRONTEND=noninteractive; \
+	  install="apt-get install -qq -y --no-install-recommends chromium"; \
+	  echo "installing chromium for the tests in a browser"; \
+	  $$install >/dev/null 2>&1 || { apt-get update -qq && $$install; } >/dev/null 2>&1 \
+	  || echo "chromium cannot be installed: the tests in a browser will skip"; \
+	fi
 
 check: $(VENV)/test-ready
 	$(PY) -m ruff check .

@@ -17,6 +17,7 @@ import pytest
 import kant_sql
 from kant_sql import KnowledgeBase
 from kant_sql.sql import schema
+from tests.audit.story import record_store
 from tests.support import profile
 from tests.support.processes.workers import STOPPING
 from tests.support.servers import IN_MEMORY, Server
@@ -32,8 +33,8 @@ if IN_MEMORY is not None:
 
 # Tests of these start processes, servers or planners, or measure.
 SLOW_FOLDERS = {
-    *("archive", "benchmarks", "cli", "corpus", "docs", "durability", "examples", "meaning"),
-    *("migrations", "planning"),
+    *("archive", "benchmarks", "browser", "cli", "corpus", "docs", "durability", "examples"),
+    *("meaning", "migrations", "planning"),
 }
 # With tests of five seconds and more.
 LONGEST = {
@@ -104,6 +105,18 @@ def url(request: pytest.FixtureRequest, tmp_path: Path) -> str:
 def shared_url(request: pytest.FixtureRequest, tmp_path: Path) -> str:
     """The URL of a store that processes can share."""
     return make_store_url(request, request.param, tmp_path)
+
+
+@pytest.fixture(scope="session")
+def sqlite_story(tmp_path_factory: pytest.TempPathFactory) -> str:
+    """The URL of a store with a robot's day in it, on SQLite; it is only read."""
+    return record_store(f"sqlite:///{tmp_path_factory.mktemp('story') / 'store.db'}")
+
+
+@pytest.fixture(scope="session")
+def postgresql_story(server: Server) -> str:
+    """The URL of a store with a robot's day in it, on PostgreSQL; it is only read."""
+    return record_store(server.new_store())
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -8,22 +8,8 @@ import pytest
 from fastapi.testclient import TestClient
 
 from kant_sql.web.application import create_app
-from tests.audit.story import record_store
-from tests.support.servers import Server
 
 BASE = "http://127.0.0.1"
-
-
-@pytest.fixture(scope="session")
-def sqlite_story(tmp_path_factory: pytest.TempPathFactory) -> str:
-    """The URL of the store on SQLite."""
-    return record_store(f"sqlite:///{tmp_path_factory.mktemp('web') / 'store.db'}")
-
-
-@pytest.fixture(scope="session")
-def postgresql_story(server: Server) -> str:
-    """The URL of the store on PostgreSQL."""
-    return record_store(server.new_store())
 
 
 @pytest.fixture(params=["sqlite", "postgresql"])

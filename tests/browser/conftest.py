@@ -1,0 +1,76 @@
+"""A browser, and servers of the stories on each dialect.
+
+Playwright keeps an event loop running in its thread, in which no test could start another: so it
+runs for the tests of one module.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import pytest
+from playwright.sync_api import Browser, sync_playwright
+
+from tests.support.browsing import ARGUMENTS, Serving, Visitor, chromium
+
+REQUIRED = "KANT_SQL_TEST_REQUIRE_BROWSER"
+Visit = Callable[..., Visitor]
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    """Debian's chromium; without it, the tests skip, or fail where they are required."""
+    path = chromium()
+    if path is None:
+        missing = "no chromium: install Debian's, or name one in KANT_SQL_TEST_BROWSER"
+        if os.environ.get(REQUIRED):
+            pytest.fail(missing)
+        pytest.skip(missing)
+    with sync_playwright() as driver:
+        launched = driver.chromium.launch(executable_path=path, args=ARGUMENTS)
+        yield launched
+        launched.close()
+
+
+@pytest.fixture
+def visit(browser: Browser) -> Iterator[Visit]:
+    """Let somebody visit a server; at the end of the test nothing has gone wrong for anybody."""
+    visitors: list[Visitor] = []
+
+    def visit_(address: str, **options: Any) -> Visitor:
+        visitors.append(Visitor(browser, address, **options))
+        return visitors[-1]
+
+    yield visit_
+    for visitor in visitors:
+        visitor.close()
+    assert [fault for visitor in visitors for fault in visitor.faults] == []
+
+
+@pytest.fixture(scope="session")
+def sqlite_served(sqlite_story: str, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Serving]:
+    """A server of the story on SQLite."""
+    serving = Serving(sqlite_story, tmp_path_factory.mktemp("served"))
+    yield serving
+    serving.stop()
+
+
+@pytest.fixture(scope="session")
+def postgresql_served(
+    postgresql_story: str, tmp_path_factory: pytest.TempPathFactory
+) -> Iterator[Serving]:
+    """A server of the story on PostgreSQL."""
+    serving = Serving(postgresql_story, tmp_path_factory.mktemp("served"))
+    yield serving
+    serving.stop()
+
+
+@pytest.fixture(params=["sqlite", "postgresql"])
+def served(request: pytest.FixtureRequest) -> Iterator[Serving]:
+    """A server of the story, on each dialect in turn, which has nothing to complain of."""
+    serving: Serving = request.getfixturevalue(f"{request.param}_served")
+    before = serving.log()
+    yield serving
+    assert serving.log() == before

@@ -1,0 +1,77 @@
+"""Each page in a browser: it opens, for everybody, at each width, in each scheme, on paper."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.browser.addresses import ADDRESSES, ALL, PATHS
+from tests.browser.conftest import Visit
+from tests.support.browsing import NARROW, PAPER, SCHEMES, WIDTHS, Scheme, Serving
+
+
+def test_every_page_is_visited() -> None:
+    assert set(PATHS) == set(ADDRESSES), "say in addresses.py at which address a page is tested"
+
+
+@pytest.mark.parametrize("path", ALL)
+def test_a_page_opens(served: Serving, visit: Visit, path: str) -> None:
+    visitor = visit(served.address)
+    visitor.open(path)
+    assert visitor.page.title().endswith("kant_sql")
+    headings = visitor.page.locator("h1")
+    assert headings.count() == 1
+    assert headings.inner_text()
+    assert {status for status, _ in visitor.answers} <= {200, 304}
+
+
+@pytest.mark.parametrize("scheme", SCHEMES)
+@pytest.mark.parametrize("width", WIDTHS)
+@pytest.mark.parametrize("path", ALL)
+def test_a_page_is_for_everybody(
+    sqlite_served: Serving, visit: Visit, path: str, width: int, scheme: Scheme
+) -> None:
+    visitor = visit(sqlite_served.address, width=width, scheme=scheme)
+    visitor.open(path)
+    assert visitor.violations() == []
+    assert visitor.overflow() == []
+
+
+@pytest.mark.parametrize("path", ALL)
+def test_a_page_is_used_by_keyboard(sqlite_served: Serving, visit: Visit, path: str) -> None:
+    visitor = visit(sqlite_served.address, width=NARROW)
+    visitor.open(path)
+    visitor.page.keyboard.press("Tab")
+    assert visitor.page.evaluate("document.activeElement.className") == "skip"
+    visitor.page.keyboard.press("Enter")
+    assert visitor.page.evaluate("document.activeElement.id") == "content"
+    visitor.open(path)
+    visited, expected = visitor.tab_through(200)
+    assert visited == expected
+
+
+@pytest.mark.parametrize("path", ALL)
+def test_a_page_can_be_printed(sqlite_served: Serving, visit: Visit, path: str) -> None:
+    visitor = visit(sqlite_served.address, width=PAPER, scheme="dark")
+    visitor.open(path)
+    visitor.page.emulate_media(media="print")
+    assert visitor.overflow() == []
+    colour = "getComputedStyle(document.body).backgroundColor"
+    assert visitor.page.evaluate(colour) == "rgb(255, 255, 255)"
+    assert visitor.page.pdf(format="A4").startswith(b"%PDF")
+
+
+@pytest.mark.parametrize("path", ALL)
+def test_a_page_is_the_same_when_loaded_again_and_gone_back_to(
+    served: Serving, visit: Visit, path: str
+) -> None:
+    visitor = visit(served.address)
+    visitor.open(path)
+    first = visitor.text()
+    visitor.page.reload()
+    visitor.settle()
+    assert visitor.text() == first
+    visitor.open("/static/icon.svg")
+    visitor.page.go_back()
+    visitor.settle()
+    assert visitor.page.url.removeprefix(served.address) == path
+    assert visitor.text() == first
