@@ -40,7 +40,7 @@ BASE = "base"
 # Config attribute in which `migrations/env.py` counts the generated views that it dropped.
 DROPPED_VIEWS = "dropped_views"
 # Oldest first; the last is what this version of the library works on.
-VERSIONS = ("0001", "0002", "0003", "0004")
+VERSIONS = ("0001", "0002", "0003", "0004", "0005")
 
 _VERSION = Query(select(column("version_num")).select_from(table(VERSION_TABLE)))
 _MIGRATING = threading.Lock()

@@ -9,6 +9,7 @@ import pytest
 from sqlalchemy import make_url
 
 import kant_sql
+from kant_sql.sql.audit_views import AUDIT_VIEWS, ColumnType
 from tests.support.pages import Page, ask, rows_of
 
 PAGE = Page("audit.md")
@@ -58,6 +59,52 @@ def test_the_page_describes_every_view_and_no_other(story_url: str) -> None:
 def test_a_view_has_the_columns_described_in_their_order(story_url: str, view: str) -> None:
     assert columns_of(story_url, view) == VIEWS[view]
     assert VIEWS[view][0] == "knowledge_base"
+
+
+def test_every_column_has_a_type() -> None:
+    assert {name: [*view.columns] for name, view in AUDIT_VIEWS.items()} == VIEWS
+
+
+POSTGRESQL_TYPES = {
+    ColumnType.TEXT: {"text", "varchar", "json"},
+    ColumnType.INTEGER: {"int4", "int8"},
+    ColumnType.DOUBLE: {"float8"},
+    ColumnType.BOOLEAN: {"bool"},
+    ColumnType.TIME: {"timestamptz"},
+}
+SQLITE_TYPES = {
+    ColumnType.TEXT: {"text"},
+    ColumnType.INTEGER: {"integer"},
+    ColumnType.DOUBLE: {"real"},
+    ColumnType.BOOLEAN: {"integer"},
+    ColumnType.TIME: {"text"},
+}
+
+
+@pytest.mark.parametrize("view", VIEWS)
+def test_columns_have_these_types_on_postgresql(postgresql_story: str, view: str) -> None:
+    with psycopg.connect(postgresql_story) as connection:
+        cursor = connection.execute(f"SELECT * FROM {view} LIMIT 0".encode())
+        types = connection.adapters.types
+        found = {column.name: types[column.type_code].name for column in cursor.description or ()}
+    wanted = AUDIT_VIEWS[view].columns
+    assert [name for name in found if found[name] not in POSTGRESQL_TYPES[wanted[name]]] == []
+
+
+@pytest.mark.parametrize("view", VIEWS)
+def test_values_are_of_these_types_on_sqlite(sqlite_story: str, view: str) -> None:
+    for name, type_ in AUDIT_VIEWS[view].columns.items():
+        found = {
+            row[0] for row in rows_of(sqlite_story, f"SELECT DISTINCT typeof({name}) FROM {view}")
+        }
+        assert found <= {"null", *SQLITE_TYPES[type_]}, name
+
+
+@pytest.mark.parametrize("view", VIEWS)
+def test_rows_are_sorted_by_what_tells_them_apart(story_url: str, view: str) -> None:
+    order = ", ".join(("knowledge_base", *AUDIT_VIEWS[view].order))
+    keys = rows_of(story_url, f"SELECT {order} FROM {view}")
+    assert len(keys) == len(set(keys))
 
 
 @pytest.mark.parametrize("view", VIEWS)

@@ -32,6 +32,7 @@ def test_nothing_else_changes(old_url: str) -> None:
     assert dump_of(old_url) == record("0003", old_url)
     kant_sql.upgrade(old_url, revision="0004")
     assert (rows_of(old_url), dump_of(old_url)) == (before, record("0004", old_url))
+    kant_sql.upgrade(old_url)
     assert findings(old_url) == []
     kant_sql.downgrade(old_url, revision="0003")
     assert (rows_of(old_url), dump_of(old_url)) == (before, record("0003", old_url))

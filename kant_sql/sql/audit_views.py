@@ -1,0 +1,246 @@
+"""The columns of the audit's views and their types, which are the same on every dialect.
+
+`docs/audit.md` describes what they mean. On SQLite, a time is a text and a truth is 0 or 1.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from enum import Enum
+from functools import cache
+from typing import Any, NamedTuple
+
+from sqlalchemy import BigInteger, bindparam, column, select, table, text
+
+from ..arguments import expect, shown
+from ..errors import InvalidArgumentError, printable
+from .query import Query
+
+PREFIX = "audit_"
+
+
+class ColumnType(Enum):
+    """What the values of a column are; any may be NULL."""
+
+    TEXT = "text"
+    INTEGER = "integer"
+    DOUBLE = "double"
+    BOOLEAN = "boolean"
+    TIME = "time"
+
+
+class AuditView(NamedTuple):
+    """A view for auditors.
+
+    Attributes:
+        name: its name.
+        columns: its columns in their order, with their types.
+        order: the columns that sort its rows; no two rows have the same values in all of them.
+        window: the condition that a row is of the revisions from `:low` to `:high`; None where
+            rows are of no revision.
+    """
+
+    name: str
+    columns: Mapping[str, ColumnType]
+    order: tuple[str, ...]
+    window: str | None
+
+
+_TEXT, _INTEGER, _DOUBLE = ColumnType.TEXT, ColumnType.INTEGER, ColumnType.DOUBLE
+_BOOLEAN, _TIME = ColumnType.BOOLEAN, ColumnType.TIME
+
+_KNOWLEDGE_BASE = {"knowledge_base": _TEXT}
+_REVISION = {
+    "committed_at": _TIME,
+    "committed_epoch": _DOUBLE,
+    "committed_hour": _TEXT,
+    "observed_at": _TIME,
+    "observed_epoch": _DOUBLE,
+    "delay": _DOUBLE,
+    "actor": _TEXT,
+    "reason": _TEXT,
+    "source": _TEXT,
+    "plan_id": _INTEGER,
+    "plan_step": _INTEGER,
+}
+_BEGINNING = {
+    "since": _INTEGER,
+    "since_at": _TIME,
+    "since_epoch": _DOUBLE,
+    "since_observed_at": _TIME,
+    "asserted_by": _TEXT,
+    "asserted_reason": _TEXT,
+}
+_INTERVAL = {
+    **_BEGINNING,
+    "until": _INTEGER,
+    "until_at": _TIME,
+    "until_epoch": _DOUBLE,
+    "until_observed_at": _TIME,
+    "retracted_by": _TEXT,
+    "retracted_reason": _TEXT,
+    "duration": _DOUBLE,
+}
+_FACT = {"kind": _TEXT, "proposition_id": _INTEGER, "predicate": _TEXT}
+_ARGUMENT = {"position": _INTEGER, "parameter": _TEXT, "object": _TEXT, "object_id": _INTEGER}
+_VALUE = {"function_value_id": _INTEGER, "function": _TEXT}
+_ACTION = {"action": _TEXT, "action_id": _INTEGER, "kind": _TEXT}
+_STEP = {"plan_id": _INTEGER, "position": _INTEGER}
+
+# An interval is in a window in which it began, held or ended.
+_HELD = "since <= :high AND COALESCE(until >= :low, TRUE)"
+_BEGAN = "since BETWEEN :low AND :high"
+_PLANNED = (
+    "plan_id IN (SELECT p.plan_id FROM audit_plan AS p WHERE p.knowledge_base = :name"
+    " AND p.since BETWEEN :low AND :high)"
+)
+
+
+def _view(
+    name: str, order: str, window: str | None, *columns: Mapping[str, ColumnType]
+) -> AuditView:
+    together = {key: type_ for part in (_KNOWLEDGE_BASE, *columns) for key, type_ in part.items()}
+    return AuditView(f"{PREFIX}{name}", together, tuple(order.split()), window)
+
+
+_FACTS = {**_FACT, "arguments": _TEXT, "text": _TEXT}, _INTERVAL
+AUDIT_VIEWS = {
+    view.name: view
+    for view in (
+        _view(
+            "knowledge_base",
+            "revision",
+            None,
+            {"revision": _INTEGER, "committed_at": _TIME, "committed_epoch": _DOUBLE},
+        ),
+        _view(
+            "revision",
+            "revision",
+            "revision BETWEEN :low AND :high",
+            {"revision": _INTEGER, **_REVISION, "form": _INTEGER, "hash": _TEXT},
+        ),
+        _view(
+            "change",
+            "revision sign kind text element_id",
+            "revision BETWEEN :low AND :high",
+            {"revision": _INTEGER, "sign": _TEXT, "kind": _TEXT, "text": _TEXT},
+            {"element_id": _INTEGER, **_REVISION},
+        ),
+        _view("fact", "since kind proposition_id", _HELD, *_FACTS),
+        _view("goal", "since proposition_id", _HELD, *_FACTS),
+        _view(
+            "fact_argument",
+            "since kind proposition_id position",
+            _HELD,
+            {**_FACT, "text": _TEXT, **_ARGUMENT},
+            _INTERVAL,
+        ),
+        _view(
+            "value",
+            "since function_value_id",
+            _HELD,
+            {**_VALUE, "arguments": _TEXT, "fluent": _TEXT, "value": _TEXT, "number": _DOUBLE},
+            {"text": _TEXT, **_INTERVAL},
+        ),
+        _view(
+            "value_argument",
+            "since function_value_id position",
+            _HELD,
+            {**_VALUE, "text": _TEXT, **_ARGUMENT},
+            _INTERVAL,
+        ),
+        _view(
+            "object",
+            "since object_id",
+            _HELD,
+            {"object": _TEXT, "object_id": _INTEGER, "type": _TEXT, "is_constant": _BOOLEAN},
+            {"text": _TEXT, **_INTERVAL},
+        ),
+        _view(
+            "definition",
+            "since kind element_id",
+            _HELD,
+            {"kind": _TEXT, "name": _TEXT, "element_id": _INTEGER, "text": _TEXT},
+            _INTERVAL,
+        ),
+        _view("action", "since action_id", _HELD, {**_ACTION, "text": _TEXT}, _INTERVAL),
+        _view(
+            "action_literal",
+            "since action_id section position",
+            _HELD,
+            {**_ACTION, "section": _TEXT, "position": _INTEGER, "role": _TEXT},
+            {"predicate": _TEXT, "literal": _TEXT, "time": _TEXT, "is_conditional": _BOOLEAN},
+            _INTERVAL,
+        ),
+        _view(
+            "plan",
+            "plan_id",
+            _BEGAN,
+            {"plan_id": _INTEGER, "revision": _INTEGER, "revision_at": _TIME},
+            {"revision_epoch": _DOUBLE, "problem_hash": _TEXT, "planner": _TEXT},
+            {"planner_version": _TEXT, "objective": _TEXT, "value": _TEXT, "number": _DOUBLE},
+            {"status": _TEXT, "steps": _INTEGER, "steps_running": _INTEGER},
+            {"steps_succeeded": _INTEGER, "steps_failed": _INTEGER, "steps_aborted": _INTEGER},
+            {**_BEGINNING, "text": _TEXT, "domain_pddl": _TEXT, "problem_pddl": _TEXT},
+        ),
+        _view(
+            "plan_step",
+            "plan_id position",
+            _PLANNED,
+            {**_STEP, "action": _TEXT, "arguments": _TEXT, "text": _TEXT},
+            {"planned_start": _DOUBLE, "planned_duration": _DOUBLE, "status": _TEXT},
+            {"started": _INTEGER, "started_at": _TIME, "started_epoch": _DOUBLE},
+            {"started_by": _TEXT, "ended": _INTEGER, "ended_at": _TIME, "ended_epoch": _DOUBLE},
+            {"ended_by": _TEXT, "ended_reason": _TEXT, "duration": _DOUBLE},
+            {"revisions": _INTEGER},
+        ),
+        _view(
+            "plan_step_status",
+            "since plan_id position",
+            _HELD,
+            {**_STEP, "status": _TEXT, "text": _TEXT},
+            _INTERVAL,
+        ),
+        _view(
+            "plan_step_argument",
+            "plan_id position argument",
+            _PLANNED,
+            {**_STEP, "text": _TEXT, "argument": _INTEGER, "object": _TEXT},
+            {"object_id": _INTEGER},
+        ),
+        _view(
+            "archive",
+            "archive_id",
+            None,
+            {"archive_id": _INTEGER, "revision": _INTEGER, "revision_at": _TIME},
+            {"revision_epoch": _DOUBLE, "target": _TEXT, "versions": _INTEGER, "rest": _TEXT},
+            {**_BEGINNING, "text": _TEXT},
+        ),
+    )
+}
+
+
+def find_audit_view(name: object) -> AuditView:
+    """Find a view by its name, with or without its prefix."""
+    given: str = expect(name, str, "the view", InvalidArgumentError)
+    found = AUDIT_VIEWS.get(given) or AUDIT_VIEWS.get(f"{PREFIX}{given}")
+    if found is not None:
+        return found
+    names = [known.removeprefix(PREFIX) for known in AUDIT_VIEWS]
+    raise InvalidArgumentError(
+        f"there is no view {shown(printable(given))} for auditors; choose one of: "
+        f"{', '.join(names)}"
+    )
+
+
+@cache
+def rows_of_view(name: str, windowed: bool = False) -> Query:
+    """Read the rows of a view that are of the knowledge base `name`."""
+    view = AUDIT_VIEWS[name]
+    columns: list[Any] = [column(each) for each in view.columns]
+    rows = select(*columns).select_from(table(name))
+    rows = rows.where(column("knowledge_base") == bindparam("name"))
+    if windowed and view.window is not None:
+        bounds = [bindparam(bound, type_=BigInteger) for bound in ("low", "high")]
+        rows = rows.where(text(f"({view.window})").bindparams(*bounds))
+    return Query(rows.order_by(*map(column, view.order)))
