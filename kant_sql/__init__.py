@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from .planning import Plan, PlanStep
     from .plans.interfaces import RecordedPlan, RecordedStep
     from .reasoning.ask import Answers
+    from .reasoning.complete import Completion
     from .reasoning.durative import BrokenInvariant
     from .reasoning.failures import FailedCondition
     from .reasoning.held import Held, HeldPeriods
@@ -43,6 +44,7 @@ __all__ = [
     "Archived",
     "BrokenInvariant",
     "Change",
+    "Completion",
     "DaoFactory",
     "FailedCondition",
     "FailedStep",
@@ -97,6 +99,7 @@ _HOMES = {
         ".planning": ("Plan", "PlanStep"),
         ".plans.interfaces": ("RecordedPlan", "RecordedStep"),
         ".reasoning.ask": ("Answers",),
+        ".reasoning.complete": ("Completion",),
         ".reasoning.durative": ("BrokenInvariant",),
         ".reasoning.failures": ("FailedCondition",),
         ".reasoning.validate": ("FailedStep", "Validation", "ViolatedConstraint"),

@@ -626,6 +626,7 @@ class AsyncKnowledgeBase(_Part):
     check_rules = _read(KnowledgeBase.check_rules)
     transaction = _Call(KnowledgeBase.transaction, _Transaction)
     holds = _read(KnowledgeBase.holds)
+    complete = _read(KnowledgeBase.complete)
     unsatisfied = _read(KnowledgeBase.unsatisfied)
     unsatisfied_goals = _read(KnowledgeBase.unsatisfied_goals)
     is_goal_reached = _read(KnowledgeBase.is_goal_reached)

@@ -57,6 +57,7 @@ class ConditionReader(FormulaReader):
         self, symbols: SymbolTable, text: str | Text, nesting: str, parameters: str | None = None
     ) -> None:
         super().__init__(Diagnostics(strict=False), _section(text), symbols, nesting)
+        _refuse_unclosed(self)
         self.free: dict[str, BoundVariable] = {}
         self._are_declared = parameters is not None
         if parameters is not None:
@@ -101,10 +102,17 @@ def _section(text: str | Text) -> Section:
     return Section(whole, "", 0, len(whole.code))
 
 
+def _refuse_unclosed(reader: FormulaReader) -> None:
+    """Refuse a text that ends within parentheses; in a document, sections are closed by then."""
+    if reader.tokens.count("(") > reader.tokens.count(")"):
+        reader.fail("')'", at=reader.tokens.index(""))
+
+
 def _declared(symbols: SymbolTable, parameters: str) -> tuple[f.TypedName, ...]:
     """Read a list of typed variables, with or without its parentheses."""
     text = parameters if parameters.lstrip().startswith("(") else f"({parameters})"
     reader = FormulaReader(Diagnostics(strict=False), _section(text), symbols, "the parameters")
+    _refuse_unclosed(reader)
     reader.expect("(", "'(' before the parameters")
     found = reader.bind(reader.typed_list(VARIABLES))
     if reader.tokens[reader.at]:
@@ -231,6 +239,7 @@ def read_step(text: str, *, symbols: SymbolTable, actions: Callable[[], Iterable
     """
     given = text if text.lstrip().startswith("(") else f"({text})"
     reader = FormulaReader(Diagnostics(strict=False), _section(given), symbols, "the step")
+    _refuse_unclosed(reader)
     reader.expect("(", "'(' before the action")
     known = {fold(name): name for name in actions()}
     at = reader.at

@@ -15,6 +15,7 @@ from ..history.interfaces import When
 from ..planning import Plan, PlanStep
 from ..plans.interfaces import RecordedPlan, RecordedStep
 from .ask import Answers, Binding
+from .complete import DEFAULT_LIMIT, Completion
 from .durative import BrokenInvariant
 from .failures import FailedCondition
 from .held import HeldPeriods
@@ -95,6 +96,29 @@ class Reasoning(Interface):
             rb1 wp1
             >>> kb.query("(robot_at ?r ?w)", w="wp1").to_dicts()
             [{'r': 'rb1'}]
+        """
+
+    @required
+    def complete(self, beginning: str, *, limit: int = DEFAULT_LIMIT) -> list[Completion]:
+        """Find the names that may be meant by their beginning, for editors and prompts.
+
+        Args:
+            beginning: the first characters of a name, in any case; empty for all names.
+            limit: the greatest number of names.
+
+        Returns:
+            The predicates, functions, objects, actions and types whose names begin so, in this
+            order and by name; then those whose names contain the characters.
+
+        Raises:
+            ArchivedError: a part of this state was moved to an archive.
+            InvalidArgumentError: `beginning` is no text, or `limit` is no number.
+
+        Examples:
+            >>> for one in kb.complete("rob"):
+            ...     print(one.kind, one.text)
+            predicate (robot_at ?r0 - robot ?w1 - wp)
+            type robot
         """
 
     # Explain.

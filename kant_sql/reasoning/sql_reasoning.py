@@ -19,6 +19,7 @@ from ..planning import Plan, PlanStep
 from ..plans.interfaces import RecordedPlan, RecordedStep
 from .act import applicable_actions, is_applicable, why_not
 from .ask import Answers, Binding, holds, query
+from .complete import DEFAULT_LIMIT, Completion, complete
 from .durative import BrokenInvariant, abort, apply, broken_invariants, end, start
 from .explain import is_goal_reached, metric_value, unsatisfied, unsatisfied_goals
 from .failures import FailedCondition
@@ -51,6 +52,10 @@ class SqlReasoning(SqlDao, Reasoning):
         **bindings: Binding,
     ) -> Answers:
         return query(self._store, self._at, condition, parameters, limit, bindings)
+
+    @override
+    def complete(self, beginning: str, *, limit: int = DEFAULT_LIMIT) -> list[Completion]:
+        return complete(self._store, self._at, beginning, limit)
 
     # Explain.
 

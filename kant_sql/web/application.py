@@ -17,39 +17,16 @@ from fastapi.staticfiles import StaticFiles
 from starlette.exceptions import HTTPException
 
 from .. import __version__
-from ..errors import (
-    InvalidArgumentError,
-    InvalidKnowledgeError,
-    KantSqlError,
-    QuestionCancelledError,
-    StatementTimeoutError,
-    StoreBusyError,
-    StoreError,
-    StoreUnreachableError,
-    UnknownNameError,
-    UnknownRevisionError,
-    UnsupportedConstructError,
-)
+from ..errors import KantSqlError
+from .description import describe
 from .pages import TOPICS
+from .registry import status_of
 from .rendering import STATIC, render
 from .security import Guard, allowed_hosts
 from .stores import OpenStore
 
 logger = logging.getLogger("kant_sql.web")
 
-# The first that fits; another error of the library is the server's.
-_STATUS: tuple[tuple[type[KantSqlError], int], ...] = (
-    (UnknownNameError, 404),
-    (UnknownRevisionError, 404),
-    (InvalidArgumentError, 400),
-    (InvalidKnowledgeError, 400),
-    (UnsupportedConstructError, 400),
-    (StoreBusyError, 503),
-    (StoreUnreachableError, 503),
-    (QuestionCancelledError, 503),
-    (StatementTimeoutError, 504),
-    (StoreError, 500),
-)
 # Questions that run at the same time; each has a thread and a connection.
 MOST_QUESTIONS = 8
 
@@ -99,6 +76,7 @@ def create_app(
     for pages in TOPICS:
         app.include_router(pages.api)
         app.include_router(pages.html)
+    describe(app)
     _serve_files(app)
     _answer_errors(app)
     app.add_middleware(Guard, bound=bound, hosts=allowed_hosts(bound, hosts), token=token)
@@ -120,8 +98,8 @@ def _answer_errors(app: FastAPI) -> None:
     """Answer errors with one sentence, never with a traceback."""
 
     async def refused(request: Request, error: Exception) -> Response:
-        status = next((code for kind, code in _STATUS if isinstance(error, kind)), 500)
-        return _error(request, status, str(error), type(error).__name__)
+        assert isinstance(error, KantSqlError)
+        return _error(request, status_of(error), str(error), type(error).__name__)
 
     async def wrong(request: Request, error: Exception) -> Response:
         assert isinstance(error, RequestValidationError)
@@ -147,4 +125,4 @@ def _error(request: Request, status: int, message: str, kind: str) -> Response:
     if request.url.path.startswith(("/api/", "/static/")):
         return JSONResponse({"error": message, "type": kind}, status)
     page = {"status": status, "phrase": HTTPStatus(status).phrase, "message": message}
-    return render(request, "error.html", page, request.query_params.get("kb"), status)
+    return render(request, "error.html", page, request.query_params.get("kb"), status=status)

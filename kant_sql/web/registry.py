@@ -10,6 +10,18 @@ from typing import Annotated, Any, TypeVar
 from fastapi import APIRouter, Query, Request
 from fastapi.responses import HTMLResponse
 
+from ..errors import (
+    InvalidArgumentError,
+    InvalidKnowledgeError,
+    KantSqlError,
+    QuestionCancelledError,
+    StatementTimeoutError,
+    StoreBusyError,
+    StoreUnreachableError,
+    UnknownNameError,
+    UnknownRevisionError,
+    UnsupportedConstructError,
+)
 from ..knowledge_base import KnowledgeBase
 from .rendering import render
 from .stores import OpenStore, answer
@@ -17,7 +29,25 @@ from .stores import OpenStore, answer
 F = TypeVar("F", bound=Callable[..., Any])
 
 KB_DESCRIPTION = "The knowledge base's name; not needed in a store of one."
+WRONG_INPUT = 400
+# The first that fits; another error of the library is the server's.
+_STATUS: tuple[tuple[type[KantSqlError], int], ...] = (
+    (UnknownNameError, 404),
+    (UnknownRevisionError, 404),
+    (InvalidArgumentError, WRONG_INPUT),
+    (InvalidKnowledgeError, WRONG_INPUT),
+    (UnsupportedConstructError, WRONG_INPUT),
+    (StoreBusyError, 503),
+    (StoreUnreachableError, 503),
+    (QuestionCancelledError, 503),
+    (StatementTimeoutError, 504),
+)
 KbName = Annotated[str | None, Query(alias="kb", description=KB_DESCRIPTION)]
+
+
+def status_of(error: KantSqlError) -> int:
+    """Return the HTTP status that says whose error it is."""
+    return next((status for kind, status in _STATUS if isinstance(error, kind)), 500)
 
 
 class Pages:
@@ -32,19 +62,29 @@ class Pages:
         self.html = APIRouter(include_in_schema=False)
         self.api = APIRouter(prefix="/api", tags=[topic])
 
-    def page(self, path: str, template: str) -> Callable[[F], F]:
+    def page(self, path: str, template: str, *, is_form: bool = False) -> Callable[[F], F]:
         """Register a function that gives a page's data.
 
         Its first argument is a knowledge base, or the store; the others are parameters of the
         query, by keyword, as FastAPI declares them. It returns a `TypedDict`, which documents the
-        JSON. Its docstring describes the page.
+        JSON. Its docstring describes the page. A form shows what is wrong with its input itself:
+        its template gets `error`, and None as its `page`.
         """
 
         def register(function: F) -> F:
+            self.json(path)(function)
+            respond = partial(_page, template=template)
+            refuse = partial(_form, template=template) if is_form else None
+            self.html.get(path, response_class=HTMLResponse)(_endpoint(function, respond, refuse))
+            return function
+
+        return register
+
+    def json(self, path: str) -> Callable[[F], F]:
+        """Register a function that gives JSON alone, below `/api/`."""
+
+        def register(function: F) -> F:
             self.api.get(path)(_endpoint(function, _json))
-            self.html.get(path, response_class=HTMLResponse)(
-                _endpoint(function, partial(_page, template=template))
-            )
             return function
 
         return register
@@ -58,8 +98,15 @@ async def _page(request: Request, data: Any, kb: str | None, template: str) -> H
     return render(request, template, data, kb)
 
 
+async def _form(request: Request, error: KantSqlError, template: str) -> HTMLResponse:
+    kb = request.query_params.get("kb")
+    return render(request, template, None, kb, status=status_of(error), error=str(error))
+
+
 def _endpoint(
-    function: Callable[..., Any], respond: Callable[[Request, Any, str | None], Awaitable[Any]]
+    function: Callable[..., Any],
+    respond: Callable[[Request, Any, str | None], Awaitable[Any]],
+    refuse: Callable[[Request, KantSqlError], Awaitable[Any]] | None = None,
 ) -> Callable[..., Awaitable[Any]]:
     """Make an endpoint of a data function: its parameters, the request and the name of a store."""
     signature = inspect.signature(function, eval_str=True)
@@ -77,7 +124,12 @@ def _endpoint(
             with store.knowledge_base(chosen) as kb:
                 return function(kb, **query), chosen
 
-        data, chosen = await answer(request, work)
+        try:
+            data, chosen = await answer(request, work)
+        except KantSqlError as error:
+            if refuse is None or status_of(error) != WRONG_INPUT:
+                raise
+            return await refuse(request, error)
         return await respond(request, data, chosen)
 
     keyword = inspect.Parameter.KEYWORD_ONLY

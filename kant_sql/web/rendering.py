@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from datetime import datetime
 from functools import cache
 from hashlib import sha256
 from pathlib import Path
@@ -48,6 +49,13 @@ def second(value: str | None) -> str:
     return moment.rstrip("0").rstrip(".") if "." in moment else moment
 
 
+def position(value: str, begin: str, end: str) -> float:
+    """Return where a time is between two others, from 0 to 1000."""
+    first, moment, last = map(datetime.fromisoformat, (begin, value, end))
+    share = (moment - first) / (last - first) if last > first else 0.0
+    return round(1000 * min(max(share, 0.0), 1.0), 2)
+
+
 def as_json(value: object) -> str:
     """Return a value as JSON text."""
     return json.dumps(value, ensure_ascii=False, default=str)
@@ -71,7 +79,9 @@ def environment() -> Environment:
         lstrip_blocks=True,
     )
     made.globals.update(link=link, static=static_address, version=__version__)
-    made.filters.update(shown=shown_text, short=shorten, second=second, as_json=as_json)
+    made.filters.update(
+        shown=shown_text, short=shorten, second=second, as_json=as_json, position=position
+    )
     return made
 
 
@@ -81,12 +91,19 @@ def render_text(template: str, data: Mapping[str, Any]) -> str:
 
 
 def render(
-    request: Request, template: str, data: Mapping[str, Any], kb: str | None, status: int = 200
+    request: Request,
+    template: str,
+    data: Mapping[str, Any] | None,
+    kb: str | None,
+    *,
+    status: int = 200,
+    error: str | None = None,
 ) -> HTMLResponse:
-    """Return a page."""
+    """Return a page; without data, it says what is wrong."""
     path, query = request.url.path, request.url.query
     context = {
         "page": data,
+        "error": error,
         "kb": kb,
         "path": path,
         "api": f"/api{path}" + (f"?{query}" if query else ""),

@@ -45,6 +45,7 @@ def arguments(name: str, owner: str, kb: KnowledgeBase, kept: dict[str, Any]) ->
         "b": 1,
         "before": 1,
         "other": kb,
+        "beginning": "rob",
         "condition": "(robot_at ?r ?w)",
         "to": "sqlite://",
         "element": "rb1",

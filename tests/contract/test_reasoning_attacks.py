@@ -6,7 +6,7 @@ import asyncio
 import contextlib
 import itertools
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TypeVar
 
@@ -455,6 +455,39 @@ def test_tasks_ask_and_act(shared_url: str) -> None:
             return await other.holds("(at w3)")
 
     asyncio.run(work())
+
+
+TEXTS = (
+    "(and (at ?r a) (not (done)) (forall (?x - robot ?y - wp) (imply (at ?x ?y) (done))))",
+    "(>= (+ (level ?x) (* 2 3) 4) (- 3))",
+    "(= (place ?r) b)",
+    "(exists (?x - (either robot wp)) (= ?x ?y))",
+    "(preference p (done))",
+    "(and (always (at r1 a)) (sometime-within 3.5 (done)) (hold-during 1 2 (done)))",
+    "(swap a b)",
+    "(= (level a) 80)",
+)
+
+
+def texts_cut_short() -> Iterator[str]:
+    for text in TEXTS:
+        tokens = text.replace("(", " ( ").replace(")", " ) ").split()
+        for place in range(len(tokens)):
+            yield " ".join(tokens[:place])
+            yield " ".join(tokens[place:])
+            yield " ".join([*tokens[:place], *tokens[place + 1 :]])
+
+
+def test_a_text_that_is_cut_short_is_refused_as_pddl(yard: KnowledgeBase) -> None:
+    calls: tuple[Callable[[str], object], ...] = (
+        *(yard.query, yard.holds, yard.when, yard.check_rules, yard.why_not, yard.unsatisfied),
+        *(yard.goals.delete, yard.constraints.delete, yard.propositions.delete, yard.blame),
+        lambda text: yard.query("(at ?r ?w)", parameters=text),
+    )
+    for text in texts_cut_short():
+        for call in calls:
+            with contextlib.suppress(KantSqlError):
+                call(text)
 
 
 T = TypeVar("T")

@@ -2,6 +2,6 @@
 
 from __future__ import annotations
 
-from . import home, revisions
+from . import ask, home, revisions
 
-TOPICS = (home.PAGES, revisions.PAGES)
+TOPICS = (home.PAGES, revisions.PAGES, ask.PAGES)

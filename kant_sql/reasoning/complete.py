@@ -1,0 +1,86 @@
+"""The names that may be meant by their beginning, for editors and prompts."""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+from collections.abc import Iterator
+from itertools import islice
+from typing import NamedTuple
+
+from ..arguments import expect, whole_number
+from ..dto.lexical import fold
+from ..errors import InvalidArgumentError
+from ..knowledge.definitions import Definition, Definitions
+from ..store.store import Store
+
+# In this order where several elements have similar names.
+_KINDS = {
+    "predicate": "predicates",
+    "function": "functions",
+    "object": "objects",
+    "action": "actions",
+    "type": "types",
+}
+DEFAULT_LIMIT = 20
+
+
+class Completion(NamedTuple):
+    """A name that may be meant.
+
+    Attributes:
+        kind: `predicate`, `function`, `object`, `action` or `type`.
+        name: the name.
+        text: its definition as PDDL text.
+    """
+
+    kind: str
+    name: str
+    text: str
+
+
+class _Named(NamedTuple):
+    """A definition under its folded name, which sorts it."""
+
+    folded: str
+    order: int
+    kind: str
+    definition: Definition
+
+
+def complete(store: Store, at: int | None, beginning: str, limit: int) -> list[Completion]:
+    """Return the names that begin with a text, and then those that contain it."""
+    wanted = fold(expect(beginning, str, "the beginning of a name", InvalidArgumentError))
+    most = whole_number(limit, "limit")
+
+    def work(definitions: Definitions) -> list[Completion]:
+        found = islice(_matches(_names(definitions), wanted), most)
+        return [Completion(one.kind, one.definition.name, one.definition.text) for one in found]
+
+    return store.read_definitions(work, at)
+
+
+def _matches(names: list[_Named], wanted: str) -> Iterator[_Named]:
+    first = last = bisect_left(names, wanted, key=lambda one: one.folded)
+    while last < len(names) and names[last].folded.startswith(wanted):
+        last += 1
+    yield from sorted(names[first:last], key=lambda one: (one.order, one.folded))
+    for one in (*names[:first], *names[last:]):
+        if wanted in one.folded:
+            yield one
+
+
+def _names(definitions: Definitions) -> list[_Named]:
+    """Return all names of a snapshot, sorted."""
+    found: list[_Named] | None = definitions.derived.get(_Named)
+    if found is None:
+        found = sorted(
+            (
+                _Named(fold(one.name), order, kind, one)
+                for order, (kind, elements) in enumerate(_KINDS.items())
+                for one in getattr(definitions, elements)
+            ),
+            key=lambda one: one[:2],
+        )
+        if type(definitions) is Definitions:
+            definitions.derived[_Named] = found
+    return found

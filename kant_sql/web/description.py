@@ -1,0 +1,113 @@
+"""The page that describes the JSON interface, made from its OpenAPI document."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from fastapi import FastAPI, Request
+from fastapi.responses import HTMLResponse
+
+from .rendering import render
+
+_SCHEMA = "#/components/schemas/"
+
+
+class TypeName(NamedTuple):
+    """A type as words, and the schema that it leads to, if any."""
+
+    text: str
+    schema: str | None
+
+
+class Field(NamedTuple):
+    """A parameter of a question, or a field of a document."""
+
+    name: str
+    type: TypeName
+    is_required: bool
+    description: str
+    default: str
+
+
+class Question(NamedTuple):
+    """A path below `/api`."""
+
+    path: str
+    description: str
+    parameters: list[Field]
+    answer: TypeName
+
+
+class Schema(NamedTuple):
+    """A document that an answer is, or contains."""
+
+    name: str
+    description: str
+    fields: list[Field]
+
+
+def describe(app: FastAPI) -> None:
+    """Serve the page."""
+
+    @app.get("/api", include_in_schema=False)
+    async def description(request: Request) -> HTMLResponse:
+        document = app.openapi()
+        data = {"topics": _topics(document), "schemas": _schemas(document)}
+        return render(request, "api.html", data, None)
+
+
+def _topics(document: dict[str, Any]) -> dict[str, list[Question]]:
+    topics: dict[str, list[Question]] = {}
+    for path, methods in document["paths"].items():
+        for method, operation in methods.items():
+            content = operation["responses"]["200"].get("content", {})
+            schema = content.get("application/json", {}).get("schema", {})
+            parameters = [
+                _field(one["name"], one["schema"], one.get("required", False), one)
+                for one in operation.get("parameters", ())
+            ]
+            named = path if method == "get" else f"{method.upper()} {path}"
+            question = Question(named, operation["description"], parameters, _type_name(schema))
+            topics.setdefault(operation["tags"][0], []).append(question)
+    return topics
+
+
+def _schemas(document: dict[str, Any]) -> list[Schema]:
+    return [
+        Schema(
+            name,
+            schema.get("description", ""),
+            [
+                _field(field, of, field in schema.get("required", ()), of)
+                for field, of in schema["properties"].items()
+            ],
+        )
+        for name, schema in sorted(document["components"]["schemas"].items())
+        if "properties" in schema and not name.endswith("Error")
+    ]
+
+
+def _field(name: str, schema: dict[str, Any], required: bool, said: dict[str, Any]) -> Field:
+    default = schema.get("default")
+    text = "" if default in (None, "") else str(default)
+    return Field(name, _type_name(schema), required, said.get("description", ""), text)
+
+
+def _type_name(schema: dict[str, Any]) -> TypeName:
+    """Return a JSON schema as words."""
+    if "$ref" in schema:
+        name = schema["$ref"].removeprefix(_SCHEMA)
+        return TypeName(name, name)
+    if "anyOf" in schema:
+        parts = [_type_name(part) for part in schema["anyOf"]]
+        linked = next((part.schema for part in parts if part.schema), None)
+        return TypeName(" or ".join(part.text for part in parts), linked)
+    if "enum" in schema:
+        return TypeName(" or ".join(f'"{value}"' for value in schema["enum"]), None)
+    if schema.get("type") == "array":
+        item = _type_name(schema.get("items", {}))
+        return TypeName(f"array of {item.text}", item.schema)
+    if "additionalProperties" in schema and isinstance(schema["additionalProperties"], dict):
+        value = _type_name(schema["additionalProperties"])
+        return TypeName(f"object of {value.text}", value.schema)
+    return TypeName(str(schema.get("type", "any JSON value")), None)

@@ -1,0 +1,177 @@
+"""The page that asks a condition: for whom it holds in a state, or when it held."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from typing import Annotated, Literal
+
+from fastapi import Query
+from typing_extensions import TypedDict
+
+from ...dto.formulas import Formula
+from ...history.interfaces import When
+from ...json_documents import (
+    FailedConditionDocument,
+    HeldDocument,
+    failed_document,
+    held_document,
+)
+from ...knowledge.canonical import time_text
+from ...knowledge_base import KnowledgeBase
+from ...moment_text import is_now, parse_moment
+from ..registry import Pages
+
+PAGES = Pages("conditions")
+
+MOST_ANSWERS, MOST_PERIODS = 1000, 500
+_MOMENT = "A revision's number, or a time as 2026-03-02T14:03:00Z or '2 hours ago'."
+
+Condition = Annotated[
+    str, Query(description="A condition in PDDL, such as `(robot_at ?r kitchen)`.")
+]
+Parameters = Annotated[
+    str, Query(description="The free variables with their types: `(?r - robot)`.")
+]
+Mode = Annotated[
+    Literal["state", "when"],
+    Query(description="`state`: for whom it holds in a state; `when`: in which periods it held."),
+]
+At = Annotated[str, Query(description=f"The state; the present if empty. {_MOMENT}")]
+Since = Annotated[str, Query(description=f"The beginning of the periods. {_MOMENT}")]
+Until = Annotated[str, Query(description=f"The end of the periods. {_MOMENT}")]
+Limit = Annotated[int, Query(ge=1, le=MOST_ANSWERS, description="The greatest number of answers.")]
+
+
+class AnswersDocument(TypedDict):
+    """The objects for which a condition holds in a state.
+
+    A condition without free variables has one answer without objects, or none; then `unsatisfied`
+    says why.
+    """
+
+    revision: int
+    columns: list[str]
+    answers: list[list[str]]
+    is_cut: bool
+    unsatisfied: list[FailedConditionDocument]
+    sql: str
+
+
+class PeriodsDocument(TypedDict):
+    """The periods in which a condition held, between two times, and how many there are."""
+
+    columns: list[str]
+    begin: str
+    end: str
+    periods: list[HeldDocument]
+    total: int
+
+
+class AskDocument(TypedDict):
+    """A condition, and what was found; nothing without a condition."""
+
+    condition: str
+    state: AnswersDocument | None
+    when: PeriodsDocument | None
+
+
+class CompletionDocument(TypedDict):
+    """A name that may be meant, and its definition."""
+
+    kind: str
+    name: str
+    text: str
+
+
+class CompletionsDocument(TypedDict):
+    """Names that may be meant by their beginning."""
+
+    names: list[CompletionDocument]
+
+
+@PAGES.page("/ask", "ask.html", is_form=True)
+def ask(
+    kb: KnowledgeBase,
+    condition: Condition = "",
+    mode: Mode = "state",
+    at: At = "",
+    since: Since = "",
+    until: Until = "",
+    parameters: Parameters = "",
+    limit: Limit = 200,
+) -> AskDocument:
+    """Ask a condition: for which objects it holds in a state, or in which periods it held."""
+    found: AskDocument = {"condition": condition, "state": None, "when": None}
+    if condition.strip() and mode == "state":
+        found["state"] = _answers(kb, condition, _moment(at), parameters.strip() or None, limit)
+    elif condition.strip():
+        bounds = _moment(since), _moment(until)
+        found["when"] = _periods(kb, condition, bounds, parameters.strip() or None)
+    return found
+
+
+@PAGES.json("/names")
+def names(
+    kb: KnowledgeBase,
+    beginning: Annotated[str, Query(description="The first characters of a name.")] = "",
+    at: At = "",
+    limit: Annotated[int, Query(ge=1, le=100, description="The greatest number of names.")] = 12,
+) -> CompletionsDocument:
+    """Complete a name: predicates, functions, objects, actions and types of a state."""
+    moment = _moment(at)
+    state = kb if moment is None else kb.at(moment)
+    found = state.complete(beginning, limit=limit)
+    return {"names": [{"kind": one.kind, "name": one.name, "text": one.text} for one in found]}
+
+
+def _moment(text: str) -> When | None:
+    return None if not text.strip() or is_now(text) else parse_moment(text.strip())
+
+
+def _answers(
+    kb: KnowledgeBase, condition: str, at: When | None, parameters: str | None, limit: int
+) -> AnswersDocument:
+    # The revision first: if somebody writes meanwhile, the answers are at least as new.
+    state = kb if at is None else kb.at(at)
+    revision = state.revision
+    answers = state.query(condition, parameters=parameters, limit=limit + 1)
+    rows = [list(answer) for answer in answers[:limit]]
+    failed = [] if rows or answers.columns else state.unsatisfied(condition)
+    return {
+        "revision": revision,
+        "columns": list(answers.columns),
+        "answers": rows,
+        "is_cut": len(answers) > limit,
+        "unsatisfied": [failed_document(part) for part in failed],
+        "sql": answers.sql,
+    }
+
+
+def _periods(
+    kb: KnowledgeBase,
+    condition: str | Formula,
+    bounds: tuple[When | None, When | None],
+    parameters: str | None,
+) -> PeriodsDocument:
+    since, until = bounds
+    found = kb.when(condition, since=since, until=until, parameters=parameters)
+    shown = [found[index] for index in range(min(len(found), MOST_PERIODS))]
+    begun = [held.since.committed_at for held in shown if held.since is not None]
+    begin = _time_of(kb, since) or min(begun, default=datetime.now(UTC))
+    # Up to the last revision: of an old recording, bars up to now would be too thin to see.
+    end = _time_of(kb, kb.revision if until is None else until) or begin
+    return {
+        "columns": list(found.columns),
+        "begin": time_text(begin),
+        "end": time_text(max(begin, end)),
+        "periods": [held_document(held) for held in shown],
+        "total": len(found),
+    }
+
+
+def _time_of(kb: KnowledgeBase, moment: When | None) -> datetime | None:
+    """Return the time of a revision, or the time itself."""
+    if moment is None or isinstance(moment, datetime):
+        return moment
+    revisions = kb.revisions(after=max(0, moment - 1), limit=1)
+    return revisions[0].committed_at if revisions else None
