@@ -12,38 +12,38 @@ from .rendering import render
 _SCHEMA = "#/components/schemas/"
 
 
-class TypeName(NamedTuple):
+class ApiType(NamedTuple):
     """A type as words, and the schema that it leads to, if any."""
 
     text: str
     schema: str | None
 
 
-class Field(NamedTuple):
+class ApiField(NamedTuple):
     """A parameter of a question, or a field of a document."""
 
     name: str
-    type: TypeName
+    type: ApiType
     is_required: bool
     description: str
     default: str
 
 
-class Question(NamedTuple):
+class ApiQuestion(NamedTuple):
     """A path below `/api`."""
 
     path: str
     description: str
-    parameters: list[Field]
-    answer: TypeName
+    parameters: list[ApiField]
+    answer: ApiType
 
 
-class Schema(NamedTuple):
+class ApiDocument(NamedTuple):
     """A document that an answer is, or contains."""
 
     name: str
     description: str
-    fields: list[Field]
+    fields: list[ApiField]
 
 
 def describe(app: FastAPI) -> None:
@@ -56,8 +56,8 @@ def describe(app: FastAPI) -> None:
         return render(request, "api.html", data, None)
 
 
-def _topics(document: dict[str, Any]) -> dict[str, list[Question]]:
-    topics: dict[str, list[Question]] = {}
+def _topics(document: dict[str, Any]) -> dict[str, list[ApiQuestion]]:
+    topics: dict[str, list[ApiQuestion]] = {}
     for path, methods in document["paths"].items():
         for method, operation in methods.items():
             content = operation["responses"]["200"].get("content", {})
@@ -67,14 +67,14 @@ def _topics(document: dict[str, Any]) -> dict[str, list[Question]]:
                 for one in operation.get("parameters", ())
             ]
             named = path if method == "get" else f"{method.upper()} {path}"
-            question = Question(named, operation["description"], parameters, _type_name(schema))
+            question = ApiQuestion(named, operation["description"], parameters, _type_name(schema))
             topics.setdefault(operation["tags"][0], []).append(question)
     return topics
 
 
-def _schemas(document: dict[str, Any]) -> list[Schema]:
+def _schemas(document: dict[str, Any]) -> list[ApiDocument]:
     return [
-        Schema(
+        ApiDocument(
             name,
             schema.get("description", ""),
             [
@@ -87,27 +87,27 @@ def _schemas(document: dict[str, Any]) -> list[Schema]:
     ]
 
 
-def _field(name: str, schema: dict[str, Any], required: bool, said: dict[str, Any]) -> Field:
+def _field(name: str, schema: dict[str, Any], required: bool, said: dict[str, Any]) -> ApiField:
     default = schema.get("default")
     text = "" if default in (None, "") else str(default)
-    return Field(name, _type_name(schema), required, said.get("description", ""), text)
+    return ApiField(name, _type_name(schema), required, said.get("description", ""), text)
 
 
-def _type_name(schema: dict[str, Any]) -> TypeName:
+def _type_name(schema: dict[str, Any]) -> ApiType:
     """Return a JSON schema as words."""
     if "$ref" in schema:
         name = schema["$ref"].removeprefix(_SCHEMA)
-        return TypeName(name, name)
+        return ApiType(name, name)
     if "anyOf" in schema:
         parts = [_type_name(part) for part in schema["anyOf"]]
         linked = next((part.schema for part in parts if part.schema), None)
-        return TypeName(" or ".join(part.text for part in parts), linked)
+        return ApiType(" or ".join(part.text for part in parts), linked)
     if "enum" in schema:
-        return TypeName(" or ".join(f'"{value}"' for value in schema["enum"]), None)
+        return ApiType(" or ".join(f'"{value}"' for value in schema["enum"]), None)
     if schema.get("type") == "array":
         item = _type_name(schema.get("items", {}))
-        return TypeName(f"array of {item.text}", item.schema)
+        return ApiType(f"array of {item.text}", item.schema)
     if "additionalProperties" in schema and isinstance(schema["additionalProperties"], dict):
         value = _type_name(schema["additionalProperties"])
-        return TypeName(f"object of {value.text}", value.schema)
-    return TypeName(str(schema.get("type", "any JSON value")), None)
+        return ApiType(f"object of {value.text}", value.schema)
+    return ApiType(str(schema.get("type", "any JSON value")), None)
