@@ -15,7 +15,9 @@ if TYPE_CHECKING:
     from .factory import DaoFactory, create_dao_factory
     from .history.anchors import Anchor, AnchoredHead, parse_anchor
     from .history.archive.archive import Archived
+    from .history.gantt import PlanBar, StepBar
     from .history.revisions import LogEntry, Revision
+    from .history.timeline import Bar, Density, Lane, Timeline
     from .history.verify.findings import Finding
     from .history.verify.verify import Verification
     from .history.versions import Version
@@ -42,26 +44,32 @@ __all__ = [
     "AnchoredHead",
     "Answers",
     "Archived",
+    "Bar",
     "BrokenInvariant",
     "Change",
     "Completion",
     "DaoFactory",
+    "Density",
     "FailedCondition",
     "FailedStep",
     "Finding",
     "Held",
     "HeldPeriods",
     "KnowledgeBase",
+    "Lane",
     "Limit",
     "Loaded",
     "LogEntry",
     "Plan",
+    "PlanBar",
     "PlanStep",
     "PredicateView",
     "RecordedPlan",
     "RecordedStep",
     "Revision",
     "Roles",
+    "StepBar",
+    "Timeline",
     "Validation",
     "Verdict",
     "Verdicts",
@@ -91,6 +99,8 @@ _HOMES = {
         ".history.anchors": ("Anchor", "AnchoredHead", "parse_anchor"),
         ".history.archive.archive": ("Archived",),
         ".history.revisions": ("LogEntry", "Revision"),
+        ".history.gantt": ("PlanBar", "StepBar"),
+        ".history.timeline": ("Bar", "Density", "Lane", "Timeline"),
         ".history.verify.findings": ("Finding",),
         ".history.verify.verify": ("Verification",),
         ".history.versions": ("Version",),

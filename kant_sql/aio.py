@@ -616,6 +616,7 @@ class AsyncKnowledgeBase(_Part):
     diff = _read(KnowledgeBase.diff)
     history = _read(KnowledgeBase.history)
     blame = _read(KnowledgeBase.blame)
+    timeline = _read(KnowledgeBase.timeline)
     restore = _write(KnowledgeBase.restore)
     verify = _read(KnowledgeBase.verify)
     anchor = _read(KnowledgeBase.anchor)

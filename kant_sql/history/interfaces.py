@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from datetime import datetime
 
 from ..dao.interfaces import Interface, Progress, required
@@ -16,6 +16,7 @@ from .anchors import Anchor
 from .archive.archive import Archived
 from .overview import Overview
 from .revisions import LogEntry, Revision
+from .timeline import Timeline
 from .verify.verify import Verification
 from .versions import Version
 
@@ -232,6 +233,55 @@ class History(Interface):
         Examples:
             >>> kb.blame("(robot_at rb1 wp1)").since.actor
             'perception'
+        """
+
+    @required
+    def timeline(
+        self,
+        since: When | None = None,
+        *,
+        until: When | None = None,
+        predicate: str | None = None,
+        object: str | None = None,
+        text: str | None = None,
+        kinds: Iterable[str] = ("fact", "goal", "value", "plan"),
+        lanes: int = 50,
+        after: str | None = None,
+        slices: int = 600,
+    ) -> Timeline:
+        """Read what held when in a window of time: a picture of it, however much happened.
+
+        A lane is a fact, a goal or a fluent that held at some time of the window. If it changed
+        seldom, it has a bar for each version. If it changed often, versions that last for a slice
+        of the window, as wide as a pixel, are bars, and the others are counted by slice.
+
+        Args:
+            since: the beginning: a revision, or an aware time; None for the first revision.
+            until: the end; None for the last revision. A time in the future counts as now.
+            predicate: show lanes of this predicate or function.
+            object: show lanes with this object among the arguments, and steps of plans likewise.
+            text: show lanes whose text has this part, in any case, and steps of plans likewise.
+            kinds: what to show: some of `fact`, `goal`, `value` and `plan`.
+            lanes: the maximum number of lanes.
+            after: `next` of the timeline before, to go on with the lanes that follow. Plans come
+                with the first lanes.
+            slices: the number of slices of the window. There are fewer where many lanes have so
+                many versions that these are counted.
+
+        Returns:
+            The timeline. A part that was moved to an archive is missing, as `archived_until` says.
+
+        Raises:
+            UnknownRevisionError: there is no such revision yet, or a time has no zone.
+            UnknownNameError: instead of no lane, if there never was such a predicate or object.
+            InvalidArgumentError: the window ends before it begins, or an argument is out of range.
+
+        Examples:
+            >>> _ = kb.propositions.delete(PddlPropositionDto(robot_at, [rb1, wp1]))
+            >>> for lane in kb.timeline(object="rb1").lanes:
+            ...     for bar in lane.bars:
+            ...         print(lane.kind, lane.text, bar.since, bar.until, bar.actor)
+            fact (robot_at rb1 wp1) 1 2 perception
         """
 
     @required

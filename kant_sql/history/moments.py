@@ -27,7 +27,8 @@ _COLUMNS: tuple[Any, ...] = (
 _HEAD = select(*_COLUMNS).where(HeadRow.kb_id == KB)
 
 
-def _last_until(moment: str) -> Any:
+def last_until(moment: str) -> Any:
+    """Select the last revision up to the time of a parameter."""
     # By the index of times: the largest number would be looked for from the head on.
     numbers = (
         select(RevisionRow.number)
@@ -39,7 +40,7 @@ def _last_until(moment: str) -> Any:
 
 _MOMENTS = ("one", "other")
 _HEAD_QUERY = Query(_HEAD)
-_HEAD_AND_TIMES_QUERY = Query(_HEAD.add_columns(StoreClock(), *map(_last_until, _MOMENTS)))
+_HEAD_AND_TIMES_QUERY = Query(_HEAD.add_columns(StoreClock(), *map(last_until, _MOMENTS)))
 
 When = int | datetime
 
@@ -56,7 +57,7 @@ class HeadTimes(NamedTuple):
 def read_head(store: Store, moments: Sequence[datetime] = ()) -> HeadTimes:
     """Read the head, and the revisions at some times, with one statement."""
     for moment in moments:
-        _check_zone(moment)
+        check_zone(moment)
 
     def work(session: Session, kb_id: int | None) -> HeadTimes:
         row = None
@@ -91,7 +92,7 @@ def _times(session: Session, moments: Sequence[datetime]) -> dict[str, Any]:
     return times
 
 
-def _check_zone(moment: datetime) -> None:
+def check_zone(moment: datetime) -> None:
     """Refuse a time without zone."""
     if moment.utcoffset() is None:
         raise UnknownRevisionError(f"the time {moment.isoformat()} has no zone; give one, as UTC")
@@ -144,7 +145,7 @@ def _find(store: Store, whens: Sequence[When], upto: int | None) -> tuple[list[i
     revisions = []
     for when in whens:
         if not isinstance(when, datetime):
-            revisions.append(_check_number(store, when, _last_known(store, head, upto)))
+            revisions.append(check_number(store, when, _last_known(store, head, upto)))
         else:
             revisions.append(next(found) if upto is None else min(next(found), upto))
     return revisions, head
@@ -158,7 +159,7 @@ def _last_known(store: Store, head: HeadTimes, upto: int | None) -> int:
     return head.revision if transaction is None else transaction.head.revision
 
 
-def _check_number(store: Store, when: int, last: int) -> int:
+def check_number(store: Store, when: int, last: int) -> int:
     """Check the number of a revision."""
     expected = "a revision's number, or an aware time"
     whole_number(when, "the revision", least=None, expected=expected, error=UnknownRevisionError)
@@ -192,11 +193,11 @@ def find_bounds(
     if after is not None:
         low = min(head.found[0], last) + 1
     elif since is not None and not isinstance(since, datetime):
-        low = max(1, _check_number(store, since, last))
+        low = max(1, check_number(store, since, last))
     if isinstance(until, datetime):
         high = min(head.found[-1], last)
     elif until is not None:
-        high = _check_number(store, until, last)
+        high = check_number(store, until, last)
     return Bounds(low, high, head.redefined)
 
 
@@ -204,6 +205,6 @@ def _moment_before(since: int | datetime | None) -> datetime | None:
     """Return the last moment before a range; None without one."""
     if not isinstance(since, datetime):
         return None
-    _check_zone(since)
+    check_zone(since)
     # Times have microseconds: nothing was committed between this one and the one before.
     return since - _MICROSECOND if since > FIRST_MOMENT else None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 
 from typing_extensions import override
 
@@ -23,8 +23,10 @@ from .moments import state_at
 from .overview import Overview, read_overview
 from .restore import restore
 from .revisions import LogEntry, Revision
+from .timeline import Timeline, read_timeline
 from .verify.verify import Verification, verify
 from .versions import Version, blame, read_versions
+from .window import TIMELINE_KINDS, check_question
 
 logger = logging.getLogger("kant_sql.history")
 
@@ -96,6 +98,23 @@ class SqlHistory(SqlDao, History):
     @override
     def blame(self, element: Element) -> Version | None:
         return blame(self._store, element, self._at)
+
+    @override
+    def timeline(
+        self,
+        since: When | None = None,
+        *,
+        until: When | None = None,
+        predicate: str | None = None,
+        object: str | None = None,
+        text: str | None = None,
+        kinds: Iterable[str] = TIMELINE_KINDS,
+        lanes: int = 50,
+        after: str | None = None,
+        slices: int = 600,
+    ) -> Timeline:
+        question = check_question(kinds, predicate, object, text, lanes, slices, after)
+        return read_timeline(self._store, since, until, question, self._at)
 
     @override
     def restore(

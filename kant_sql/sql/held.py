@@ -206,7 +206,8 @@ def _overlaps_text(loops: NestedLoops, count: int) -> str:
     since, until = ":before", ":after"
     tables = f"{loops.rows('facts', count)} AS wanted"
     for n in range(count):
-        last = loops.last(f"l{n}", _VERSION, "proposition_id", f"wanted.id{n}", since)
+        one = f"l{n}", _VERSION, "proposition_id", f"wanted.id{n}"
+        last = loops.last(*one, since, f"l{n}.since")
         conditions = (
             f"v{n}.kb_id = :kb AND v{n}.proposition_id = wanted.id{n} "
             f"AND v{n}.since >= coalesce({last}, 0) "

@@ -15,6 +15,7 @@ SMALL = {
     "documents": ["--facts", "50", "--repeat", "1", "--backend", "sqlite"],
     "held": ["--changes", "30000", "--small", "20000", "--backend", "sqlite"],
     "present": ["--repeat", "1", "--backends", "sqlite-file", "sqlite-memory"],
+    "timeline": ["--intervals", "500", "--backend", "sqlite"],
     "verifying": ["200", "sqlite"],
 }
 

@@ -17,14 +17,17 @@ class NestedLoops(NamedTuple):
             from 0, and `id0`, `id1` ...
         loop: writes an inner loop: its alias, its table and its conditions.
         last: writes the subquery of the last row up to a revision: an alias, its table, the column
-            of the identity, that identity and the revision.
+            of the identity, that identity, the revision, and what it gives of that row.
+        times: the relation of a parameter that holds times as JSON texts, with columns `place`,
+            from 0, and `moment`.
         larger: the function of the largest of some numbers.
         smaller: the function of the smallest.
     """
 
     rows: Callable[[str, int], str]
     loop: Callable[[str, str, str], str]
-    last: Callable[[str, str, str, str, str], str]
+    last: Callable[[str, str, str, str, str, str], str]
+    times: Callable[[str], str]
     larger: str
     smaller: str
 
@@ -49,29 +52,48 @@ def _postgresql_loop(alias: str, table: str, conditions: str) -> str:
     return f" CROSS JOIN LATERAL ({inner}) AS {alias}"
 
 
-def _sqlite_last(alias: str, table: str, column: str, identity: str, revision: str) -> str:
+def _sqlite_last(
+    alias: str, table: str, column: str, identity: str, revision: str, wanted: str
+) -> str:
     return (
-        f"(SELECT {alias}.since FROM {table} AS {alias} WHERE {alias}.kb_id = :kb AND"
+        f"(SELECT {wanted} FROM {table} AS {alias} WHERE {alias}.kb_id = :kb AND"
         f" {alias}.{column} = {identity} AND {alias}.since <= {revision}"
         f" ORDER BY {alias}.since DESC LIMIT 1)"
     )
 
 
-def _postgresql_last(alias: str, table: str, column: str, identity: str, revision: str) -> str:
+def _postgresql_last(
+    alias: str, table: str, column: str, identity: str, revision: str, wanted: str
+) -> str:
     # Only the primary key has this order: sorted by revision alone, the planner may go through all
     # versions of the knowledge base, backwards, to find one of the identity.
     key = f"{alias}.kb_id, {alias}.{column}, {alias}.since"
     found = (
-        f"SELECT {key} FROM {table} AS {alias} WHERE ({key}) <= (:kb, {identity}, {revision})"
+        f"SELECT {alias}.* FROM {table} AS {alias} WHERE ({key}) <= (:kb, {identity}, {revision})"
         f" ORDER BY {key.replace(',', ' DESC,')} DESC LIMIT 1"
     )
     own = f"{alias}.kb_id = :kb AND {alias}.{column} = {identity}"
-    return f"(SELECT {alias}.since FROM ({found}) AS {alias} WHERE {own})"
+    return f"(SELECT {wanted} FROM ({found}) AS {alias} WHERE {own})"
+
+
+def _sqlite_times(parameter: str) -> str:
+    return f"(SELECT key AS place, value AS moment FROM json_each(:{parameter}))"
+
+
+def _postgresql_times(parameter: str) -> str:
+    texts = f"json_array_elements_text(CAST(:{parameter} AS json)) WITH ORDINALITY"
+    moment = "CAST(value AS timestamptz) AS moment"
+    return f"(SELECT place - 1 AS place, {moment} FROM {texts} AS listed (value, place))"
 
 
 NESTED_LOOPS = {
-    "sqlite": NestedLoops(_sqlite_rows, _sqlite_loop, _sqlite_last, "max", "min"),
+    "sqlite": NestedLoops(_sqlite_rows, _sqlite_loop, _sqlite_last, _sqlite_times, "max", "min"),
     "postgresql": NestedLoops(
-        _postgresql_rows, _postgresql_loop, _postgresql_last, "greatest", "least"
+        _postgresql_rows,
+        _postgresql_loop,
+        _postgresql_last,
+        _postgresql_times,
+        "greatest",
+        "least",
     ),
 }

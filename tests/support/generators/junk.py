@@ -499,7 +499,7 @@ class Calling:
             ("PddlPredicateDto", PddlPredicateDto("idle")), ("tuple[", ()), ("Fluent", Fluent("f")),
             ("Expression", Number(1)), ("Formula", depot.IDLE), ("Atom", depot.IDLE),
             ("Term", Constant("c")), ("Number", Number(1)), ("bool", True), ("int", 1),
-            ("str", "x"),
+            ("Sequence[", ()), ("str", "x"),
         ]  # fmt: skip
         return next((value for key, value in examples if key in text), None)
 

@@ -1,0 +1,253 @@
+"""The recorded plans of a timeline: which steps were carried out when, and what became of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Any, NamedTuple
+
+from sqlalchemy import Select, literal_column, select, union
+
+from ..dto.lexical import fold
+from ..pddl.lexer import tokenize
+from ..sql import tables as t
+from ..sql.dialects.base import Row, Session
+from ..sql.plans import STEP_VERSIONS, Step
+from ..sql.query import Query, first_rows, in_list, integer
+from ..sql.rows import KB
+from .window import PLAN, TimelineQuestion, Told, Window
+
+# The plans of one timeline, and their steps. Plans are found by this many changes of steps.
+MOST_PLANS, MOST_STEPS, MOST_CHANGES = 100, 2_000, 5_000
+STARTED = "started"
+
+
+@dataclass(frozen=True, slots=True)
+class StepBar:
+    """A step of a plan on a timeline.
+
+    Attributes:
+        position: its index in the plan, from 0.
+        text: the action with its arguments.
+        status: `started`, `succeeded`, `failed` or `aborted`; None before it is started.
+        since: the revision that started it; None if it was not started.
+        until: the revision that ended it; None if it did not end.
+        since_at: when it was started, in UTC.
+        until_at: when it ended, in UTC.
+        actor: who started it, or aborted it before.
+        reason: why.
+        ended_by: who ended it.
+        ended_reason: why.
+    """
+
+    position: int
+    text: str
+    status: str | None
+    since: int | None = None
+    until: int | None = None
+    since_at: datetime | None = None
+    until_at: datetime | None = None
+    actor: str | None = None
+    reason: str | None = None
+    ended_by: str | None = None
+    ended_reason: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class PlanBar:
+    """A recorded plan on a timeline.
+
+    Attributes:
+        id: its number in the knowledge base.
+        recorded_in: the revision that recorded it.
+        recorded_at: when, in UTC.
+        actor: who recorded it.
+        reason: why.
+        planner: the planner's name.
+        steps: its steps, in order.
+    """
+
+    id: int
+    recorded_in: int
+    recorded_at: datetime
+    actor: str | None
+    reason: str | None
+    planner: str | None
+    steps: tuple[StepBar, ...]
+
+
+LOW, HIGH = integer("low"), integer("high")
+_NEWEST: Any = literal_column(str(MOST_CHANGES))
+
+
+def _some(ids: Select[Any], order: Any) -> Select[Any]:
+    """Select some rows in the order of an index, as many as are looked at."""
+    return first_rows(ids.order_by(order), literal_column(str(MOST_CHANGES)))
+
+
+def _ids() -> Query:
+    """Select the plans that were recorded in a window, or of which a step changed or ran there."""
+    version = STEP_VERSIONS.c
+    columns = version.plan_id.label("id"), version.since, version.status
+    of_step: Any = select(*columns).where(version.kb_id == KB)
+    recorded = _some(
+        select(t.PlanRow.id.label("id")).where(
+            t.PlanRow.kb_id == KB, t.PlanRow.since.between(LOW, HIGH)
+        ),
+        t.PlanRow.since.desc(),
+    ).subquery()
+    changed = _some(of_step.where(version.since.between(LOW, HIGH)), version.since.desc())
+    started: Any = literal_column(f"'{STARTED}'")
+    now = of_step.where(version.until.is_(None), version.status == started).subquery()
+    later = _some(of_step.where(version.until > HIGH), version.until).subquery()
+    found = union(
+        select(recorded.c.id),
+        select(changed.subquery().c.id),
+        select(now.c.id).where(now.c.since <= LOW),
+        select(later.c.id).where(later.c.since <= LOW, later.c.status == started),
+    ).subquery()
+    newest = select(found.c.id).order_by(found.c.id.desc())
+    return Query(first_rows(newest, literal_column(str(MOST_PLANS + 1))))
+
+
+_IDS = _ids()
+_PLANS = Query(
+    select(t.PlanRow.id, t.PlanRow.since, t.PlanRow.planner)
+    .where(t.PlanRow.kb_id == KB, in_list(t.PlanRow.id, "ids"))
+    .order_by(t.PlanRow.id)
+)
+_NEWEST_FIRST: Any = (
+    select(t.PlanStepRow.plan_id, t.PlanStepRow.position, t.PlanStepRow.text)
+    .where(t.PlanStepRow.kb_id == KB, in_list(t.PlanStepRow.plan_id, "ids"))
+    .order_by(t.PlanStepRow.plan_id.desc(), t.PlanStepRow.position)
+)
+_STEPS = Query(first_rows(_NEWEST_FIRST, literal_column(str(MOST_STEPS + 1))))
+_STATUSES = Query(
+    select(
+        STEP_VERSIONS.c.plan_id,
+        STEP_VERSIONS.c.position,
+        STEP_VERSIONS.c.since,
+        STEP_VERSIONS.c.until,
+        STEP_VERSIONS.c.status,
+    )
+    .where(
+        STEP_VERSIONS.c.kb_id == KB,
+        in_list(STEP_VERSIONS.c.plan_id, "ids"),
+        STEP_VERSIONS.c.since <= integer("head"),
+    )
+    .order_by(STEP_VERSIONS.c.since)
+)
+
+
+class _Ran(NamedTuple):
+    """What became of a step.
+
+    Attributes:
+        status: its last status.
+        since: the revision that started it.
+        until: the revision that ended it.
+    """
+
+    status: str
+    since: int | None
+    until: int | None
+
+
+class PlanBars:
+    """The plans of a window, in four statements at most.
+
+    Attributes:
+        has_more: whether earlier plans, or steps, are left out.
+    """
+
+    def __init__(
+        self, session: Session, kb_id: int, window: Window, question: TimelineQuestion
+    ) -> None:
+        """Read them; the revisions are read by the caller.
+
+        Args:
+            session: the session.
+            kb_id: the knowledge base.
+            window: the window.
+            question: which plans: those with a step that has the object and the text.
+        """
+        self.has_more = False
+        self._question = question
+        self._plans: list[Row] = []
+        self._steps: dict[int, list[tuple[int, str]]] = {}
+        self._ran: dict[Step, _Ran] = {}
+        if PLAN in question.kinds and question.after is None:
+            self._read(session, kb_id, window)
+
+    def _read(self, session: Session, kb_id: int, window: Window) -> None:
+        rows = session.rows(_IDS, kb=kb_id, low=max(window.low, 1), high=window.high)
+        self.has_more = len(rows) > MOST_PLANS
+        if not rows:
+            return
+        ids = session.list_value([id_ for (id_,) in rows[:MOST_PLANS]])
+        self._plans = session.rows(_PLANS, kb=kb_id, ids=ids)
+        steps = session.rows(_STEPS, kb=kb_id, ids=ids)
+        if len(steps) > MOST_STEPS:
+            self.has_more = True
+            del steps[MOST_STEPS:]
+        if self._question.object is None and self._question.text is None:
+            # A plan may have no steps.
+            self._steps = {row[0]: [] for row in self._plans}
+        for plan_id, position, text in steps:
+            if self._is_wanted(text):
+                self._steps.setdefault(plan_id, []).append((position, text))
+        for plan_id, position, since, until, status in session.rows(
+            _STATUSES, kb=kb_id, ids=ids, head=window.head
+        ):
+            place, ended = (plan_id, position), None if status == STARTED else since
+            if ended is None and until is not None and until <= window.head:
+                ended = until
+            began = since if status == STARTED else None
+            before = self._ran.get(place)
+            self._ran[place] = _Ran(status, began if before is None else before.since, ended)
+
+    def _is_wanted(self, text: str) -> bool:
+        object_, part = self._question.object, self._question.text
+        if object_ is not None and fold(object_) not in tokenize(fold(text))[2:]:
+            return False
+        return part is None or fold(part) in fold(text)
+
+    def numbers(self) -> set[int]:
+        """Return the revisions that `bars` needs."""
+        found = {row[1] for row in self._plans if row[0] in self._steps}
+        for (plan_id, _), ran in self._ran.items():
+            if plan_id in self._steps:
+                found.update(number for number in ran[1:] if number is not None)
+        return found
+
+    def bars(self, told: Mapping[int, Told]) -> tuple[PlanBar, ...]:
+        """Make the plans, of the revisions that they name."""
+        made = []
+        for plan_id, recorded_in, planner in self._plans:
+            if plan_id in self._steps:
+                steps = (self._step(plan_id, *step, told) for step in self._steps[plan_id])
+                own = told[recorded_in]
+                made.append(PlanBar(plan_id, recorded_in, *own, planner, tuple(steps)))
+        return tuple(made)
+
+    def _step(self, plan_id: int, position: int, text: str, told: Mapping[int, Told]) -> StepBar:
+        ran = self._ran.get((plan_id, position))
+        if ran is None:
+            return StepBar(position, text, None)
+        began = None if ran.since is None else told[ran.since]
+        ended = None if ran.until is None else told[ran.until]
+        by = began or ended
+        return StepBar(
+            position,
+            text,
+            ran.status,
+            ran.since,
+            ran.until,
+            None if began is None else began.at,
+            None if ended is None else ended.at,
+            None if by is None else by.actor,
+            None if by is None else by.reason,
+            None if ended is None else ended.actor,
+            None if ended is None else ended.reason,
+        )

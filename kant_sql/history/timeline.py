@@ -1,0 +1,413 @@
+"""A timeline: the facts, goals, values and plans of a window, bounded however much happened.
+
+A lane with few versions in the window has a bar for each. Of one with many, those that last for a
+whole slice of the window are bars, and the others are counted by the slice that they began in.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+from itertools import pairwise
+from typing import NamedTuple
+
+from ..dao.known import refuse_unknown
+from ..sql.dialects.base import Session
+from ..sql.lanes import (
+    Cell,
+    FoundLane,
+    FoundVersion,
+    LanePlace,
+    LaneSpan,
+    count_cells,
+    find_lanes,
+    read_spans,
+    revisions_at,
+)
+from ..store.store import Store
+from .gantt import PlanBar, PlanBars
+from .window import (
+    LANE_KINDS,
+    LaneKind,
+    TimelineQuestion,
+    Told,
+    When,
+    Window,
+    read_told,
+    read_window,
+)
+
+# What one answer has at most, whatever the number of lanes: bars of lanes that have few versions,
+# slices of the others, and the versions that are counted in those.
+BARS, CELLS, COUNTED = 4_000, 15_000, 150_000
+_MICROSECOND = timedelta(microseconds=1)
+
+
+@dataclass(frozen=True, slots=True)
+class Bar:
+    """A version on a timeline.
+
+    Attributes:
+        since: the revision that asserted it.
+        until: the revision that retracted it; None while it holds.
+        since_at: when it was asserted, in UTC.
+        until_at: when it was retracted, in UTC; None while it holds.
+        actor: who asserted it.
+        reason: why.
+        ended_by: who retracted it.
+        ended_reason: why.
+        value: of a fluent, its value: a number as exact text, or the name of an object.
+        number: the value as a number, if it is one.
+    """
+
+    since: int
+    until: int | None
+    since_at: datetime
+    until_at: datetime | None
+    actor: str | None
+    reason: str | None
+    ended_by: str | None = None
+    ended_reason: str | None = None
+    value: str | None = None
+    number: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Density:
+    """Versions on a timeline that are too short to be drawn, in one or more of its slices.
+
+    Attributes:
+        begin: the beginning of the first slice, in UTC.
+        end: the end of the last one.
+        count: how many versions began there, or more if `is_capped`.
+        is_capped: whether they were not counted to the end.
+        least: of a numeric fluent, the least of the counted numbers.
+        largest: the largest one.
+        last: the number at the end.
+    """
+
+    begin: datetime
+    end: datetime
+    count: int
+    is_capped: bool
+    least: float | None = None
+    largest: float | None = None
+    last: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Lane:
+    """A fact, a goal or a fluent on a timeline.
+
+    Attributes:
+        kind: `fact`, `goal` or `value`.
+        text: its canonical PDDL text; that of a fluent has no value.
+        bars: when it held, oldest first.
+        densities: where it held too shortly to be drawn, oldest first.
+    """
+
+    kind: LaneKind
+    text: str
+    bars: tuple[Bar, ...]
+    densities: tuple[Density, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Timeline:
+    """What happened in a window of time.
+
+    Attributes:
+        knowledge_base: the name of the knowledge base.
+        since: the beginning of the window, in UTC.
+        until: its end.
+        first: the revision whose state it begins with; 0 before the first.
+        last: its last revision.
+        slices: how many slices of equal length densities are counted in.
+        lanes: the lanes, by kind, predicate or function, and arguments.
+        next: what `after` takes for the lanes that come next; None if there are none.
+        plans: the recorded plans that were made or carried out in it, oldest first.
+        has_more_plans: whether there were more plans or steps, earlier ones, that are left out.
+        archived_until: what ended up to this time is in an archive, and missing here; None if that
+            is nothing of this window.
+    """
+
+    knowledge_base: str
+    since: datetime
+    until: datetime
+    first: int
+    last: int
+    slices: int
+    lanes: tuple[Lane, ...] = ()
+    next: str | None = None
+    plans: tuple[PlanBar, ...] = ()
+    has_more_plans: bool = False
+    archived_until: datetime | None = None
+
+
+def read_timeline(
+    store: Store,
+    since: When | None,
+    until: When | None,
+    question: TimelineQuestion,
+    upto: int | None,
+) -> Timeline:
+    """Read a timeline, in one snapshot; see `History.timeline`."""
+    transaction = store.current()
+    if upto is None and transaction is not None:
+        upto = transaction.head.revision
+
+    def work(session: Session, kb_id: int | None) -> Timeline:
+        window = read_window(session, kb_id, store, (since, until), upto)
+        if kb_id is None or not window.head:
+            return Timeline(store.name, window.since, window.until, 0, 0, 1)
+        return _Reader(session, kb_id, window, question).read(store.name)
+
+    timeline = store.query_in_snapshot(work)
+    if not (timeline.lanes or timeline.plans or question.after):
+        if question.predicate is not None:
+            refuse_unknown(store, question.predicate, "predicate", "function")
+        if question.object is not None:
+            refuse_unknown(store, question.object, "object")
+    return timeline
+
+
+class _Row(NamedTuple):
+    """A lane that was found, with its kind."""
+
+    kind: LaneKind
+    found: FoundLane
+
+
+def _weight(rows: Iterable[_Row]) -> int:
+    """Return how much the lanes take to count: for a number, its row is read beside the index."""
+    return sum(3 if row.kind == "value" else 1 for row in rows)
+
+
+class _Reader:
+    """Reads a timeline in a number of statements that does not grow."""
+
+    def __init__(
+        self, session: Session, kb_id: int, window: Window, question: TimelineQuestion
+    ) -> None:
+        self._session = session
+        self._kb_id = kb_id
+        self._window = window
+        self._question = question
+        length = (window.until - window.since) // _MICROSECOND
+        self._slices = max(1, min(question.slices, length))
+
+    def read(self, name: str) -> Timeline:
+        """Read it."""
+        rows, following = self._find()
+        sparse, dense = self._divide(rows)
+        if dense:
+            self._slices = min(self._slices, max(1, CELLS // _weight(dense)))
+        moments = self._moments()
+        cells = self._cells(dense, moments) if dense else {}
+        versions = self._versions(sparse, cells)
+        plans = PlanBars(self._session, self._kb_id, self._window, self._question)
+        told = self._told(versions, plans.numbers())
+        lanes = []
+        for row in rows:
+            bars, densities = versions[row], tuple[Density, ...]()
+            if row in cells:
+                bars, densities = _thin_out(cells[row], bars, moments, self._window)
+            made = tuple([_bar(one, told, self._window.head) for one in bars])
+            lanes.append(Lane(row.kind, row.found.text, made, densities))
+        window = self._window
+        return Timeline(
+            name,
+            window.since,
+            window.until,
+            window.low,
+            window.high,
+            self._slices,
+            tuple(lanes),
+            following,
+            plans.bars(told),
+            plans.has_more,
+            window.archived_until,
+        )
+
+    def _find(self) -> tuple[list[_Row], str | None]:
+        """Find the lanes, and the place after which the next ones come."""
+        question, window = self._question, self._window
+        rows: list[_Row] = []
+        first, place = question.after or (LANE_KINDS[0], LanePlace())
+        for kind in LANE_KINDS[LANE_KINDS.index(first) :]:
+            if kind in question.kinds and len(rows) <= question.lanes:
+                found = find_lanes(
+                    self._session,
+                    self._kb_id,
+                    kind,
+                    question.filter,
+                    place if kind == first else LanePlace(),
+                    (window.low, window.high),
+                    question.lanes + 1 - len(rows),
+                    question.slices + 1,
+                )
+                rows += [_Row(kind, one) for one in found]
+        following = None
+        if len(rows) > question.lanes:
+            del rows[question.lanes :]
+            kind, last = rows[-1]
+            following = f"{kind}:{last.place.group}:{last.place.arguments}"
+        return [row for row in rows if question.has(row.found.text)], following
+
+    def _divide(self, rows: Sequence[_Row]) -> tuple[list[_Row], list[_Row]]:
+        """Divide lanes into those whose versions are all bars, and those with too many."""
+        sparse, room = [], BARS
+        for row in sorted(rows, key=lambda row: row.found.began):
+            room -= row.found.began + 1
+            if room >= 0 and row.found.began <= self._question.slices:
+                sparse.append(row)
+        chosen = set(sparse)
+        return sparse, [row for row in rows if row not in chosen]
+
+    def _moments(self) -> list[datetime]:
+        """Return the ends of the slices."""
+        since, length = self._window.since, self._window.until - self._window.since
+        return [since + length * n / self._slices for n in range(self._slices + 1)]
+
+    def _cells(self, rows: Sequence[_Row], moments: Sequence[datetime]) -> dict[_Row, _Cells]:
+        """Count what began of lanes in each slice, in two statements."""
+        window = self._window
+        known = revisions_at(self._session, self._kb_id, moments)
+        ends = [min(max(number, window.low), window.high) for number in known]
+        ends[0], ends[-1] = window.low, window.high
+        slices = [(n, low, high) for n, (low, high) in enumerate(pairwise(ends)) if low < high]
+        enough = max(2, COUNTED // (_weight(rows) * len(slices)))
+        found: dict[_Row, _Cells] = {}
+        for kind in dict.fromkeys(row.kind for row in rows):
+            own = [row for row in rows if row.kind == kind]
+            counted = count_cells(
+                self._session,
+                self._kb_id,
+                kind,
+                [row.found.id for row in own],
+                [(low, high) for _, low, high in slices],
+                enough,
+            )
+            for row in own:
+                found[row] = _Cells(ends, enough, [None] * self._slices)
+            for cell in counted:
+                if cell.began:
+                    found[own[cell.lane]].cells[slices[cell.slice][0]] = cell
+        return found
+
+    def _versions(
+        self, sparse: Sequence[_Row], cells: Mapping[_Row, _Cells]
+    ) -> dict[_Row, list[FoundVersion]]:
+        """Read the versions that may become bars, in one statement for each kind."""
+        window = self._window
+        spans = {row: [LaneSpan(row.found.id, window.low, window.high)] for row in sparse}
+        spans |= {row: each.spans(row.found.id) for row, each in cells.items()}
+        versions: dict[_Row, list[FoundVersion]] = {row: [] for row in spans}
+        for kind in dict.fromkeys(row.kind for row in spans):
+            asked = [(row, span) for row, own in spans.items() if row.kind == kind for span in own]
+            found = read_spans(self._session, self._kb_id, kind, [span for _, span in asked])
+            for version in found:
+                versions[asked[version.span][0]].append(version)
+        return versions
+
+    def _told(
+        self, versions: Mapping[_Row, Iterable[FoundVersion]], numbers: Collection[int]
+    ) -> dict[int, Told]:
+        wanted = set(numbers)
+        for each in versions.values():
+            for version in each:
+                wanted.add(version.since)
+                if version.until is not None and version.until <= self._window.head:
+                    wanted.add(version.until)
+        return read_told(self._session, self._kb_id, wanted)
+
+
+class _Cells(NamedTuple):
+    """What began of a lane, by slice.
+
+    Attributes:
+        ends: the last revision before each slice, and that of the last one.
+        enough: how many versions of a slice are counted.
+        cells: what began in each slice; None for nothing.
+    """
+
+    ends: Sequence[int]
+    enough: int
+    cells: list[Cell | None]
+
+    def is_capped(self, place: int) -> bool:
+        """Return whether the versions of a slice were not counted to the end."""
+        cell = self.cells[place]
+        return cell is not None and cell.began >= self.enough
+
+    def spans(self, owner: int) -> list[LaneSpan]:
+        """Return where to look for versions that last for a slice: where none begins."""
+        starts = [0]
+        for n, cell in enumerate(self.cells):
+            if cell is None and n and self.cells[n - 1] is not None:
+                starts.append(n)
+        return [LaneSpan(owner, self.ends[n], self.ends[n]) for n in starts]
+
+
+def _thin_out(
+    counted: _Cells,
+    versions: Sequence[FoundVersion],
+    moments: Sequence[datetime],
+    window: Window,
+) -> tuple[list[FoundVersion], tuple[Density, ...]]:
+    """Make bars of the versions that last for a whole slice, and densities of the others."""
+    ends = counted.ends
+    counts = [0 if cell is None else cell.began for cell in counted.cells]
+    bars = []
+    for version in versions:
+        # The first slice that begins with it.
+        first = bisect_left(ends, version.since)
+        if first < len(counts) and (version.until is None or version.until > ends[first + 1]):
+            bars.append(version)
+            if version.since > ends[0] and not counted.is_capped(first - 1):
+                counts[first - 1] -= 1
+        elif version.since <= ends[0] and not counted.is_capped(0):
+            counts[0] += 1
+    return bars, tuple(_merged(counts, counted, moments))
+
+
+def _merged(
+    counts: Sequence[int], counted: _Cells, moments: Sequence[datetime]
+) -> Iterator[Density]:
+    """Yield the densities of slices; those of facts that are equal side by side are one."""
+    end = 0
+    for n, count in enumerate(counts):
+        if n < end or not count:
+            continue
+        cell, end = counted.cells[n], n + 1
+        numbers = (None, None, None) if cell is None else cell[3:]
+        is_capped = counted.is_capped(n)
+        while (
+            numbers == (None, None, None)
+            and end < len(counts)
+            and counts[end] == count
+            and counted.is_capped(end) == is_capped
+        ):
+            end += 1
+        total = count * (end - n)
+        yield Density(moments[n], moments[end], total, is_capped, *numbers)
+
+
+def _bar(version: FoundVersion, told: Mapping[int, Told], head: int) -> Bar:
+    began = told[version.since]
+    until = version.until if version.until is not None and version.until <= head else None
+    ended = None if until is None else told[until]
+    return Bar(
+        version.since,
+        until,
+        began.at,
+        None if ended is None else ended.at,
+        began.actor,
+        began.reason,
+        None if ended is None else ended.actor,
+        None if ended is None else ended.reason,
+        version.value,
+        version.number,
+    )

@@ -1,0 +1,247 @@
+"""What a timeline shows: the question, checked, and its window; who made the revisions in it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection, Iterable, Sequence
+from datetime import UTC, datetime
+from itertools import islice
+from typing import Any, Literal, NamedTuple, cast
+
+from sqlalchemy import func, literal_column, select
+
+from ..arguments import iterate, one_of, optional_text, refusal, shown, whole_number
+from ..dto.lexical import fold
+from ..errors import InvalidArgumentError, reading_rows
+from ..sql.dialects.base import Session
+from ..sql.lanes import LaneFilter, LanePlace
+from ..sql.query import Query, StoreClock, in_list, integer
+from ..sql.rows import KB
+from ..sql.tables import HeadRow, RevisionRow
+from ..store.store import Store
+from .moments import check_number, check_zone, last_until
+from .revisions import FIRST_MOMENT, LARGEST, LAST_MOMENT, PLANNED_LIST, missing_revision
+
+When = int | datetime
+
+PLAN = "plan"
+LaneKind = Literal["fact", "goal", "value"]
+LANE_KINDS: tuple[LaneKind, ...] = ("fact", "goal", "value")
+TIMELINE_KINDS = (*LANE_KINDS, PLAN)
+MOST_LANES, MOST_SLICES = 1_000, 10_000
+
+
+class TimelineQuestion(NamedTuple):
+    """What a timeline shows, checked.
+
+    Attributes:
+        kinds: the kinds of lanes, and `plan`.
+        predicate: the name of the predicate or the function; None for all.
+        object: the name of an object among the arguments; None for all.
+        text: a part of the text; None for all.
+        lanes: how many lanes at most.
+        slices: how many slices at most.
+        after: the kind and the place of the lane before the first.
+    """
+
+    kinds: tuple[str, ...]
+    predicate: str | None
+    object: str | None
+    text: str | None
+    lanes: int
+    slices: int
+    after: tuple[LaneKind, LanePlace] | None
+
+    @property
+    def filter(self) -> LaneFilter:
+        """The names and the text as the store compares them."""
+        return LaneFilter(
+            None if self.predicate is None else fold(self.predicate),
+            None if self.object is None else fold(self.object),
+            None if self.text is None else _pattern(self.text),
+        )
+
+    def has(self, text: str) -> bool:
+        """Return whether a text has the part that is asked for."""
+        return self.text is None or self.text.isascii() or fold(self.text) in fold(text)
+
+
+def _pattern(text: str) -> str:
+    """Write what a text in lower case is like; databases know the case of ASCII letters only."""
+    escaped = re.sub(r"[!%_]", r"!\g<0>", text.lower())
+    return f"%{re.sub(r'[^ -~]+', '%', escaped)}%"
+
+
+_HALVES = re.compile("[\ud800-\udfff]")
+_AFTER = re.compile(r"(fact|goal|value):([0-9]{1,18}):([0-9 ]*)")
+
+
+def check_question(
+    kinds: Iterable[str],
+    predicate: str | None,
+    object: str | None,
+    text: str | None,
+    lanes: int,
+    slices: int,
+    after: str | None,
+) -> TimelineQuestion:
+    """Check what a timeline shows."""
+    if isinstance(kinds, str) or not isinstance(kinds, Iterable):
+        raise refusal("kinds", "a list of kinds", kinds, InvalidArgumentError)
+    given = islice(iterate(kinds, "kinds"), len(TIMELINE_KINDS))
+    wanted = {one_of(kind, TIMELINE_KINDS, "a kind") for kind in given}
+    for value, role in ((predicate, "predicate"), (object, "object"), (text, "text")):
+        if "\0" in (optional_text(value, role) or "") or _HALVES.search(value or ""):
+            raise InvalidArgumentError(f"{role} {shown(value)} has a NUL or half a character")
+    for number, most, role in ((lanes, MOST_LANES, "lanes"), (slices, MOST_SLICES, "slices")):
+        expected = f"a whole number from 1 to {most}"
+        if whole_number(number, role, least=1, expected=expected) > most:
+            raise InvalidArgumentError(f"{role} is {shown(number)}, expected {expected}")
+    place = None
+    if optional_text(after, "after") is not None:
+        match = _AFTER.fullmatch(str(after))
+        if match is None:
+            raise InvalidArgumentError(
+                f"after is {shown(after)}, expected what `next` of a timeline says"
+            )
+        place = cast(LaneKind, match[1]), LanePlace(int(match[2]), match[3])
+    chosen = tuple(kind for kind in TIMELINE_KINDS if kind in wanted)
+    return TimelineQuestion(chosen, predicate, object, text, lanes, slices, place)
+
+
+class Window(NamedTuple):
+    """The window of a timeline.
+
+    Attributes:
+        since: its beginning.
+        until: its end.
+        low: the revision whose state it begins with.
+        high: its last revision.
+        head: the last revision that is known.
+        archived_until: until when ended versions are missing.
+    """
+
+    since: datetime
+    until: datetime
+    low: int
+    high: int
+    head: int
+    archived_until: datetime | None = None
+
+
+def _time_of(number: Any) -> Any:
+    return (
+        select(RevisionRow.committed_at)
+        .where(RevisionRow.kb_id == KB, RevisionRow.number == number)
+        .correlate(HeadRow)
+        .scalar_subquery()
+    )
+
+
+_FIRST: Any = literal_column("1")
+_WINDOW = Query(
+    select(
+        HeadRow.revision,
+        HeadRow.archived_revision,
+        StoreClock(),
+        _time_of(_FIRST),
+        _time_of(func.coalesce(integer("upto"), HeadRow.revision)),
+        _time_of(HeadRow.archived_revision),
+        _time_of(integer("since")),
+        _time_of(integer("until")),
+        last_until("one"),
+        last_until("other"),
+    ).where(HeadRow.kb_id == KB)
+)
+
+
+def read_window(
+    session: Session,
+    kb_id: int | None,
+    store: Store,
+    ends: Sequence[When | None],
+    upto: int | None,
+) -> Window:
+    """Read the window between two ends, in one statement; before the first revision it is empty."""
+    given: dict[str, Any] = {"one": None, "other": None, "since": None, "until": None}
+    for when, number, moment in zip(ends, ("since", "until"), ("one", "other"), strict=True):
+        if isinstance(when, datetime):
+            check_zone(when)
+            given[moment] = session.from_time(_clamped(when))
+        elif isinstance(when, int) and abs(when) < LARGEST:
+            given[number] = when
+    row = None
+    if kb_id is not None:
+        row = session.first(_WINDOW, kb=kb_id, upto=upto, **given)
+    head = 0 if row is None else row[0]
+    last = head if upto is None else upto
+    for when in ends:
+        if when is not None and not isinstance(when, datetime):
+            check_number(store, when, last)
+    if row is None or not last:
+        now = store.clock(session)
+        since, until = (_moment(when, now, now) for when in ends)
+        return _checked(Window(since, until, 0, 0, 0), ends)
+    with reading_rows("revision", f"knowledge base {kb_id!r}"):
+        first, known, archived, *numbered = (
+            None if time is None else session.to_time(time) for time in row[3:8]
+        )
+        if first is None or known is None:
+            raise LookupError("revisions are missing")
+    now = max(session.now(row[2]), known)
+    states = [
+        min(found or 0, last) if isinstance(when, datetime) else when
+        for when, found in zip(ends, row[8:], strict=True)
+    ]
+    since = _moment(ends[0], now, numbered[0] or first)
+    until = _moment(ends[1], now, numbered[1] or (max(known, since) if ends[1] is None else first))
+    low, high = states[0] or 0, last if states[1] is None else states[1]
+    missing = archived if row[1] > low else None
+    return _checked(Window(since, until, low, high, last, missing), ends)
+
+
+def _moment(when: When | None, now: datetime, otherwise: datetime) -> datetime:
+    """Return the time of an end; one in the future counts as now."""
+    return min(_clamped(when), now) if isinstance(when, datetime) else otherwise
+
+
+def _checked(window: Window, ends: Sequence[When | None]) -> Window:
+    if window.until < window.since or window.high < window.low:
+        raise InvalidArgumentError(
+            f"the window ends before it begins: it is from {shown(ends[0])} until {shown(ends[1])}"
+        )
+    return window
+
+
+def _clamped(moment: datetime) -> datetime:
+    return min(max(moment, FIRST_MOMENT), LAST_MOMENT).astimezone(UTC)
+
+
+class Told(NamedTuple):
+    """Who made a revision, when and why."""
+
+    at: datetime
+    actor: str | None
+    reason: str | None
+
+
+_TOLD = Query(
+    select(
+        RevisionRow.number, RevisionRow.committed_at, RevisionRow.actor, RevisionRow.reason
+    ).where(RevisionRow.kb_id == KB, in_list(RevisionRow.number, "numbers"))
+)
+
+
+def read_told(session: Session, kb_id: int, numbers: Collection[int]) -> dict[int, Told]:
+    """Read revisions by number, in one statement."""
+    if not numbers:
+        return {}
+    listed = [*numbers]
+    listed += listed[-1:] * (PLANNED_LIST - len(listed))
+    rows = session.rows(_TOLD, kb=kb_id, numbers=session.list_value(listed))
+    with reading_rows("revision", f"knowledge base {kb_id!r}"):
+        found = {row[0]: Told(session.to_time(row[1]), row[2], row[3]) for row in rows}
+    for number in numbers:
+        if number not in found:
+            raise missing_revision(session, number)
+    return found

@@ -1,0 +1,348 @@
+"""Lanes of a timeline: what has a version in a window, its versions there, and how many in a slice.
+
+However many versions there are, each statement walks a bounded part of an index: versions of one
+fact do not overlap, so what held at a revision is the last one that began up to there, and what
+began in a range of revisions is one range of the primary key (kb_id, owner, since).
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from datetime import datetime
+from functools import cache
+from typing import NamedTuple
+
+from sqlalchemy import text
+
+from ..knowledge.canonical import time_text
+from .dialects.base import Row, Session
+from .dialects.nested import NESTED_LOOPS, NestedLoops
+from .query import Query
+from .rows import FACT, GOAL, VALUE
+
+# Lanes that are found by their objects are listed up to here; beyond, they are met soon enough.
+MOST_LISTED = 2_000
+_ENDLESS = str(2**63 - 1)
+
+
+class LaneSource(NamedTuple):
+    """Where the lanes of one kind are stored.
+
+    Attributes:
+        identity: the table of what a lane is of.
+        owner: the column of its versions that names it.
+        group: the column of its predicate or its function.
+        named: the table of predicates or functions.
+        only: a further condition on the identity `p`.
+    """
+
+    identity: str
+    owner: str
+    group: str
+    named: str
+    only: str = ""
+
+    @property
+    def version(self) -> str:
+        """The table of versions."""
+        return f"{self.identity}_version"
+
+    @property
+    def has_values(self) -> bool:
+        """Whether versions have values."""
+        return self.identity == "function_value"
+
+
+_PROPOSITION = "proposition", "proposition_id", "predicate_id", "predicate"
+LANE_SOURCES = {
+    FACT: LaneSource(*_PROPOSITION, only=" AND p.is_goal = FALSE"),
+    GOAL: LaneSource(*_PROPOSITION, only=" AND p.is_goal = TRUE"),
+    VALUE: LaneSource("function_value", "function_value_id", "function_id", "function"),
+}
+
+
+class LaneFilter(NamedTuple):
+    """Which lanes are wanted; None for all.
+
+    Attributes:
+        predicate: the key of the predicate or the function.
+        object: the key of an object among the arguments.
+        pattern: what the text in lower case is like; `!` escapes.
+    """
+
+    predicate: str | None = None
+    object: str | None = None
+    pattern: str | None = None
+
+
+class LanePlace(NamedTuple):
+    """The place of a lane among those of its kind."""
+
+    group: int = 0
+    arguments: str = ""
+
+
+class FoundLane(NamedTuple):
+    """A lane that has a version in a window.
+
+    Attributes:
+        id: the id of what it is of.
+        place: its place.
+        text: the text.
+        began: how many versions began within the window, up to a limit.
+    """
+
+    id: int
+    place: LanePlace
+    text: str
+    began: int
+
+
+def _named(table: str, parameter: str) -> str:
+    conditions = f"named.kb_id = :kb AND named.key = :{parameter}"
+    return f"(SELECT named.id FROM {table} AS named WHERE {conditions})"
+
+
+def _began(source: LaneSource, owner: str, after: str, upto: str, limit: str) -> str:
+    """Write how many versions began after a revision, up to another one and up to a limit."""
+    return (
+        f"(SELECT count(*) FROM (SELECT 1 FROM {source.version} AS v WHERE v.kb_id = :kb"
+        f" AND v.{source.owner} = {owner} AND v.since > {after} AND v.since <= {upto}"
+        f" LIMIT {limit}) AS few)"
+    )
+
+
+def _lanes_text(loops: NestedLoops, source: LaneSource, wanted: LaneFilter, is_listed: bool) -> str:
+    place = f"p.{source.group}, p.arguments"
+    until = f"coalesce(l.until, {_ENDLESS})"
+    last = loops.last("l", source.version, source.owner, "p.id", ":high", until)
+    conditions = f"p.kb_id = :kb{source.only} AND ({place}) > (:group, :arguments)"
+    order = place
+    if wanted.predicate is not None:
+        conditions += f" AND p.{source.group} = {_named(source.named, 'predicate')}"
+    if wanted.pattern is not None:
+        conditions += " AND lower(p.text) LIKE :pattern ESCAPE '!'"
+    if is_listed:
+        conditions += f" AND p.id IN (SELECT listed.id0 FROM {loops.rows('ids', 1)} AS listed)"
+        # Few are sorted: to walk all of them in order takes longer. No index has these expressions.
+        order = f"p.{source.group} + 0, p.arguments || ''"
+    elif wanted.object is not None:
+        conditions += (
+            f" AND EXISTS (SELECT 1 FROM {source.identity}_argument AS a WHERE a.kb_id = :kb"
+            f" AND a.object_id = {_named('object', 'object')} AND a.{source.owner} = p.id)"
+        )
+    found = (
+        f"SELECT p.id, {place}, p.text FROM {source.identity} AS p"
+        f" WHERE {conditions} AND {last} > :low ORDER BY {order} LIMIT :most"
+    )
+    began = _began(source, "found.id", ":low", ":high", ":enough")
+    return f"SELECT found.*, {began} FROM ({found}) AS found"
+
+
+@cache
+def _lanes(dialect: str, kind: str, has: LaneFilter, is_listed: bool) -> Query:
+    return Query(text(_lanes_text(NESTED_LOOPS[dialect], LANE_SOURCES[kind], has, is_listed)))
+
+
+@cache
+def _with_object(kind: str) -> Query:
+    source = LANE_SOURCES[kind]
+    return Query(
+        text(
+            f"SELECT DISTINCT {source.owner} FROM (SELECT a.{source.owner}"
+            f" FROM {source.identity}_argument AS a WHERE a.kb_id = :kb"
+            f" AND a.object_id = {_named('object', 'object')} LIMIT {MOST_LISTED + 1}) AS few"
+        )
+    )
+
+
+def find_lanes(
+    session: Session,
+    kb_id: int,
+    kind: str,
+    wanted: LaneFilter,
+    after: LanePlace,
+    bounds: tuple[int, int],
+    most: int,
+    enough: int,
+) -> list[FoundLane]:
+    """Find the lanes of a kind that have a version in a window, in two statements at most.
+
+    Args:
+        session: the session.
+        kb_id: the knowledge base.
+        kind: the kind.
+        wanted: which lanes.
+        after: those that come after this place.
+        bounds: the state that the window begins with, and its last revision.
+        most: how many lanes.
+        enough: how many versions of a lane are counted.
+    """
+    given = {name: value for name, value in wanted._asdict().items() if value is not None}
+    ids: list[int] | None = None
+    if wanted.object is not None:
+        listed = session.rows(_with_object(kind), kb=kb_id, object=wanted.object)
+        if len(listed) <= MOST_LISTED:
+            ids = [id_ for (id_,) in listed]
+            del given["object"]
+    if ids is not None:
+        given["ids"] = json.dumps([[id_] for id_ in ids])
+    has = LaneFilter(*("" if value is not None else None for value in wanted))
+    query = _lanes(session.backend.dialect.name, kind, has, ids is not None)
+    low, high = bounds
+    rows = session.rows(
+        query, kb=kb_id, **after._asdict(), low=low, high=high, most=most, enough=enough, **given
+    )
+    return [
+        FoundLane(id_, LanePlace(group, arguments), text, began)
+        for id_, group, arguments, text, began in rows
+    ]
+
+
+class LaneSpan(NamedTuple):
+    """A part of a lane: the version that held at a revision, and those that began up to another."""
+
+    id: int
+    at: int
+    upto: int
+
+
+class FoundVersion(NamedTuple):
+    """A version of a lane.
+
+    Attributes:
+        span: the place of the span that it was read for.
+        since: its first revision.
+        until: the revision that ended it.
+        value: its value as text, if it has one.
+        number: its value as a number, if it is one.
+    """
+
+    span: int
+    since: int
+    until: int | None
+    value: str | None = None
+    number: float | None = None
+
+
+_VALUE_OF = (
+    ", coalesce(v.value, (SELECT o.name FROM object AS o WHERE o.kb_id = :kb"
+    " AND o.id = v.object_id)), v.number"
+)
+
+
+@cache
+def _spans(dialect: str, kind: str) -> Query:
+    loops, source = NESTED_LOOPS[dialect], LANE_SOURCES[kind]
+    one = "l", source.version, source.owner, "wanted.id0"
+    conditions = (
+        f"v.kb_id = :kb AND v.{source.owner} = wanted.id0"
+        f" AND v.since >= coalesce({loops.last(*one, 'wanted.id1', 'l.since')}, 0)"
+        " AND v.since <= wanted.id2 AND (v.until IS NULL OR v.until > wanted.id1)"
+    )
+    columns = f"wanted.place, v.since, v.until{_VALUE_OF if source.has_values else ''}"
+    tables = f"{loops.rows('spans', 3)} AS wanted{loops.loop('v', source.version, conditions)}"
+    return Query(text(f"SELECT {columns} FROM {tables}"))
+
+
+def read_spans(
+    session: Session, kb_id: int, kind: str, spans: Sequence[LaneSpan]
+) -> list[FoundVersion]:
+    """Read the versions of some spans, in one statement; in order within each span."""
+    query = _spans(session.backend.dialect.name, kind)
+    rows: list[Row] = session.rows(query, kb=kb_id, spans=json.dumps(spans))
+    return sorted((FoundVersion(*row) for row in rows), key=lambda found: found[:2])
+
+
+class Cell(NamedTuple):
+    """What began of a lane in a slice.
+
+    Attributes:
+        lane: the place of the lane.
+        slice: the place of the slice.
+        began: how many versions began there, up to a limit.
+        least: the least number that they had, as far as they were counted.
+        largest: the largest one.
+        last: the number at the slice's end.
+    """
+
+    lane: int
+    slice: int
+    began: int
+    least: float | None = None
+    largest: float | None = None
+    last: float | None = None
+
+
+def _number_of(source: LaneSource, loops: NestedLoops) -> str:
+    """Write the least, the largest and the last number of a cell."""
+    few = (
+        f"(SELECT {{}}(few.number) FROM (SELECT v.number FROM {source.version} AS v"
+        f" WHERE v.kb_id = :kb AND v.{source.owner} = wanted.id0 AND v.since > slice.id0"
+        " AND v.since <= slice.id1 LIMIT :enough) AS few)"
+    )
+    last = loops.last("l", source.version, source.owner, "wanted.id0", "slice.id1", "l.number")
+    return f", {few.format('min')}, {few.format('max')}, {last}"
+
+
+@cache
+def _cells(dialect: str, kind: str) -> Query:
+    loops, source = NESTED_LOOPS[dialect], LANE_SOURCES[kind]
+    began = _began(source, "wanted.id0", "slice.id0", "slice.id1", ":enough")
+    numbers = _number_of(source, loops) if source.has_values else ""
+    return Query(
+        text(
+            f"WITH wanted AS MATERIALIZED (SELECT * FROM {loops.rows('lanes', 1)} AS listed),"
+            f" slice AS MATERIALIZED (SELECT * FROM {loops.rows('slices', 2)} AS listed)"
+            f" SELECT wanted.place, slice.place, {began}{numbers}"
+            " FROM wanted CROSS JOIN slice"
+        )
+    )
+
+
+def count_cells(
+    session: Session,
+    kb_id: int,
+    kind: str,
+    lanes: Sequence[int],
+    slices: Sequence[tuple[int, int]],
+    enough: int,
+) -> list[Cell]:
+    """Count what began of some lanes in each of some slices, in one statement.
+
+    Args:
+        session: the session.
+        kb_id: the knowledge base.
+        kind: the kind of the lanes.
+        lanes: the ids of what they are of.
+        slices: the revision before each slice, and its last one.
+        enough: how many versions of a cell are counted.
+    """
+    rows = session.rows(
+        _cells(session.backend.dialect.name, kind),
+        kb=kb_id,
+        lanes=json.dumps([[id_] for id_ in lanes]),
+        slices=json.dumps(slices),
+        enough=enough,
+    )
+    return [Cell(*row) for row in rows]
+
+
+@cache
+def _numbers_at(dialect: str) -> Query:
+    return Query(
+        text(
+            "SELECT wanted.place, (SELECT r.number FROM revision AS r WHERE r.kb_id = :kb"
+            " AND r.committed_at <= wanted.moment"
+            " ORDER BY r.committed_at DESC, r.number DESC LIMIT 1)"
+            f" FROM {NESTED_LOOPS[dialect].times('moments')} AS wanted"
+        )
+    )
+
+
+def revisions_at(session: Session, kb_id: int, moments: Sequence[datetime]) -> list[int]:
+    """Read the last revision up to each of some times, in one statement; 0 before the first."""
+    texts = json.dumps([time_text(moment) for moment in moments])
+    rows = session.rows(_numbers_at(session.backend.dialect.name), kb=kb_id, moments=texts)
+    return [number or 0 for _, number in sorted(rows)]

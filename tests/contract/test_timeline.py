@@ -1,0 +1,547 @@
+"""Timelines: each version that a window meets is a bar or is counted, and nothing else is there."""
+
+from __future__ import annotations
+
+import random
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import replace
+from datetime import UTC, datetime, timedelta
+from functools import partial
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import pytest
+
+from kant_sql import (
+    Bar,
+    Density,
+    InvalidArgumentError,
+    KnowledgeBase,
+    Lane,
+    PddlObjectDto,
+    PddlPredicateDto,
+    PddlPropositionDto,
+    PddlTypeDto,
+    Revision,
+    Timeline,
+    UnknownNameError,
+    UnknownRevisionError,
+    Version,
+)
+from kant_sql.history import gantt, timeline
+from kant_sql.sql import lanes
+from tests.support.archives import target_url
+from tests.support.profile import PROFILE
+from tests.support.statements import Statement, count, explain, seen
+from tests.support.stores import Connect
+from tests.support.worlds.missions import TOUR, begin
+from tests.support.worlds.robots import BATTERY, LOCATION, RB1, ROBOT, WP1, robot_at, waypoint
+
+OTHER = PddlObjectDto(ROBOT, "Rb2")
+MOMENT = timedelta(microseconds=1)
+ALL = ("fact", "goal", "value")
+
+
+def live(kb: KnowledgeBase, revisions: int, seed: int) -> None:
+    """Let robots come and go for some revisions."""
+    chance = random.Random(seed)
+    for number in range(revisions):
+        with kb.transaction(actor=f"actor{chance.randrange(4)}", reason=f"step {number}"):
+            for _ in range(chance.randrange(1, 4)):
+                robot = chance.choice([RB1, OTHER])
+                fact = robot_at(robot, waypoint(chance.randrange(4)), chance.random() < 0.2)
+                if chance.random() < 0.6:
+                    kb.propositions.save(fact)
+                else:
+                    kb.propositions.delete(fact)
+            if chance.random() < 0.7:
+                kb.function_values.set(BATTERY, objects=[RB1], value=chance.randrange(100))
+            if chance.random() < 0.2:
+                kb.function_values.set(LOCATION, objects=[OTHER], value=WP1)
+
+
+# The oracle: what a timeline is to say, from `kb.history` alone.
+
+
+class Wanted(NamedTuple):
+    """The versions of a lane, and what it is."""
+
+    kind: str
+    text: str
+    versions: list[Version]
+
+
+def histories(kb: KnowledgeBase) -> list[Wanted]:
+    """All that ever was of each fact, goal and fluent."""
+    seen_ = {
+        (change.kind, fluent(change.text) if change.kind == "value" else change.text)
+        for entry in kb.log()
+        for change in entry.changes
+        if change.kind in ALL
+    }
+    return [
+        Wanted(kind, text, [one for one in kb.history(text) if one.kind == kind])
+        for kind, text in sorted(seen_)
+    ]
+
+
+def fluent(text: str) -> str:
+    """The fluent of `(= (battery rb1) 7)`."""
+    return text.removeprefix("(= ").rpartition(" ")[0]
+
+
+def meets(version: Version, first: int, last: int) -> bool:
+    return version.since.number <= last and (version.until is None or version.until.number > first)
+
+
+def slice_ends(kb: KnowledgeBase, made: Timeline) -> list[int]:
+    """The last revision up to each end of a slice."""
+    length = made.until - made.since
+    revisions = kb.revisions()
+    ends = []
+    for n in range(made.slices + 1):
+        moment = made.since + length * n / made.slices
+        number = sum(revision.committed_at <= moment for revision in revisions)
+        ends.append(min(max(number, made.first), made.last))
+    return [made.first, *ends[1:-1], made.last]
+
+
+def lasts(version: Version, ends: Sequence[int]) -> bool:
+    """Whether a version holds for a whole slice."""
+    return any(
+        version.since.number <= a and (version.until is None or version.until.number > b)
+        for a, b in pairwise(ends)
+    )
+
+
+def slice_of(version: Version, ends: Sequence[int]) -> int:
+    """The slice that a version begins in, or the first one."""
+    return next((n for n, (a, b) in enumerate(pairwise(ends)) if a < version.since.number <= b), 0)
+
+
+def bar_of(version: Version) -> Bar:
+    """A version as a bar, without its value."""
+    since, until = version.since, version.until
+    began = since.number, since.committed_at, since.actor, since.reason
+    if until is None:
+        return Bar(began[0], None, began[1], None, *began[2:])
+    ended = until.actor, until.reason
+    return Bar(began[0], until.number, began[1], until.committed_at, *began[2:], *ended)
+
+
+def without_value(bar: Bar) -> Bar:
+    return replace(bar, value=None, number=None)
+
+
+def counted(made: Timeline, densities: Sequence[Density]) -> Counter[int]:
+    """How many versions are counted in each slice."""
+    step = (made.until - made.since) / made.slices
+    found: Counter[int] = Counter()
+    for density in densities:
+        assert not density.is_capped
+        first = round((density.begin - made.since) / step)
+        width = round((density.end - density.begin) / step)
+        for n in range(width):
+            assert first + n not in found
+            found[first + n] = density.count // width
+        assert density.count % width == 0
+    return found
+
+
+def check_lane(kb: KnowledgeBase, made: Timeline, lane: Lane, wanted: Wanted) -> None:
+    versions = [one for one in wanted.versions if meets(one, made.first, made.last)]
+    began = [one for one in versions if one.since.number > made.first]
+    if lane.densities or len(began) > made.slices:
+        ends = slice_ends(kb, made)
+        short = [one for one in versions if not lasts(one, ends)]
+        versions = [one for one in versions if lasts(one, ends)]
+        assert counted(made, lane.densities) == Counter(slice_of(one, ends) for one in short)
+    assert [without_value(bar) for bar in lane.bars] == [bar_of(one) for one in versions]
+    if lane.kind == "value":
+        assert [f"(= {lane.text} {bar.value})" for bar in lane.bars] == [
+            one.text for one in versions
+        ]
+
+
+def check(kb: KnowledgeBase, made: Timeline, histories: Sequence[Wanted]) -> None:
+    """Compare a timeline with the histories."""
+    wanted = {(one.kind, one.text): one for one in histories}
+    expected = {
+        (one.kind, one.text)
+        for one in histories
+        if any(meets(version, made.first, made.last) for version in one.versions)
+    }
+    assert {(lane.kind, lane.text) for lane in made.lanes} == expected
+    assert len(made.lanes) == len(expected)
+    assert [lane.kind for lane in made.lanes] == sorted(lane.kind for lane in made.lanes)
+    for lane in made.lanes:
+        check_lane(kb, made, lane, wanted[lane.kind, lane.text])
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_each_version_is_a_bar_or_is_counted(fresh_kb: KnowledgeBase, seed: int) -> None:
+    kb = fresh_kb
+    live(kb, 40, seed)
+    known, revisions = histories(kb), kb.revisions()
+    chance = random.Random(seed)
+    for _ in range(max(6, PROFILE.names // 20)):
+        low, high = sorted(chance.choices(revisions, k=2), key=lambda one: one.number)
+        for since, until in (
+            (low.number, high.number),
+            (low.committed_at, high.committed_at),
+            (low.committed_at - MOMENT, high.committed_at + MOMENT),
+            (None, high.number),
+            (low.committed_at, None),
+        ):
+            for slices in (1, chance.randrange(2, 9), 600):
+                made = kb.timeline(since, until=until, slices=slices)
+                assert made.slices <= slices
+                check(kb, made, known)
+
+
+def test_a_window_is_the_state_at_its_beginning_and_what_changed(fresh_kb: KnowledgeBase) -> None:
+    kb = fresh_kb
+    for number in range(6):
+        kb.propositions.save(robot_at(RB1, waypoint(number)))
+        kb.propositions.delete(robot_at(RB1, waypoint(number)))
+    revisions = kb.revisions()
+
+    def shown(since: Any, until: Any) -> list[str]:
+        return sorted(lane.text[-2] for lane in kb.timeline(since, until=until).lanes)
+
+    assert shown(None, None) == ["0", "1", "2", "3", "4", "5"]
+    assert shown(0, 0) == []
+    assert shown(1, 1) == ["0"]
+    assert shown(2, 3) == ["1"]
+    assert shown(revisions[2].committed_at, revisions[4].committed_at) == ["1", "2"]
+    made = kb.timeline(3, until=5)
+    assert (made.first, made.last) == (3, 5)
+    assert (made.since, made.until) == (revisions[2].committed_at, revisions[4].committed_at)
+    # Bars are whole: those of a zoomed window tell when it really began and ended.
+    assert [(bar.since, bar.until) for lane in made.lanes for bar in lane.bars] == [(3, 4), (5, 6)]
+
+
+def test_a_time_in_the_future_counts_as_now(fresh_kb: KnowledgeBase) -> None:
+    kb = fresh_kb
+    kb.propositions.save(robot_at())
+    made = kb.timeline(until=datetime.now(UTC) + timedelta(days=9))
+    assert abs(made.until - datetime.now(UTC)) < timedelta(minutes=5)
+    late = kb.timeline(datetime.max.replace(tzinfo=UTC))
+    assert late.since == late.until
+    assert [lane.text for lane in late.lanes] == ["(robot_at rb1 wp1)"]
+
+
+def test_lanes_come_in_pages(fresh_kb: KnowledgeBase) -> None:
+    kb = fresh_kb
+    live(kb, 30, 5)
+    whole = kb.timeline(4, until=22)
+    assert whole.next is None
+    for size in (1, 2, 3, 7):
+        pages = [kb.timeline(4, until=22, lanes=size)]
+        while pages[-1].next is not None:
+            assert len(pages[-1].lanes) == size
+            pages.append(kb.timeline(4, until=22, lanes=size, after=pages[-1].next))
+        assert tuple(lane for page in pages for lane in page.lanes) == whole.lanes
+    only = kb.timeline(4, until=22, kinds=["value", "goal"])
+    assert only.lanes == tuple(lane for lane in whole.lanes if lane.kind != "fact")
+    assert kb.timeline(kinds=[]).lanes == ()
+
+
+def test_lanes_are_chosen_by_predicate_object_and_text(fresh_kb: KnowledgeBase) -> None:
+    kb = fresh_kb
+    kb.propositions.save(robot_at())
+    kb.propositions.save(robot_at(OTHER, waypoint(12)))
+    kb.propositions.save(robot_at(is_goal=True))
+    kb.function_values.set(BATTERY, objects=[RB1], value=9)
+    kb.function_values.set(BATTERY, objects=[OTHER], value=9)
+    named = PddlPredicateDto("größe", [PddlTypeDto("maß_%!")])
+    kb.propositions.save(PddlPropositionDto(named, [PddlObjectDto(named.types[0], "Straße_1")]))
+
+    def shown(**wanted: Any) -> list[str]:
+        return [lane.text for lane in kb.timeline(**wanted).lanes]
+
+    assert shown(predicate="ROBOT_AT") == [
+        "(robot_at rb1 wp1)",
+        "(robot_at Rb2 wp12)",
+        "(robot_at rb1 wp1)",
+    ]
+    assert shown(predicate="battery") == ["(battery rb1)", "(battery Rb2)"]
+    assert shown(object="rB2") == ["(robot_at Rb2 wp12)", "(battery Rb2)"]
+    assert shown(object="wp12", predicate="robot_at") == ["(robot_at Rb2 wp12)"]
+    assert shown(object="wp1", predicate="battery") == []
+    assert shown(text="RB2 w") == ["(robot_at Rb2 wp12)"]
+    assert shown(text="AT rb", object="rb2") == ["(robot_at Rb2 wp12)"]
+    assert shown(text="%") == shown(text="!") == []
+    assert shown(text="_1") == shown(text="GRÖ") == shown(text="STRAß") == ["(größe Straße_1)"]
+    assert len(shown(text="")) == 6
+
+
+def test_many_objects_are_found_as_few_are(
+    fresh_kb: KnowledgeBase, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kb = fresh_kb
+    live(kb, 30, 3)
+    few = kb.timeline(object="rb1")
+    monkeypatch.setattr(lanes, "MOST_LISTED", 0)
+    assert kb.timeline(object="rb1") == few
+
+
+def test_what_never_was_is_refused(fresh_kb: KnowledgeBase) -> None:
+    kb = fresh_kb
+    kb.propositions.save(robot_at())
+    with pytest.raises(UnknownNameError, match="robot_at"):
+        kb.timeline(predicate="robot_ta")
+    with pytest.raises(UnknownNameError, match="rb1"):
+        kb.timeline(object="rb")
+    kb.objects.save(OTHER)
+    assert kb.timeline(object="rb2").lanes == ()
+    with pytest.raises(UnknownRevisionError, match="revision 9"):
+        kb.timeline(9)
+    with pytest.raises(UnknownRevisionError, match="zone"):
+        kb.timeline(until=datetime(2026, 1, 1))
+    with pytest.raises(InvalidArgumentError, match="before it begins"):
+        kb.timeline(1, until=0)
+    with pytest.raises(InvalidArgumentError, match="before it begins"):
+        kb.timeline(until=datetime.min.replace(tzinfo=UTC))
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"kinds": ["facts"]},
+        {"kinds": "fact"},
+        {"lanes": 0},
+        {"lanes": 1_001},
+        {"slices": 0},
+        {"slices": 10_001},
+        {"after": "fact:1"},
+        {"after": "plan:1:2"},
+        {"predicate": 3},
+        {"text": "a\0b"},
+        {"object": "\ud800"},
+    ],
+    ids=str,
+)
+def test_wrong_arguments_are_refused(fresh_kb: KnowledgeBase, wrong: Any) -> None:
+    fresh_kb.propositions.save(robot_at())
+    with pytest.raises((InvalidArgumentError, UnknownNameError)):
+        fresh_kb.timeline(**wrong)
+
+
+def test_before_the_first_revision_nothing_is_shown(fresh_kb: KnowledgeBase) -> None:
+    made = fresh_kb.timeline()
+    assert (made.lanes, made.plans, made.first, made.last) == ((), (), 0, 0)
+    assert made.since == made.until
+    live(fresh_kb, 2, 1)
+    assert fresh_kb.at(0).timeline().lanes == ()
+
+
+def test_a_view_of_the_past_knows_nothing_later(fresh_kb: KnowledgeBase) -> None:
+    kb = fresh_kb
+    kb.propositions.save(robot_at())
+    kb.propositions.delete(robot_at())
+    kb.propositions.save(robot_at())
+    (lane,) = kb.at(1).timeline().lanes
+    assert [(bar.since, bar.until, bar.ended_by) for bar in lane.bars] == [(1, None, None)]
+    with pytest.raises(UnknownRevisionError):
+        kb.at(1).timeline(until=2)
+
+
+def test_a_transaction_shows_what_is_committed(fresh_kb: KnowledgeBase) -> None:
+    kb = fresh_kb
+    kb.propositions.save(robot_at())
+    before = kb.timeline().lanes
+    with kb.transaction():
+        kb.propositions.delete(robot_at())
+        kb.propositions.save(robot_at(OTHER))
+        kb.propositions.get_all()
+        assert kb.timeline().lanes == before
+
+
+def test_numbers_that_are_counted_have_their_range(
+    fresh_kb: KnowledgeBase, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kb = fresh_kb
+    for value in (5, 9, 2, 7):
+        kb.function_values.set(BATTERY, objects=[RB1], value=value)
+    (lane,) = kb.timeline(slices=1).lanes
+    assert lane.bars == ()
+    (density,) = lane.densities
+    assert (density.count, density.is_capped) == (4, False)
+    assert (density.least, density.largest, density.last) == (2, 9, 7)
+    assert [bar.number for bar in kb.timeline().lanes[0].bars] == [5, 9, 2, 7]
+    # Where more happened than is counted, it says so.
+    monkeypatch.setattr(timeline, "COUNTED", 9)
+    ((capped,),) = (lane.densities for lane in kb.timeline(slices=1).lanes)
+    assert (capped.count, capped.is_capped, capped.last) == (3, True, 7)
+
+
+def test_an_answer_is_bounded(fresh_kb: KnowledgeBase, monkeypatch: pytest.MonkeyPatch) -> None:
+    kb = fresh_kb
+    for _ in range(12):
+        for number in range(4):
+            kb.propositions.save(robot_at(RB1, waypoint(number)))
+        kb.propositions.delete_all()
+    monkeypatch.setattr(timeline, "BARS", 14)
+    monkeypatch.setattr(timeline, "CELLS", 9)
+    made = kb.timeline()
+    # One lane has room for its bars, the others share the slices.
+    assert made.slices == 3
+    assert [bool(lane.densities) for lane in made.lanes].count(False) == 1
+    for lane in made.lanes:
+        assert len(lane.bars) + sum(density.count for density in lane.densities) == 12
+
+
+def test_equal_densities_side_by_side_are_one(fresh_kb: KnowledgeBase) -> None:
+    kb = fresh_kb
+    for _ in range(40):
+        kb.propositions.save(robot_at())
+        kb.propositions.delete(robot_at())
+    (lane,) = kb.timeline(slices=2).lanes
+    assert sum(density.count for density in lane.densities) == 40
+    assert len(lane.densities) <= 2
+
+
+# Plans.
+
+
+def test_plans_have_their_steps_and_outcomes(fresh_kb: KnowledgeBase) -> None:
+    kb = fresh_kb
+    begin(kb)  # 1
+    plan = kb.plans.record(TOUR)  # 2
+    with kb.transaction(actor="executive", reason="off"):
+        kb.plans.set_status(plan.steps[0], status="started")  # 3
+    with kb.transaction(actor="arm", reason="slipped"):
+        kb.plans.set_status(plan.steps[0], status="failed")  # 4
+    kb.plans.set_status(plan.steps[1], status="started")  # 5
+    kb.plans.set_status(plan.steps[2], status="aborted")  # 6
+    times = {one.number: one.committed_at for one in kb.revisions()}
+    (bar,) = kb.timeline().plans
+    assert (bar.id, bar.recorded_in, bar.recorded_at) == (plan.id, 2, times[2])
+    assert [step.text for step in bar.steps] == [str(step) for step in plan.steps]
+    assert [(step.status, step.since, step.until) for step in bar.steps] == [
+        ("failed", 3, 4),
+        ("started", 5, None),
+        ("aborted", None, 6),
+        (None, None, None),
+    ]
+    failed = bar.steps[0]
+    assert (failed.since_at, failed.until_at) == (times[3], times[4])
+    assert (failed.actor, failed.reason) == ("executive", "off")
+    assert (failed.ended_by, failed.ended_reason) == ("arm", "slipped")
+    assert bar.steps[2].since_at is None
+    assert bar.steps[2].until_at == times[6]
+
+
+def test_a_window_has_the_plans_that_were_made_or_ran_in_it(fresh_kb: KnowledgeBase) -> None:
+    kb = fresh_kb
+    begin(kb)  # 1
+    one = kb.plans.record(TOUR)  # 2
+    kb.plans.set_status(one.steps[0], status="started")  # 3
+    other = kb.plans.record(TOUR)  # 4
+    kb.plans.set_status(one.steps[0], status="succeeded")  # 5
+    kb.plans.set_status(other.steps[1], status="started")  # 6
+    kb.plans.set_status(other.steps[1], status="succeeded")  # 7
+
+    def shown(kb: KnowledgeBase, since: int, until: int) -> list[int]:
+        return [plan.id for plan in kb.timeline(since, until=until).plans]
+
+    assert shown(kb, 1, 1) == []
+    assert shown(kb, 1, 2) == shown(kb, 2, 2) == shown(kb, 3, 3) == [one.id]
+    assert shown(kb, 4, 4) == shown(kb, 4, 5) == [one.id, other.id]
+    assert shown(kb, 6, 6) == shown(kb, 6, 7) == [other.id]
+    assert shown(kb.at(4), 4, 4) == [one.id, other.id]
+    (past,) = kb.at(3).timeline().plans
+    assert (past.steps[0].status, past.steps[0].until) == ("started", None)
+    assert kb.timeline(kinds=ALL).plans == ()
+    assert kb.timeline(lanes=1, after="fact:0:").plans == ()
+
+
+def test_plans_are_chosen_by_object_and_text(fresh_kb: KnowledgeBase) -> None:
+    kb = fresh_kb
+    begin(kb)
+    kb.plans.record(TOUR)
+
+    def shown(**wanted: Any) -> list[str]:
+        return [step.text for plan in kb.timeline(**wanted).plans for step in plan.steps]
+
+    assert shown(object="HOME") == ["(Move rb1 wp2 Home)", "(charge rb1 Home)"]
+    assert shown(text="charge RB1") == ["(charge rb1 Home)"]
+    assert shown(text="nothing of it") == []
+
+
+def test_plans_are_bounded(fresh_kb: KnowledgeBase, monkeypatch: pytest.MonkeyPatch) -> None:
+    kb = fresh_kb
+    begin(kb)
+    made = [kb.plans.record(TOUR).id for _ in range(4)]
+    assert [plan.id for plan in kb.timeline().plans] == made
+    assert not kb.timeline().has_more_plans
+    monkeypatch.setattr(gantt, "MOST_PLANS", 2)
+    cut = kb.timeline()
+    assert [plan.id for plan in cut.plans] == made[2:]
+    assert cut.has_more_plans
+    monkeypatch.setattr(gantt, "MOST_STEPS", 5)
+    assert sum(len(plan.steps) for plan in kb.timeline().plans) == 5
+
+
+# Archives.
+
+
+def test_an_archived_part_is_missing_and_said(url: str, connect: Connect, tmp_path: Path) -> None:
+    kb = connect(url, knowledge_base="tiago", actor="test")
+    for _ in range(3):
+        kb.propositions.save(robot_at())
+        kb.propositions.delete(robot_at())
+    kb.propositions.save(robot_at())
+    assert kb.timeline().archived_until is None
+    kb.archive(4, to=target_url(tmp_path))
+    times: dict[int, Revision] = {one.number: one for one in kb.revisions()}
+    made = kb.timeline()
+    assert made.archived_until == times[3].committed_at
+    assert [(bar.since, bar.until) for bar in made.lanes[0].bars] == [(3, 4), (5, 6), (7, None)]
+    assert kb.timeline(4).archived_until is None
+
+
+# What it costs.
+
+MOST_STATEMENTS = 16
+
+
+@pytest.mark.parametrize("size", [1, 20, 200])
+def test_statements_do_not_grow_with_what_happened(kb: KnowledgeBase, size: int) -> None:
+    begin(kb)
+    for number in range(size):
+        with kb.transaction():
+            kb.propositions.save_all(robot_at(RB1, waypoint(9 + n)) for n in range(size // 10 + 1))
+            kb.function_values.set(BATTERY, objects=[RB1], value=number)
+            kb.propositions.save(robot_at(RB1, waypoint(9 + number % 3), True))
+        kb.propositions.delete_all()
+    kb.plans.record(TOUR)
+    calls = (partial(kb.timeline, slices=2), partial(kb.timeline, object="rb1", text="w", lanes=3))
+    for call in calls:
+        assert count(call) <= MOST_STATEMENTS
+
+
+def test_no_statement_reads_all_versions(shared_url: str, connect: Connect) -> None:
+    kb = connect(shared_url, knowledge_base="tiago", actor="test")
+    live(kb, 60, 1)
+    with seen() as statements:
+        kb.timeline(slices=2)
+        kb.timeline(20, until=40, slices=2, object="rb1", text="rb")
+    # PostgreSQL prefers to read the whole of a table as small as these, and is told not to.
+    for statement in statements:
+        if "_version" in statement.sql:
+            plan = "\n".join(without_scans(shared_url, statement))
+            assert "Seq Scan on proposition_version" not in plan
+            assert "Seq Scan on function_value_version" not in plan
+            assert "SCAN v" not in plan
+            assert "SCAN l" not in plan
+
+
+def without_scans(url: str, statement: Statement) -> list[str]:
+    if url.startswith("sqlite"):
+        return explain(url, statement)
+    option = "options=-c%20enable_seqscan%3Doff"
+    return explain(f"{url}{'&' if '?' in url else '?'}{option}", statement)
