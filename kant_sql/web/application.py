@@ -53,7 +53,6 @@ def create_app(
         KantSqlError: the store cannot be opened, as for `connect`.
     """
     store = OpenStore(url)
-    store.names()
 
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:

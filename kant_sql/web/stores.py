@@ -13,10 +13,10 @@ import anyio
 from fastapi import Request
 
 from ..arguments import shown
-from ..errors import UnknownNameError
+from ..errors import StoreReplacedError, UnknownNameError
 from ..knowledge_base import KnowledgeBase, connect
 from ..limits import Limit, limited
-from ..sql.catalog import knowledge_bases
+from ..sql.inventory import Catalog
 
 T = TypeVar("T")
 
@@ -39,28 +39,25 @@ class OpenStore:
 
     Attributes:
         url: its URL.
+        catalog: its knowledge bases.
     """
 
     def __init__(self, url: str) -> None:
         self.url = url
+        self.catalog = Catalog(url)
         self._opened: OrderedDict[str, _Opened] = OrderedDict()
         self._lock = threading.Lock()
         self._limits: set[Limit] = set()
-
-    def names(self) -> list[str]:
-        """Return the names of its knowledge bases."""
-        return list(knowledge_bases(self.url))
 
     def choose(self, name: str | None) -> str:
         """Return a name as it is given, or the only one."""
         if name:
             return name
-        names = self.names()
+        names = self.catalog.first_names(2)
         if len(names) == 1:
             return names[0]
-        raise UnknownNameError(
-            f"this store has {len(names)} knowledge bases; choose one with the parameter kb"
-        )
+        many = "several knowledge bases" if names else "no knowledge base yet"
+        raise UnknownNameError(f"this store has {many}; choose one with the parameter kb")
 
     @contextmanager
     def knowledge_base(self, name: str) -> Iterator[KnowledgeBase]:
@@ -68,15 +65,25 @@ class OpenStore:
         opened = self._take(name)
         try:
             yield opened.kb
+        except StoreReplacedError:
+            # The next question opens the file that is there now.
+            self._forget(name, opened)
+            raise
         finally:
             self._give_back(opened)
+
+    def _forget(self, name: str, opened: _Opened) -> None:
+        with self._lock:
+            if self._opened.get(name) is opened:
+                del self._opened[name]
+        opened.kb.close()
 
     def _take(self, name: str) -> _Opened:
         with self._lock:
             opened = self._opened.get(name)
             if opened is None:
                 # Opening one that does not exist would succeed: the first write creates it.
-                if name not in self.names():
+                if not self.catalog.has(name):
                     raise UnknownNameError(f"this store has no knowledge base {shown(name)}")
                 opened = self._opened[name] = _Opened(self._connect(name))
             self._opened.move_to_end(name)
@@ -109,6 +116,7 @@ class OpenStore:
         with self._lock:
             while self._opened:
                 self._opened.popitem()[1].kb.close()
+        self.catalog.close()
 
 
 async def answer(request: Request, work: Callable[[], T]) -> T:

@@ -2,45 +2,79 @@
 
 from __future__ import annotations
 
+from typing import Annotated
+
+from fastapi import Query
 from typing_extensions import TypedDict
 
 from ...knowledge.canonical import time_text
-from ...sql.catalog import standings
+from ...sql.inventory import Inventory
 from ..registry import Pages
 from ..stores import OpenStore
 
 PAGES = Pages("knowledge bases")
 
+# Whether all goals are reached is asked of so many knowledge bases, where counting does not tell.
+MOST_ASKED = 8
 
-class StandingDocument(TypedDict):
-    """A knowledge base, its head, and who made it."""
+After = Annotated[str | None, Query(description="The last name of the page before.")]
+Part = Annotated[str | None, Query(description="What the names contain.")]
+
+
+class InventoryDocument(TypedDict):
+    """A knowledge base, its head and who made it, and how many facts and goals it has.
+
+    `goals` are atoms; `reached` says how many of them are facts, or is null where a goal is another
+    condition or may follow from a rule. `is_goal_reached` is about all goals; null: not asked.
+    `has_more_facts` says that there are more facts than were counted.
+    """
 
     name: str
     revision: int
     committed_at: str
     actor: str | None
     reason: str | None
+    facts: int
+    has_more_facts: bool
+    goals: int
+    reached: int | None
+    is_goal_reached: bool | None
 
 
 class HomeDocument(TypedDict):
-    """The knowledge bases of a store."""
+    """Knowledge bases of a store; `next` is the parameter `after` of the next page."""
 
-    knowledge_bases: list[StandingDocument]
+    knowledge_bases: list[InventoryDocument]
+    part: str | None
+    next: str | None
 
 
 @PAGES.page("/", "home.html")
-def knowledge_bases(store: OpenStore) -> HomeDocument:
-    """List the knowledge bases with their heads."""
-    found = standings(store.url)
+def knowledge_bases(store: OpenStore, after: After = None, part: Part = None) -> HomeDocument:
+    """List the knowledge bases with their heads, oldest first, 50 at a time."""
+    found, has_more = store.catalog.overview(after=after, part=part)
+    asked = [one.name for one in found if one.reached is None][:MOST_ASKED]
     return {
-        "knowledge_bases": [
-            {
-                "name": one.name,
-                "revision": one.revision,
-                "committed_at": time_text(one.committed_at),
-                "actor": one.actor,
-                "reason": one.reason,
-            }
-            for one in found
-        ]
+        "knowledge_bases": [_document(store, one, one.name in asked) for one in found],
+        "part": part,
+        "next": found[-1].name if has_more else None,
+    }
+
+
+def _document(store: OpenStore, one: Inventory, is_asked: bool) -> InventoryDocument:
+    is_reached = None if one.reached is None else one.reached == one.goals
+    if is_asked:
+        with store.knowledge_base(one.name) as kb:
+            is_reached = kb.is_goal_reached()
+    return {
+        "name": one.name,
+        "revision": one.revision,
+        "committed_at": time_text(one.committed_at),
+        "actor": one.actor,
+        "reason": one.reason,
+        "facts": one.facts,
+        "has_more_facts": one.has_more_facts,
+        "goals": one.goals,
+        "reached": one.reached,
+        "is_goal_reached": is_reached,
     }
