@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from tests.browser.addresses import ADDRESSES, ALL, PATHS
+from tests.browser.addresses import ADDRESSES, ALL, PATHS, address
 from tests.browser.conftest import Visit
 from tests.support.browsing import NARROW, PAPER, SCHEMES, WIDTHS, Scheme, Serving
 
@@ -70,7 +70,7 @@ def test_a_page_is_the_same_when_loaded_again_and_gone_back_to(
     visitor.page.reload()
     visitor.settle()
     assert visitor.text() == first
-    visitor.open("/static/icon.svg")
+    visitor.open(address("/revision", number=1))
     visitor.page.go_back()
     visitor.settle()
     assert visitor.page.url.removeprefix(served.address) == path

@@ -1,0 +1,159 @@
+"""Walking through the pages: every link is followed, and what is markup comes from a template."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter, deque
+from collections.abc import Iterable, Iterator
+from functools import cache
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import NamedTuple, Protocol
+from urllib.parse import parse_qsl, urlencode, urljoin, urlsplit
+
+import kant_sql
+
+WEB = Path(kant_sql.__file__).parent / "web"
+_BOOLEAN = {"checked", "disabled", "hidden", "multiple", "open", "readonly", "required", "selected"}
+_EMPTY = {"input", "meta", "link", "br", "hr", "img", "col", "wbr", "source"}
+# What the guards of direction and of line ends write out.
+_HIDING = re.compile(
+    "[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\u200e\u200f\u2028\u2029\u202a-\u202e\u2066-\u2069]"
+)
+
+
+class Answer(Protocol):
+    """An answer of the server."""
+
+    @property
+    def status_code(self) -> int: ...
+    @property
+    def text(self) -> str: ...
+    @property
+    def headers(self) -> object: ...
+
+
+class Client(Protocol):
+    """What asks the server."""
+
+    def get(self, url: str) -> Answer: ...
+
+
+class Visited(NamedTuple):
+    """A page that was walked through."""
+
+    address: str
+    answer: Answer
+    markup: Markup | None
+
+
+class Markup(HTMLParser):
+    """The markup of a page.
+
+    Attributes:
+        elements: the names of its elements.
+        attributes: element, name and value of each attribute.
+        links: what it leads to, forms with the values that they begin with included.
+        texts: its texts, scripts excluded.
+    """
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.elements: set[str] = set()
+        self.attributes: list[tuple[str, str, str]] = []
+        self.links: list[str] = []
+        self.texts: list[str] = []
+        self._open: list[str] = []
+        self._form: tuple[str, list[tuple[str, str]]] | None = None
+        self.unbalanced: list[str] = []
+        self.feed(text)
+        self.close()
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.elements.add(tag)
+        values = {name: value or "" for name, value in attrs}
+        self.attributes += [(tag, name, value) for name, value in values.items()]
+        if tag not in _EMPTY:
+            self._open.append(tag)
+        if tag == "a" and "href" in values:
+            self.links.append(values["href"])
+        if tag == "form" and values.get("method", "get").lower() == "get":
+            self._form = values.get("action", ""), []
+        if tag == "input" and self._form and "name" in values:
+            is_off = values.get("type") in ("checkbox", "radio") and "checked" not in values
+            if not is_off:
+                self._form[1].append((values["name"], values.get("value", "")))
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.handle_starttag(tag, attrs)
+        if tag not in _EMPTY:
+            self._open.pop()
+
+    def handle_endtag(self, tag: str) -> None:
+        if tag == "form" and self._form:
+            self.links.append(f"{self._form[0]}?{urlencode(self._form[1])}")
+            self._form = None
+        if self._open and self._open[-1] == tag:
+            self._open.pop()
+        elif tag in self._open:
+            # An element whose end may be left out, such as a paragraph.
+            while self._open.pop() != tag:
+                pass
+        else:
+            self.unbalanced.append(tag)
+
+    def handle_data(self, data: str) -> None:
+        self.texts.append(data)
+
+    def faults(self) -> Iterator[str]:
+        """Name what no template has written, and what leads out of the application."""
+        elements, names = _written()
+        yield from (f"element {tag}" for tag in self.elements - elements)
+        yield from (f"end of {tag}" for tag in self.unbalanced)
+        for tag, name, value in self.attributes:
+            if name.startswith("on") or name == "style" or name not in names:
+                yield f"attribute {name} of {tag}"
+            is_own = value.startswith(("/", "#", "?")) and value[:2] not in ("//", "/\\")
+            if name in ("href", "src", "action", "formaction") and value and not is_own:
+                yield f"{name} {value[:100]}"
+        yield from (f"text {text[:100]!r}" for text in self.texts if _HIDING.search(text))
+
+
+@cache
+def _written() -> tuple[set[str], set[str]]:
+    """Return the elements and attributes of all templates."""
+    texts = [path.read_text(encoding="utf-8") for path in (WEB / "templates").iterdir()]
+    texts += [path.read_text(encoding="utf-8") for path in (WEB / "pages").glob("*.py")]
+    text = "\n".join(texts)
+    elements = set(re.findall(r"<([a-z][a-z0-9]*)\b", text))
+    return elements, set(re.findall(r"[\s{}]([a-z][a-z0-9-]*)=[\"']", text)) | _BOOLEAN
+
+
+def walk(client: Client, starts: Iterable[str] = ("/",), most: int = 400) -> Iterator[Visited]:
+    """Go to every page that links lead to.
+
+    Args:
+        client: asks the server.
+        starts: where to begin.
+        most: so many pages; of a page with the same parameters, an equal share is walked.
+    """
+    waiting, known, shares = deque(starts), set(starts), Counter[tuple[str, ...]]()
+    visited = 0
+    while waiting and visited < most:
+        address = waiting.popleft()
+        answer = client.get(address)
+        visited += 1
+        # Looked at before it is gone on from: a page that is cut off has no links either.
+        is_page = "<html" in answer.text[:200]
+        markup = Markup(answer.text) if is_page else None
+        yield Visited(address, answer, markup)
+        for link in markup.links if markup else ():
+            parts = urlsplit(urljoin(address, link))
+            if parts.netloc or parts.path.startswith("/static/"):
+                continue
+            following = parts.path + (f"?{parts.query}" if parts.query else "")
+            sort = (parts.path, *sorted({name for name, _ in parse_qsl(parts.query)}))
+            if following not in known and shares[sort] < most // 10:
+                known.add(following)
+                shares[sort] += 1
+                waiting.append(following)

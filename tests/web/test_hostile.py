@@ -1,0 +1,132 @@
+"""Names, reasons and sources are data wherever they appear: a hostile store, page by page."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from fastapi.testclient import TestClient
+from sqlalchemy import make_url
+
+from kant_sql.web.application import create_app
+from tests.support.crawling import Markup, walk
+from tests.support.servers import Server
+from tests.support.worlds.hostile import (
+    KNOWLEDGE_BASE,
+    LONG,
+    NAMES,
+    TEXTS,
+    overwrite,
+    record_hostile,
+    text_columns,
+)
+from tests.web.conftest import BASE
+
+# A page, whatever is in the store; a name is at most 10,000 characters here.
+LARGEST = 2_000_000
+
+
+@pytest.fixture(scope="session")
+def sqlite_hostile(tmp_path_factory: pytest.TempPathFactory) -> str:
+    return record_hostile(f"sqlite:///{tmp_path_factory.mktemp('hostile') / 'store.db'}")
+
+
+@pytest.fixture(scope="session")
+def postgresql_hostile(server: Server) -> str:
+    return record_hostile(server.new_store())
+
+
+@pytest.fixture(params=["sqlite", "postgresql"])
+def hostile(request: pytest.FixtureRequest) -> Iterator[TestClient]:
+    """A client of the application of a hostile store."""
+    url = request.getfixturevalue(f"{request.param}_hostile")
+    with TestClient(create_app(url), base_url=BASE) as client:
+        yield client
+
+
+@pytest.mark.slow
+def test_every_link_leads_somewhere(client: TestClient) -> None:
+    visited = [(page.answer.status_code, page.address) for page in walk(client)]
+    assert len(visited) > 50
+    assert [each for each in visited if each[0] != 200] == []
+
+
+@pytest.mark.slow
+def test_every_page_of_a_hostile_store_is_made_by_its_template(hostile: TestClient) -> None:
+    seen: set[str] = set()
+    for page in walk(hostile):
+        assert page.answer.status_code == 200, (page.address[:300], page.answer.text[:500])
+        assert len(page.answer.text) < LARGEST, page.address[:300]
+        assert "Traceback" not in page.answer.text
+        if page.markup is None:
+            assert page.answer.headers["content-type"] == "application/json"  # type: ignore[index]
+            continue
+        assert list(page.markup.faults()) == [], page.address[:300]
+        text = "".join(page.markup.texts)
+        assert "36481" not in text, "a template has evaluated a name"
+        seen.update(each for each in NAMES if each in text)
+    # They are not left out either.
+    assert seen == set(NAMES)
+
+
+@pytest.mark.parametrize("parameter", ["kb", "number", "at", "text", "name", "actor", "unknown"])
+def test_what_is_asked_for_is_text_in_the_answer(hostile: TestClient, parameter: str) -> None:
+    paths = hostile.get("/api/openapi.json").json()["paths"]
+    for path in (each.removeprefix("/api") for each in paths):
+        for text in (*TEXTS[:-1], LONG):
+            query = {"kb": KNOWLEDGE_BASE, **{parameter: text}}
+            answer = hostile.get(path, params=query)
+            assert "InternalServerError" not in answer.text
+            assert answer.status_code in (200, 400, 404, 422), (path, text[:100], answer.text[:500])
+            assert list(Markup(answer.text).faults()) == [], (path, text[:100])
+
+
+@pytest.fixture(scope="module")
+def columns(sqlite_hostile: str) -> list[tuple[str, str]]:
+    return text_columns(str(make_url(sqlite_hostile).database))
+
+
+@pytest.mark.slow
+def test_a_file_that_somebody_has_written_into_is_data_too(
+    sqlite_story: str, columns: list[tuple[str, str]], tmp_path: Path
+) -> None:
+    written = 0
+    for table, column in columns:
+        path = tmp_path / "store.db"
+        shutil.copy(str(make_url(sqlite_story).database), path)
+        if not overwrite(str(path), table, column):
+            continue
+        written += 1
+        app = create_app(f"sqlite:///{path}")
+        with TestClient(app, base_url=BASE, raise_server_exceptions=False) as client:
+            for page in walk(client, ADDRESSES, most=len(ADDRESSES) + 30):
+                assert "Traceback" not in page.answer.text, (table, column, page.address)
+                if page.markup:
+                    assert list(page.markup.faults()) == [], (table, column, page.address)
+    assert written > len(columns) // 2
+
+
+# Pages of the story, each of which may read the column in question.
+ADDRESSES = (
+    "/",
+    *(
+        f"/{path}"
+        for path in (
+            "log?kb=courier",
+            "state?kb=courier",
+            "state?kb=courier&at=20",
+            "difference?kb=courier&a=5&b=30",
+            "timeline?kb=courier",
+            "plans?kb=courier",
+            "plan?kb=courier&id=1",
+            "action?kb=courier&name=move",
+            "object?kb=courier&name=rb1",
+            "fact?kb=courier&text=(robot_at+rb1+t1)",
+            "ask?kb=courier&condition=(robot_at+rb1+%3Fp)",
+            "verify?kb=courier",
+            *(f"revision?kb=courier&number={number}" for number in (1, 2, 7, 9, 23, 29, 36)),
+        )
+    ),
+)
