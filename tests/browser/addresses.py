@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from urllib.parse import urlencode
 
-from starlette.routing import Route
-
-from kant_sql.web.pages import TOPICS
+from tests.support.crawling import PATHS
 
 
 def address(path: str, **query: object) -> str:
@@ -17,14 +15,13 @@ def address(path: str, **query: object) -> str:
 # Each page, at the addresses that show different parts of it.
 ADDRESSES: dict[str, tuple[str, ...]] = {
     "/": ("/",),
+    "/api": ("/api",),
+    "/ask": (
+        address("/ask"),
+        address("/ask", condition="(robot_at ?r ?p)", at="2026-03-02 14:03"),
+        address("/ask", condition="(robot_at rb1 t1)"),
+        address("/ask", condition="(robot_at rb1 ?p)", mode="when"),
+    ),
     "/revision": (address("/revision", number=36), address("/revision", number=9)),
 }
-PATHS = sorted(
-    {
-        route.path
-        for pages in TOPICS
-        for route in pages.html.routes
-        if isinstance(route, Route) and "GET" in (route.methods or ())
-    }
-)
 ALL = [each for path in PATHS for each in ADDRESSES.get(path, ())]

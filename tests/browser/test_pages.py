@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from tests.browser.addresses import ADDRESSES, ALL, PATHS, address
+from tests.browser.addresses import ADDRESSES, ALL, address
 from tests.browser.conftest import Visit
 from tests.support.browsing import NARROW, PAPER, SCHEMES, WIDTHS, Scheme, Serving
+from tests.support.crawling import PATHS
 
 
 def test_every_page_is_visited() -> None:

@@ -11,10 +11,35 @@ from pathlib import Path
 from typing import NamedTuple, Protocol
 from urllib.parse import parse_qsl, urlencode, urljoin, urlsplit
 
+from starlette.routing import Route
+
 import kant_sql
+from kant_sql.web.pages import TOPICS
 
 WEB = Path(kant_sql.__file__).parent / "web"
-_BOOLEAN = {"checked", "disabled", "hidden", "multiple", "open", "readonly", "required", "selected"}
+# Each page of the application.
+PATHS = sorted(
+    {"/api"}
+    | {
+        route.path
+        for pages in TOPICS
+        for route in pages.html.routes
+        if isinstance(route, Route) and "GET" in (route.methods or ())
+    }
+)
+_BOOLEAN = {
+    "async",
+    "autofocus",
+    "checked",
+    "defer",
+    "disabled",
+    "hidden",
+    "multiple",
+    "open",
+    "readonly",
+    "required",
+    "selected",
+}
 _EMPTY = {"input", "meta", "link", "br", "hr", "img", "col", "wbr", "source"}
 # What the guards of direction and of line ends write out.
 _HIDING = re.compile(
@@ -54,7 +79,7 @@ class Markup(HTMLParser):
         elements: the names of its elements.
         attributes: element, name and value of each attribute.
         links: what it leads to, forms with the values that they begin with included.
-        texts: its texts, scripts excluded.
+        texts: its texts, except those in boxes to write in.
     """
 
     def __init__(self, text: str) -> None:
@@ -103,7 +128,9 @@ class Markup(HTMLParser):
             self.unbalanced.append(tag)
 
     def handle_data(self, data: str) -> None:
-        self.texts.append(data)
+        # What a reader writes in a box is given back as it was written.
+        if self._open[-1:] != ["textarea"]:
+            self.texts.append(data)
 
     def faults(self) -> Iterator[str]:
         """Name what no template has written, and what leads out of the application."""

@@ -1,4 +1,5 @@
-// Completes names in the box of the condition: a combobox as the ARIA practices describe it.
+// Completes names in the box of the condition, as the ARIA practices describe it for a combobox; a
+// box of several lines may not have that role itself.
 "use strict";
 (() => {
   const box = document.getElementById("condition");
@@ -11,9 +12,8 @@
   list.hidden = true;
   box.after(list);
   for (const [name, value] of Object.entries({
-    role: "combobox",
     "aria-autocomplete": "list",
-    "aria-expanded": "false",
+    "aria-haspopup": "listbox",
     "aria-controls": list.id,
   })) box.setAttribute(name, value);
 
@@ -34,7 +34,6 @@
   const close = () => {
     list.hidden = true;
     chosen = -1;
-    box.setAttribute("aria-expanded", "false");
     box.removeAttribute("aria-activedescendant");
   };
 
@@ -77,7 +76,6 @@
     });
     chosen = -1;
     list.hidden = names.length === 0;
-    box.setAttribute("aria-expanded", String(!list.hidden));
   };
 
   const complete = async () => {
