@@ -19,6 +19,7 @@ from starlette.exceptions import HTTPException
 from .. import __version__
 from ..errors import KantSqlError
 from .description import describe
+from .live import LiveHub, live
 from .pages import TOPICS
 from .registry import status_of
 from .rendering import STATIC, render
@@ -60,6 +61,7 @@ def create_app(
         try:
             yield
         finally:
+            app.state.live.close()
             store.close()
 
     app = FastAPI(
@@ -72,9 +74,11 @@ def create_app(
         lifespan=lifespan,
     )
     app.state.store = store
+    app.state.live = LiveHub(store)
     for pages in TOPICS:
         app.include_router(pages.api)
         app.include_router(pages.html)
+    app.include_router(live)
     describe(app)
     _serve_files(app)
     _answer_errors(app)

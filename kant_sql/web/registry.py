@@ -5,7 +5,7 @@ from __future__ import annotations
 import inspect
 from collections.abc import Awaitable, Callable
 from functools import partial
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any, NamedTuple, TypeVar
 
 from fastapi import APIRouter, Query, Request
 from fastapi.responses import HTMLResponse
@@ -90,12 +90,23 @@ class Pages:
         return register
 
 
-async def _json(request: Request, data: Any, kb: str | None) -> Any:
-    return data
+class _Answer(NamedTuple):
+    """The data of a page, and what it is of.
+
+    `head` is the last revision before the data was read; of a store, how many there are.
+    """
+
+    data: Any
+    kb: str | None
+    head: int
 
 
-async def _page(request: Request, data: Any, kb: str | None, template: str) -> HTMLResponse:
-    return render(request, template, data, kb)
+async def _json(request: Request, found: _Answer) -> Any:
+    return found.data
+
+
+async def _page(request: Request, found: _Answer, template: str) -> HTMLResponse:
+    return render(request, template, found.data, found.kb, head=found.head)
 
 
 async def _form(request: Request, error: KantSqlError, template: str) -> HTMLResponse:
@@ -105,7 +116,7 @@ async def _form(request: Request, error: KantSqlError, template: str) -> HTMLRes
 
 def _endpoint(
     function: Callable[..., Any],
-    respond: Callable[[Request, Any, str | None], Awaitable[Any]],
+    respond: Callable[[Request, _Answer], Awaitable[Any]],
     refuse: Callable[[Request, KantSqlError], Awaitable[Any]] | None = None,
 ) -> Callable[..., Awaitable[Any]]:
     """Make an endpoint of a data function: its parameters, the request and the name of a store."""
@@ -117,20 +128,22 @@ def _endpoint(
         store: OpenStore = request.app.state.store
         name = query.pop("kb_name", None)
 
-        def work() -> tuple[Any, str | None]:
+        def work() -> _Answer:
             if of_store:
-                return function(store, **query), None
+                head = store.catalog.total()[1]
+                return _Answer(function(store, **query), None, head)
             chosen = store.choose(name)
             with store.knowledge_base(chosen) as kb:
-                return function(kb, **query), chosen
+                head = kb.revision
+                return _Answer(function(kb, **query), chosen, head)
 
         try:
-            data, chosen = await answer(request, work)
+            found = await answer(request, work)
         except KantSqlError as error:
             if refuse is None or status_of(error) != WRONG_INPUT:
                 raise
             return await refuse(request, error)
-        return await respond(request, data, chosen)
+        return await respond(request, found)
 
     keyword = inspect.Parameter.KEYWORD_ONLY
     parameters = [inspect.Parameter("request", keyword, annotation=Request)]

@@ -98,13 +98,15 @@ def render(
     *,
     status: int = 200,
     error: str | None = None,
+    head: int | None = None,
 ) -> HTMLResponse:
-    """Return a page; without data, it says what is wrong."""
+    """Return a page; without data, it says what is wrong. Behind `head`, it follows changes."""
     path, query = request.url.path, request.url.query
     context = {
         "page": data,
         "error": error,
         "kb": kb,
+        "head": head,
         "path": path,
         "api": f"/api{path}" + (f"?{query}" if query else ""),
         "query": dict(request.query_params),

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import os
 import secrets
+import socket
 from collections.abc import Sequence
 
+import anyio
 import uvicorn
+from fastapi import FastAPI
 
 from ..errors import InvalidArgumentError
 from .application import create_app
@@ -65,4 +68,16 @@ def make_server(
         h11_max_incomplete_event_size=LONGEST_REQUEST,
         timeout_graceful_shutdown=2,
     )
-    return uvicorn.Server(config), token
+    return _Server(config), token
+
+
+class _Server(uvicorn.Server):
+    """A server that does not wait for readers of live changes, nor for slow questions, to stop."""
+
+    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        """End streams and cancel questions before connections are awaited."""
+        app = self.config.app
+        assert isinstance(app, FastAPI)
+        app.state.live.close()
+        await anyio.to_thread.run_sync(app.state.store.cancel)
+        await super().shutdown(sockets)

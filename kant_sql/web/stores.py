@@ -59,6 +59,11 @@ class OpenStore:
         many = "several knowledge bases" if names else "no knowledge base yet"
         raise UnknownNameError(f"this store has {many}; choose one with the parameter kb")
 
+    def require(self, name: str) -> None:
+        """Raise when there is no knowledge base of a name."""
+        if not self.catalog.has(name):
+            raise UnknownNameError(f"this store has no knowledge base {shown(name)}")
+
     @contextmanager
     def knowledge_base(self, name: str) -> Iterator[KnowledgeBase]:
         """Lend a knowledge base; it stays open for the next question."""
@@ -83,8 +88,7 @@ class OpenStore:
             opened = self._opened.get(name)
             if opened is None:
                 # Opening one that does not exist would succeed: the first write creates it.
-                if not self.catalog.has(name):
-                    raise UnknownNameError(f"this store has no knowledge base {shown(name)}")
+                self.require(name)
                 opened = self._opened[name] = _Opened(self._connect(name))
             self._opened.move_to_end(name)
             opened.users += 1
@@ -109,10 +113,14 @@ class OpenStore:
         finally:
             self._limits.discard(limit)
 
-    def close(self) -> None:
-        """Cancel all questions, and close all knowledge bases."""
+    def cancel(self) -> None:
+        """Cancel all questions that run."""
         for limit in list(self._limits):
             limit.cancel()
+
+    def close(self) -> None:
+        """Cancel all questions, and close all knowledge bases."""
+        self.cancel()
         with self._lock:
             while self._opened:
                 self._opened.popitem()[1].kb.close()

@@ -1,0 +1,256 @@
+"""Live events: new revisions are told to all readers, by one watching thread per knowledge base.
+
+Readers are told of the last revision only, at most a few times in a second, so that neither many
+readers nor a busy writer make work for the other.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import threading
+from collections.abc import AsyncIterator
+from contextlib import suppress
+from typing import Annotated
+
+from fastapi import APIRouter, Header, Query, Request
+from fastapi.responses import StreamingResponse
+from typing_extensions import TypedDict
+
+from ..errors import KantSqlError, StoreBusyError, UnknownRevisionError
+from ..knowledge.canonical import time_text
+from ..knowledge_base import KnowledgeBase
+from .registry import KbName
+from .rendering import shorten
+from .stores import OpenStore, answer
+
+# Seconds between two events of one knowledge base.
+PAUSE = 0.25
+# Seconds between looks at the heads of all knowledge bases, for the home page.
+LOOK_EVERY = 1.0
+# Seconds for which a thread waits for a revision, and pauses after a failure.
+WATCH_FOR, RECOVER = 5.0, 1.0
+# Seconds after which a reader is told that the connection lives.
+HEARTBEAT = 15.0
+# Seconds that a thread watches on after the last reader has left: most go on to another page.
+LINGER = 10.0
+# Milliseconds until a browser connects again.
+RETRY = 2_000
+THREAD = "kant_sql live"
+MOST_READERS, MOST_WATCHED = 500, 32
+
+
+class LiveDocument(TypedDict):
+    """The last revision of a knowledge base; of the home page, how many all have together."""
+
+    knowledge_base: str | None
+    revision: int
+    committed_at: str | None
+    actor: str | None
+    reason: str | None
+    message: str
+
+
+class LiveFeed:
+    """What the readers of one knowledge base are told. All but `tell` is for the event loop.
+
+    Attributes:
+        readers: how many there are.
+        is_over: set when nobody reads any more.
+    """
+
+    def __init__(self) -> None:
+        self.readers = 0
+        self.is_over = threading.Event()
+        self._loop = asyncio.get_running_loop()
+        self._last: LiveDocument | None = None
+        self._changed = asyncio.Event()
+
+    def tell(self, document: LiveDocument) -> None:
+        """Tell all readers; the watching thread calls this."""
+        # After the end of the loop nobody reads.
+        with suppress(RuntimeError):
+            self._loop.call_soon_threadsafe(self._tell, document)
+
+    def _tell(self, document: LiveDocument) -> None:
+        self._last = document
+        self.wake()
+
+    def wake(self) -> None:
+        """Wake all readers."""
+        changed, self._changed = self._changed, asyncio.Event()
+        changed.set()
+
+    async def following(self, seen: int | None, seconds: float) -> LiveDocument | None:
+        """Wait for another revision than the one that was seen; None when there was none."""
+        if self._news(seen) is None:
+            with suppress(TimeoutError):
+                await asyncio.wait_for(self._changed.wait(), seconds)
+        return self._news(seen)
+
+    def _news(self, seen: int | None) -> LiveDocument | None:
+        last = self._last
+        return None if last is None or last["revision"] == seen else last
+
+
+class LiveHub:
+    """The feeds of a store. All but `close` is for the event loop."""
+
+    def __init__(self, store: OpenStore) -> None:
+        self._store = store
+        self._feeds: dict[str | None, LiveFeed] = {}
+        self._readers = 0
+        self.is_closed = False
+
+    def join(self, name: str | None) -> LiveFeed:
+        """Become a reader of a knowledge base, or of the home page."""
+        feed = self._feeds.get(name)
+        if self._readers >= MOST_READERS or (feed is None and len(self._feeds) > MOST_WATCHED):
+            raise StoreBusyError("too many readers follow live changes; reload the page instead")
+        if feed is None:
+            feed = self._feeds[name] = LiveFeed()
+            watch = watch_store if name is None else watch_knowledge_base
+            arguments = (self._store, feed, name)
+            threading.Thread(target=watch, args=arguments, name=THREAD, daemon=True).start()
+        feed.readers += 1
+        self._readers += 1
+        return feed
+
+    def leave(self, name: str | None, feed: LiveFeed) -> None:
+        """Read no more; the thread ends when nobody comes back soon."""
+        feed.readers -= 1
+        self._readers -= 1
+        if not feed.readers:
+            asyncio.get_running_loop().call_later(LINGER, self._end, name, feed)
+
+    def _end(self, name: str | None, feed: LiveFeed) -> None:
+        if not feed.readers and self._feeds.get(name) is feed:
+            del self._feeds[name]
+            feed.is_over.set()
+
+    def close(self) -> None:
+        """End all streams and threads."""
+        self.is_closed = True
+        for feed in self._feeds.values():
+            feed.is_over.set()
+            feed.wake()
+
+
+def watch_knowledge_base(store: OpenStore, feed: LiveFeed, name: str) -> None:
+    """Tell of each new revision, until nobody reads; losses of the store are survived."""
+    seen: int | None = None
+    while not feed.is_over.is_set():
+        try:
+            with store.knowledge_base(name) as kb:
+                while not feed.is_over.is_set():
+                    seen = _watch(kb, name, feed, seen)
+        except UnknownRevisionError:
+            # The store was put back to an earlier state.
+            seen = None
+        except KantSqlError:
+            feed.is_over.wait(RECOVER)
+
+
+def _watch(kb: KnowledgeBase, name: str, feed: LiveFeed, seen: int | None) -> int:
+    head = kb.revision if seen is None else kb.watch(seen, timeout=WATCH_FOR)
+    if head is None:
+        assert seen is not None
+        return seen
+    feed.tell(_document(kb, name, head))
+    # What is written meanwhile is told with the next event.
+    feed.is_over.wait(PAUSE)
+    return head
+
+
+def _document(kb: KnowledgeBase, name: str, head: int) -> LiveDocument:
+    [revision] = kb.revisions(head - 1, limit=1) if head else [None]
+    if revision is None:
+        return _message(name, 0, "Nothing was written yet.")
+    who = "" if revision.actor is None else f" by {shorten(revision.actor, 60)}"
+    why = "" if revision.reason is None else f": {shorten(revision.reason, 120)}"
+    document = _message(name, head, f"Revision {head}{who}{why}")
+    document["committed_at"] = time_text(revision.committed_at)
+    document["actor"], document["reason"] = revision.actor, revision.reason
+    return document
+
+
+def _message(name: str | None, revision: int, message: str) -> LiveDocument:
+    return {
+        "knowledge_base": name,
+        "revision": revision,
+        "committed_at": None,
+        "actor": None,
+        "reason": None,
+        "message": message,
+    }
+
+
+def watch_store(store: OpenStore, feed: LiveFeed, _: None) -> None:
+    """Tell when any knowledge base has a new revision, until nobody reads."""
+    seen = None
+    while not feed.is_over.is_set():
+        with suppress(KantSqlError):
+            count, revisions = store.catalog.total()
+            if revisions != seen:
+                kbs = "1 knowledge base" if count == 1 else f"{count:,} knowledge bases"
+                feed.tell(_message(None, revisions, f"{kbs}, {revisions:,} revisions"))
+                seen = revisions
+        feed.is_over.wait(LOOK_EVERY)
+
+
+live = APIRouter()
+
+AfterRevision = Annotated[
+    int | None, Query(ge=0, description="The revision that the reader has; told at once if others.")
+]
+LastEvent = Annotated[str | None, Header(alias="Last-Event-ID")]
+
+
+@live.get("/live", include_in_schema=False)
+@live.get(
+    "/api/live",
+    tags=["live"],
+    response_class=StreamingResponse,
+    responses={200: {"content": {"text/event-stream": {"schema": {"type": "string"}}}}},
+)
+async def events(
+    request: Request,
+    kb_name: KbName = None,
+    after: AfterRevision = None,
+    last_event_id: LastEvent = None,
+) -> StreamingResponse:
+    """Follow a knowledge base, or without `kb` all: server-sent events.
+
+    Each event `revision` has the number of the last revision as its id, and a document with
+    `knowledge_base`, `revision`, `committed_at`, `actor`, `reason` and `message` as its data.
+    Several revisions may be told by one event. A reader who connects again gives the last id, by
+    the header `Last-Event-ID`, and misses nothing.
+    """
+    store: OpenStore = request.app.state.store
+    hub: LiveHub = request.app.state.live
+    if kb_name is not None:
+        await answer(request, lambda: store.require(kb_name))
+    is_number = last_event_id is not None and last_event_id.isascii() and last_event_id.isdigit()
+    seen = int(last_event_id) if is_number and last_event_id else after
+    feed = hub.join(kb_name)
+    return StreamingResponse(
+        _stream(hub, kb_name, feed, seen),
+        media_type="text/event-stream",
+        headers={"Cache-Control": "no-store", "X-Accel-Buffering": "no"},
+    )
+
+
+async def _stream(
+    hub: LiveHub, name: str | None, feed: LiveFeed, seen: int | None
+) -> AsyncIterator[str]:
+    try:
+        yield f"retry: {RETRY}\n\n"
+        while not hub.is_closed:
+            document = await feed.following(seen, HEARTBEAT)
+            if document is not None:
+                seen = document["revision"]
+                yield f"id: {seen}\nevent: revision\ndata: {json.dumps(document)}\n\n"
+            elif not hub.is_closed:
+                yield ": nothing new\n\n"
+    finally:
+        hub.leave(name, feed)

@@ -1,0 +1,239 @@
+"""Live events, on a real server: told, resumed, shared, and surviving restarts."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import socket
+import tempfile
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import httpx
+import pytest
+
+from kant_sql import KnowledgeBase
+from kant_sql.web import live
+from tests.support.faults import terminate
+from tests.support.servers import MortalServer
+from tests.support.serving import running
+from tests.support.stores import Connect
+from tests.support.worlds.robots import RB1, waypoint
+from tests.support.worlds.robots import robot_at as at
+
+SOON = 20.0
+
+
+class Event(NamedTuple):
+    """A server-sent event."""
+
+    id: str
+    data: dict[str, Any]
+
+
+class Listening:
+    """The events of a stream as they come, and its comments."""
+
+    def __init__(self, answer: httpx.Response) -> None:
+        self.headers = answer.headers
+        self.comments = 0
+        self._lines = answer.iter_lines()
+
+    def next(self) -> Event:
+        fields: dict[str, str] = {}
+        for line in self._lines:
+            if line.startswith(":"):
+                self.comments += 1
+            elif line:
+                name, _, value = line.partition(": ")
+                fields[name] = value
+            elif "data" in fields:
+                assert fields["event"] == "revision"
+                return Event(fields["id"], json.loads(fields["data"]))
+        raise AssertionError("the stream has ended")
+
+    def rest(self) -> list[str]:
+        return list(self._lines)
+
+
+@contextmanager
+def listening(address: str, query: str = "kb=tiago", **headers: str) -> Iterator[Listening]:
+    named = {name.replace("_", "-"): value for name, value in headers.items()}
+    with httpx.stream("GET", f"{address}/live?{query}", headers=named, timeout=SOON) as answer:
+        assert answer.status_code == 200
+        yield Listening(answer)
+
+
+@pytest.fixture
+def kb(shared_url: str, connect: Connect) -> KnowledgeBase:
+    kb = connect(shared_url, knowledge_base="tiago", actor="perception")
+    kb.propositions.save(at())
+    return kb
+
+
+def write(kb: KnowledgeBase, number: int, reason: str | None = None) -> None:
+    with kb.transaction(reason=reason):
+        kb.propositions.save(at(RB1, waypoint(number)))
+
+
+def test_a_new_revision_is_told_with_who_and_why(shared_url: str, kb: KnowledgeBase) -> None:
+    with running(shared_url) as address, listening(address, "kb=tiago&after=1") as stream:
+        assert stream.headers["content-type"].startswith("text/event-stream")
+        write(kb, 7, "saw it")
+        event = stream.next()
+        assert event.id == "2"
+        assert event.data["knowledge_base"] == "tiago"
+        assert (event.data["revision"], event.data["actor"]) == (2, "perception")
+        assert event.data["message"] == "Revision 2 by perception: saw it"
+        write(kb, 8)
+        assert stream.next().data["message"] == "Revision 3 by perception"
+
+
+def test_who_connects_again_misses_nothing(shared_url: str, kb: KnowledgeBase) -> None:
+    write(kb, 7)
+    with running(shared_url) as address:
+        with listening(address, "kb=tiago") as stream:
+            assert stream.next().id == "2"
+        with listening(address, "kb=tiago&after=1") as stream:
+            assert stream.next().id == "2"
+        write(kb, 8)
+        with listening(address, "kb=tiago&after=1", last_event_id="2") as stream:
+            assert stream.next().id == "3"
+        with listening(address, "kb=tiago&after=3", last_event_id="junk") as stream:
+            write(kb, 9)
+            assert stream.next().id == "4"
+
+
+def test_the_home_page_follows_all_knowledge_bases(
+    shared_url: str, kb: KnowledgeBase, connect: Connect
+) -> None:
+    with running(shared_url) as address, listening(address, "after=1") as stream:
+        connect(shared_url, knowledge_base="other").propositions.save(at())
+        event = stream.next()
+        assert (event.id, event.data["knowledge_base"]) == ("2", None)
+        assert event.data["message"] == "2 knowledge bases, 2 revisions"
+
+
+def test_a_knowledge_base_that_does_not_exist_is_refused(
+    shared_url: str, kb: KnowledgeBase
+) -> None:
+    with running(shared_url) as address:
+        for path in ("/live", "/api/live"):
+            assert httpx.get(f"{address}{path}?kb=nobody").status_code == 404
+        assert httpx.get(f"{address}/live?kb=tiago&after=-1").status_code == 422
+
+
+def watchers() -> int:
+    return sum(thread.name == live.THREAD for thread in threading.enumerate())
+
+
+def wait_for(is_so: Callable[[], bool]) -> None:
+    deadline = time.monotonic() + SOON
+    while not is_so():
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+
+
+def test_all_readers_share_one_thread_which_ends_after_the_last(
+    shared_url: str, kb: KnowledgeBase, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(live, "LINGER", 0.1)
+    monkeypatch.setattr(live, "WATCH_FOR", 0.2)
+    with running(shared_url) as address:
+        with ExitStack() as stack:
+            streams = [
+                stack.enter_context(listening(address, "kb=tiago&after=1")) for _ in range(20)
+            ]
+            write(kb, 7)
+            assert {stream.next().id for stream in streams} == {"2"}
+            assert watchers() == 1
+        # The next heartbeat or revision shows that they are gone.
+        write(kb, 8)
+        wait_for(lambda: not watchers())
+        with listening(address, "kb=tiago&after=2") as stream:
+            assert stream.next().id == "3"
+
+
+def test_too_many_readers_are_refused(
+    shared_url: str, kb: KnowledgeBase, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(live, "MOST_READERS", 1)
+    with running(shared_url) as address, listening(address):
+        assert httpx.get(f"{address}/live?kb=tiago").status_code == 503
+
+
+def test_quiet_streams_are_kept_alive(
+    shared_url: str, kb: KnowledgeBase, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(live, "HEARTBEAT", 0.05)
+    with running(shared_url) as address, listening(address, "kb=tiago&after=1") as stream:
+        time.sleep(0.3)
+        write(kb, 7)
+        assert stream.next().id == "2"
+        assert stream.comments > 1
+
+
+def test_a_server_that_stops_ends_its_streams(shared_url: str, kb: KnowledgeBase) -> None:
+    with ExitStack() as stack:
+        with running(shared_url) as address:
+            stream = stack.enter_context(listening(address, "kb=tiago&after=1"))
+            started = time.monotonic()
+        assert stream.rest() is not None
+        assert time.monotonic() - started < SOON
+    wait_for(lambda: not watchers())
+
+
+def test_readers_go_on_after_a_restart_of_the_server(shared_url: str, kb: KnowledgeBase) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        port = free.getsockname()[1]
+    with running(shared_url, port=port) as address, listening(address) as stream:
+        last = stream.next().id
+    write(kb, 7)
+    with (
+        running(shared_url, port=port) as address,
+        listening(address, last_event_id=last) as stream,
+    ):
+        assert stream.next().id == "2"
+
+
+@pytest.mark.parametrize("shared_url", ["postgresql"], indirect=True)
+def test_lost_connections_are_made_again(shared_url: str, kb: KnowledgeBase) -> None:
+    with running(shared_url) as address, listening(address, "kb=tiago&after=1") as stream:
+        write(kb, 7)
+        assert stream.next().id == "2"
+        assert terminate(shared_url)
+        write(kb, 8)
+        assert stream.next().id == "3"
+
+
+@pytest.mark.slow
+def test_readers_go_on_after_a_restart_of_the_database(connect: Connect) -> None:
+    folder = Path(tempfile.mkdtemp(prefix="kantpg"))
+    database = MortalServer(folder)
+    try:
+        url = database.new_store()
+        kb = connect(url, knowledge_base="tiago", actor="perception")
+        kb.propositions.save(at())
+        with running(url) as address, listening(address, "kb=tiago&after=1") as stream:
+            database.kill()
+            time.sleep(1)
+            database.restart()
+            write(kb, 7)
+            assert stream.next().id == "2"
+    finally:
+        database.stop()
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def test_pages_follow_what_they_show(shared_url: str, kb: KnowledgeBase) -> None:
+    with running(shared_url) as address:
+        page = httpx.get(f"{address}/revision?kb=tiago&number=1").text
+        assert 'data-feed="/live?kb=tiago" data-head="1"' in page
+        assert 'role="status" aria-live="polite"' in page
+        assert "/static/live.js?v=" in page
+        assert 'data-feed="/live" data-head="1"' in httpx.get(address).text
+        assert "data-feed" not in httpx.get(f"{address}/revision?kb=tiago&number=9").text
