@@ -14,6 +14,7 @@ from ..dto.formulas import Node
 from ..sql.changes import Change
 from .anchors import Anchor
 from .archive.archive import Archived
+from .excerpts import StateReader
 from .overview import Overview
 from .revisions import LogEntry, Revision
 from .timeline import Timeline
@@ -191,6 +192,10 @@ class History(Interface):
     @required
     def _overview(self) -> Overview:
         """Count what the state holds."""
+
+    @required
+    def _reader(self) -> StateReader:
+        """Return where pages read that show a part of a large store."""
 
     @required
     def history(self, element: Element) -> list[Version]:

@@ -16,6 +16,7 @@ from ..sql.changes import Change
 from .anchors import Anchor, read_anchor
 from .archive.archive import Archived, archive
 from .diff import diff, diff_lines, state_lines
+from .excerpts import StateReader
 from .follow import read_changes, watch
 from .interfaces import Element, History, When
 from .log import read_log, read_revisions
@@ -90,6 +91,10 @@ class SqlHistory(SqlDao, History):
     @override
     def _overview(self) -> Overview:
         return read_overview(self._store, self._at)
+
+    @override
+    def _reader(self) -> StateReader:
+        return StateReader(self._store, self._at)
 
     @override
     def history(self, element: Element) -> list[Version]:

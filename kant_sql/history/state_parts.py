@@ -1,0 +1,474 @@
+"""Parts of a state, a page at a time: what held, since when, and what has just gone.
+
+A page costs the same in a state of a million facts: what is long is counted up to a bound, and is
+then read in the order of an index instead of that of the texts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+from sqlalchemy import (
+    ColumnElement,
+    Select,
+    bindparam,
+    case,
+    func,
+    literal_column,
+    or_,
+    select,
+    union_all,
+)
+
+from ..dao.known import refuse_unknown
+from ..dto.lexical import fold, is_word
+from ..knowledge.definitions import DOMAIN_SECTIONS, PROBLEM_SECTIONS
+from ..pddl.lexer import tokenize
+from ..sql.definitions import find_identities
+from ..sql.dialects.base import Session
+from ..sql.intervals import ANY_FUNCTION, ANY_PREDICATE, held_then, then
+from ..sql.query import Query, first_rows, in_rows, integer
+from ..sql.rows import (
+    FACT,
+    GOAL,
+    KB,
+    PROPOSITION,
+    THEN,
+    VALUE,
+    VERSION_COLUMNS,
+    VersionColumns,
+    held_at,
+    table_of,
+)
+from ..sql.tables import (
+    Base,
+    FunctionValueArgumentRow,
+    FunctionValueRow,
+    PropositionArgumentRow,
+    PropositionRow,
+)
+from .excerpts import StateReader, contains, pattern_of, word_pattern
+from .moments import When, read_head, states_at
+from .revisions import Revision, read_numbered
+
+# What is counted exactly, what is sorted by its text, and what is searched for a text at a time.
+COUNTED, SORTED, SEARCHED = 100_000, 10_000, 20_000
+# How many of what has just gone are read, of each state.
+GONE = 200
+_NAMED = ("object", "type", "predicate", "function", "action")
+# The parts of a state, in the order in which they are shown.
+PARTS = (FACT, GOAL, VALUE, *_NAMED, *DOMAIN_SECTIONS, *(s for s in PROBLEM_SECTIONS if s != GOAL))
+
+
+class StateFilter(NamedTuple):
+    """Which elements of a state are asked for; all conditions apply.
+
+    Attributes:
+        text: what their text contains, in any case.
+        predicate: the predicate or the function that they are of.
+        object: the object that they name.
+    """
+
+    text: str | None = None
+    predicate: str | None = None
+    object: str | None = None
+
+
+class HeldElement(NamedTuple):
+    """An element of a state.
+
+    Attributes:
+        kind: its kind, as in `Change`.
+        text: its canonical PDDL text.
+        since: the revision that asserted it.
+    """
+
+    kind: str
+    text: str
+    since: int
+
+
+class StatePart(NamedTuple):
+    """A page of the elements of one kind.
+
+    Attributes:
+        kind: the kind, one of `PARTS`.
+        elements: the elements.
+        total: how many there are, as far as they are counted.
+        is_counted: whether `total` counts all.
+        offset: how many come before the page.
+        next: the offset of the next page; None after the last.
+        is_searched: whether the text was looked for in a part of them only: those from `offset` on,
+            before `next`.
+    """
+
+    kind: str
+    elements: list[HeldElement]
+    total: int
+    is_counted: bool
+    offset: int
+    next: int | None
+    is_searched: bool = False
+
+
+class StateExcerpt(NamedTuple):
+    """A page of a state.
+
+    Attributes:
+        revision: the number of the state's revision.
+        head: the last revision.
+        parts: the pages of its kinds.
+        gone: elements that this revision retracted, `GONE` at most.
+        revisions: the revisions that are mentioned, by number.
+    """
+
+    revision: int
+    head: int
+    parts: list[StatePart]
+    gone: list[HeldElement]
+    revisions: dict[int, Revision]
+
+
+class _Shape(NamedTuple):
+    """Which statement reads a part: its conditions, without their values."""
+
+    kind: str
+    is_past: bool = False
+    has_text: bool = False
+    has_predicate: bool = False
+    has_object: bool = False
+
+
+# The tables of identities and arguments, and the columns of the identity and of its head.
+_ATOMS: dict[str, tuple[type[Base], type[Base], str, str]] = {
+    PROPOSITION: (PropositionRow, PropositionArgumentRow, "proposition_id", "predicate_id"),
+    VALUE: (FunctionValueRow, FunctionValueArgumentRow, "function_value_id", "function_id"),
+}
+# The parameter that has the id of the predicate or the function.
+_HEADS = {PROPOSITION: "predicate", VALUE: "function"}
+_ANY = {PROPOSITION: ANY_PREDICATE, VALUE: ANY_FUNCTION}
+_SIZE, _OFFSET = integer("size"), integer("offset")
+
+
+def _constant(sql: object) -> ColumnElement[Any]:
+    return literal_column(str(sql))
+
+
+def _quoted(text: str) -> ColumnElement[Any]:
+    return literal_column(f"'{text}'")
+
+
+def _lines(columns: VersionColumns) -> Select[Any]:
+    since = columns.version.since
+    return select(columns.kind.label("kind"), columns.text.label("text"), since.label("since"))
+
+
+def _of_atoms(source: str, shape: _Shape) -> Select[Any]:
+    """Select facts, goals or values by their versions, in the order of an index."""
+    columns = VERSION_COLUMNS[source]
+    version = columns.version
+    owner = version[_ATOMS[source][3]]
+    conditions: list[Any] = [version.kb_id == KB]
+    order: list[Any] = [owner]
+    if source == PROPOSITION:
+        # As the partial index of goals has it.
+        is_fact = version.is_goal == _constant("FALSE")
+        conditions.append(version.is_goal if shape.kind == GOAL else is_fact)
+        order += [version.is_goal, version.first_object_id, version.second_object_id]
+    if shape.has_predicate:
+        conditions.append(owner == integer(_HEADS[source]))
+    elif shape.is_past:
+        conditions.append(_ANY[source])
+    if shape.is_past:
+        conditions.append(held_then(version))
+        order = [owner, version.fork, version.since, version.until]
+    else:
+        conditions.append(version.until.is_(None))
+    order.append(columns.owner)
+    return _lines(columns).where(*conditions).order_by(*order)
+
+
+def _of_object(source: str, shape: _Shape) -> Select[Any]:
+    """Select facts, goals or values that name an object: of each, one version is looked up."""
+    mapped, argument, id_, head = _ATOMS[source]
+    table, arguments = table_of(mapped), table_of(argument).c
+    atom, version = table.c, VERSION_COLUMNS[source].version
+    mentioning = select(arguments[id_]).where(
+        arguments.kb_id == KB, arguments.object_id == integer("object")
+    )
+    # In the order of an index: what is beyond the bound is always the same.
+    mentioning = first_rows(mentioning.order_by(arguments[id_]), _constant(SEARCHED))
+    own = select(version.since).where(version.kb_id == atom.kb_id, version[id_] == atom.id)
+    if shape.is_past:
+        holds = case((or_(version.until.is_(None), version.until > THEN), version.since))
+        last = own.with_only_columns(holds).where(version.since <= THEN)
+        own = first_rows(last.order_by(version.since.desc()), _constant(1))
+    else:
+        own = own.where(version.until.is_(None))
+    since = own.correlate(table).scalar_subquery()
+    conditions: list[Any] = [atom.kb_id == KB, in_rows(atom.id, mentioning)]
+    if source == PROPOSITION:
+        conditions.append(atom.is_goal == _constant("TRUE" if shape.kind == GOAL else "FALSE"))
+    if shape.has_predicate:
+        conditions.append(atom[head] == integer(_HEADS[source]))
+    columns = atom.id.label("id"), atom.kb_id.label("kb_id"), since.label("since"), atom.text
+    held = select(*columns).where(*conditions).subquery("held")
+    text: Any = held.c.text
+    if source == VALUE:
+        now = (
+            version.kb_id == held.c.kb_id,
+            version[id_] == held.c.id,
+            version.since == held.c.since,
+        )
+        text = select(version.text).where(*now).correlate(held).scalar_subquery()
+    lines = select(_quoted(shape.kind).label("kind"), text.label("text"), held.c.since)
+    return lines.where(held.c.since.is_not(None)).order_by(held.c.id)
+
+
+def _of_definitions(source: str, shape: _Shape) -> Select[Any]:
+    """Select named elements, or formulas of a section."""
+    columns = VERSION_COLUMNS[source]
+    version = columns.version
+    held = held_at(version) if shape.is_past else version.until.is_(None)
+    lines = _lines(columns).where(version.kb_id == KB, held).order_by(columns.owner)
+    if source == "formula":
+        lines = lines.where(version.section == _quoted(shape.kind))
+        names = {"predicate_word": shape.has_predicate, "object_word": shape.has_object}
+        for parameter, is_asked in names.items():
+            if is_asked:
+                lines = lines.where(_words(columns.text).like(bindparam(parameter), escape="!"))
+    elif shape.has_object:
+        lines = lines.where(columns.owner == integer("object"))
+    return lines
+
+
+def _words(text: Any) -> ColumnElement[str]:
+    """Write a text as words between spaces."""
+    for parenthesis in "()":
+        text = func.replace(text, _quoted(parenthesis), _quoted(" "))
+    spaced: ColumnElement[str] = _quoted(" ").concat(func.lower(text)).concat(_quoted(" "))
+    return spaced
+
+
+def _selects(shape: _Shape) -> list[Select[Any]]:
+    """Return what makes a part: goals are atoms or formulas."""
+    source = {FACT: PROPOSITION, GOAL: PROPOSITION, VALUE: VALUE}.get(shape.kind)
+    found = []
+    if source is not None:
+        found.append((_of_object if shape.has_object else _of_atoms)(source, shape))
+    elif shape.kind in _NAMED:
+        found.append(_of_definitions(shape.kind, shape))
+    if shape.kind not in (FACT, VALUE, *_NAMED):
+        found.append(_of_definitions("formula", shape))
+    return found
+
+
+def _together(shape: _Shape, parts: list[Select[Any]]) -> Any:
+    whole = parts[0] if len(parts) == 1 else union_all(*parts)
+    return whole.subquery("part")
+
+
+@lru_cache(maxsize=64)
+def _counts(shapes: tuple[_Shape, ...]) -> Query:
+    """Count the parts, up to a bound."""
+    selects = []
+    for shape in shapes:
+        parts = [
+            first_rows(each.order_by(None), _constant(COUNTED + 1)) for each in _selects(shape)
+        ]
+        numbers = [
+            select(func.count()).select_from(part.subquery()).scalar_subquery() for part in parts
+        ]
+        selects.append(select(_quoted(shape.kind), sum(numbers[1:], start=numbers[0])))
+    return Query(union_all(*selects))
+
+
+@lru_cache(maxsize=256)
+def _sorted(shape: _Shape) -> Query:
+    """Read a part that is short in the order of its texts, and count what is found."""
+    part = _together(shape, [each.order_by(None) for each in _selects(shape)])
+    lines = select(part.c.kind, part.c.text, part.c.since, func.count().over())
+    if shape.has_text:
+        lines = lines.where(contains(part.c.text))
+    return Query(lines.order_by(part.c.text).limit(_SIZE).offset(_OFFSET))
+
+
+@lru_cache(maxsize=256)
+def _indexed(shape: _Shape) -> Query:
+    """Read a part that is long in the order of an index, or look for a text in some of it."""
+    parts = _selects(shape)
+    if len(parts) > 1:
+        part = _together(shape, [each.order_by(None) for each in parts])
+        lines = select(part.c.kind, part.c.text, part.c.since).order_by(part.c.text)
+    else:
+        lines = parts[0]
+    if not shape.has_text:
+        return Query(lines.limit(_SIZE).offset(_OFFSET))
+    some = lines.limit(_constant(SEARCHED)).offset(_OFFSET).subquery("some")
+    place = func.row_number().over().label("place")
+    numbered = select(some.c.kind, some.c.text, some.c.since, place).subquery("numbered")
+    found = select(numbered).where(contains(numbered.c.text)).order_by(numbered.c.place)
+    return Query(found.limit(_SIZE).offset(_constant(0)))
+
+
+def _gone_of(source: str) -> Select[Any]:
+    columns = VERSION_COLUMNS[source]
+    lines = _lines(columns).where(columns.version.kb_id == KB, columns.version.until == THEN)
+    return select(first_rows(lines, _constant(GONE)).subquery())
+
+
+_GONE = Query(union_all(*(_gone_of(name) for name in VERSION_COLUMNS if name != "document")))
+
+
+class _Question(NamedTuple):
+    """What is asked of a state, with the ids of the names in it.
+
+    Attributes:
+        asked: the conditions.
+        at: the revision; None for the present.
+        parameters: the parameters of its statements.
+    """
+
+    asked: StateFilter
+    at: int | None
+    parameters: dict[str, Any]
+
+    def shapes(self, kinds: Iterable[str], has_text: bool = False) -> tuple[_Shape, ...]:
+        """Return the conditions of the parts that may have any of it."""
+        _, predicate, object_ = self.asked
+        has_names = predicate is not None or object_ is not None
+        return tuple(
+            _Shape(kind, self.at is not None, has_text, predicate is not None, object_ is not None)
+            for kind in kinds
+            if kind not in _NAMED or not has_names or (kind == "object" and predicate is None)
+        )
+
+
+_NAMES = ("predicate", "function", "object")
+
+
+def _question(session: Session, kb_id: int, asked: StateFilter, at: int | None) -> _Question:
+    """Find the ids of names; -1 for one that never was."""
+    parameters: dict[str, Any] = {"kb": kb_id} if at is None else {"kb": kb_id, **then(session, at)}
+    names = {"predicate": asked.predicate, "function": asked.predicate, "object": asked.object}
+    for kind, name in names.items():
+        if name is None:
+            continue
+        key = fold(name)
+        found = find_identities(session, kb_id, kind, {key})[key] if is_word(key) else None
+        parameters[kind] = -1 if found is None else found[0]
+        parameters[f"{kind}_word"] = word_pattern(name)
+    if asked.text is not None:
+        parameters["pattern"] = pattern_of(asked.text)
+    return _Question(asked, at, parameters)
+
+
+def read_state(
+    reader: StateReader,
+    when: When | None,
+    asked: StateFilter,
+    kind: str | None = None,
+    offset: int = 0,
+    limit: int = 200,
+) -> StateExcerpt:
+    """Read a page of a state.
+
+    Args:
+        reader: where.
+        when: which state; None for the present.
+        asked: which elements.
+        kind: one of `PARTS`; None for the beginning of each.
+        offset: how many elements come before the page.
+        limit: how many elements a page of a kind has.
+
+    Raises:
+        UnknownRevisionError: there is no such revision yet.
+        ArchivedError: a part of the state was moved to an archive.
+        UnknownNameError: nothing has ever had the name of the predicate or the object.
+    """
+    head = read_head(reader.store).revision if reader.at is None else reader.at
+    (revision,), _ = states_at(reader.store, [head if when is None else when], reader.at)
+    at = None if revision == head and reader.at is None else revision
+    kinds = PARTS if kind is None else (kind,)
+
+    def work(session: Session, kb_id: int | None) -> StateExcerpt:
+        if kb_id is None:
+            return StateExcerpt(0, 0, [], [], {})
+        question = _question(session, kb_id, asked, at)
+        parts = _read_parts(session, question, kinds, offset, limit)
+        gone = _read_gone(session, kb_id, revision, asked, kinds)
+        numbers = {one.since for part in parts for one in part.elements} | {revision} - {0}
+        numbers |= {one.since for one in gone}
+        revisions = read_numbered(session, kb_id, numbers)
+        return StateExcerpt(revision, head, parts, gone, revisions)
+
+    found = reader.store.query_in_snapshot(work)
+    if not any(part.elements for part in found.parts):
+        _refuse_unknown_names(reader, asked)
+    return found
+
+
+def _refuse_unknown_names(reader: StateReader, asked: StateFilter) -> None:
+    if asked.predicate is not None:
+        refuse_unknown(reader.store, asked.predicate, "predicate", "function")
+    if asked.object is not None:
+        refuse_unknown(reader.store, asked.object, "object")
+
+
+def _read_parts(
+    session: Session, question: _Question, kinds: Iterable[str], offset: int, limit: int
+) -> list[StatePart]:
+    shapes = question.shapes(kinds)
+    counted = session.rows(_counts(shapes), **question.parameters) if shapes else ()
+    totals: dict[str, int] = {row[0]: row[1] for row in counted}
+    return [
+        _read_part(session, question, shape, totals[shape.kind], offset, limit)
+        for shape in shapes
+        if totals[shape.kind]
+    ]
+
+
+def _read_part(
+    session: Session, question: _Question, shape: _Shape, total: int, offset: int, limit: int
+) -> StatePart:
+    is_counted = total <= COUNTED
+    has_text = question.asked.text is not None
+    shape = shape._replace(has_text=has_text)
+    own = {**question.parameters, "size": limit + 1, "offset": offset}
+    if total <= SORTED:
+        rows = session.rows(_sorted(shape), **own)
+        found = [HeldElement(*row[:3]) for row in rows[:limit]]
+        if has_text:
+            total = rows[0][3] if rows else 0
+        after = offset + limit if len(rows) > limit else None
+        return StatePart(shape.kind, found, total, is_counted, offset, after)
+    rows = session.rows(_indexed(shape), **own)
+    found = [HeldElement(*row[:3]) for row in rows[:limit]]
+    if not has_text:
+        after = offset + limit if len(rows) > limit else None
+    elif len(rows) > limit:
+        after = offset + int(rows[limit - 1][3])
+    else:
+        after = offset + SEARCHED if not is_counted or offset + SEARCHED < total else None
+    total = min(total, COUNTED)
+    return StatePart(shape.kind, found, total, is_counted, offset, after, has_text)
+
+
+def _read_gone(
+    session: Session, kb_id: int, revision: int, asked: StateFilter, kinds: Iterable[str]
+) -> list[HeldElement]:
+    """Read what a revision retracted, as far as it is asked for."""
+    wanted = frozenset(kinds)
+    names = {fold(name) for name in (asked.predicate, asked.object) if name is not None}
+    text = None if asked.text is None else asked.text.lower()
+    rows = session.rows(_GONE, kb=kb_id, at=revision)
+    gone = [
+        HeldElement(kind, said, since)
+        for kind, said, since in rows
+        if kind in wanted
+        and (not names or names <= set(tokenize(fold(said))))
+        and (text is None or text in said.lower())
+    ]
+    return sorted(gone)[:GONE]
