@@ -54,7 +54,7 @@ from .moments import When, read_head, states_at
 from .revisions import Revision, read_numbered
 
 # What is counted exactly, what is sorted by its text, and what is searched for a text at a time.
-COUNTED, SORTED, SEARCHED = 100_000, 10_000, 20_000
+COUNTED, SORTED, SEARCHED = 50_000, 10_000, 20_000
 # How many of what has just gone are read, of each state.
 GONE = 200
 _NAMED = ("object", "type", "predicate", "function", "action")
@@ -173,9 +173,7 @@ def _of_atoms(source: str, shape: _Shape) -> Select[Any]:
     conditions: list[Any] = [version.kb_id == KB]
     order: list[Any] = [owner]
     if source == PROPOSITION:
-        # As the partial index of goals has it.
-        is_fact = version.is_goal == _constant("FALSE")
-        conditions.append(version.is_goal if shape.kind == GOAL else is_fact)
+        conditions.append(_is_wanted(version, shape))
         order += [version.is_goal, version.first_object_id, version.second_object_id]
     if shape.has_predicate:
         conditions.append(owner == integer(_HEADS[source]))
@@ -188,6 +186,19 @@ def _of_atoms(source: str, shape: _Shape) -> Select[Any]:
         conditions.append(version.until.is_(None))
     order.append(columns.owner)
     return _lines(columns).where(*conditions).order_by(*order)
+
+
+def _is_wanted(version: Any, shape: _Shape) -> ColumnElement[Any]:
+    """Return whether a version is of a goal or of a fact, as asked."""
+    if shape.kind == GOAL:
+        # As the partial index of goals has it.
+        is_goal: ColumnElement[Any] = version.is_goal
+        return is_goal
+    if shape.has_predicate or shape.is_past:
+        is_fact: ColumnElement[Any] = version.is_goal == _constant("FALSE")
+        return is_fact
+    # SQLite takes what equals a constant out of the order, which then is not that of the index.
+    return _constant("(NOT proposition_version.is_goal)")
 
 
 def _of_object(source: str, shape: _Shape) -> Select[Any]:
@@ -210,7 +221,8 @@ def _of_object(source: str, shape: _Shape) -> Select[Any]:
     since = own.correlate(table).scalar_subquery()
     conditions: list[Any] = [atom.kb_id == KB, in_rows(atom.id, mentioning)]
     if source == PROPOSITION:
-        conditions.append(atom.is_goal == _constant("TRUE" if shape.kind == GOAL else "FALSE"))
+        # As an expression, which has no index: SQLite would read all atoms by it.
+        conditions.append(_constant(f"({'' if shape.kind == GOAL else 'NOT '}proposition.is_goal)"))
     if shape.has_predicate:
         conditions.append(atom[head] == integer(_HEADS[source]))
     columns = atom.id.label("id"), atom.kb_id.label("kb_id"), since.label("since"), atom.text
@@ -273,10 +285,11 @@ def _together(shape: _Shape, parts: list[Select[Any]]) -> Any:
 @lru_cache(maxsize=64)
 def _counts(shapes: tuple[_Shape, ...]) -> Query:
     """Count the parts, up to a bound."""
-    selects = []
+    selects, bound = [], _constant(COUNTED + 1)
     for shape in shapes:
         parts = [
-            first_rows(each.order_by(None), _constant(COUNTED + 1)) for each in _selects(shape)
+            first_rows(each.order_by(None).with_only_columns(_constant(1)), bound)
+            for each in _selects(shape)
         ]
         numbers = [
             select(func.count()).select_from(part.subquery()).scalar_subquery() for part in parts

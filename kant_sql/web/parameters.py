@@ -13,9 +13,7 @@ from ..moment_text import is_now, parse_moment
 _MOMENT = "a revision's number, a time as 2026-03-02T14:03:00Z (UTC unless it has a zone), `now`, "
 _MOMENT += "`2 hours ago` or `yesterday 14:03`"
 At = Annotated[str | None, Query(description=f"Which state: {_MOMENT}; by default the present.")]
-SinceMoment = Annotated[
-    str | None, Query(description=f"Only from then on, inclusive: {_MOMENT}.")
-]
+SinceMoment = Annotated[str | None, Query(description=f"Only from then on, inclusive: {_MOMENT}.")]
 UntilMoment = Annotated[str | None, Query(description=f"Only up to then, inclusive: {_MOMENT}.")]
 Before = Annotated[
     int | None, Query(ge=0, description="Only revisions before this one: the next page.")

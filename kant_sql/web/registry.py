@@ -11,6 +11,7 @@ from fastapi import APIRouter, Query, Request
 from fastapi.responses import HTMLResponse
 
 from ..errors import (
+    ArchivedError,
     InvalidArgumentError,
     InvalidKnowledgeError,
     KantSqlError,
@@ -33,6 +34,7 @@ WRONG_INPUT = 400
 # The first that fits; another error of the library is the server's.
 _STATUS: tuple[tuple[type[KantSqlError], int], ...] = (
     (UnknownNameError, 404),
+    (ArchivedError, 410),
     (UnknownRevisionError, 404),
     (InvalidArgumentError, WRONG_INPUT),
     (InvalidKnowledgeError, WRONG_INPUT),

@@ -8,7 +8,7 @@ from datetime import datetime
 from functools import cache
 from hashlib import sha256
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 from urllib.parse import urlencode
 
 from fastapi import Request
@@ -27,6 +27,30 @@ def link(path: str, /, **query: object) -> str:
     """Return the address of a page; parameters that are None are left out."""
     given = {name: value for name, value in query.items() if value not in (None, "", False)}
     return f"{path}?{urlencode(given)}" if given else path
+
+
+class Address(NamedTuple):
+    """A page, and the parameters that name what it shows.
+
+    Attributes:
+        path: the page.
+        query: the parameters, without the knowledge base.
+    """
+
+    path: str
+    query: dict[str, str]
+
+
+def address_of(kind: str, text: str) -> Address | None:
+    """Return the page of an element, of its kind and its text in a change; None without one."""
+    words = text.replace("(", " ").replace(")", " ").split()
+    if kind in ("object", "type", "predicate", "function") and words:
+        return Address(f"/{kind}", {"name": words[0]})
+    if kind == "action" and len(words) > 1:
+        return Address("/action", {"name": words[1]})
+    if kind in ("plan", "plan step") and len(words) > 1:
+        return Address("/plan", {"id": words[1]})
+    return None if kind == "archive" else Address("/fact", {"text": text})
 
 
 def shown_text(value: object) -> str:
@@ -78,7 +102,9 @@ def environment() -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    made.globals.update(link=link, static=static_address, version=__version__)
+    made.globals.update(
+        link=link, address_of=address_of, static=static_address, version=__version__
+    )
     made.filters.update(
         shown=shown_text, short=shorten, second=second, as_json=as_json, position=position
     )

@@ -2,6 +2,6 @@
 
 from __future__ import annotations
 
-from . import ask, home, revisions
+from . import ask, home, revisions, state
 
-TOPICS = (home.PAGES, revisions.PAGES, ask.PAGES)
+TOPICS = (home.PAGES, revisions.PAGES, ask.PAGES, state.PAGES)

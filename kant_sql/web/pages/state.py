@@ -33,8 +33,9 @@ _TITLES = {
     "constraint": "Constraints of the problem",
     "metric": "Metric",
 }
-assert tuple(_TITLES) == PARTS or set(_TITLES) == set(PARTS)
+assert set(_TITLES) == set(PARTS)
 Kind = Literal[
+    "",
     "fact",
     "goal",
     "value",
@@ -54,9 +55,7 @@ PredicateName = Annotated[
     str | None,
     Query(description="Only facts, goals and values of this predicate or function."),
 ]
-OneKind = Annotated[
-    Kind | Literal[""] | None, Query(description="Only this kind, in longer pages; empty for all.")
-]
+OneKind = Annotated[Kind, Query(description="Only this kind, in longer pages; empty for all.")]
 
 
 class HeldElementDocument(TypedDict):
@@ -103,7 +102,7 @@ def state(
     text: ElementText = None,
     predicate: PredicateName = None,
     object: ObjectName = None,
-    kind: OneKind = None,
+    kind: OneKind = "",
     offset: Offset = 0,
 ) -> StatePage:
     """Show all that held at a time, and mark what changed against the revision before.

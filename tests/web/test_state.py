@@ -1,0 +1,167 @@
+"""The page of a state: what held, since when, and what changed against the revision before."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from fastapi.testclient import TestClient
+
+import kant_sql
+from kant_sql.history import state_parts
+from kant_sql.web.application import create_app
+from tests.support.statements import count, fill
+from tests.web.conftest import BASE
+
+
+def part(data: Any, kind: str) -> Any:
+    """The part of one kind."""
+    return next(one for one in data["parts"] if one["kind"] == kind)
+
+
+def texts(data: Any, kind: str, key: str = "elements") -> list[str]:
+    """The elements of one kind."""
+    return [one["text"] for one in part(data, kind)[key]]
+
+
+def test_a_state_has_all_that_held_and_who_said_so(client: TestClient) -> None:
+    data = client.get("/api/state?kb=courier&at=9").json()
+    assert (data["number"], data["head"]) == (9, 36)
+    assert data["revision"]["actor"] == "executive"
+    facts = part(data, "fact")
+    assert (facts["total"], facts["is_counted"], facts["next"]) == (6, True, None)
+    assert texts(data, "fact") == sorted(texts(data, "fact"))
+    assert {one["text"]: (one["since"]["number"], one["is_new"]) for one in facts["elements"]} == {
+        "(carrying rb1 cup1)": (2, False),
+        "(carrying rb1 cup2)": (2, False),
+        "(robot_at rb1 t1)": (9, True),
+        "(robot_at rb2 kitchen)": (2, False),
+        "(waiting t1)": (4, False),
+        "(waiting t2)": (5, False),
+    }
+    assert texts(data, "goal") == ["(served t1)", "(served t2)"]
+    assert texts(data, "value") == ["(= (battery rb1) 100)", "(= (battery rb2) 80)"]
+    assert len(texts(data, "object")) == 12
+    assert {one["kind"] for one in data["parts"]} >= {"type", "predicate", "function", "action"}
+
+
+def test_what_changed_against_the_revision_before_is_marked(client: TestClient) -> None:
+    data = client.get("/api/state?kb=courier").json()
+    assert data["number"] == data["head"] == 36
+    assert texts(data, "fact", "gone") == ["(robot_at rb1 kitchen)"]
+    assert part(data, "fact")["gone"][0]["since"]["reason"] == "empty"
+    page = client.get("/state?kb=courier").text
+    assert "<del><a" in page and "gone</span>" in page
+    assert 'class="tag good">new</span>' in page
+
+
+@pytest.mark.parametrize(
+    ("query", "facts"),
+    [
+        ("text=RB1", ["(carrying rb1 cup1)", "(carrying rb1 cup2)", "(robot_at rb1 t1)"]),
+        ("predicate=ROBOT_AT", ["(robot_at rb1 t1)", "(robot_at rb2 kitchen)"]),
+        ("object=t1", ["(robot_at rb1 t1)", "(waiting t1)"]),
+        ("object=rb1&predicate=carrying&text=2", ["(carrying rb1 cup2)"]),
+        ("text=%25", []),
+        ("text=robot_at+rb1", ["(robot_at rb1 t1)"]),
+        ("text=robotXat", []),
+    ],
+)
+def test_a_state_is_filtered(client: TestClient, query: str, facts: list[str]) -> None:
+    data = client.get(f"/api/state?kb=courier&at=9&kind=fact&{query}").json()
+    assert texts(data, "fact") == facts
+    assert part(data, "fact")["total"] == len(facts)
+    assert client.get(f"/state?kb=courier&at=9&{query}").status_code == 200
+
+
+def test_a_time_is_as_good_as_a_revision(client: TestClient) -> None:
+    for moment, number in {"2026-03-02T09:06:26Z": 9, "0": 0, "now": 36}.items():
+        answer = client.get("/api/state", params={"kb": "courier", "at": moment}).json()
+        assert answer["number"] == number
+    assert client.get("/state?kb=courier&at=0").status_code == 200
+
+
+def test_a_wrong_question_says_what_is_wrong(client: TestClient) -> None:
+    for query, status, said in (
+        ("at=37", 404, "it is at 36"),
+        ("at=never", 400, "2026-01-31T09:30:00Z"),
+        ("object=rb9", 404, "did you mean rb"),
+        ("predicate=robot", 404, "has never had"),
+        ("kind=nothing", 422, "kind"),
+        ("text=%00", 400, "NUL"),
+        ("offset=-1", 422, "offset"),
+    ):
+        answer = client.get(f"/api/state?kb=courier&{query}")
+        assert (answer.status_code, said in answer.text) == (status, True), answer.text
+
+
+@pytest.fixture(params=["sqlite", "postgresql"])
+def filled(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[tuple[Any, TestClient]]:
+    """A knowledge base to fill, and a reader of it."""
+    if request.param == "sqlite":
+        url = f"sqlite:///{tmp_path / 'store.db'}"
+    else:
+        url = request.getfixturevalue("server").new_store()
+    with (
+        kant_sql.connect(url, knowledge_base="tiago") as kb,
+        TestClient(create_app(url), base_url=BASE) as client,
+    ):
+        yield kb, client
+
+
+def walk(client: TestClient, address: str) -> Iterator[Any]:
+    """Read the pages of the facts one after the other."""
+    offset: int | None = 0
+    while offset is not None:
+        data = client.get(f"{address}&kind=fact&offset={offset}").json()
+        yield part(data, "fact")
+        offset = part(data, "fact")["next"]
+
+
+@pytest.mark.parametrize("bound", [10_000, 100])
+def test_pages_have_each_element_once(
+    filled: tuple[Any, TestClient], monkeypatch: pytest.MonkeyPatch, bound: int
+) -> None:
+    monkeypatch.setattr(state_parts, "SORTED", bound)
+    kb, client = filled
+    fill(kb, 450)
+    kb.propositions.delete("(robot_at rb1 wp7)")
+    for address, size in (("/api/state?kb=tiago", 449), ("/api/state?kb=tiago&at=2", 450)):
+        pages = list(walk(client, address))
+        assert [len(one["elements"]) for one in pages] == [200, 200, size - 400]
+        assert {one["total"] for one in pages} == {size}
+        assert len({each["text"] for one in pages for each in one["elements"]}) == size
+
+
+def test_a_text_is_looked_for_in_a_long_state_part_by_part(
+    filled: tuple[Any, TestClient], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    state_parts._indexed.cache_clear()
+    monkeypatch.setattr(state_parts, "SORTED", 100)
+    monkeypatch.setattr(state_parts, "SEARCHED", 150)
+    kb, client = filled
+    fill(kb, 450)
+    for at in ("", "&at=2"):
+        pages = list(walk(client, f"/api/state?kb=tiago&text=wp44{at}"))
+        found = sorted(each["text"] for one in pages for each in one["elements"])
+        assert len(pages) == 3
+        assert all(one["is_searched"] for one in pages)
+        assert found == sorted(f"(robot_at rb1 wp{n})" for n in (44, *range(440, 450)))
+    state_parts._indexed.cache_clear()
+
+
+def test_a_state_takes_as_many_statements_however_much_holds(
+    filled: tuple[Any, TestClient],
+) -> None:
+    kb, client = filled
+    taken: dict[str, set[int]] = {}
+    for size in (2, 500, 11_000):
+        fill(kb, size)
+        kb.propositions.delete("(robot_at rb1 wp1)")
+        for query in ("", "at=1", "object=rb1", "text=wp1", "predicate=robot_at", "kind=fact"):
+            client.get(f"/state?kb=tiago&{query}")
+            number = count(lambda query=query: client.get(f"/state?kb=tiago&{query}"))  # type: ignore[misc]
+            taken.setdefault(query, set()).add(number)
+    assert all(len(numbers) == 1 and max(numbers) <= 20 for numbers in taken.values()), taken
