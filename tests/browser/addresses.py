@@ -23,5 +23,11 @@ ADDRESSES: dict[str, tuple[str, ...]] = {
         address("/ask", condition="(robot_at rb1 ?p)", mode="when"),
     ),
     "/revision": (address("/revision", number=36), address("/revision", number=9)),
+    "/state": (
+        address("/state"),
+        address("/state", at=9, object="rb1"),
+        address("/state", kind="fact", text="rb"),
+        address("/state", at="2026-03-02 14:03"),
+    ),
 }
 ALL = [each for path in PATHS for each in ADDRESSES.get(path, ())]
