@@ -1,34 +1,31 @@
 // A slider shows its revision while it is moved, and opens it when it rests.
 "use strict";
-for (const slider of document.querySelectorAll("input[type=range][data-revision]")) {
-  const form = slider.form;
-  const output = form.querySelector("output");
-  const moved = "kant_sql slider";
+(() => {
+  const SLIDER = "input[type=range][data-revision]", MOVED = "kant_sql slider", REST = 400;
   let waiting = 0;
-  slider.addEventListener("input", () => {
-    output.textContent = slider.value;
+  document.addEventListener("input", ({ target }) => {
+    if (!target.matches(SLIDER)) return;
     clearTimeout(waiting);
+    target.form.querySelector("output").textContent = target.value;
   });
-  slider.addEventListener("change", () => {
+  document.addEventListener("change", ({ target }) => {
+    if (!target.matches(SLIDER)) return;
     clearTimeout(waiting);
     waiting = setTimeout(() => {
-      sessionStorage.setItem(moved, "1");
-      form.requestSubmit();
-    }, 400);
+      sessionStorage.setItem(MOVED, target.id);
+      target.form.requestSubmit();
+    }, REST);
   });
-  if (sessionStorage.getItem(moved)) {
-    sessionStorage.removeItem(moved);
-    slider.focus({ preventScroll: true });
-  }
-}
-// Fields that are left empty stay out of the address.
-for (const form of document.querySelectorAll("form[method=get]")) {
-  form.addEventListener("submit", () => {
-    for (const field of form.elements) {
-      if (field.name && field.value === "") field.disabled = true;
-    }
+  const moved = sessionStorage.getItem(MOVED);
+  sessionStorage.removeItem(MOVED);
+  if (moved) document.getElementById(moved)?.focus({ preventScroll: true });
+
+  // Fields that are left empty stay out of the address.
+  document.addEventListener("submit", ({ target }) => {
+    if (target.method !== "get") return;
+    for (const field of target.elements) if (field.name && field.value === "") field.disabled = true;
   });
-}
-window.addEventListener("pageshow", () => {
-  for (const field of document.querySelectorAll("form[method=get] :disabled")) field.disabled = false;
-});
+  addEventListener("pageshow", () => {
+    for (const field of document.querySelectorAll("form[method=get] :disabled")) field.disabled = false;
+  });
+})();
