@@ -20,7 +20,7 @@ from kant_sql.sql import schema
 from tests.audit.story import record_store
 from tests.support import profile
 from tests.support.processes.workers import STOPPING
-from tests.support.servers import IN_MEMORY, Server
+from tests.support.servers import IN_MEMORY, MortalServer, Server
 from tests.support.stores import BACKENDS, Connect, Migrations, extra_urls, make_store_url
 
 profile.load()
@@ -93,6 +93,24 @@ def server(request: pytest.FixtureRequest) -> Iterator[Server]:
     yield running
     running.drop()
     shutil.rmtree(folder, ignore_errors=True)
+
+
+@pytest.fixture(scope="session")
+def mortal_server() -> Iterator[MortalServer]:
+    """A PostgreSQL server that tests kill and start again."""
+    folder = Path(tempfile.mkdtemp(prefix="kantpg"))
+    running = MortalServer(folder)
+    yield running
+    running.stop()
+    shutil.rmtree(folder, ignore_errors=True)
+
+
+@pytest.fixture
+def mortal_url(mortal_server: MortalServer) -> str:
+    """The URL of an empty store on it."""
+    url = mortal_server.new_database()
+    kant_sql.upgrade(url)
+    return url
 
 
 @pytest.fixture(params=[*BACKENDS, *(f"extra-{n}" for n, _ in enumerate(extra_urls()))])

@@ -177,9 +177,13 @@ class Visitor:
         answer = self.page.goto(self.address + path)
         assert answer is None or answer.status == status, (answer.status, path)
         if status >= 400:
-            # The browser says so of every such page.
-            self.faults = [fault for fault in self.faults if "the server responded" not in fault]
+            self.forgive(status)
         self.settle()
+
+    def forgive(self, status: int) -> None:
+        """Forget that an answer had a status: the browser says so of every one."""
+        said = f"the server responded with a status of {status}"
+        self.faults = [fault for fault in self.faults if said not in fault]
 
     def settle(self) -> None:
         """Wait until no part of the page says that it is being made."""

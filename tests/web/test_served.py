@@ -1,0 +1,197 @@
+"""`kant-sql serve` as a process: where it listens, how large answers get, and what errors say."""
+
+from __future__ import annotations
+
+import http.client
+import shutil
+import socket
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from functools import partial
+from pathlib import Path
+from urllib.parse import urlencode, urlsplit
+
+import pytest
+from sqlalchemy import make_url
+
+from tests.audit.story import record_store
+from tests.support.browsing import Serving
+from tests.support.crawling import PATHS, Markup
+from tests.support.processes.commands import PROGRAM, child
+from tests.support.servers import MortalServer
+
+PASSWORD = "the-password-of-the-robot"
+# Of an answer, whatever is asked for: the story is a small store.
+LARGEST = 500_000
+PARAMETERS = {
+    "kb": "courier",
+    **{"number": "9", "at": "9", "a": "5", "b": "9", "id": "1", "name": "rb1"},
+    **{"text": "(robot_at rb1 t1)", "condition": "(robot_at rb1 ?p)"},
+}
+
+
+def ask(
+    served: Serving, path: str, method: str = "GET", **headers: str
+) -> tuple[int, dict[str, str], str]:
+    """Ask a server, which may say no before it has read everything."""
+    connection = http.client.HTTPConnection(urlsplit(served.address).netloc, timeout=30)
+    connection.request(method, path, headers=headers)
+    answer = connection.getresponse()
+    text = answer.read().decode()
+    connection.close()
+    return answer.status, dict(answer.getheaders()), text
+
+
+def everything() -> Iterator[str]:
+    """Give each page, and the JSON of each, with parameters that it may have."""
+    for path in PATHS:
+        for prefix in ("", "/api") if path != "/api" else ("",):
+            names = {name: value for name, value in PARAMETERS.items() if path not in ("/", "/api")}
+            if path == "/action":
+                names["name"] = "move"
+            yield f"{prefix}{path}?{urlencode(names)}"
+
+
+@contextmanager
+def serving(url: str, folder: Path, *words: str) -> Iterator[Serving]:
+    """Serve a store for a while."""
+    served = Serving(url, folder, *words)
+    try:
+        yield served
+    finally:
+        served.stop()
+
+
+@pytest.fixture(scope="module")
+def served(sqlite_story: str, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Serving]:
+    """A server of the story."""
+    with serving(sqlite_story, tmp_path_factory.mktemp("served")) as running:
+        yield running
+
+
+pytestmark = pytest.mark.slow
+
+
+def test_it_listens_where_only_this_machine_reaches_it(served: Serving) -> None:
+    address = urlsplit(served.address)
+    assert address.hostname == "127.0.0.1"
+    # The machine's other addresses: another one of the loopback's stands for them.
+    with (
+        pytest.raises(ConnectionRefusedError),
+        socket.create_connection(("127.0.0.2", address.port)),
+    ):
+        pass
+
+
+def test_it_answers_under_its_own_names_only(served: Serving) -> None:
+    port = urlsplit(served.address).port
+    for host, status in {
+        f"127.0.0.1:{port}": 200,
+        f"localhost:{port}": 200,
+        f"evil.example:{port}": 400,
+        "evil.example": 400,
+        "0.0.0.0": 400,
+        "": 400,
+    }.items():
+        assert ask(served, "/", Host=host)[0] == status, host
+    assert ask(served, "/", "POST")[0] == 405
+    assert ask(served, "/token", "POST", Origin="http://evil.example")[0] == 403
+
+
+def test_another_address_needs_a_token(sqlite_story: str, tmp_path: Path) -> None:
+    with serving(sqlite_story, tmp_path, "--host", "0.0.0.0") as running:
+        assert running.token is not None
+        assert len(running.token) >= 32
+        running.address = running.address.replace("0.0.0.0", "127.0.0.1")
+        for path in everything():
+            status, _, text = ask(running, path)
+            assert (status, "(robot_at" in text.split("<form")[0]) == (401, False), path
+        bearer = f"Bearer {running.token}"
+        assert ask(running, "/api/", Authorization=bearer)[0] == 200
+        assert ask(running, "/api/", Authorization=bearer[:-1])[0] == 401
+        # It is no part of an address, which would be kept in histories and logs.
+        assert ask(running, f"/api/?token={running.token}")[0] == 401
+
+
+@pytest.mark.parametrize("token", ["short", ""])
+def test_a_token_that_is_easily_guessed_is_refused(sqlite_story: str, token: str) -> None:
+    ended = child("serve", sqlite_story, "--host", "0.0.0.0", KANT_SQL_TOKEN=token)
+    assert ended.returncode == 1
+    assert ended.stderr.startswith("kant-sql: KANT_SQL_TOKEN has")
+
+
+def test_every_answer_is_bounded(served: Serving) -> None:
+    for path in everything():
+        status, _, text = ask(served, path)
+        assert status == 200, (path, text[:500])
+        assert len(text) < LARGEST, path
+        for huge in ("9" * 30, "-1", "x" * 10_000, "(" * 5000, "(not " * 2000 + ")" * 2000):
+            for name in (*PARAMETERS, "limit", "since", "until", "before", "after", "at"):
+                base, _, query = path.partition("?")
+                kept = [part for part in query.split("&") if not part.startswith(f"{name}=")]
+                asked = f"{base}?{'&'.join((*kept, urlencode({name: huge})))}"
+                status, _, text = ask(served, asked)
+                assert status in (200, 400, 404, 422), (asked[:200], status, text[:300])
+                assert len(text) < LARGEST, asked[:200]
+
+
+def test_a_query_of_200_kb_is_answered_and_a_longer_one_is_refused(served: Serving) -> None:
+    for path in everything():
+        long = f"{path}&unknown={'x' * 200_000}"
+        status, _, text = ask(served, long)
+        assert (status, len(text) < LARGEST) == (200, True), path
+    try:
+        status = ask(served, f"/?unknown={'x' * 1_000_000}")[0]
+    except (BrokenPipeError, ConnectionResetError):
+        # It need not read what it does not answer.
+        status = 400
+    assert status == 400
+    assert ask(served, "/")[0] == 200
+
+
+def test_a_stopped_database_is_told_without_password_and_traceback(
+    mortal_server: MortalServer, mortal_url: str, tmp_path: Path
+) -> None:
+    record_store(mortal_url)
+    url = make_url(mortal_url).set(password=PASSWORD).render_as_string(hide_password=False)
+    assert PASSWORD in url
+    with serving(url, tmp_path) as running:
+        assert {ask(running, path)[0] for path in everything()} == {200}
+        mortal_server.kill()
+        # Each waits for a while whether the server comes back.
+        paths = list(everything())
+        with ThreadPoolExecutor(8) as threads:
+            answers = list(threads.map(partial(ask, running), paths))
+        for path, (status, headers, text) in zip(paths, answers, strict=True):
+            assert status == (200 if path.startswith("/api?") else 503), (path, text)
+            assert PASSWORD not in text
+            assert "Traceback" not in text
+            assert list(Markup(text).faults()) == []
+            assert PASSWORD not in str(headers)
+        mortal_server.restart()
+        assert {ask(running, path)[0] for path in everything()} == {200}
+        assert PASSWORD not in running.log()
+
+
+def test_a_broken_file_is_told_without_traceback(sqlite_story: str, tmp_path: Path) -> None:
+    path = tmp_path / "store.db"
+    shutil.copy(str(make_url(sqlite_story).database), path)
+    with serving(f"sqlite:///{path}", tmp_path) as running:
+        # The pages after the first few: what is in them is read when it is asked for.
+        size = path.stat().st_size
+        with path.open("r+b") as file:
+            file.seek(8192)
+            file.write(b"\xff" * (size - 8192))
+        for asked in everything():
+            status, _, text = ask(running, asked)
+            assert status in (200, 500, 503), asked
+            assert "Traceback" not in text
+
+
+def test_it_ends_with_ctrl_c(sqlite_story: str, tmp_path: Path) -> None:
+    running = Serving(sqlite_story, tmp_path, program=PROGRAM)
+    ask(running, "/")
+    running.stop()
+    assert running.process.returncode in (0, -2, -15, 130, 143)
+    assert running.log() == ""
