@@ -191,9 +191,16 @@ def limited(seconds: float | None = None) -> Iterator[Limit]:
         kant_sql.errors.QuestionCancelledError: this question was cancelled by Limit.cancel(), ...
     """
     limit = Limit(seconds, outer=_LIMIT.get())
+    with obeying(limit):
+        yield limit
+
+
+@contextmanager
+def obeying(limit: Limit) -> Iterator[None]:
+    """Let the questions asked within a `with` block obey a limit that was made before."""
     token = _LIMIT.set(limit)
     try:
-        yield limit
+        yield
     finally:
         _LIMIT.reset(token)
 

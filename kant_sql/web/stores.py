@@ -17,6 +17,7 @@ from ..errors import StoreReplacedError, UnknownNameError
 from ..knowledge_base import KnowledgeBase, connect
 from ..limits import Limit, limited
 from ..sql.inventory import Catalog
+from .verifying import Verifier
 
 T = TypeVar("T")
 
@@ -40,11 +41,13 @@ class OpenStore:
     Attributes:
         url: its URL.
         catalog: its knowledge bases.
+        verifier: what verifies them.
     """
 
     def __init__(self, url: str) -> None:
         self.url = url
         self.catalog = Catalog(url)
+        self.verifier = Verifier(self.knowledge_base)
         self._opened: OrderedDict[str, _Opened] = OrderedDict()
         self._lock = threading.Lock()
         self._limits: set[Limit] = set()
@@ -114,7 +117,8 @@ class OpenStore:
             self._limits.discard(limit)
 
     def cancel(self) -> None:
-        """Cancel all questions that run."""
+        """Cancel all questions that run, for good."""
+        self.verifier.close()
         for limit in list(self._limits):
             limit.cancel()
 

@@ -2,6 +2,6 @@
 
 from __future__ import annotations
 
-from . import ask, home, revisions, state
+from . import ask, home, revisions, state, verify
 
-TOPICS = (home.PAGES, revisions.PAGES, ask.PAGES, state.PAGES)
+TOPICS = (home.PAGES, revisions.PAGES, ask.PAGES, state.PAGES, verify.PAGES)

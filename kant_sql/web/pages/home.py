@@ -11,6 +11,7 @@ from ...knowledge.canonical import time_text
 from ...sql.inventory import Inventory
 from ..registry import Pages
 from ..stores import OpenStore
+from ..verifying import VerifyDocument
 
 PAGES = Pages("knowledge bases")
 
@@ -39,6 +40,7 @@ class InventoryDocument(TypedDict):
     goals: int
     reached: int | None
     is_goal_reached: bool | None
+    verification: VerifyDocument
 
 
 class HomeDocument(TypedDict):
@@ -77,4 +79,5 @@ def _document(store: OpenStore, one: Inventory, is_asked: bool) -> InventoryDocu
         "goals": one.goals,
         "reached": one.reached,
         "is_goal_reached": is_reached,
+        "verification": store.verifier.state(one.name),
     }

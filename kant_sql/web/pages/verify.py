@@ -1,0 +1,148 @@
+"""Verification: started by readers, its progress and its findings; and anchors."""
+
+from __future__ import annotations
+
+from typing import Annotated
+from urllib.parse import parse_qs
+
+import anyio
+from fastapi import Query, Request
+from fastapi.responses import RedirectResponse, Response
+from starlette.exceptions import HTTPException
+from typing_extensions import TypedDict
+
+from ...history.anchors import Anchor, parse_anchor
+from ..registry import KbName, Pages
+from ..rendering import link, render
+from ..stores import OpenStore, answer
+from ..verifying import VerifyDocument
+
+PAGES = Pages("verification")
+
+# An anchor has about 200 bytes for each knowledge base.
+LONGEST_ANCHOR = 16 << 20
+
+Cancel = Annotated[bool, Query(description="Whether to cancel the verification that runs.")]
+
+
+class AnchoredHeadDocument(TypedDict):
+    """The head of a knowledge base, in an anchor."""
+
+    knowledge_base: str
+    revision: int
+    hash: str
+    committed_at: str
+
+
+class AnchorDocument(TypedDict):
+    """The heads of all knowledge bases of the store, as `kant-sql anchor` writes them."""
+
+    format: int
+    made_at: str
+    heads: list[AnchoredHeadDocument]
+
+
+def _state(store: OpenStore, name: str | None) -> tuple[VerifyDocument, int]:
+    chosen = store.choose(name)
+    with store.knowledge_base(chosen) as kb:
+        head = kb.revision
+    return store.verifier.state(chosen), head
+
+
+@PAGES.html.get("/verify")
+async def verify_page(request: Request, kb_name: KbName = None) -> Response:
+    """Show what was verified, and start another verification."""
+    store: OpenStore = request.app.state.store
+    state, head = await answer(request, lambda: _state(store, kb_name))
+    page = {**state, "head": head}
+    return render(request, "verify.html", page, state["knowledge_base"], head=head)
+
+
+@PAGES.api.get("/verify")
+async def verify_state(request: Request, kb_name: KbName = None) -> VerifyDocument:
+    """Return the progress of the verification that runs, and the result of the last one.
+
+    The server remembers them until it is stopped.
+    """
+    store: OpenStore = request.app.state.store
+    return (await answer(request, lambda: _state(store, kb_name)))[0]
+
+
+@PAGES.html.post("/verify")
+async def verify_from_page(
+    request: Request, kb_name: KbName = None, cancel: Cancel = False
+) -> Response:
+    """Start a verification, or cancel it, and lead to the page that shows it."""
+    form = parse_qs((await _body(request)).decode("utf-8", "replace"))
+    text = form.get("anchor", [""])[0].strip()
+    name = await _start(request, kb_name, text, cancel)
+    return RedirectResponse(link("/verify", kb=name), 303)
+
+
+@PAGES.api.post(
+    "/verify",
+    status_code=202,
+    openapi_extra={
+        "requestBody": {
+            "description": "An anchor to compare with; without one, the body is empty.",
+            "content": {"application/json": {"schema": {"type": "object"}}},
+        }
+    },
+)
+async def start_verification(
+    request: Request, kb_name: KbName = None, cancel: Cancel = False
+) -> VerifyDocument:
+    """Start a verification: every hash is recomputed, and all redundant data compared.
+
+    One runs at a time for each knowledge base; the request returns at once. The body may be an
+    anchor, to compare with.
+    """
+    store: OpenStore = request.app.state.store
+    text = (await _body(request)).decode("utf-8", "replace").strip()
+    return store.verifier.state(await _start(request, kb_name, text, cancel))
+
+
+async def _body(request: Request) -> bytes:
+    body = b""
+    async for part in request.stream():
+        body += part
+        if len(body) > LONGEST_ANCHOR:
+            raise HTTPException(413, "this is longer than an anchor")
+    return body
+
+
+async def _start(request: Request, kb_name: str | None, text: str, cancel: bool) -> str:
+    """Start or cancel a verification; return the name of the knowledge base."""
+    store: OpenStore = request.app.state.store
+
+    def work() -> tuple[str, Anchor | None]:
+        chosen = store.choose(kb_name)
+        store.require(chosen)
+        return chosen, parse_anchor(text) if text else None
+
+    chosen, anchor = await answer(request, work)
+    if cancel:
+        await anyio.to_thread.run_sync(store.verifier.cancel, chosen)
+    else:
+        store.verifier.start(chosen, anchor)
+    return chosen
+
+
+@PAGES.html.get("/anchor")
+@PAGES.api.get("/anchor", response_model=AnchorDocument)
+async def anchor(request: Request, kb_name: KbName = None) -> Response:
+    """Return the heads of all knowledge bases of the store, as a file to keep elsewhere.
+
+    A later verification that is given this file finds revisions that were removed or rewritten.
+    """
+    store: OpenStore = request.app.state.store
+
+    def work() -> Anchor:
+        names = [kb_name] if kb_name else store.catalog.first_names(1)
+        with store.knowledge_base(names[0] if names else store.choose(None)) as kb:
+            return kb.anchor()
+
+    made = await answer(request, work)
+    day = made.made_at.partition(".")[0].replace(":", "-")
+    headers = {"Content-Disposition": f'attachment; filename="anchor-{day}.json"'}
+    return Response(f"{made.text()}\n", media_type="application/json", headers=headers)

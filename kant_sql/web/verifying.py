@@ -1,0 +1,154 @@
+"""Verifications that readers start: in the background, one at a time for each knowledge base."""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections import OrderedDict
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import AbstractContextManager
+from datetime import UTC, datetime
+
+from typing_extensions import TypedDict
+
+from ..errors import KantSqlError, StoreBusyError
+from ..history.anchors import Anchor
+from ..json_documents import VerificationDocument, verification_document
+from ..knowledge.canonical import time_text
+from ..knowledge_base import KnowledgeBase
+from ..limits import Limit, obeying
+
+logger = logging.getLogger("kant_sql.web")
+
+# Verifications that run at the same time, and whose results are kept.
+MOST_RUNS, MOST_KEPT = 2, 1_000
+
+
+class RunDocument(TypedDict):
+    """A verification that runs, or waits for its turn: how much is checked, of how much."""
+
+    started_at: str
+    done: int
+    total: int | None
+
+
+class OutcomeDocument(TypedDict):
+    """A verification that has ended. Without a `result`, `error` says why there is none.
+
+    `anchor_made_at` is the time of the anchor that the store was compared with, if any.
+    """
+
+    started_at: str
+    ended_at: str
+    anchor_made_at: str | None
+    result: VerificationDocument | None
+    error: str | None
+
+
+class VerifyDocument(TypedDict):
+    """What this server has verified of a knowledge base since it was started."""
+
+    knowledge_base: str
+    running: RunDocument | None
+    last: OutcomeDocument | None
+
+
+class _Run:
+    """A verification, from its start on."""
+
+    def __init__(self, name: str, anchor: Anchor | None) -> None:
+        self.name = name
+        self.anchor = anchor
+        self.started_at = datetime.now(UTC)
+        self.done = 0
+        self.total: int | None = None
+        self.limit = Limit()
+
+    def tell(self, done: int, total: int) -> None:
+        """Note the progress; raise if it was cancelled."""
+        self.limit.check()
+        self.done, self.total = done, total
+
+    def document(self) -> RunDocument:
+        """Describe it while it runs."""
+        return {
+            "started_at": time_text(self.started_at),
+            "done": self.done,
+            "total": self.total,
+        }
+
+    def outcome(self, result: VerificationDocument | None, error: str | None) -> OutcomeDocument:
+        """Describe how it has ended."""
+        return {
+            "started_at": time_text(self.started_at),
+            "ended_at": time_text(datetime.now(UTC)),
+            "anchor_made_at": None if self.anchor is None else self.anchor.made_at,
+            "result": result,
+            "error": error,
+        }
+
+
+class Verifier:
+    """Runs verifications, and keeps the last result of each knowledge base. Threads share it."""
+
+    def __init__(self, lend: Callable[[str], AbstractContextManager[KnowledgeBase]]) -> None:
+        self._lend = lend
+        self._lock = threading.Lock()
+        self._threads = ThreadPoolExecutor(MOST_RUNS, "kant_sql verify")
+        self._running: dict[str, _Run] = {}
+        self._last: OrderedDict[str, OutcomeDocument] = OrderedDict()
+
+    def state(self, name: str) -> VerifyDocument:
+        """Return what is known of a knowledge base."""
+        with self._lock:
+            run, last = self._running.get(name), self._last.get(name)
+        return {
+            "knowledge_base": name,
+            "running": None if run is None else run.document(),
+            "last": last,
+        }
+
+    def start(self, name: str, anchor: Anchor | None = None) -> None:
+        """Start a verification; without an anchor, one that runs already is as good."""
+        with self._lock:
+            running = self._running.get(name)
+            if running is None:
+                run = self._running[name] = _Run(name, anchor)
+                self._threads.submit(self._run, run)
+            elif anchor is not None and anchor != running.anchor:
+                raise StoreBusyError(
+                    f"knowledge base {name!r} is being verified without this anchor; wait for the "
+                    "end, or cancel it, then try again"
+                )
+
+    def cancel(self, name: str) -> None:
+        """Cancel the verification that runs, if any."""
+        with self._lock:
+            run = self._running.get(name)
+        if run is not None:
+            run.limit.cancel()
+
+    def close(self) -> None:
+        """Cancel all verifications."""
+        self._threads.shutdown(wait=False, cancel_futures=True)
+        for name in list(self._running):
+            self.cancel(name)
+
+    def _run(self, run: _Run) -> None:
+        result: VerificationDocument | None = None
+        error: str | None = None
+        try:
+            with obeying(run.limit), self._lend(run.name) as kb:
+                result = verification_document(kb.verify(run.anchor, progress=run.tell))
+        except KantSqlError as refused:
+            error = str(refused)
+        except Exception as failed:
+            logger.error("the verification of %r failed", run.name, exc_info=failed)
+            error = "the verification failed; the server's log says more"
+        with self._lock:
+            del self._running[run.name]
+            self._last[run.name] = run.outcome(result, error)
+            self._last.move_to_end(run.name)
+            if len(self._last) > MOST_KEPT:
+                self._last.popitem(last=False)
