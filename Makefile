@@ -58,7 +58,7 @@ endif
 
 $(VENV)/demo-ready: pyproject.toml
 	$(PYTHON) -m venv --clear $(VENV)
-	$(PY) -m pip install --quiet --disable-pip-version-check --editable .
+	$(PY) -m pip install --quiet --disable-pip-version-check --editable ".[web]"
 	printf '%s\n' "$(CURDIR)" > $(VENV)/made-in
 	touch $@
 

@@ -30,6 +30,7 @@ from sqlalchemy import create_engine, make_url, text
 import kant_sql
 
 KNOWLEDGE_BASE = "coffee_shop"
+REPORT = Path("coffee_shop.html")
 
 # Any SQL client can run this, without the library.
 WHEREABOUTS = """\
@@ -108,6 +109,33 @@ def run(url: str, iterations: int, console: Console) -> None:
     console.print(whereabouts_table(rows))
     console.print(f"Before revision {rows[0][1]} the robot knew nothing: it had been reset.")
     console.print(f"All that happened: kant-sql log '{label}'", soft_wrap=True)
+    written = report(url, start + 1)
+    if written is None:
+        console.print(
+            "Look at it in a browser: pip install 'kant-sql[web]', and then:", markup=False
+        )
+    else:
+        console.print(f"A report of the last iteration is in {written}", soft_wrap=True)
+    out = f"--since {start + 1} --out {written or REPORT}"
+    console.print(f"In a browser: kant-sql serve '{label}'", soft_wrap=True)
+    console.print(f"The report again: kant-sql report '{label}' {out}", soft_wrap=True)
+
+
+def report(url: str, since: int) -> Path | None:
+    """Write the report of what happened since a revision beside the store; None without `web`."""
+    try:
+        from kant_sql.web.report import write_report
+    except ImportError:
+        return None
+    address = make_url(url)
+    is_file = address.get_backend_name() == "sqlite"
+    folder = (
+        Path(address.database or "").parent
+        if is_file
+        else Path(tempfile.mkdtemp(prefix="kant_sql_"))
+    )
+    with kant_sql.connect(url, knowledge_base=KNOWLEDGE_BASE, read_only=True) as kb:
+        return write_report(kb, folder / REPORT, since=since)
 
 
 def progress(console: Console, iterations: int) -> Iterator[int]:

@@ -189,10 +189,14 @@ class DaoFactory(Connection):
     Attributes:
         has_one_connection: whether threads take turns on one connection, so that a read waits for
             a transaction that another thread has open.
-        label: the knowledge base and its store for people to read, without a password.
+        name: the name of the knowledge base.
+        address: the URL of the store for people to read, without a password.
+        label: both, and which state it is.
     """
 
     has_one_connection: bool = False
+    name: str = ""
+    address: str = ""
     label: str = ""
 
     @abstractmethod
@@ -388,10 +392,20 @@ class SqlDaoFactory(DaoFactory):
 
     @property
     @override
+    def name(self) -> str:  # type: ignore[override]
+        return self._open_store.name
+
+    @property
+    @override
+    def address(self) -> str:  # type: ignore[override]
+        return self._open_store.backend.label
+
+    @property
+    @override
     def label(self) -> str:  # type: ignore[override]
-        store, past = self._open_store, "" if self._at is None else f" at revision {self._at}"
-        closed = ", closed" if store.backend.is_closed else ""
-        return f"{store.name!r} of {store.backend.label}{past}{closed}"
+        past = "" if self._at is None else f" at revision {self._at}"
+        closed = ", closed" if self._open_store.backend.is_closed else ""
+        return f"{self.name!r} of {self.address}{past}{closed}"
 
     @property
     def _store(self) -> Store:

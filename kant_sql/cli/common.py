@@ -8,6 +8,7 @@ import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from datetime import datetime
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NoReturn, TypeVar
 
 import typer
@@ -81,6 +82,16 @@ Until = Annotated[str | None, option(f"Only up to {_MOMENT}", metavar="REV|TIME"
 Actor = Annotated[str | None, option("The actor of the revision.", metavar="NAME")]
 Reason = Annotated[str | None, option("The reason for the revision.", metavar="TEXT")]
 AsJson = Annotated[bool, option("One JSON document.", JSON_OPTION)]
+AnchorFile = Annotated[
+    Path | None,
+    option(
+        "Output of 'kant-sql anchor': detects removed and rewritten revisions.",
+        metavar="FILE",
+        exists=True,
+        dir_okay=False,
+        readable=True,
+    ),
+]
 Fixed = Annotated[
     list[str] | None,
     option(

@@ -25,6 +25,7 @@ from .documents import dump, load
 from .history import blame, branch, diff, history, log, restore, watch
 from .output import FAILED, drop_output, json_text, paged, want_pager
 from .plans import plan, plans
+from .report import report
 from .serve import serve
 from .state import show
 from .steps import applicable, apply, validate, why_not
@@ -200,6 +201,7 @@ _COMMANDS = (
     views,
     watch,
     serve,
+    report,
 )
 for _command in (*_COMMANDS, verify, anchor, archive):
     app.command()(_in_pager(_command) if _command in _PAGED else _command)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import io
 import sys
 from collections.abc import Mapping
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -17,6 +16,7 @@ from .common import (
     DEFAULT_NAME,
     JSON_OPTION,
     Actor,
+    AnchorFile,
     AsJson,
     Name,
     Reason,
@@ -235,23 +235,11 @@ def anchor(
         typer.echo(knowledge_base.anchor().text())
 
 
-_AnchorFile = Annotated[
-    Path | None,
-    option(
-        "Output of 'kant-sql anchor': detects removed and rewritten revisions.",
-        metavar="FILE",
-        exists=True,
-        dir_okay=False,
-        readable=True,
-    ),
-]
-
-
 def verify(
     url: Url,
     kb: Name = None,
     verify_all: Annotated[bool, option("All knowledge bases.", "--all")] = False,
-    anchor: _AnchorFile = None,
+    anchor: AnchorFile = None,
     as_json: Annotated[bool, json_lines("knowledge base")] = False,
 ) -> int:
     """Verify that the history is intact.

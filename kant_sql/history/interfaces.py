@@ -15,7 +15,7 @@ from ..sql.changes import Change
 from .anchors import Anchor
 from .archive.archive import Archived
 from .excerpts import StateReader
-from .overview import Overview
+from .overview import Overview, Tally
 from .revisions import LogEntry, Revision
 from .timeline import Timeline
 from .verify.verify import Verification
@@ -196,6 +196,10 @@ class History(Interface):
     @required
     def _reader(self) -> StateReader:
         """Return where pages read that show a part of a large store."""
+
+    @required
+    def _tally(self, since: When | None, until: When | None, most: int) -> Tally:
+        """Count the revisions of a range by actor, and their changes by kind."""
 
     @required
     def history(self, element: Element) -> list[Version]:

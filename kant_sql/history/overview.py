@@ -1,4 +1,4 @@
-"""How much a knowledge base holds, for whoever sees it for the first time."""
+"""How much a knowledge base holds, and who made a range of its revisions."""
 
 from __future__ import annotations
 
@@ -7,12 +7,16 @@ from typing import Any, NamedTuple
 from sqlalchemy import ColumnElement, ScalarSelect, and_, func, select
 
 from .. import html
+from ..sql.changes import count_changes, in_range
+from ..sql.dialects.base import Session
 from ..sql.intervals import ANY_FUNCTION, ANY_PREDICATE, held_then, then
-from ..sql.query import Query
+from ..sql.query import Query, first_rows, integer
 from ..sql.rows import KB, held_at
-from ..sql.tables import TABLES, FunctionValueVersionRow, PropositionVersionRow
+from ..sql.tables import TABLES, FunctionValueVersionRow, PropositionVersionRow, RevisionRow
 from ..store.snapshot import View
 from ..store.store import Store
+from .moments import When, find_bounds
+from .revisions import read_archived_revision
 
 
 class Overview(NamedTuple):
@@ -67,3 +71,78 @@ def read_overview(store: Store, at: int | None) -> Overview:
         return Overview(*row)
 
     return store.read_in_snapshot(work, at)
+
+
+class ActorTally(NamedTuple):
+    """How much one actor wrote.
+
+    Attributes:
+        actor: its name; None for revisions without one.
+        revisions: how many.
+        first: the first of them.
+        last: the last one.
+    """
+
+    actor: str | None
+    revisions: int
+    first: int
+    last: int
+
+
+class Tally(NamedTuple):
+    """Who made a range of revisions, and how much they changed.
+
+    Attributes:
+        first: the first revision of the range.
+        last: the last one; below `first` in an empty range.
+        actors: how many actors there are.
+        busiest: the actors with the most revisions.
+        changes: how many changes of each kind and sign.
+        archived: what ended up to this revision is in an archive, and is not counted.
+    """
+
+    first: int
+    last: int
+    actors: int
+    busiest: tuple[ActorTally, ...]
+    changes: tuple[tuple[str, str, int], ...]
+    archived: int
+
+
+_REVISIONS = func.count().label("revisions")
+_OF_RANGE = (RevisionRow.kb_id == KB, in_range(RevisionRow.number))
+_ACTORS = Query(select(func.count(RevisionRow.actor.distinct())).where(*_OF_RANGE))
+_NUMBER = RevisionRow.number
+_ACTOR_COLUMNS: tuple[Any, ...] = (
+    RevisionRow.actor,
+    _REVISIONS,
+    func.min(_NUMBER),
+    func.max(_NUMBER),
+)
+_BY_ACTOR = (
+    select(*_ACTOR_COLUMNS)
+    .where(*_OF_RANGE)
+    .group_by(RevisionRow.actor)
+    .order_by(_REVISIONS.desc(), RevisionRow.actor)
+)
+_BUSIEST = Query(first_rows(_BY_ACTOR, integer("size")))
+
+
+def read_tally(
+    store: Store, since: When | None, until: When | None, upto: int | None, most: int
+) -> Tally:
+    """Count the revisions of a range by actor, and their changes by kind, in five statements."""
+    low, high, _ = find_bounds(store, since, until, upto)
+
+    def work(session: Session, kb_id: int | None) -> Tally:
+        if kb_id is None or high < low:
+            return Tally(low, high, 0, (), (), 0)
+        of_range = {"kb": kb_id, "low": low, "high": high}
+        ((named,),) = session.rows(_ACTORS, **of_range)
+        rows = session.rows(_BUSIEST, size=most, **of_range)
+        busiest = tuple(ActorTally(*row) for row in rows)
+        changes = tuple(count_changes(session, kb_id, low, high))
+        archived = read_archived_revision(session, kb_id)
+        return Tally(low, high, named, busiest, changes, archived)
+
+    return store.query_in_snapshot(work)

@@ -21,7 +21,7 @@ from .follow import read_changes, watch
 from .interfaces import Element, History, When
 from .log import read_log, read_revisions
 from .moments import state_at
-from .overview import Overview, read_overview
+from .overview import Overview, Tally, read_overview, read_tally
 from .restore import restore
 from .revisions import LogEntry, Revision
 from .timeline import Timeline, read_timeline
@@ -95,6 +95,10 @@ class SqlHistory(SqlDao, History):
     @override
     def _reader(self) -> StateReader:
         return StateReader(self._store, self._at)
+
+    @override
+    def _tally(self, since: When | None, until: When | None, most: int) -> Tally:
+        return read_tally(self._store, since, until, self._at, most)
 
     @override
     def history(self, element: Element) -> list[Version]:

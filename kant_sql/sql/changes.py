@@ -14,6 +14,7 @@ from sqlalchemy import (
     bindparam,
     cast,
     desc,
+    func,
     literal_column,
     or_,
     select,
@@ -142,6 +143,12 @@ _FEW = {
     redefined: Query(first_rows(union_all(*selects), _SIZE))
     for redefined, selects in ((True, _selects(in_range)), (False, _others(in_range)))
 }
+_KINDS = union_all(*_selects(in_range)).subquery("changed")
+_COUNTED = Query(
+    select(_KINDS.c.retracted, _KINDS.c.kind, func.count()).group_by(
+        _KINDS.c.retracted, _KINDS.c.kind
+    )
+)
 _OF_NUMBERS = Query(union_all(*_selects(_among)).order_by(desc("revision"), *_ORDER))
 
 
@@ -197,6 +204,13 @@ def unsortable(said: Iterable[tuple[Any, Any]], key: str, error: TypeError) -> S
         {f"{kind}" for kind, text in said if not (isinstance(kind, str) and isinstance(text, str))}
     )
     return unreadable(f"of the versions of each {' or '.join(wrong)}", key, error)
+
+
+def count_changes(session: Session, kb_id: int, low: int, high: int) -> list[tuple[str, str, int]]:
+    """Count what a range of revisions changed, by kind and sign."""
+    rows = session.rows(_COUNTED, kb=kb_id, low=low, high=high)
+    signs = ASSERTED, RETRACTED
+    return sorted((str(kind), signs[sign], count) for sign, kind, count in rows)
 
 
 def stream_changes_of(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Mapping
 from datetime import datetime
 from functools import cache
@@ -21,6 +22,7 @@ from ..html import visible
 STATIC = Path(__file__).parent / "static"
 # A longer text is cut in links and titles; its own page has all of it.
 SHORT = 200
+_LINE = re.compile(r"[^\t\n]+")
 
 
 def link(path: str, /, **query: object) -> str:
@@ -54,9 +56,8 @@ def address_of(kind: str, text: str) -> Address | None:
 
 
 def shown_text(value: object) -> str:
-    """Make controls and bidirectional overrides visible; line feeds stay."""
-    lines = str(value).split("\n")
-    return "\n".join(visible(line) for line in lines)
+    """Make controls and bidirectional overrides visible; line feeds and tabs stay."""
+    return _LINE.sub(lambda match: visible(match[0]), str(value))
 
 
 def shorten(value: object, length: int = SHORT) -> str:

@@ -22,7 +22,7 @@ pytestmark = pytest.mark.slow
 
 REMEDY = "was closed; connect again"
 # What needs no store: it ends, or leaves the store to whom it is of.
-FREE = {"close", "label"}
+FREE = {"address", "close", "label", "name"}
 DOMAIN = "(define (domain d) (:predicates (p)))"
 PROBLEM = "(define (problem e) (:domain d) (:goal (p)))"
 

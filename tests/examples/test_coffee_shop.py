@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import pty
 import re
+import shlex
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -120,6 +121,32 @@ def test_all_tasks_are_done_in_the_end(ran: Ran) -> None:
         for name in ("checked", "delivered", "seated", "ordered", "waiting")
     ]
     assert done == [6, 6, 3, 0, 0]
+
+
+def test_it_writes_a_report_and_says_how_to_look(ran: Ran) -> None:
+    said = re.search(r"A report of the last iteration is in (\S+)$", ran.output, re.MULTILINE)
+    assert said is not None
+    page = Path(said[1]).read_text(encoding="utf-8")
+    assert f'id="revision-{ran.last}"' in page
+    assert f'id="revision-{ran.first - 1}"' not in page
+    assert "kant-sql serve '" in ran.output
+    again = re.search(r"kant-sql (report .*)$", ran.output, re.MULTILINE)
+    assert again is not None
+    words = shlex.split(again[1])
+    assert words[-4:] == ["--since", str(ran.first), "--out", said[1]]
+
+
+def test_without_the_extra_it_says_how_to_get_it(tmp_path: Path) -> None:
+    # A module that cannot be imported is found first.
+    (tmp_path / "jinja2.py").write_text("raise ImportError('not installed')")
+    store = f"sqlite:///{tmp_path / 'shop.db'}"
+    program = [sys.executable, str(EXAMPLES / "coffee_shop.py"), store, "--iterations", "1"]
+    environment = {**os.environ, "PYTHONPATH": str(tmp_path)}
+    done = subprocess.run(program, capture_output=True, text=True, check=False, env=environment)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "pip install 'kant-sql[web]'" in done.stdout
+    assert f"kant-sql serve '{store}'" in done.stdout
+    assert not [*tmp_path.glob("*.html")]
 
 
 def test_without_a_url_it_makes_a_new_file_and_says_where(tmp_path: Path) -> None:

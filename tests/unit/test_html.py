@@ -15,8 +15,10 @@ from kant_sql.errors import ClosedError
 from kant_sql.html import LENGTH, ROWS, Feed, Listing, cut, fields, guarded, table, visible
 from kant_sql.html import lines as html_lines
 from kant_sql.sql.changes import Change
-from tests.support.hostile import RIGHT_TO_LEFT, SCRIPT, check_harmless
+from tests.support.notebooks import check_harmless
+from tests.support.worlds.hostile import BIDI
 
+SCRIPT = "</script><script>alert('1')</script><img/src=x onerror=\"alert(2)\">&lt;"
 CHANGES = [Change("+", "fact", f"(robot_at rb1 wp{number})") for number in range(3)]
 
 
@@ -123,7 +125,7 @@ def test_a_plan_shows_its_steps() -> None:
 
 
 def test_a_verification_shows_its_verdict_and_its_findings() -> None:
-    finding = Finding(3, "revision", f"the hash differs: {SCRIPT}{RIGHT_TO_LEFT}")
+    finding = Finding(3, "revision", f"the hash differs: {SCRIPT}{BIDI}")
     bad = Verification("tiago", 5, 9, (finding,) * 200)._repr_html_()
     assert "not intact" in bad
     assert "200 findings" in bad

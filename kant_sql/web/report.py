@@ -1,0 +1,212 @@
+"""The report of an incident: one file that opens from disk, without a network or a server."""
+
+from __future__ import annotations
+
+import base64
+import errno
+import os
+import secrets
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from datetime import datetime
+from functools import cache
+from hashlib import sha256
+from pathlib import Path
+from typing import Any, TypeVar
+
+from markupsafe import Markup
+
+from ..arguments import expect, flag, items, optional_call
+from ..dao.interfaces import Progress
+from ..errors import InvalidArgumentError, KantSqlError
+from ..history.anchors import Anchor
+from ..knowledge_base import KnowledgeBase
+from .rendering import STATIC, render_text
+from .report_sections import ReportRange, ReportReader
+
+T = TypeVar("T")
+
+
+def report_html(
+    kb: KnowledgeBase,
+    *,
+    since: int | datetime | None = None,
+    until: int | datetime | None = None,
+    objects: Iterable[str] = (),
+    verify: bool = True,
+    anchor: Anchor | None = None,
+    progress: Progress | None = None,
+) -> str:
+    """Write the report of a range of revisions.
+
+    Args:
+        kb: the knowledge base.
+        since: the first revision, or the earliest time of commit; both inclusive.
+        until: the last revision, or the latest time of commit; both inclusive.
+        objects: the names of objects; the report says what involved each of them.
+        verify: whether to verify the whole history.
+        anchor: an anchor that was kept elsewhere, to verify the history with.
+        progress: called while the history is verified, as by `KnowledgeBase.verify`.
+
+    Returns:
+        A page of HTML that needs nothing else.
+
+    Raises:
+        UnknownRevisionError: `since` or `until` lies in the future, or is a time without zone.
+        UnknownNameError: there never was an object of that name.
+        InvalidArgumentError: an argument is not of its type.
+    """
+    expect(kb, KnowledgeBase, "the knowledge base", InvalidArgumentError)
+    flag(verify, "verify", InvalidArgumentError)
+    optional_call(progress, "progress")
+    names = items(objects, str, "the objects")
+    report = ReportReader.of(kb, ReportRange(since, until))
+    # Refuses an unknown name before it takes its time.
+    stays = [report.stays(report.timeline(name), name) for name in names]
+    page: dict[str, Any] = {
+        "summary": report.summary(names),
+        "objects": stays,
+        "is_verified": verify,
+        "verify_command": report.command("verify"),
+    }
+    read = _Sections()
+    if not report.is_empty:
+        timeline = report.timeline()
+        page["timeline"] = read("timeline", lambda: report.stays(timeline))
+        page["plans"] = read("plans", lambda: report.plans(timeline))
+        page["rules"] = read("rules", report.rules)
+        page["goals"] = read("goals", report.goals)
+        page["log"] = read("log", report.log)
+    if verify:
+        page["verification"] = read("verification", lambda: report.verify(anchor, progress))
+    page["anchor"] = read("anchor", report.anchor)
+    return _render({**page, "errors": read.errors}, kb.factory.name)
+
+
+class _Sections:
+    """Reads sections; one that cannot be read says why, and the others are read all the same.
+
+    Attributes:
+        errors: why, by the names of the sections.
+    """
+
+    def __init__(self) -> None:
+        self.errors: dict[str, str] = {}
+
+    def __call__(self, name: str, read: Callable[[], T]) -> T | None:
+        try:
+            return read()
+        except KantSqlError as error:
+            self.errors[name] = str(error)
+            return None
+
+
+def _render(page: Mapping[str, Any], name: str) -> str:
+    """Write the page, with all that it needs in it."""
+    entries = page.get("log")
+    plans = page.get("plans")
+    listed = {
+        "/revision": {each["number"] for each in entries["entries"]} if entries else set(),
+        "/plan": {each["plan"] for each in plans["plans"]} if plans else set(),
+    }
+
+    def link(path: str, /, **query: object) -> str:
+        """Return where something is in this page; nothing for what is not in it."""
+        place = query.get("number", query.get("id"))
+        return f"#{path[1:]}-{place}" if place in listed.get(path, ()) else ""
+
+    style = _static("style.css") + _static("report.css")
+    policy = {
+        "default-src": "'none'",
+        "style-src": _digest(style),
+        "img-src": "data: blob:",
+        "base-uri": "'none'",
+        "form-action": "'none'",
+    }
+    return render_text(
+        "report.html",
+        {
+            "page": page,
+            "kb": name,
+            "link": link,
+            "policy": "; ".join(f"{key} {value}" for key, value in policy.items()),
+            "style": Markup(style),
+        },
+    )
+
+
+@cache
+def _static(name: str) -> str:
+    return (STATIC / name).read_text(encoding="utf-8")
+
+
+def _digest(text: str) -> str:
+    """Return what a policy calls a script or a style sheet."""
+    return f"'sha256-{base64.b64encode(sha256(text.encode()).digest()).decode()}'"
+
+
+def write_report(
+    kb: KnowledgeBase,
+    path: str | os.PathLike[str],
+    *,
+    since: int | datetime | None = None,
+    until: int | datetime | None = None,
+    objects: Iterable[str] = (),
+    verify: bool = True,
+    anchor: Anchor | None = None,
+    progress: Progress | None = None,
+) -> Path:
+    """Write the report of a range of revisions to a file, whole or not at all.
+
+    Args:
+        kb: the knowledge base.
+        path: the file; one that is there is replaced.
+        since: as for `report_html`.
+        until: as for `report_html`.
+        objects: as for `report_html`.
+        verify: as for `report_html`.
+        anchor: as for `report_html`.
+        progress: as for `report_html`.
+
+    Returns:
+        The path.
+
+    Raises:
+        OSError: the file cannot be written; `IsADirectoryError` if the path is a folder's.
+        UnknownRevisionError, UnknownNameError, InvalidArgumentError: as `report_html`.
+    """
+    expect(path, (str, os.PathLike), "the path", InvalidArgumentError)
+    target = Path(path)
+    with replacing(target) as draft:
+        made = report_html(
+            kb,
+            since=since,
+            until=until,
+            objects=objects,
+            verify=verify,
+            anchor=anchor,
+            progress=progress,
+        )
+        draft.write_text(made, encoding="utf-8")
+    return target
+
+
+@contextmanager
+def replacing(target: Path) -> Iterator[Path]:
+    """Yield a new file beside another one, which it replaces at the end of the block.
+
+    It is made at once: a folder that cannot be written to is no reason to work first.
+    """
+    if target.is_dir():
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(target))
+    draft = target.with_name(f".{target.name[:200]}.{secrets.token_hex(4)}")
+    try:
+        draft.open("x").close()
+    except OSError as error:
+        # The name that the caller knows.
+        raise OSError(error.errno, error.strerror, str(target)) from error
+    try:
+        yield draft
+        draft.replace(target)
+    finally:
+        draft.unlink(missing_ok=True)

@@ -1,0 +1,362 @@
+"""The sections of a report: what each one reads, bounded, with what it left out."""
+
+from __future__ import annotations
+
+import shlex
+from collections import Counter
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from typing import NamedTuple
+
+from typing_extensions import TypedDict
+
+from ..dao.interfaces import Progress
+from ..history.anchors import Anchor
+from ..history.overview import Tally
+from ..history.timeline import Bar, Lane, Timeline
+from ..json_documents import (
+    FailedConditionDocument,
+    LogEntryDocument,
+    RecordedPlanDocument,
+    RevisionDocument,
+    VerdictDocument,
+    VerificationDocument,
+    entry_document,
+    failed_document,
+    recorded_plan_document,
+    revision_document,
+    verdict_document,
+    verification_document,
+)
+from ..knowledge.canonical import time_text
+from ..knowledge_base import KnowledgeBase
+from ..plans.interfaces import RecordedPlan
+
+When = int | datetime
+
+# What each section shows at most.
+ACTORS, LANES, BARS, PLANS, STEPS, RULES, GOALS, ENTRIES, CHANGES, FINDINGS = (
+    20, 40, 400, 25, 100, 200, 200, 400, 30, 200,
+)  # fmt: skip
+
+
+class ReportRange(NamedTuple):
+    """The range of a report.
+
+    Attributes:
+        since: its first revision, or the earliest time of commit; None for the first revision.
+        until: its last revision, or the latest time of commit; None for the last revision.
+    """
+
+    since: When | None = None
+    until: When | None = None
+
+
+class ReportSection(TypedDict):
+    """What all sections have: what is left out, and the command that shows all of it."""
+
+    left_out: str | None
+    command: str
+
+
+class ReportActor(TypedDict):
+    """How much an actor wrote."""
+
+    actor: str | None
+    revisions: int
+    first: int
+    last: int
+
+
+class ReportCount(TypedDict):
+    """How much of a kind changed."""
+
+    kind: str
+    asserted: int
+    retracted: int
+
+
+class ReportSummary(ReportSection):
+    """What the report is about."""
+
+    knowledge_base: str
+    store: str
+    made_at: str
+    first: RevisionDocument | None
+    last: RevisionDocument | None
+    revisions: int
+    changes: int
+    actors: list[ReportActor]
+    kinds: list[ReportCount]
+    objects: list[str]
+
+
+class ReportStay(TypedDict):
+    """When something held, and by whom."""
+
+    kind: str
+    text: str
+    since: int
+    since_at: str
+    actor: str | None
+    reason: str | None
+    until: int | None
+    until_at: str | None
+    ended_by: str | None
+    ended_reason: str | None
+
+
+class ReportStays(ReportSection):
+    """What held when."""
+
+    name: str
+    stays: list[ReportStay]
+
+
+class ReportPlan(RecordedPlanDocument):
+    """A recorded plan, when and by whom it was recorded, and how many steps are left out."""
+
+    recorded: RevisionDocument | None
+    outcomes: list[str]
+    steps_left: int
+    command: str
+
+
+class ReportPlans(ReportSection):
+    """The recorded plans."""
+
+    plans: list[ReportPlan]
+
+
+class ReportRules(ReportSection):
+    """The verdicts of rules, violations first."""
+
+    verdicts: list[VerdictDocument]
+    violated: int
+    count: int
+
+
+class ReportGoals(ReportSection):
+    """The goals that are not reached."""
+
+    revision: int
+    goals: list[FailedConditionDocument]
+    count: int
+
+
+class ReportEntry(LogEntryDocument):
+    """A revision, and how many of its changes are left out."""
+
+    changes_left: int
+    command: str
+
+
+class ReportLog(ReportSection):
+    """The revisions with their changes."""
+
+    entries: list[ReportEntry]
+
+
+class ReportVerification(ReportSection):
+    """The verdict of verification."""
+
+    verification: VerificationDocument
+
+
+class ReportReader(NamedTuple):
+    """Reads the sections of a report.
+
+    Attributes:
+        kb: the knowledge base.
+        range: the range.
+        tally: what its revisions changed.
+    """
+
+    kb: KnowledgeBase
+    range: ReportRange
+    tally: Tally
+
+    @classmethod
+    def of(cls, kb: KnowledgeBase, range_: ReportRange) -> ReportReader:
+        """Find the range."""
+        return cls(kb, range_, kb._tally(range_.since, range_.until, ACTORS))
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether there is no revision in the range."""
+        return self.tally.last < self.tally.first
+
+    def command(self, *words: str) -> str:
+        """Write the command that shows all of something; the environment names the store."""
+        return shlex.join(["kant-sql", *words, "--kb", self.kb.factory.name])
+
+    def ranged(self, *words: str) -> str:
+        """Write the command that shows all of something in the range."""
+        ends = ("--since", str(self.tally.first), "--until", str(self.tally.last))
+        return self.command(*words, *ends)
+
+    def summary(self, objects: Sequence[str]) -> ReportSummary:
+        """Say what the report is about."""
+        tally = self.tally
+        kinds: dict[str, ReportCount] = {}
+        for kind, sign, count in tally.changes:
+            of_kind = kinds.setdefault(kind, {"kind": kind, "asserted": 0, "retracted": 0})
+            of_kind["asserted" if sign == "+" else "retracted"] = count
+        left = tally.actors - sum(each.actor is not None for each in tally.busiest)
+        archived = (
+            f"what ended up to revision {tally.archived}, which was moved to an archive"
+            if tally.archived >= tally.first and not self.is_empty
+            else None
+        )
+        more = f"{left:,} more actors with fewer revisions" if left else None
+        return {
+            "left_out": "; ".join(filter(None, (more, archived))) or None,
+            "command": self.ranged("log"),
+            "knowledge_base": self.kb.factory.name,
+            "store": self.kb.factory.address,
+            "made_at": time_text(datetime.now(UTC)),
+            "first": None if self.is_empty else self._revision(tally.first),
+            "last": None if self.is_empty else self._revision(tally.last),
+            "revisions": max(0, tally.last - tally.first + 1),
+            "changes": sum(count for _, _, count in tally.changes),
+            "actors": [
+                {"actor": one, "revisions": count, "first": first, "last": last}
+                for one, count, first, last in tally.busiest
+            ],
+            "kinds": list(kinds.values()),
+            "objects": [*objects],
+        }
+
+    def _revision(self, number: int) -> RevisionDocument | None:
+        found = self.kb.revisions(after=number - 1, limit=1)
+        return revision_document(found[0]) if found else None
+
+    def timeline(self, name: str | None = None) -> Timeline:
+        """Read the timeline of the range, of all or of an object."""
+        since, until = self.range
+        return self.kb.timeline(since, until=until, object=name, lanes=LANES)
+
+    def stays(self, timeline: Timeline, name: str = "") -> ReportStays:
+        """List what held when, oldest first."""
+        found = [(bar.since, lane, bar) for lane in timeline.lanes for bar in lane.bars]
+        found.sort(key=lambda one: one[0])
+        dense = sum(density.count for lane in timeline.lanes for density in lane.densities)
+        left = len(found) - BARS + dense
+        lanes = "facts, goals and values beyond the first" if timeline.next is not None else None
+        more = f"{left:,} more periods" if left > 0 else None
+        said = " and ".join(filter(None, (more, lanes and f"{lanes} {LANES}")))
+        words = ("--element", name) if name else ()
+        return {
+            "left_out": said or None,
+            "command": self.ranged("log", *words),
+            "name": name,
+            "stays": [_stay(lane, bar) for _, lane, bar in found[:BARS]],
+        }
+
+    def plans(self, timeline: Timeline) -> ReportPlans:
+        """Read the plans that were made or carried out in the range, oldest first."""
+        bars = timeline.plans[-PLANS:]
+        left = len(timeline.plans) - len(bars)
+        plans = [plan for bar in bars if (plan := self.kb.plans.get(bar.id)) is not None]
+        some = "earlier plans" if timeline.has_more_plans else None
+        return {
+            "left_out": some or (f"{left} earlier plans" if left else None),
+            "command": self.command("plans"),
+            "plans": [self._plan(plan) for plan in plans],
+        }
+
+    def _plan(self, plan: RecordedPlan) -> ReportPlan:
+        document = recorded_plan_document(plan)
+        statuses = Counter(step.status or "not started" for step in plan.steps)
+        return {
+            **document,
+            "steps": document["steps"][:STEPS],
+            "recorded": self._revision(plan.recorded_in),
+            "outcomes": [f"{count:,} {status}" for status, count in statuses.items()],
+            "steps_left": max(0, len(plan.steps) - STEPS),
+            "command": self.command("plans", "--plan", str(plan.id)),
+        }
+
+    def rules(self) -> ReportRules:
+        """Hold the constraints of the domain and the problem against the range."""
+        verdicts = self.kb.check_rules(since=self.tally.first, until=self.tally.last)
+        ordered = [*verdicts.violated, *(one for one in verdicts if one.is_satisfied)]
+        left = len(ordered) - RULES
+        return {
+            "left_out": f"{left:,} more rules" if left > 0 else None,
+            "command": self.ranged("rules"),
+            "verdicts": [verdict_document(one) for one in ordered[:RULES]],
+            "violated": len(verdicts.violated),
+            "count": len(verdicts),
+        }
+
+    def goals(self) -> ReportGoals:
+        """Find the goals that were not reached at the end of the range."""
+        last = self.tally.last
+        found = self.kb.at(last).unsatisfied_goals()
+        left = len(found) - GOALS
+        return {
+            "left_out": f"{left:,} more goals" if left > 0 else None,
+            "command": self.command("goals", "--at", str(last)),
+            "revision": last,
+            "goals": [failed_document(one) for one in found[:GOALS]],
+            "count": len(found),
+        }
+
+    def log(self) -> ReportLog:
+        """Read the last revisions of the range with their changes, oldest first."""
+        first, last = self.tally.first, self.tally.last
+        found = list(self.kb.log(first, until=last, limit=ENTRIES))[::-1]
+        left = last - first + 1 - len(found)
+        return {
+            "left_out": f"the first {left:,} revisions" if left > 0 else None,
+            "command": self.ranged("log"),
+            "entries": [self._entry(entry_document(one)) for one in found],
+        }
+
+    def _entry(self, document: LogEntryDocument) -> ReportEntry:
+        number, changes = str(document["number"]), document["changes"]
+        few = changes[:CHANGES]
+        for change in few:
+            # The layout of an action's text.
+            change["text"] = " ".join(change["text"].split())
+        return {
+            **document,
+            "changes": few,
+            "changes_left": max(0, len(changes) - CHANGES),
+            "command": self.command("log", "--since", number, "--until", number),
+        }
+
+    def verify(self, anchor: Anchor | None, progress: Progress | None) -> ReportVerification:
+        """Verify the whole knowledge base, and write its head for whoever verifies it later."""
+        found = self.kb.verify(anchor, progress=progress)
+        document = verification_document(found)
+        left = len(document["findings"]) - FINDINGS
+        document["findings"] = document["findings"][:FINDINGS]
+        return {
+            "left_out": f"{left:,} more findings" if left > 0 else None,
+            "command": self.command("verify"),
+            "verification": document,
+        }
+
+    def anchor(self) -> str:
+        """Write the anchor of this knowledge base alone."""
+        made = self.kb.anchor()
+        own = made.head(self.kb.factory.name)
+        return made._replace(heads=() if own is None else (own,)).text()
+
+
+def _stay(lane: Lane, bar: Bar) -> ReportStay:
+    text = lane.text if bar.value is None else f"(= {lane.text} {bar.value})"
+    return {
+        "kind": lane.kind,
+        "text": text,
+        "since": bar.since,
+        "since_at": time_text(bar.since_at),
+        "actor": bar.actor,
+        "reason": bar.reason,
+        "until": bar.until,
+        "until_at": None if bar.until_at is None else time_text(bar.until_at),
+        "ended_by": bar.ended_by,
+        "ended_reason": bar.ended_reason,
+    }

@@ -1,0 +1,338 @@
+"""The report: all that happened, in one file that needs nothing else, bounded, and only data."""
+
+from __future__ import annotations
+
+import re
+import shlex
+import sqlite3
+import sys
+from collections.abc import Iterator
+from datetime import UTC, datetime, timedelta
+from html import unescape
+from html.parser import HTMLParser
+from pathlib import Path
+
+import pytest
+
+import kant_sql
+from kant_sql import InvalidArgumentError, KantSqlError, KnowledgeBase, parse_anchor
+from kant_sql.errors import UnknownNameError, UnknownRevisionError
+from kant_sql.web import report_sections
+from kant_sql.web.report import report_html, write_report
+from tests.audit.story import at, record_store
+from tests.support.crawling import Markup
+from tests.support.notebooks import UNSEEN
+from tests.support.processes.commands import run
+from tests.support.stores import Connect, new_file_store
+from tests.support.worlds.hostile import KNOWLEDGE_BASE, NAMES, record_hostile
+
+SECTIONS = {"summary", "timeline", "plans", "rules", "goals", "log", "verification"}
+LIMITS = {"ACTORS": 2, "LANES": 3, "BARS": 2, "STEPS": 1, "ENTRIES": 4, "CHANGES": 1}
+RULES = ("(always (not (served t1)))", "(always (not (served t2)))")
+
+
+class Page(HTMLParser):
+    """A page, taken apart as a browser does."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__(convert_charrefs=True)
+        self.ids: set[str] = set()
+        self.links: list[str] = []
+        self.loads: list[str] = []
+        self.scripts: list[tuple[str | None, str]] = []
+        self.styles: list[str] = []
+        self.metas: dict[str, str] = {}
+        self.handlers: list[str] = []
+        self.tags: set[str] = set()
+        self._within: str | None = None
+        self._said: list[str] = []
+        self.feed(text)
+        self.close()
+
+    @property
+    def text(self) -> str:
+        return " ".join(" ".join(self._said).split())
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        given = dict(attrs)
+        self.tags.add(tag)
+        self.handlers += [name for name in given if name.startswith("on") or name == "style"]
+        self.loads += [value or "" for name, value in attrs if name in ("src", "srcset", "action")]
+        if "id" in given:
+            assert given["id"] not in self.ids, "an id is there twice"
+            self.ids.add(str(given["id"]))
+        if tag == "a":
+            self.links.append(str(given["href"]))
+        if tag == "link":
+            self.loads.append(str(given["href"]))
+        if tag == "meta" and "http-equiv" in given:
+            self.metas[str(given["http-equiv"])] = str(given["content"])
+        if tag == "script":
+            self.scripts.append((given.get("type"), ""))
+        if tag in ("script", "style"):
+            self._within = tag
+
+    def handle_endtag(self, tag: str) -> None:
+        self._within = None if tag == self._within else self._within
+
+    def handle_data(self, data: str) -> None:
+        if self._within == "script":
+            kind, so_far = self.scripts[-1]
+            self.scripts[-1] = kind, so_far + data
+        elif self._within == "style":
+            self.styles.append(data)
+        else:
+            self._said.append(data)
+
+
+@pytest.fixture
+def story(story_url: str) -> Iterator[KnowledgeBase]:
+    """The story, on each dialect in turn."""
+    with kant_sql.connect(story_url, knowledge_base="courier", read_only=True) as kb:
+        yield kb
+
+
+@pytest.fixture
+def sqlite_kb(sqlite_story: str) -> Iterator[KnowledgeBase]:
+    """The story on SQLite."""
+    with kant_sql.connect(sqlite_story, knowledge_base="courier", read_only=True) as kb:
+        yield kb
+
+
+def test_it_says_what_happened(story: KnowledgeBase) -> None:
+    page = Page(report_html(story, objects=["rb2"]))
+    assert SECTIONS | {"objects"} <= page.ids
+    for said in (
+        "36, with 83 changes",
+        "executive 13 8 32",
+        "fact 18 13",
+        "guest sat down",
+        "blocked by a chair",
+        "2 succeeded, 1 failed, 1 aborted",
+        "1 not reached",
+        "(robot_at rb2 dock)",
+        "The domain and the problem have no constraints.",
+        "Intact : 36 revisions and 83 changes",
+        'Source: {"camera": 4}',
+        "Observed at 2026-03-02 13:59:58",
+        story.revisions()[-1].hash,
+    ):
+        assert said in page.text, said
+    assert "Left out" not in page.text
+
+
+def test_it_needs_nothing_else(story: KnowledgeBase) -> None:
+    page = Page(report_html(story))
+    assert page.loads == []
+    assert page.handlers == []
+    assert all(link.startswith("#") and link[1:] in page.ids for link in page.links), page.links
+    policy = dict(
+        part.strip().split(" ", 1) for part in page.metas["Content-Security-Policy"].split(";")
+    )
+    assert policy["default-src"] == "'none'"
+    assert page.scripts == []
+    assert "connect-src" not in policy
+
+
+def test_the_table_lists_every_lane(story: KnowledgeBase) -> None:
+    page = Page(report_html(story, verify=False))
+    for lane in story.timeline().lanes:
+        assert lane.text in page.text
+
+
+def test_a_range_is_all_that_it_is_about(story: KnowledgeBase) -> None:
+    for since, until in ((28, 32), (at("13:58"), at("14:20"))):
+        page = Page(report_html(story, since=since, until=until))
+        assert {each for each in page.ids if each.startswith("revision-")} == {
+            f"revision-{number}" for number in range(28, 33)
+        }
+        assert "5, with" in page.text
+        assert "guest sat down" not in "".join(re.findall("Log .*", page.text))
+        # The history is verified as a whole: its hashes are a chain.
+        assert "36 revisions and 83 changes" in page.text
+
+
+def test_a_range_without_a_revision_says_so(story: KnowledgeBase) -> None:
+    page = Page(report_html(story, since=at("10:10"), until=at("10:20")))
+    assert "There is no revision in this range." in page.text
+    assert "Intact" in page.text
+
+
+def test_rules_are_held_against_the_range(connect: Connect, tmp_path: Path) -> None:
+    kb = connect(record_store(new_file_store(tmp_path / "ruled.db")), knowledge_base="courier")
+    for rule in RULES:
+        kb.constraints.save(rule)
+    said = Page(report_html(kb)).text
+    assert "1 violated" in said
+    assert re.search(
+        r"\(served t1\)\)\) violated 11 2026-03-02 09:07:10 executive : cup taken", said
+    )
+    assert re.search(r"\(served t2\)\)\) satisfied", said)
+    assert "0 violated of 2" in Page(report_html(kb, until=10)).text
+
+
+def test_what_is_left_out_is_said_with_the_command_that_shows_it(
+    sqlite_kb: KnowledgeBase, monkeypatch: pytest.MonkeyPatch, sqlite_story: str
+) -> None:
+    for name, number in LIMITS.items():
+        monkeypatch.setattr(report_sections, name, number)
+    text = report_html(sqlite_kb, objects=["rb1"])
+    page = Page(text)
+    for said in (
+        "5 more actors with fewer revisions",
+        "more periods",
+        "beyond the first 3",
+        "3 more steps",
+        "the first 32 revisions",
+        "more changes",
+    ):
+        assert said in page.text, said
+    commands = set(re.findall(r'<code class="command">(kant-sql [^<]*)</code>', text))
+    commands -= {each for each in commands if "FILE" in each}
+    assert len(commands) >= 5
+    for command in commands:
+        # Exit code 1: a goal is not reached.
+        words = shlex.split(unescape(command))[1:]
+        assert run(*words, url=sqlite_story).exit_code in (0, 1), command
+    assert len(text) < len(report_html(sqlite_kb, objects=["rb1", "rb2", "t1"]))
+
+
+@pytest.mark.slow
+def test_names_and_reasons_are_data(connect: Connect, shared_url: str) -> None:
+    kb = connect(record_hostile(shared_url), knowledge_base=KNOWLEDGE_BASE)
+    text = report_html(kb, objects=NAMES)
+    page = Page(text)
+    assert page.loads == page.handlers == []
+    assert all(link[1:] in page.ids for link in page.links)
+    without = re.sub(r"<(script|style)[^>]*>.*?</\1>", "", text, flags=re.DOTALL)
+    assert list(Markup(without).faults()) == []
+    assert UNSEEN.search(page.text) is None
+    assert "{{7*191}}" in page.text
+    assert len(text) < 2_000_000
+
+
+def test_a_history_that_was_changed_is_reported(connect: Connect, tmp_path: Path) -> None:
+    path = tmp_path / "changed.db"
+    kb = connect(record_store(new_file_store(path)), knowledge_base="courier")
+    anchor = kb.anchor()
+    with sqlite3.connect(path) as lite:
+        lite.execute("UPDATE revision SET reason = 'not so' WHERE number = 13 AND kb_id = 2")
+    lite.close()
+    said = Page(report_html(kb, anchor=anchor)).text
+    assert "Not intact" in said
+    assert "revision" in said
+    done = run(
+        "report", f"sqlite:///{path}", "--kb", "courier", "--out", str(tmp_path / "day.html")
+    )
+    assert done.exit_code == 0
+
+
+def test_the_anchor_in_it_verifies_the_store(story: KnowledgeBase) -> None:
+    text = report_html(story, verify=False)
+    page = Page(text)
+    assert "The history was not verified." in page.text
+    written = re.search(r"<pre>(.*?)</pre>", text, re.S)
+    assert written is not None
+    anchor = parse_anchor(unescape(written[1]))
+    assert [head.knowledge_base for head in anchor.heads] == ["courier"]
+    assert story.verify(anchor).is_intact
+    assert "compared with an anchor of revision 36" in Page(report_html(story, anchor=anchor)).text
+
+
+def test_a_section_that_cannot_be_read_says_why(connect: Connect, tmp_path: Path) -> None:
+    kb = connect(record_store(new_file_store(tmp_path / "old.db")), knowledge_base="courier")
+    kb.archive(20, to=f"sqlite:///{tmp_path / 'archive.db'}")
+    page = Page(report_html(kb))
+    assert "This could not be read" in page.text
+    assert "archive" in page.text
+    assert "moved to an archive" in page.text
+    assert "Intact" in page.text
+
+
+def test_what_is_wrong_is_refused_before_anything_is_read(
+    sqlite_kb: KnowledgeBase, tmp_path: Path
+) -> None:
+    path = tmp_path / "day.html"
+    with pytest.raises(UnknownNameError, match="nobody"):
+        write_report(sqlite_kb, path, objects=["nobody"])
+    with pytest.raises(UnknownRevisionError):
+        write_report(sqlite_kb, path, since=99)
+    with pytest.raises(UnknownRevisionError):
+        write_report(sqlite_kb, path, until=datetime.now(UTC) + timedelta(days=1))
+    for wrong in ({"objects": [1]}, {"verify": 1}, {"progress": 1}, {"objects": "rb1"}):
+        with pytest.raises(KantSqlError):
+            write_report(sqlite_kb, path, **wrong)
+    for arguments in ((1, path), (sqlite_kb, 1)):
+        with pytest.raises(InvalidArgumentError):
+            write_report(*arguments)
+    assert [*tmp_path.iterdir()] == []
+
+
+def test_a_file_is_replaced_whole_or_not_at_all(
+    sqlite_kb: KnowledgeBase, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "day.html"
+    path.write_text("the one before")
+    told: list[tuple[int, int]] = []
+
+    def stop(done: int, whole: int) -> None:
+        told.append((done, whole))
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        write_report(sqlite_kb, path, progress=stop)
+    assert told
+    assert path.read_text() == "the one before"
+    assert write_report(sqlite_kb, str(path)) == path
+    assert path.read_text().startswith("<!doctype html>")
+    assert [*tmp_path.iterdir()] == [path]
+    with pytest.raises(IsADirectoryError):
+        write_report(sqlite_kb, tmp_path)
+    with pytest.raises(FileNotFoundError) as missing:
+        write_report(sqlite_kb, tmp_path / "nowhere" / "day.html")
+    assert missing.value.filename == str(tmp_path / "nowhere" / "day.html")
+
+
+def test_the_command_writes_it(story_url: str, tmp_path: Path) -> None:
+    path = tmp_path / "day.html"
+    words = ("report", story_url, "--kb", "courier", "--object", "rb1", "--no-verify")
+    done = run(*words, "--since", "2026-03-02 13:00", "--until", "32", "--out", str(path))
+    assert (done.exit_code, done.output) == (0, f"{path}\n")
+    page = Page(path.read_text(encoding="utf-8"))
+    assert "7, with" in page.text
+    printed = run(*words, "--out", "-")
+    assert printed.stdout.startswith("<!doctype html>")
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--kb", "courier", "--out", "."], "directory"),
+        (["--kb", "courier", "--out", "nowhere/day.html"], "No such file"),
+        (["--kb", "nobody", "--out", "day.html"], "no knowledge base"),
+        (["--kb", "courier", "--object", "nobody", "--out", "day.html"], "nobody"),
+        (["--kb", "courier"], "--out"),
+    ],
+)
+def test_what_the_command_cannot_do_is_one_line(
+    sqlite_story: str,
+    words: list[str],
+    message: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    done = run("report", sqlite_story, *words)
+    assert done.exit_code != 0
+    assert message in done.stderr
+    assert done.stderr.count("\n") == 1
+    assert [*tmp_path.iterdir()] == []
+
+
+def test_without_the_extra_it_says_what_to_install(
+    sqlite_story: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "kant_sql.web.report", None)
+    done = run("report", sqlite_story, "--out", "day.html")
+    assert done.exit_code == 1
+    assert "pip install 'kant-sql[web]'" in done.stderr
