@@ -1,0 +1,105 @@
+"""Following a live change: new revisions appear without a reload, also after restarts."""
+
+from __future__ import annotations
+
+import re
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from urllib.parse import urlsplit
+
+import pytest
+from playwright.sync_api import expect
+from sqlalchemy import make_url
+
+import kant_sql
+from tests.audit.story import record_store
+from tests.browser.addresses import address
+from tests.browser.conftest import Visit
+from tests.support.browsing import Serving, Visitor
+from tests.support.servers import MortalServer
+
+HEAD = 36
+
+
+@pytest.fixture(params=["sqlite", "postgresql"])
+def own_url(request: pytest.FixtureRequest, tmp_path: Path) -> str:
+    """The URL of a store of the story that a test may write to."""
+    if request.param == "sqlite":
+        story = make_url(request.getfixturevalue("sqlite_story")).database
+        return f"sqlite:///{shutil.copy(str(story), tmp_path / 'own.db')}"
+    return record_store(request.getfixturevalue("server").new_store())
+
+
+@pytest.fixture
+def running(own_url: str, tmp_path: Path) -> Iterator[Serving]:
+    served = Serving(own_url, tmp_path)
+    yield served
+    served.stop()
+
+
+def write(url: str, *facts: str, reason: str = "moved by hand") -> None:
+    """Write a revision, as another program does."""
+    opened = kant_sql.connect(url, knowledge_base="courier", actor="night shift")
+    with opened as kb, kb.transaction(reason=reason):
+        kb.propositions.save_all(list(facts))
+
+
+def follow(visitor: Visitor) -> None:
+    """Open the last revision: it has no next one yet."""
+    visitor.open(address("/revision", number=HEAD))
+    expect(visitor.page.get_by_role("link", name=f"{HEAD + 1} →")).to_have_count(0)
+
+
+def test_a_revision_appears_without_a_reload(running: Serving, own_url: str, visit: Visit) -> None:
+    visitor = visit(running.address)
+    follow(visitor)
+    visitor.page.evaluate("() => { window.isTheSamePage = true; }")
+    write(own_url, "(robot_at rb1 t4)")
+    status = visitor.page.get_by_role("status").filter(has_text=str(HEAD + 1))
+    expect(status).to_contain_text("night shift")
+    expect(visitor.page.get_by_role("link", name=f"{HEAD + 1} →")).to_be_visible()
+    assert visitor.page.evaluate("window.isTheSamePage")
+    assert visitor.violations() == []
+    status.get_by_role("link").click()
+    visitor.page.get_by_role("heading", name=f"Revision {HEAD + 1}").wait_for()
+    assert "(robot_at rb1 t4)" in visitor.text()
+    assert "moved by hand" in visitor.text()
+
+
+def test_a_reader_follows_again_after_the_server_restarts(
+    running: Serving, own_url: str, visit: Visit, tmp_path: Path
+) -> None:
+    visitor = visit(running.address)
+    follow(visitor)
+    running.stop()
+    expect(visitor.page.get_by_role("status")).to_contain_text("trying again")
+    write(own_url, "(robot_at rb1 t4)")
+    again = Serving(own_url, tmp_path, port=urlsplit(running.address).port or 0)
+    try:
+        link = visitor.page.get_by_role("link", name=f"{HEAD + 1} →")
+        expect(link).to_be_visible(timeout=30_000)
+        lost = re.compile("ERR_(CONNECTION|INCOMPLETE|EMPTY|SOCKET|NETWORK)|Failed to fetch")
+        visitor.faults = [fault for fault in visitor.faults if not lost.search(fault)]
+    finally:
+        visitor.close()
+        again.stop()
+
+
+def test_a_reader_follows_again_after_the_database_restarts(
+    mortal_server: MortalServer, mortal_url: str, visit: Visit, tmp_path: Path
+) -> None:
+    record_store(mortal_url)
+    served = Serving(mortal_url, tmp_path)
+    try:
+        visitor = visit(served.address)
+        follow(visitor)
+        mortal_server.kill()
+        mortal_server.restart()
+        write(mortal_url, "(robot_at rb1 t4)")
+        link = visitor.page.get_by_role("link", name=f"{HEAD + 1} →")
+        expect(link).to_be_visible(timeout=60_000)
+        for status in (500, 503):
+            visitor.forgive(status)
+    finally:
+        served.stop()
