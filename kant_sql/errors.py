@@ -21,6 +21,7 @@ __all__ = [
     "ConflictError",
     "ConnectionLostError",
     "DependantsError",
+    "ExtraMissingError",
     "ForkedError",
     "InvalidArgumentError",
     "InvalidKnowledgeError",
@@ -332,6 +333,10 @@ class UnsupportedConstructError(KantSqlError):
 
 class PlannerMissingError(KantSqlError, ImportError):
     """A package that planning needs is not installed."""
+
+
+class ExtraMissingError(KantSqlError, ImportError):
+    """A package that this needs is not installed; the message names the extra that has it."""
 
 
 class NoPlanError(KantSqlError):
