@@ -125,7 +125,7 @@ class Timeline:
         first: the revision whose state it begins with; 0 before the first.
         last: its last revision.
         slices: how many slices of equal length densities are counted in.
-        lanes: the lanes, by kind, predicate or function, and arguments.
+        lanes: the lanes, in a fixed order: facts, goals and values, by predicate or function.
         next: what `after` takes for the lanes that come next; None if there are none.
         plans: the recorded plans that were made or carried out in it, oldest first.
         has_more_plans: whether there were more plans or steps, earlier ones, that are left out.

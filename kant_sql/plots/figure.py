@@ -13,7 +13,7 @@ from .marks import (
     DARK,
     LIGHT,
     OUTCOMES,
-    Mark,
+    Fill,
     Theme,
     address,
     axis_time,
@@ -138,7 +138,7 @@ class _Drawing:
             }
         self._traces.append(trace)
 
-    def _bar_trace(self, axis: str, name: str, group: object, mark: Mark) -> Trace:
+    def _bar_trace(self, axis: str, name: str, group: object, mark: Fill) -> Trace:
         is_first = group not in self._named
         self._named.add(group)
         return {
@@ -157,6 +157,7 @@ class _Drawing:
                 "line": {"width": 1, "color": mark.colour},
                 "pattern": {
                     "shape": mark.pattern,
+                    "fillmode": "overlay",
                     "fgcolor": "#ffffff",
                     "fgopacity": 0.75,
                     "size": 6,
@@ -285,10 +286,10 @@ class _Drawing:
                 drawn[str(step.status)].append((first + row, plan, step))
             rows += [""] * (len(ends) - 1)
         axis = self._open(_Section("Plans", ROW * len(rows), tuple(rows)))
+        self._recorded(axis, recorded)
         for status in OUTCOMES:
             if status in drawn:
                 self._steps(axis, status, drawn[status])
-        self._recorded(axis, recorded)
 
     def _ends_of(self, step: StepBar) -> tuple[datetime, datetime]:
         begin = step.since_at or step.until_at or self._timeline.until
@@ -296,7 +297,8 @@ class _Drawing:
 
     def _steps(self, axis: str, status: str, drawn: Sequence[tuple[int, PlanBar, StepBar]]) -> None:
         outcome = OUTCOMES[status]
-        trace = self._bar_trace(axis, outcome.name, ("status", status), outcome.mark)
+        named = f"{outcome.sign} {outcome.name}"
+        trace = self._bar_trace(axis, named, ("status", status), outcome.mark)
         ends = [self._ends_of(step) for _, _, step in drawn]
         spans = [(self._begin(begin), self._end(end)) for begin, end in ends]
         trace |= {
@@ -323,10 +325,10 @@ class _Drawing:
                 "xaxis": "x",
                 "yaxis": axis,
                 "x": [axis_time(plan.recorded_at) for _, plan in inside],
-                "y": [row for row, _ in inside],
+                "y": [row - 0.4 for row, _ in inside],
                 "marker": {
-                    "symbol": "diamond",
-                    "size": 9,
+                    "symbol": "triangle-down",
+                    "size": 8,
                     "color": self._theme.quiet,
                     "line": {"width": 1, "color": self._theme.ink},
                 },
@@ -372,7 +374,7 @@ class _Drawing:
             "hovermode": "closest",
             "uniformtext": {"mode": "hide", "minsize": 9},
             "hoverlabel": {"align": "left"},
-            "dragmode": "pan",
+            "dragmode": "zoom",
             "legend": {"orientation": "h", "x": 0, "y": 1, "yref": "container", "yanchor": "top"},
             "xaxis": {
                 "type": "date",

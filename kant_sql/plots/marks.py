@@ -19,22 +19,22 @@ NOBODY = "#7b848c"
 LABEL, HOVER = 32, 200
 
 
-class Mark(NamedTuple):
+class Fill(NamedTuple):
     """How bars are filled."""
 
     colour: str
     pattern: str = ""
 
 
-def marks(actors: Iterable[str | None]) -> dict[str | None, Mark]:
+def marks(actors: Iterable[str | None]) -> dict[str | None, Fill]:
     """Give each actor a mark; where the actors are few, a colour without a pattern.
 
     An actor has the same mark in the next window, unless another one there takes it first.
     """
-    found: dict[str | None, Mark] = {None: Mark(NOBODY)}
+    found: dict[str | None, Fill] = {None: Fill(NOBODY)}
     names = sorted({actor for actor in actors if actor is not None})
     rounds = len(names) // len(COLOURS) + 1
-    free = [Mark(colour, pattern) for pattern in _patterns(rounds) for colour in COLOURS]
+    free = [Fill(colour, pattern) for pattern in _patterns(rounds) for colour in COLOURS]
     taken: set[int] = set()
     for name in names:
         place = crc32(name.encode("utf-8", "replace")) % len(free)
@@ -54,15 +54,15 @@ class Outcome(NamedTuple):
 
     name: str
     sign: str
-    mark: Mark
+    mark: Fill
 
 
 # By the status of a step; a colour, a sign and, where it went wrong, a pattern.
 OUTCOMES = {
-    "succeeded": Outcome("succeeded", "✓", Mark("#009e73")),
-    "failed": Outcome("failed", "✗", Mark("#d55e00", "x")),
-    "aborted": Outcome("aborted", "■", Mark("#7b848c", "/")),
-    "started": Outcome("running", "▶", Mark("#0072b2", ".")),
+    "succeeded": Outcome("succeeded", "✓", Fill("#009e73")),
+    "failed": Outcome("failed", "✗", Fill("#d55e00", "x")),
+    "aborted": Outcome("aborted", "■", Fill("#7b848c", "/")),
+    "started": Outcome("running", "▶", Fill("#0072b2", ".")),
 }
 
 

@@ -29,6 +29,7 @@ from kant_sql import (
     UnknownNameError,
     UnknownRevisionError,
     Version,
+    plots,
 )
 from kant_sql.history import gantt, timeline
 from kant_sql.sql import lanes
@@ -545,3 +546,19 @@ def without_scans(url: str, statement: Statement) -> list[str]:
         return explain(url, statement)
     option = "options=-c%20enable_seqscan%3Doff"
     return explain(f"{url}{'&' if '?' in url else '?'}{option}", statement)
+
+
+# Figures.
+
+
+def test_figures_are_of_what_is_asked_for(fresh_kb: KnowledgeBase) -> None:
+    kb = fresh_kb
+    live(kb, 20, 2)
+    figure = plots.timeline(kb, since=3, until=12, object="rb1", kinds=["fact"], dark=True)
+    shown = kb.timeline(3, until=12, object="rb1", kinds=["fact"])
+    assert figure == plots.timeline_figure(shown, dark=True)
+    assert sum(len(trace.y) for trace in figure.data) == sum(len(one.bars) for one in shown.lanes)
+    battery = plots.values(kb, function="battery")
+    assert [trace.type for trace in battery.data] == ["scatter"]
+    with pytest.raises(UnknownNameError):
+        plots.values(kb, function="batery")

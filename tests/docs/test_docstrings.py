@@ -163,7 +163,9 @@ def hints(value: Any) -> list[Any]:
     if not (inspect.isclass(value) or inspect.isfunction(value)):
         return []
     # unified-planning is optional: its classes are not the library's.
-    found = typing.get_type_hints(value, localns={"UpProblem": object, "Environment": object})
+    found = typing.get_type_hints(
+        value, localns={"UpProblem": object, "Environment": object, "Figure": object}
+    )
     return [hint for name, hint in found.items() if not name.startswith("_")]
 
 
