@@ -60,7 +60,8 @@ def _topics(document: dict[str, Any]) -> dict[str, list[ApiQuestion]]:
     topics: dict[str, list[ApiQuestion]] = {}
     for path, methods in document["paths"].items():
         for method, operation in methods.items():
-            content = operation["responses"]["200"].get("content", {})
+            good = next(code for code in operation["responses"] if code.startswith("2"))
+            content = operation["responses"][good].get("content", {})
             schema = content.get("application/json", {}).get("schema", {})
             parameters = [
                 _field(one["name"], one["schema"], one.get("required", False), one)
