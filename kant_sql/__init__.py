@@ -123,8 +123,8 @@ _HOMES = {
     for name in names
 }
 _SUBPACKAGES = frozenset(
-    {"dao", "documents", "factory", "history", "knowledge", "knowledge_base", "pddl", "planning"}
-    | {"plans", "reasoning", "sql", "store"}
+    {"dao", "documents", "export", "factory", "history", "knowledge", "knowledge_base", "pddl"}
+    | {"planning", "plans", "reasoning", "sql", "store"}
 )
 
 if not TYPE_CHECKING:

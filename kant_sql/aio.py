@@ -617,6 +617,7 @@ class AsyncKnowledgeBase(_Part):
     history = _read(KnowledgeBase.history)
     blame = _read(KnowledgeBase.blame)
     timeline = _read(KnowledgeBase.timeline)
+    to_arrow = _read(KnowledgeBase.to_arrow)
     restore = _write(KnowledgeBase.restore)
     verify = _read(KnowledgeBase.verify)
     anchor = _read(KnowledgeBase.anchor)

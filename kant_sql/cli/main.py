@@ -22,6 +22,7 @@ from .check import check
 from .common import JSON_OPTION
 from .conditions import goals, holds, query, rules, when
 from .documents import dump, load
+from .export import export
 from .history import blame, branch, diff, history, log, restore, watch
 from .output import FAILED, drop_output, json_text, paged, want_pager
 from .plans import plan, plans
@@ -199,6 +200,7 @@ _COMMANDS = (
     restore,
     branch,
     views,
+    export,
     watch,
     serve,
     report,

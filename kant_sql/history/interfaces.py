@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from datetime import datetime
+from typing import TYPE_CHECKING
 
 from ..dao.interfaces import Interface, Progress, required
 from ..dto.elements import Dto
@@ -20,6 +21,9 @@ from .revisions import LogEntry, Revision
 from .timeline import Timeline
 from .verify.verify import Verification
 from .versions import Version
+
+if TYPE_CHECKING:
+    import pyarrow
 
 # A revision's number, or an aware time.
 When = int | datetime
@@ -291,6 +295,32 @@ class History(Interface):
             ...     for bar in lane.bars:
             ...         print(lane.kind, lane.text, bar.since, bar.until, bar.actor)
             fact (robot_at rb1 wp1) 1 2 perception
+        """
+
+    @required
+    def to_arrow(self, view: str) -> pyarrow.Table:
+        """Read a view for auditors as a table with types, for pandas, polars and DuckDB.
+
+        Times are timestamps in UTC, numbers of revisions, ids and counts 64-bit integers, seconds
+        and numbers doubles, truths booleans; the rest, JSON of the source too, is text.
+
+        Args:
+            view: the view's name, as `fact` or `audit_fact`; `docs/audit.md` describes them.
+
+        Returns:
+            Its rows that are of this knowledge base, as they are committed, oldest first. To read
+            more than fits into memory, use `kant_sql.export.open_reader`.
+
+        Raises:
+            InvalidArgumentError: there is no such view.
+            ExtraMissingError: pyarrow is not installed; the extra `data` has it.
+            ReadOnlyError: this is a view of the past, as these views have all of the history; or
+                the task or thread has a transaction open.
+
+        Examples:
+            >>> facts = kb.to_arrow("fact")
+            >>> facts.select(["text", "since", "asserted_by"]).to_pylist()
+            [{'text': '(robot_at rb1 wp1)', 'since': 1, 'asserted_by': 'perception'}]
         """
 
     @required

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Iterable, Iterator
+from typing import TYPE_CHECKING
 
 from typing_extensions import override
 
@@ -15,6 +16,7 @@ from ..errors import InvalidArgumentError
 from ..sql.changes import Change
 from .anchors import Anchor, read_anchor
 from .archive.archive import Archived, archive
+from .audit import read_audit
 from .diff import diff, diff_lines, state_lines
 from .excerpts import StateReader
 from .follow import read_changes, watch
@@ -28,6 +30,9 @@ from .timeline import Timeline, read_timeline
 from .verify.verify import Verification, verify
 from .versions import Version, blame, read_versions
 from .window import TIMELINE_KINDS, check_question
+
+if TYPE_CHECKING:
+    import pyarrow
 
 logger = logging.getLogger("kant_sql.history")
 
@@ -124,6 +129,10 @@ class SqlHistory(SqlDao, History):
     ) -> Timeline:
         question = check_question(kinds, predicate, object, text, lanes, slices, after)
         return read_timeline(self._store, since, until, question, self._at)
+
+    @override
+    def to_arrow(self, view: str) -> pyarrow.Table:
+        return read_audit(self._store, view, self._at)
 
     @override
     def restore(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from typing import Any, NamedTuple, TypeVar, overload
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar, overload
 
 from .. import html
 from ..arguments import expect, shown, whole_number
@@ -28,12 +28,16 @@ from ..knowledge.rules import rules_of
 from ..knowledge.symbols import symbols_of
 from ..pddl.conditions import read_condition, text_of
 from ..pddl.cursor import hint
+from ..sql.arrow import text_table
 from ..sql.dialects.base import Row
 from ..sql.estimates import estimates_of
 from ..sql.questions import GUARDS, Question, literal_values, run
 from ..sql.relations import ConditionStatement
 from ..store.snapshot import DefinitionsMovedError, View, refuse_archived
 from ..store.store import Store
+
+if TYPE_CHECKING:
+    import pyarrow
 
 T = TypeVar("T")
 _ATOM = re.compile(r"\s*\(\s*[a-z][\w-]*(?:\s+[a-z][\w-]*)*\s*\)\s*", re.ASCII | re.IGNORECASE)
@@ -361,6 +365,17 @@ class Answers:
             The objects' names by variable.
         """
         return [dict(zip(self.columns, answer, strict=True)) for answer in self]
+
+    def to_arrow(self) -> pyarrow.Table:
+        """Return the answers as a table, for pandas, polars and DuckDB.
+
+        Returns:
+            A column of objects' names for each variable.
+
+        Raises:
+            ExtraMissingError: pyarrow is not installed; the extra `data` has it.
+        """
+        return text_table(self.columns, [*self])
 
     def __str__(self) -> str:
         """Write the first answers as a table."""

@@ -5,7 +5,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from datetime import UTC, datetime
 from enum import Enum
 from functools import cache
 from typing import Any, NamedTuple
@@ -13,7 +14,8 @@ from typing import Any, NamedTuple
 from sqlalchemy import BigInteger, bindparam, column, select, table, text
 
 from ..arguments import expect, shown
-from ..errors import InvalidArgumentError, printable
+from ..errors import InvalidArgumentError, printable, reading_rows
+from .dialects.base import Row, Session
 from .query import Query
 
 PREFIX = "audit_"
@@ -219,6 +221,8 @@ AUDIT_VIEWS = {
     )
 }
 
+_BOUNDS = [bindparam(bound, type_=BigInteger) for bound in ("low", "high")]
+
 
 def find_audit_view(name: object) -> AuditView:
     """Find a view by its name, with or without its prefix."""
@@ -241,6 +245,124 @@ def rows_of_view(name: str, windowed: bool = False) -> Query:
     rows = select(*columns).select_from(table(name))
     rows = rows.where(column("knowledge_base") == bindparam("name"))
     if windowed and view.window is not None:
-        bounds = [bindparam(bound, type_=BigInteger) for bound in ("low", "high")]
-        rows = rows.where(text(f"({view.window})").bindparams(*bounds))
+        rows = rows.where(text(f"({view.window})").bindparams(*_BOUNDS))
     return Query(rows.order_by(*map(column, view.order)))
+
+
+def _last_revision(comparison: str) -> Query:
+    """Find the last revision up to a time, by the index of times."""
+    sql = (
+        "SELECT max(revision) FROM audit_revision"
+        f" WHERE knowledge_base = :name AND committed_at {comparison} :moment"
+    )
+    return Query(text(sql))
+
+
+_BEFORE, _UP_TO = _last_revision("<"), _last_revision("<=")
+
+
+def last_revision_before(
+    session: Session, name: str, moment: datetime, *, inclusive: bool = False
+) -> int:
+    """Return the last revision of a knowledge base before a time, or up to it; 0 without one."""
+    query = _UP_TO if inclusive else _BEFORE
+    row = session.first(query, name=name, moment=session.from_time(moment.astimezone(UTC)))
+    return 0 if row is None or row[0] is None else int(row[0])
+
+
+_WHO = "committed_at, observed_at, actor, reason, source"
+_CHANGES = Query(
+    text(
+        f"SELECT revision, sign, kind, text, {_WHO} FROM audit_change"
+        " WHERE knowledge_base = :name AND kind IN ('fact', 'value')"
+        " AND revision BETWEEN :low AND :high ORDER BY revision, sign DESC, kind, text"
+    ).bindparams(*_BOUNDS)
+)
+_STATE = {
+    view: Query(
+        text(
+            f"SELECT v.since, '+', {kind}, v.text, v.since_at, v.since_observed_at, v.asserted_by,"
+            f" v.asserted_reason, r.source FROM {view} AS v LEFT JOIN audit_revision AS r"
+            " ON r.knowledge_base = v.knowledge_base AND r.revision = v.since"
+            " WHERE v.knowledge_base = :name AND v.since < :low"
+            f" AND COALESCE(v.until >= :low, TRUE){condition} ORDER BY v.since, v.text"
+        ).bindparams(_BOUNDS[0])
+    )
+    for view, kind, condition in (
+        ("audit_fact", "v.kind", " AND v.kind = 'fact'"),
+        ("audit_value", "'value'", ""),
+    )
+}
+_NAMES = Query(
+    text(
+        "SELECT DISTINCT name FROM audit_definition WHERE knowledge_base = :name"
+        " AND kind IN ('predicate', 'function') ORDER BY name"
+    )
+)
+_TIME_OF = Query(
+    text(
+        "SELECT committed_at FROM audit_revision"
+        " WHERE knowledge_base = :name AND revision = :revision"
+    ).bindparams(bindparam("revision", type_=BigInteger))
+)
+
+
+class AuditedChange(NamedTuple):
+    """A change of a fact or a value, and the revision that made it.
+
+    Attributes:
+        revision: the number of the revision.
+        sign: `+` or `-`.
+        kind: `fact` or `value`.
+        text: canonical PDDL.
+        committed_at: when the revision was committed.
+        observed_at: when it was sensed.
+        actor: who wrote.
+        reason: why.
+        source: what the writer gave, as JSON text.
+    """
+
+    revision: int
+    sign: str
+    kind: str
+    text: str
+    committed_at: datetime
+    observed_at: datetime | None
+    actor: str | None
+    reason: str | None
+    source: str | None
+
+
+def stream_changes(session: Session, name: str, low: int, high: int) -> Iterator[AuditedChange]:
+    """Read the changes of facts and values, oldest first; of a revision, what it ended first."""
+    return _audited(session, session.stream(_CHANGES, name=name, low=low, high=high))
+
+
+def stream_state(session: Session, name: str, low: int) -> Iterator[AuditedChange]:
+    """Read which revisions asserted the facts and values that held before a revision."""
+    for query in _STATE.values():
+        yield from _audited(session, session.stream(query, name=name, low=low))
+
+
+def _audited(session: Session, rows: Iterable[Row]) -> Iterator[AuditedChange]:
+    for row in rows:
+        with reading_rows("audit_change", f"revision {row[0]!r}"):
+            number, sign, kind, said, committed_at, observed_at, *who = row
+            actor, reason, source = who
+            observed = None if observed_at is None else session.to_time(observed_at)
+            committed = session.to_time(committed_at)
+            change = AuditedChange(
+                number, sign, kind, said, committed, observed, actor, reason, source
+            )
+        yield change
+
+
+def names_ever(session: Session, name: str) -> list[str]:
+    """List the predicates and functions that a knowledge base ever had."""
+    return [row[0] for row in session.rows(_NAMES, name=name)]
+
+
+def time_of_revision(session: Session, name: str, revision: int) -> datetime | None:
+    """Return when a revision was committed; None without it."""
+    row = session.first(_TIME_OF, name=name, revision=revision)
+    return None if row is None else session.to_time(row[0])

@@ -10,6 +10,7 @@ from typing import NamedTuple
 from sqlalchemy import and_, literal_column, select
 
 from .dialects import create_backend
+from .dialects.base import Session
 from .query import Query, first_rows
 from .schema import check
 from .tables import HeadRow, KnowledgeBaseRow, RevisionRow
@@ -39,6 +40,19 @@ _HEADS = Query(
 )
 _ANY_REVISION = Query(first_rows(select(RevisionRow.number), literal_column("1")))
 
+_STATES = Query(
+    select(
+        KnowledgeBaseRow.name,
+        HeadRow.revision,
+        HeadRow.hash,
+        HeadRow.committed_at,
+        HeadRow.archived_revision,
+    )
+    .join(HeadRow, HeadRow.kb_id == KnowledgeBaseRow.id)
+    .where(HeadRow.revision > literal_column("0"))
+    .order_by(KnowledgeBaseRow.id)
+)
+
 
 class Standing(NamedTuple):
     """A knowledge base and its last revision.
@@ -66,6 +80,14 @@ def standings(url: str) -> list[Standing]:
             Standing(name, revision, session.to_time(committed_at), actor, reason)
             for name, revision, committed_at, actor, reason in session.rows(_HEADS)
         ]
+
+
+def read_heads(session: Session) -> list[tuple[str, int, str, datetime, int]]:
+    """Read name, last revision, its hash and time, and what is archived, of each that has one."""
+    return [
+        (name, revision, digest, session.to_time(committed_at), archived)
+        for name, revision, digest, committed_at, archived in session.rows(_STATES)
+    ]
 
 
 def revision_counts(url: str) -> dict[str, int]:

@@ -49,6 +49,7 @@ def arguments(name: str, owner: str, kb: KnowledgeBase, kept: dict[str, Any]) ->
         "condition": "(robot_at ?r ?w)",
         "to": "sqlite://",
         "element": "rb1",
+        "view": "fact",
         "sources": DOMAIN,
         "source": PROBLEM,
         "metric": Metric("minimize", Number(1)),

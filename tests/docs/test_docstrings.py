@@ -14,6 +14,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import pyarrow
 import pytest
 
 import kant_sql
@@ -162,10 +163,9 @@ def classes_in(hint: Any) -> Iterator[type]:
 def hints(value: Any) -> list[Any]:
     if not (inspect.isclass(value) or inspect.isfunction(value)):
         return []
-    # unified-planning is optional: its classes are not the library's.
-    found = typing.get_type_hints(
-        value, localns={"UpProblem": object, "Environment": object, "Figure": object}
-    )
+    # These packages are optional: their classes are not the library's.
+    optional = {"UpProblem": object, "Environment": object, "Figure": object}
+    found = typing.get_type_hints(value, localns={**optional, "pyarrow": pyarrow})
     return [hint for name, hint in found.items() if not name.startswith("_")]
 
 

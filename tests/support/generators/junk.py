@@ -335,6 +335,7 @@ class World:
             "a": 1, "b": 0, "when": 1, "before": 1, "since": 1, "until": 1, "after": 0, "limit": 2,
             "timeout": 0, "mode": "merge", "strict": False, "dry_run": True, "cascade": False,
             "element": "idle", "name": "truck", "id_": self.recorded.id, "engine": None,
+            "view": "fact",
             "url": scratch, "to": scratch, "uri": scratch, "knowledge_base": "tiago",
             "revision": "head", "function": "fuel", "objects": ["t1"], "value": 2, "by": 2,
             "sources": depot.DOMAIN, "source": depot.PROBLEM, "plan": self.plan,

@@ -1,0 +1,329 @@
+"""The folder of an export: its files, their formats, and all of them or none."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import tempfile
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
+from datetime import UTC, datetime
+from hashlib import file_digest, sha256
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple
+
+from ..arguments import shown
+from ..errors import InvalidArgumentError, printable
+from ..knowledge.canonical import time_text
+from ..sql.arrow import import_arrow
+from .snapshot import KnowledgeBaseState
+
+if TYPE_CHECKING:
+    import pyarrow
+
+FORMATS = ("parquet", "csv", "jsonl")
+# Written last: what an export consists of. Readers of partitions skip a name that begins so.
+MANIFEST = "_export.json"
+PARTITION = "knowledge_base="
+# The longest name of a file in bytes, and digits of the hash in the place of what does not fit.
+_LONGEST, _DIGITS = 255, 16
+# Hive takes these values for no value.
+_NOTHING = frozenset({"null", "__hive_default_partition__"})
+
+
+class ExportedFile(NamedTuple):
+    """A file of an export.
+
+    Attributes:
+        path: where it is in the folder, with slashes.
+        knowledge_base: the name of the knowledge base that it is of.
+        content: the view whose rows it has, or `transitions`.
+        rows: how many rows it has, or messages.
+        bytes: its size.
+        sha256: the hash of its bytes.
+    """
+
+    path: str
+    knowledge_base: str
+    content: str
+    rows: int
+    bytes: int
+    sha256: str
+
+
+class Exported(NamedTuple):
+    """What an export wrote.
+
+    Attributes:
+        folder: where to.
+        format: the format of the files.
+        store: the URL of the store, without its password.
+        since: the revision or time that it was asked to begin with; None for all.
+        until: the revision or time that it was asked to end with; None for all.
+        knowledge_bases: the knowledge bases as they were.
+        files: the files.
+    """
+
+    folder: str
+    format: str
+    store: str
+    since: int | str | None
+    until: int | str | None
+    knowledge_bases: tuple[KnowledgeBaseState, ...]
+    files: tuple[ExportedFile, ...]
+
+    def to_document(self) -> dict[str, object]:
+        """Return all of it as a JSON document, which the folder has as `_export.json`, too."""
+        return {
+            **self._asdict(),
+            "knowledge_bases": [state._asdict() for state in self.knowledge_bases],
+            "files": [file._asdict() for file in self.files],
+        }
+
+
+def bound(given: int | datetime | None) -> int | str | None:
+    """Write what an export was asked to begin or end with."""
+    return time_text(given.astimezone(UTC)) if isinstance(given, datetime) else given
+
+
+def folder_name(name: str) -> str:
+    """Name the folder of a knowledge base's files, as Hive names partitions.
+
+    What is not a letter, digit or one of `-_.` of ASCII is percent-encoded, so that no name leaves
+    the folder. A name that is too long for a folder ends with a hash of it instead.
+    """
+    part = encoded(name)
+    if name.lower() in _NOTHING or set(name) <= {"."}:
+        part = f"%{ord(name[0]):02X}{part[1:]}"
+    if len(PARTITION) + len(part) > _LONGEST:
+        digest = sha256(name.encode()).hexdigest()[:_DIGITS]
+        cut = part[: _LONGEST - len(PARTITION) - _DIGITS - 1]
+        part = f"{cut.rpartition('%')[0] if '%' in cut[-2:] else cut}~{digest}"
+    return f"{PARTITION}{part}"
+
+
+def encoded(name: str) -> str:
+    """Percent-encode what is not a letter or digit of ASCII, or one of `-_.`."""
+    return "".join(
+        character
+        if character.isascii() and (character.isalnum() or character in "-_.")
+        else "".join(f"%{byte:02X}" for byte in character.encode())
+        for character in name
+    )
+
+
+class Sink(ABC):
+    """Writes the rows of a view to a file."""
+
+    def __init__(self, file: BinaryIO, schema: pyarrow.Schema) -> None:
+        self._file = file
+        self._schema = schema
+
+    @abstractmethod
+    def write(self, batch: pyarrow.RecordBatch) -> None:
+        """Write rows."""
+
+    @abstractmethod
+    def finish(self) -> None:
+        """Write what comes last."""
+
+
+class ParquetSink(Sink):
+    """Writes Parquet."""
+
+    def __init__(self, file: BinaryIO, schema: pyarrow.Schema) -> None:
+        arrow = import_arrow()
+        from pyarrow import parquet
+
+        # Readers of partitions have the name as a dictionary, too, and refuse to mix both.
+        names = arrow.dictionary(arrow.int32(), arrow.string())
+        super().__init__(file, schema.set(0, arrow.field(schema.field(0).name, names)))
+        self._writer = parquet.ParquetWriter(file, self._schema, compression="zstd")
+
+    def write(self, batch: pyarrow.RecordBatch) -> None:
+        """Write rows, as a row group."""
+        self._writer.write_batch(batch.cast(self._schema))
+
+    def finish(self) -> None:
+        """Write the footer."""
+        self._writer.close()
+
+
+class CsvSink(Sink):
+    """Writes CSV: texts in quotes, nothing at all for NULL, times as in the audit."""
+
+    def __init__(self, file: BinaryIO, schema: pyarrow.Schema) -> None:
+        super().__init__(file, schema)
+        from pyarrow import csv
+
+        self._writer = csv.CSVWriter(file, _with_text_times(schema))
+
+    def write(self, batch: pyarrow.RecordBatch) -> None:
+        """Write rows."""
+        self._writer.write_batch(_text_times(batch))
+
+    def finish(self) -> None:
+        """Write what is buffered."""
+        self._writer.close()
+
+
+class JsonLinesSink(Sink):
+    """Writes a JSON document per row, with every column."""
+
+    def __init__(self, file: BinaryIO, schema: pyarrow.Schema) -> None:
+        super().__init__(file, schema)
+        self._encode = json.JSONEncoder(ensure_ascii=False, allow_nan=False).encode
+
+    def write(self, batch: pyarrow.RecordBatch) -> None:
+        """Write rows."""
+        names = batch.schema.names
+        columns = [_finite(column).to_pylist() for column in _text_times(batch).columns]
+        for row in zip(*columns, strict=True):
+            self._file.write(f"{self._encode(dict(zip(names, row, strict=True)))}\n".encode())
+
+    def finish(self) -> None:
+        """Do nothing: each row is written."""
+
+
+SINKS: dict[str, type[Sink]] = {"parquet": ParquetSink, "csv": CsvSink, "jsonl": JsonLinesSink}
+
+
+def _with_text_times(schema: Any) -> Any:
+    arrow = import_arrow()
+    return arrow.schema(
+        [
+            field.with_type(arrow.string()) if arrow.types.is_timestamp(field.type) else field
+            for field in schema
+        ]
+    )
+
+
+def _text_times(batch: Any) -> Any:
+    """Write times as the audit's views of SQLite have them."""
+    arrow = import_arrow()
+    from pyarrow import compute
+
+    columns = [
+        compute.strftime(column, format="%Y-%m-%dT%H:%M:%SZ")
+        if arrow.types.is_timestamp(column.type)
+        else column
+        for column in batch.columns
+    ]
+    return arrow.RecordBatch.from_arrays(columns, schema=_with_text_times(batch.schema))
+
+
+def _finite(column: Any) -> Any:
+    """Leave out numbers that JSON does not have: those too large for a double."""
+    arrow = import_arrow()
+    from pyarrow import compute
+
+    if not arrow.types.is_floating(column.type):
+        return column
+    return compute.if_else(compute.is_finite(column), column, None)
+
+
+class Folder:
+    """The folder of an export while it is written: beside what is there, until all is written."""
+
+    def __init__(self, target: Path, part: Path) -> None:
+        self.target = target
+        self._part = part
+        self.files: list[ExportedFile] = []
+
+    @contextmanager
+    def new_file(self, path: str, state: KnowledgeBaseState, content: str) -> Iterator[NewFile]:
+        """Create a file, and record it when the block is left without an error."""
+        place = self._part / path
+        place.parent.mkdir(parents=True, exist_ok=True)
+        with place.open("xb") as file:
+            made = NewFile(file)
+            yield made
+        with place.open("rb") as file:
+            digest = file_digest(file, "sha256").hexdigest()
+        size = place.stat().st_size
+        self.files.append(ExportedFile(path, state.name, content, made.rows, size, digest))
+
+    def finish(self, exported: Exported, old: Sequence[str]) -> None:
+        """Put the files where they belong, in the place of those of an export before."""
+        text = json.dumps(exported.to_document(), ensure_ascii=False, indent=1)
+        (self._part / MANIFEST).write_text(f"{text}\n", encoding="utf-8")
+        if old:
+            # First: without it, what follows is no complete export.
+            (self.target / MANIFEST).unlink()
+        for path in old:
+            (self.target / path).unlink(missing_ok=True)
+            _remove_empty((self.target / path).parent, self.target)
+        for path in [*(file.path for file in self.files), MANIFEST]:
+            place = self.target / path
+            place.parent.mkdir(parents=True, exist_ok=True)
+            (self._part / path).replace(place)
+
+
+class NewFile:
+    """A file that is being written.
+
+    Attributes:
+        file: where its bytes go.
+        rows: how many rows it has; the writer counts them.
+    """
+
+    def __init__(self, file: BinaryIO) -> None:
+        self.file = file
+        self.rows = 0
+
+
+def _remove_empty(folder: Path, top: Path) -> None:
+    while folder != top:
+        with suppress(OSError):
+            folder.rmdir()
+        folder = folder.parent
+
+
+def files_of_export(target: Path) -> list[str]:
+    """List the files of an earlier export, if that is all that a folder has."""
+    if not target.exists():
+        return []
+    present = {
+        path.relative_to(target).as_posix() for path in target.rglob("*") if not path.is_dir()
+    }
+    try:
+        document = json.loads((target / MANIFEST).read_bytes())
+        known = [str(file["path"]) for file in document["files"]]
+    except (OSError, ValueError, LookupError, TypeError):
+        known = []
+    foreign = sorted(present - {*known, MANIFEST})
+    if present and (foreign or MANIFEST not in present):
+        raise InvalidArgumentError(
+            f"{printable(str(target))} has files that no export wrote, as "
+            f"{shown(printable((foreign or [MANIFEST])[0]))}; name another folder"
+        )
+    return [path for path in known if path in present]
+
+
+@contextmanager
+def new_folder(target: Path, replace: bool) -> Iterator[tuple[Folder, list[str]]]:
+    """Prepare a folder for files; give it, and the files that they take the place of.
+
+    Whatever fails in the block leaves the folder as it was.
+    """
+    if not replace and target.exists() and (not target.is_dir() or any(target.iterdir())):
+        raise InvalidArgumentError(
+            f"{printable(str(target))} is not an empty folder; name another one, or replace the "
+            "export in it (--replace)"
+        )
+    old = files_of_export(target)
+    is_new = not target.exists()
+    target.mkdir(parents=True, exist_ok=True)
+    # In the folder, not beside it: it may be a mounted volume.
+    part = Path(tempfile.mkdtemp(prefix=".part-", dir=target))
+    try:
+        yield Folder(target, part), old
+    except BaseException:
+        shutil.rmtree(part, ignore_errors=True)
+        if is_new:
+            with suppress(OSError):
+                os.rmdir(target)
+        raise
+    shutil.rmtree(part, ignore_errors=True)

@@ -1,0 +1,182 @@
+"""One consistent state of a store, and what is read of it batch by batch."""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Iterator, Sequence
+from contextlib import closing, contextmanager
+from datetime import datetime
+from typing import TYPE_CHECKING, NamedTuple
+
+from ..arguments import optional_text, shown, whole_number
+from ..errors import InvalidArgumentError, KantSqlError, UnknownRevisionError
+from ..history.revisions import FIRST_MOMENT, LAST_MOMENT
+from ..knowledge.canonical import time_text
+from ..sql.arrow import arrow_schema, import_arrow, stream_view
+from ..sql.audit_views import AuditView, find_audit_view, last_revision_before
+from ..sql.catalog import read_heads
+from ..sql.dialects import create_backend
+from ..sql.dialects.base import Session
+from ..sql.schema import check
+
+if TYPE_CHECKING:
+    import pyarrow
+
+When = int | datetime
+# The first and the last revision of what is read.
+Window = tuple[int, int]
+
+
+class KnowledgeBaseState(NamedTuple):
+    """A knowledge base as it is in an export.
+
+    Attributes:
+        name: its name.
+        revision: the number of its last revision.
+        hash: the hash of that revision, which covers all before.
+        committed_at: when that was committed, as 2026-03-02T14:03:00.000000Z.
+        archived: what ended up to this revision is in an archive, and not here; 0 without one.
+    """
+
+    name: str
+    revision: int
+    hash: str
+    committed_at: str
+    archived: int
+
+
+class StoreSnapshot:
+    """A read transaction on a store.
+
+    Attributes:
+        session: the session that reads.
+        label: the URL for messages, without passwords.
+        states: the knowledge bases that have a revision, oldest first.
+    """
+
+    def __init__(self, session: Session) -> None:
+        self.session = session
+        self.label = session.backend.label
+        self.states = [
+            KnowledgeBaseState(name, revision, digest, time_text(committed_at), archived)
+            for name, revision, digest, committed_at, archived in read_heads(session)
+        ]
+
+    def chosen(self, name: str | None) -> list[KnowledgeBaseState]:
+        """Return the knowledge base of a name, or all."""
+        found = [state for state in self.states if name in (None, state.name)]
+        if name is None or found:
+            return found
+        listed = ", ".join(repr(state.name) for state in self.states[:20]) or "none yet"
+        raise KantSqlError(
+            f"there is no knowledge base {shown(name)} in this store; choose one of: {listed}"
+        )
+
+    def window(
+        self, state: KnowledgeBaseState, since: When | None, until: When | None
+    ) -> Window | None:
+        """Return the revisions from `since` to `until`, both inclusive; None for all."""
+        if since is None and until is None:
+            return None
+        low, high = 1, state.revision
+        if isinstance(since, datetime):
+            low = last_revision_before(self.session, state.name, _kept(since)) + 1
+        elif since is not None:
+            low = _checked(since, state)
+        if isinstance(until, datetime):
+            high = last_revision_before(self.session, state.name, _kept(until), inclusive=True)
+        elif until is not None:
+            high = _checked(until, state)
+        return low, high
+
+    def batches(
+        self, view: AuditView, state: KnowledgeBaseState, window: Window | None = None
+    ) -> Iterator[pyarrow.RecordBatch]:
+        """Read a view's rows of a knowledge base."""
+        return stream_view(self.session, view, state.name, window)
+
+
+def _kept(moment: datetime) -> datetime:
+    """Return a time that a store can keep."""
+    return min(max(moment, FIRST_MOMENT), LAST_MOMENT)
+
+
+def _checked(number: int, state: KnowledgeBaseState) -> int:
+    whole_number(
+        number,
+        "the revision",
+        least=None,
+        expected="a revision's number, or an aware time",
+        error=UnknownRevisionError,
+    )
+    if not 0 <= number <= state.revision:
+        raise UnknownRevisionError(
+            f"knowledge base {shown(state.name)} has no revision {shown(number)}; its last is "
+            f"{state.revision}"
+        )
+    return max(number, 1)
+
+
+def check_window(since: When | None, until: When | None, knowledge_base: str | None) -> None:
+    """Refuse bounds that no store has, and numbers for more than one knowledge base."""
+    for bound in (since, until):
+        if isinstance(bound, datetime) and bound.utcoffset() is None:
+            raise UnknownRevisionError(
+                f"the time {bound.isoformat()} has no zone; give one, as UTC"
+            )
+        if bound is not None and not isinstance(bound, datetime) and knowledge_base is None:
+            raise InvalidArgumentError(
+                f"revision {shown(bound)} is of one knowledge base: choose that, or give a time"
+            )
+
+
+@contextmanager
+def open_snapshot(url: str) -> Iterator[StoreSnapshot]:
+    """Open a store for reading one consistent state. Nothing is created."""
+    check(url)
+    with closing(create_backend(url)) as backend, backend.open_session() as session:
+        session.begin(write=False)
+        try:
+            yield StoreSnapshot(session)
+        finally:
+            session.rollback()
+
+
+@contextmanager
+def open_reader(
+    url: str, *, view: str, knowledge_base: str | None = None
+) -> Iterator[pyarrow.RecordBatchReader]:
+    """Read a view for auditors batch by batch, in constant memory, from one consistent state.
+
+    Args:
+        url: the database URL.
+        view: the view's name, as `fact` or `audit_fact`.
+        knowledge_base: the one whose rows they are; None for all of the store.
+
+    Returns:
+        A context manager that gives a `pyarrow.RecordBatchReader`, to read within its block. DuckDB
+        and polars read from it, too.
+
+    Raises:
+        InvalidArgumentError: there is no such view.
+        KantSqlError: there is no such knowledge base.
+        ExtraMissingError: pyarrow is not installed; the extra `data` has it.
+        SchemaError: the tables are missing, outdated or too new; the message names the remedy.
+        StoreError: the database cannot be read.
+    """
+    found = find_audit_view(view)
+    optional_text(knowledge_base, "knowledge_base")
+    arrow = import_arrow()
+    with open_snapshot(url) as snapshot:
+        batches = _all_batches(snapshot, found, snapshot.chosen(knowledge_base))
+        with (
+            closing(batches),
+            arrow.RecordBatchReader.from_batches(arrow_schema(found), batches) as reader,
+        ):
+            yield reader
+
+
+def _all_batches(
+    snapshot: StoreSnapshot, view: AuditView, states: Sequence[KnowledgeBaseState]
+) -> Generator[pyarrow.RecordBatch, None, None]:
+    for state in states:
+        yield from snapshot.batches(view, state)

@@ -1,0 +1,347 @@
+"""State transitions of facts and values as MCAP, for Foxglove and the tools of rosbags.
+
+A channel is a lane of a timeline: its messages say in `value` what a state is from then on. A fact
+of no or one argument, and one that is named with all of them, is true or false. Else a lane is of
+all arguments but the last, and its value is that: `/tiago/fact/robot_at/rb1` is `wp1`, then `wp2`.
+The value of a fluent is its number, or its object.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from collections.abc import Iterable, Iterator, Sequence
+from datetime import UTC, datetime, timedelta
+from itertools import chain, groupby
+from os import PathLike
+from typing import TYPE_CHECKING, Any, BinaryIO
+
+from ..arguments import expect_list, shown
+from ..dao.interfaces import Progress
+from ..dto.lexical import NUMBER, fold
+from ..errors import ExtraMissingError, InvalidArgumentError, StoreIntegrityError, UnknownNameError
+from ..knowledge.canonical import time_text
+from ..pddl.cursor import hint
+from ..sql.audit_views import (
+    AuditedChange,
+    names_ever,
+    stream_changes,
+    stream_state,
+    time_of_revision,
+)
+from .files import Exported, bound, encoded, folder_name, new_folder
+from .snapshot import KnowledgeBaseState, StoreSnapshot, When, Window, check_window, open_snapshot
+from .views import check_target
+
+if TYPE_CHECKING:
+    from mcap.writer import Writer
+
+FORMAT = "mcap"
+CONTENT = "transitions"
+# MCAP numbers channels in 16 bits; a viewer that lists so many is of no use.
+MOST_CHANNELS = 10_000
+
+_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+_MICROSECOND = timedelta(microseconds=1)
+_VALUE = re.compile(r"\(= (\(.*\)) (\S+)\)")
+# Foxglove reads a property of one type only; what is not known is left out.
+_COMMON = {
+    "text": ("string", "what holds from then on, as PDDL; empty: nothing does"),
+    "revision": ("integer", "the revision that made it so"),
+    "actor": ("string", "who wrote it"),
+    "reason": ("string", "why"),
+    "source": ("string", "what the writer said of its source, as JSON"),
+    "observed_at": ("string", "when it was sensed"),
+}
+_VALUES = {
+    "boolean": "whether it holds",
+    "string": "the last argument, or the fluent's object; of several, all; empty: none",
+    "number": "the fluent's number; missing: it has none",
+}
+
+
+def export_transitions(
+    url: str,
+    *,
+    to: str | PathLike[str],
+    knowledge_base: str | None = None,
+    names: Sequence[str] | None = None,
+    elements: Sequence[str] | None = None,
+    since: When | None = None,
+    until: When | None = None,
+    replace: bool = False,
+    progress: Progress | None = None,
+) -> Exported:
+    """Write state transitions of facts and values to MCAP files, one for each knowledge base.
+
+    Messages are JSON with a JSON schema. Their log time is that of the commit, and their publish
+    time that of the observation, if the writer gave it.
+
+    Args:
+        url: the database URL.
+        to: the folder; it is created if it is missing.
+        knowledge_base: the one whose states they are; None for all of the store.
+        names: the names of predicates and functions; None for all, unless elements are given.
+        elements: facts and fluents, as `(robot_at rb1 wp1)` and `(battery rb1)`, each in a channel.
+        since: begin with the state before this revision or aware time. A revision is of one
+            knowledge base, which must be named. What was archived cannot be shown.
+        until: end with this revision or aware time.
+        replace: whether to replace an earlier export in the folder.
+        progress: called with the number of revisions done, and the number in total.
+
+    Returns:
+        What was written.
+
+    Raises:
+        InvalidArgumentError: the folder has other files, an element is not a ground atom, or there
+            are more than 10,000 channels.
+        UnknownNameError: there never was such a predicate or function.
+        KantSqlError: there is no such knowledge base.
+        UnknownRevisionError: there is no such revision, or a time has no zone.
+        ExtraMissingError: mcap is not installed; the extra `data` has it.
+        SchemaError: the tables are missing, outdated or too new; the message names the remedy.
+        StoreError: the database cannot be read.
+        OSError: the files cannot be written.
+    """
+    target = check_target(to, knowledge_base, replace, progress)
+    chosen = _Chosen(names, elements)
+    check_window(since, until, knowledge_base)
+    _import_mcap()
+    with open_snapshot(url) as snapshot, new_folder(target, replace) as (folder, old):
+        states = snapshot.chosen(knowledge_base)
+        chosen.check([names_ever(snapshot.session, state.name) for state in states])
+        whole, done = sum(state.revision for state in states), 0
+        for state in states:
+            window = snapshot.window(state, since, until) or (1, state.revision)
+            path = f"{folder_name(state.name)}/{CONTENT}.{FORMAT}"
+            with folder.new_file(path, state, CONTENT) as made:
+                recording = _Recording(made.file, state, chosen)
+                for revision in recording.run(snapshot, window):
+                    if progress is not None:
+                        progress(min(done + revision, whole), whole)
+                made.rows = recording.messages
+            done += state.revision
+        files = tuple(folder.files)
+        exported = Exported(
+            str(target), FORMAT, snapshot.label, bound(since), bound(until), tuple(states), files
+        )
+        folder.finish(exported, old)
+    return exported
+
+
+def _import_mcap() -> Any:
+    try:
+        import mcap.writer
+    except ImportError:
+        raise ExtraMissingError(
+            "this needs mcap, which is not installed; run: pip install 'kant-sql[data]'"
+        ) from None
+    return mcap.writer
+
+
+class _Chosen:
+    """Which facts and fluents are wanted."""
+
+    def __init__(self, names: object, elements: object) -> None:
+        self._names = [] if names is None else expect_list(names, str, "the names")
+        texts = [] if elements is None else expect_list(elements, str, "the elements")
+        self._folded = {fold(name) for name in self._names}
+        self._elements = {_folded_words(text): text for text in texts}
+        self._is_all = names is None and elements is None
+
+    def check(self, known: Sequence[list[str]]) -> None:
+        """Refuse names that never were."""
+        every = [*chain.from_iterable(known)]
+        folded = {fold(name) for name in every}
+        for name in [*self._names, *(words[0] for words in self._elements)]:
+            if fold(name) not in folded:
+                raise UnknownNameError(
+                    f"there never was a predicate or function {shown(name)}{hint(name, every)}"
+                )
+
+    def lanes(self, kind: str, words: Sequence[str]) -> Iterator[tuple[str, tuple[str, ...]]]:
+        """Yield the type and the words of each lane that shows an atom."""
+        is_element = bool(self._elements) and tuple(map(fold, words)) in self._elements
+        is_named = self._is_all or fold(words[0]) in self._folded
+        if kind == "value":
+            if is_element or is_named:
+                yield "", tuple(words)
+            return
+        if is_element or (is_named and len(words) < 3):
+            yield "boolean", tuple(words)
+        if is_named and len(words) > 2:
+            yield "string", tuple(words[:-1])
+
+
+def _folded_words(text: str) -> tuple[str, ...]:
+    words = text.strip()
+    inner = words[1:-1].split()
+    if not (words[:1] == "(" and words[-1:] == ")") or not inner or set("()?") & set(words[1:-1]):
+        raise InvalidArgumentError(
+            f"{shown(text)} is no element; give a fact or a fluent, as '(robot_at rb1 wp1)' or "
+            "'(battery rb1)'"
+        )
+    return tuple(map(fold, inner))
+
+
+class _Lane:
+    """A channel, and what holds in it.
+
+    Attributes:
+        channel: its number.
+        type: the JSON type of its value.
+        holds: the values that hold now, each with its text.
+        last: the change that made it so.
+    """
+
+    def __init__(self, channel: int, type_: str) -> None:
+        self.channel = channel
+        self.type = type_
+        self.holds: dict[str, str] = {}
+        self.last: AuditedChange | None = None
+
+    def take(self, change: AuditedChange, value: str) -> None:
+        """Apply a change."""
+        if change.sign == "+":
+            self.holds[value] = change.text
+        else:
+            self.holds.pop(value, None)
+        self.last = change
+
+    def message(self) -> dict[str, object]:
+        """Write what holds, and who made it so."""
+        assert self.last is not None
+        change, values = self.last, sorted(self.holds)
+        observed = None if change.observed_at is None else time_text(change.observed_at)
+        said = {
+            "value": self._value(values),
+            "text": " ".join(self.holds[value] for value in values),
+            "revision": change.revision,
+            "actor": change.actor,
+            "reason": change.reason,
+            "source": change.source,
+            "observed_at": observed,
+        }
+        return {key: value for key, value in said.items() if value is not None}
+
+    def _value(self, values: list[str]) -> bool | str | float | None:
+        if self.type == "boolean":
+            return bool(values)
+        if self.type == "string":
+            return ", ".join(values)
+        number = float(values[-1]) if values else math.nan
+        return number if math.isfinite(number) else None
+
+
+class _Recording:
+    """Writes the transitions of one knowledge base.
+
+    Attributes:
+        messages: how many there are.
+    """
+
+    def __init__(self, file: BinaryIO, state: KnowledgeBaseState, chosen: _Chosen) -> None:
+        self.messages = 0
+        self._state = state
+        self._chosen = chosen
+        self._writer: Writer = _import_mcap().Writer(file)
+        self._schemas: dict[str, int] = {}
+        self._lanes: dict[tuple[str, ...], _Lane] = {}
+
+    def run(self, snapshot: StoreSnapshot, window: Window) -> Iterator[int]:
+        """Write all; yield each revision that is done."""
+        session, state = snapshot.session, self._state
+        self._writer.start(library="kant_sql")
+        facts = {key: str(value) for key, value in state._asdict().items()}
+        self._writer.add_metadata("kant_sql", facts)
+        # Of what was before, a part may be in the archive.
+        low = max(window[0], state.archived + 1 if state.archived else 1)
+        before = time_of_revision(session, state.name, low - 1)
+        if before is not None:
+            for change in stream_state(session, state.name, low):
+                self._take(change)
+            self._write(self._lanes.values(), before)
+        changes = stream_changes(session, state.name, low, window[1])
+        for revision, group in groupby(changes, key=lambda change: change.revision):
+            touched: dict[int, _Lane] = {}
+            for change in group:
+                touched |= {lane.channel: lane for lane in self._take(change)}
+            self._write(touched.values(), None)
+            yield revision
+        self._writer.finish()  # type: ignore[no-untyped-call]
+
+    def _take(self, change: AuditedChange) -> list[_Lane]:
+        """Apply a change to its lanes."""
+        value, words = _read(change)
+        found = []
+        for wanted, key in self._chosen.lanes(change.kind, words):
+            type_ = wanted or ("number" if NUMBER.fullmatch(value) else "string")
+            lane = self._lanes.get((change.kind, type_, *key))
+            if lane is None:
+                lane = self._new_lane(change.kind, type_, key)
+                self._lanes[change.kind, type_, *key] = lane
+            lane.take(change, value)
+            found.append(lane)
+        return found
+
+    def _new_lane(self, kind: str, type_: str, words: tuple[str, ...]) -> _Lane:
+        if len(self._lanes) >= MOST_CHANNELS:
+            raise InvalidArgumentError(
+                f"knowledge base {shown(self._state.name)} has more than {MOST_CHANNELS:,} facts "
+                "and fluents to show; choose some by names, or elements"
+            )
+        if type_ not in self._schemas:
+            self._schemas[type_] = self._writer.register_schema(
+                f"kant_sql.{type_}", "jsonschema", json.dumps(_schema(type_)).encode()
+            )
+        topic = "/".join(encoded(part) for part in (self._state.name, kind, *words))
+        metadata = {"knowledge_base": self._state.name, "kind": kind, "words": " ".join(words)}
+        channel = self._writer.register_channel(f"/{topic}", "json", self._schemas[type_], metadata)
+        return _Lane(channel, type_)
+
+    def _write(self, lanes: Iterable[_Lane], moment: datetime | None) -> None:
+        """Write what holds in lanes; since a moment, or since the change that made it so."""
+        for lane in lanes:
+            change = lane.last
+            assert change is not None
+            logged = _nanoseconds(change.committed_at if moment is None else moment)
+            observed = change.observed_at or change.committed_at
+            self._writer.add_message(
+                lane.channel,
+                log_time=logged,
+                data=json.dumps(lane.message(), ensure_ascii=False).encode(),
+                publish_time=_nanoseconds(observed),
+                sequence=change.revision & 0xFFFFFFFF,
+            )
+            self.messages += 1
+
+
+def _read(change: AuditedChange) -> tuple[str, list[str]]:
+    """Return the value that a change is about, and the words of its fact or fluent."""
+    found = _VALUE.fullmatch(change.text) if change.kind == "value" else None
+    if found is not None:
+        return found[2], found[1][1:-1].split()
+    words = change.text[1:-1].split()
+    if change.kind != "fact" or not words:
+        raise StoreIntegrityError(
+            f"revision {change.revision}: {shown(change.text)} is no fact and no value; "
+            "'kant-sql verify' shows what was changed by hand"
+        )
+    return words[-1], words
+
+
+def _nanoseconds(moment: datetime) -> int:
+    return max(0, (moment - _EPOCH) // _MICROSECOND) * 1_000
+
+
+def _schema(type_: str) -> dict[str, object]:
+    properties = {"value": (type_, _VALUES[type_]), **_COMMON}
+    return {
+        "title": f"kant_sql.{type_}",
+        "type": "object",
+        "properties": {
+            name: {"type": kind, "description": said} for name, (kind, said) in properties.items()
+        },
+        "required": ["text", "revision"],
+    }
