@@ -23,6 +23,7 @@ LINES = 10
 LENGTH = 200
 
 _CELL = 'style="text-align:left;vertical-align:top"'
+_TIME = 'style="text-align:left;vertical-align:top;white-space:nowrap"'
 # What has no width, or only turns the direction of text, and is no control to `printable`.
 # (Joiners, which writing in some languages needs, stay.)
 _UNSEEN = re.compile(r"[\u00ad\u061c\u180e\u200b\u200e\u200f\u2060-\u2064\ufeff]")
@@ -55,17 +56,15 @@ def cut(text: str, length: int = LENGTH) -> str:
 
 def shown_text(value: object) -> str:
     """Return a value as HTML: escaped, visible and bounded."""
-    text = value.isoformat(sep=" ") if isinstance(value, datetime) else str(value)
+    text = str(value).replace("+00:00", "Z") if isinstance(value, datetime) else str(value)
     # An action's text has lines; in a cell it has none.
     return escape(visible(_LAYOUT.sub(" ", cut(text))))
 
 
 def _cell(value: object) -> str:
-    if value is None:
-        return ""
-    if not isinstance(value, list | tuple):
-        return shown_text(value)
-    return "<br>".join(map(shown_text, value))
+    lines = value if isinstance(value, list | tuple) else () if value is None else (value,)
+    style = _TIME if isinstance(value, datetime) else _CELL
+    return f"<td {style}>{'<br>'.join(map(shown_text, lines))}</td>"
 
 
 def heading(text: str) -> str:
@@ -83,12 +82,14 @@ def table(rows: Sequence[Row], *, more: str = "") -> str:
     names = rows[0] if rows else ()
     columns = [name for name in names if any(_is_said(row[name]) for row in rows)]
     head = "".join(f"<th {_CELL}>{shown_text(name)}</th>" for name in columns)
-    body = "".join(
-        f"<tr>{''.join(f'<td {_CELL}>{_cell(row[name])}</td>' for name in columns)}</tr>"
-        for row in rows
-    )
+    body = "".join(f"<tr>{''.join(_cell(row[name]) for name in columns)}</tr>" for row in rows)
     end = f"<p>{shown_text(more)}</p>" if more else ""
-    return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>{end}"
+    return _scrolled(f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>") + end
+
+
+def _scrolled(made: str) -> str:
+    """Let a table be wider than the notebook."""
+    return f'<div style="overflow-x:auto">{made}</div>'
 
 
 def _is_said(value: object) -> bool:
@@ -119,11 +120,11 @@ def titled(rows: Sequence[Row], count: int, noun: str) -> str:
 def fields(row: Row) -> str:
     """Return one row as a table with a line for each column."""
     lines = "".join(
-        f"<tr><th {_CELL}>{shown_text(name)}</th><td {_CELL}>{_cell(value)}</td></tr>"
+        f"<tr><th {_CELL}>{shown_text(name)}</th>{_cell(value)}</tr>"
         for name, value in row.items()
         if _is_said(value)
     )
-    return f"<table><tbody>{lines}</tbody></table>"
+    return _scrolled(f"<table><tbody>{lines}</tbody></table>")
 
 
 def lines(text: str) -> str:

@@ -8,7 +8,7 @@ from html.parser import HTMLParser
 UNSEEN = re.compile(
     r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200b\u200e\u200f\u2028-\u202e\u2066-\u2069]"
 )
-_HARMLESS = {"table", "thead", "tbody", "tr", "th", "td", "p", "strong", "bdi", "br", "pre"}
+_HARMLESS = {"div", "table", "thead", "tbody", "tr", "th", "td", "p", "strong", "bdi", "br", "pre"}
 
 
 class _Tags(HTMLParser):
