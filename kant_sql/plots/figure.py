@@ -145,7 +145,8 @@ class _Drawing:
             "type": "bar",
             "orientation": "h",
             "name": name,
-            "legendgroup": name,
+            # Plotly keeps groups by name in a plain object: `__proto__` is none.
+            "legendgroup": f"{name} ",
             "showlegend": is_first,
             "xaxis": "x",
             "yaxis": axis,

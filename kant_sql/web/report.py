@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import errno
+import json
 import os
 import secrets
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -14,17 +15,24 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any, TypeVar
 
+import plotly
 from markupsafe import Markup
 
 from ..arguments import expect, flag, items, optional_call
 from ..dao.interfaces import Progress
 from ..errors import InvalidArgumentError, KantSqlError
 from ..history.anchors import Anchor
+from ..history.timeline import Timeline
 from ..knowledge_base import KnowledgeBase
+from ..plots import timeline_spec
+from ..plots.marks import DARK, LIGHT
 from .rendering import STATIC, render_text
 from .report_sections import ReportRange, ReportReader
 
 T = TypeVar("T")
+
+# What HTML could read as the end of a script, or as a comment in it.
+_MARKUP = {ord(character): f"\\u{ord(character):04x}" for character in "<>&"}
 
 
 def report_html(
@@ -73,6 +81,7 @@ def report_html(
     if not report.is_empty:
         timeline = report.timeline()
         page["timeline"] = read("timeline", lambda: report.stays(timeline))
+        page["figure"] = read("figure", lambda: _embedded(timeline))
         page["plans"] = read("plans", lambda: report.plans(timeline))
         page["rules"] = read("rules", report.rules)
         page["goals"] = read("goals", report.goals)
@@ -101,6 +110,17 @@ class _Sections:
             return None
 
 
+def _embedded(timeline: Timeline) -> Markup:
+    """Write the figure of a timeline as JSON that cannot end the script it is in."""
+    figure = timeline_spec(timeline)
+    for trace in figure["data"]:
+        # The addresses of pages that a report does not have.
+        trace.pop("customdata", None)
+    theme = list(zip(LIGHT, DARK, strict=True))
+    text = json.dumps({"figure": figure, "theme": theme}, separators=(",", ":"))
+    return Markup(text.translate(_MARKUP))
+
+
 def _render(page: Mapping[str, Any], name: str) -> str:
     """Write the page, with all that it needs in it."""
     entries = page.get("log")
@@ -116,9 +136,13 @@ def _render(page: Mapping[str, Any], name: str) -> str:
         return f"#{path[1:]}-{place}" if place in listed.get(path, ()) else ""
 
     style = _static("style.css") + _static("report.css")
+    has_figure = page.get("figure") is not None
+    scripts = [_plotly(), _static("report.js")] if has_figure else []
     policy = {
         "default-src": "'none'",
-        "style-src": _digest(style),
+        "script-src": " ".join(map(_digest, scripts)) or "'none'",
+        # Plotly makes a style sheet of its own.
+        "style-src": "'unsafe-inline'" if has_figure else _digest(style),
         "img-src": "data: blob:",
         "base-uri": "'none'",
         "form-action": "'none'",
@@ -131,6 +155,7 @@ def _render(page: Mapping[str, Any], name: str) -> str:
             "link": link,
             "policy": "; ".join(f"{key} {value}" for key, value in policy.items()),
             "style": Markup(style),
+            "scripts": [Markup(script) for script in scripts],
         },
     )
 
@@ -138,6 +163,12 @@ def _render(page: Mapping[str, Any], name: str) -> str:
 @cache
 def _static(name: str) -> str:
     return (STATIC / name).read_text(encoding="utf-8")
+
+
+@cache
+def _plotly() -> str:
+    path = Path(plotly.__file__).parent / "package_data" / "plotly.min.js"
+    return path.read_text(encoding="utf-8")
 
 
 def _digest(text: str) -> str:

@@ -241,16 +241,17 @@ class ReportReader(NamedTuple):
         found = [(bar.since, lane, bar) for lane in timeline.lanes for bar in lane.bars]
         found.sort(key=lambda one: one[0])
         dense = sum(density.count for lane in timeline.lanes for density in lane.densities)
-        left = len(found) - BARS + dense
+        left = max(0, len(found) - BARS) + dense
+        is_capped = any(each.is_capped for lane in timeline.lanes for each in lane.densities)
         lanes = "facts, goals and values beyond the first" if timeline.next is not None else None
-        more = f"{left:,} more periods" if left > 0 else None
-        said = " and ".join(filter(None, (more, lanes and f"{lanes} {LANES}")))
+        more = f"{'more than ' * is_capped}{left:,} periods, the earlier or shorter ones"
+        said = " and ".join(filter(None, (more if left else None, lanes and f"{lanes} {LANES}")))
         words = ("--element", name) if name else ()
         return {
             "left_out": said or None,
             "command": self.ranged("log", *words),
             "name": name,
-            "stays": [_stay(lane, bar) for _, lane, bar in found[:BARS]],
+            "stays": [_stay(lane, bar) for _, lane, bar in found[-BARS:]],
         }
 
     def plans(self, timeline: Timeline) -> ReportPlans:

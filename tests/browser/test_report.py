@@ -1,0 +1,102 @@
+"""A report, opened from disk in a browser: without a server, a network, or even a script."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+import kant_sql
+from kant_sql.web.report import write_report
+from tests.browser.conftest import Visit
+from tests.support.browsing import NARROW, SCHEMES, WIDE, WIDTHS, Scheme, Visitor
+from tests.support.worlds.hostile import KNOWLEDGE_BASE, NAMES, record_hostile
+
+Open = Callable[..., Visitor]
+
+
+@pytest.fixture(scope="session", params=["sqlite", "postgresql"])
+def report(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The report of the story, on each dialect in turn."""
+    url = request.getfixturevalue(f"{request.param}_story")
+    folder = tmp_path_factory.mktemp("report")
+    with kant_sql.connect(url, knowledge_base="courier", read_only=True) as kb:
+        return write_report(kb, folder / "day.html", objects=["rb1"])
+
+
+@pytest.fixture(scope="session")
+def hostile_report(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The report of a store whose every text would like to be a script."""
+    folder = tmp_path_factory.mktemp("hostile")
+    url = record_hostile(f"sqlite:///{folder / 'hostile.db'}")
+    with kant_sql.connect(url, knowledge_base=KNOWLEDGE_BASE) as kb:
+        return write_report(kb, folder / "day.html", objects=NAMES)
+
+
+def opened(visit: Visit, path: Path, **options: object) -> Visitor:
+    visitor = visit(path.as_uri(), **options)
+    visitor.page.goto(path.as_uri())
+    visitor.settle()
+    return visitor
+
+
+def test_it_opens_from_disk_with_its_chart(report: Path, visit: Visit) -> None:
+    visitor = opened(visit, report)
+    visitor.page.wait_for_selector("#chart .main-svg")
+    assert visitor.page.title() == "Report of courier · kant_sql"
+    assert not visitor.page.locator("#periods").evaluate("each => each.open")
+    assert visitor.page.locator("#chart").bounding_box()["height"] > 200  # type: ignore[index]
+    visitor.page.get_by_role("link", name="Log", exact=True).click()
+    assert visitor.page.url.endswith("#log")
+
+
+@pytest.mark.parametrize("scheme", SCHEMES)
+@pytest.mark.parametrize("width", WIDTHS)
+def test_it_is_for_everybody(report: Path, visit: Visit, width: int, scheme: Scheme) -> None:
+    visitor = opened(visit, report, width=width, scheme=scheme)
+    assert visitor.violations() == []
+    assert visitor.overflow() == []
+
+
+def test_it_is_read_without_scripts(report: Path, visit: Visit) -> None:
+    # The browser's own tools for a page are scripts, too: only what is seen can be looked at.
+    visitor = visit(report.as_uri(), java_script_enabled=False, width=NARROW)
+    visitor.page.goto(report.as_uri())
+    assert visitor.page.locator("#periods table").is_visible()
+    assert not visitor.page.locator("#chart").is_visible()
+    assert visitor.page.get_by_text("blocked by a chair").first.is_visible()
+
+
+def test_printed_it_has_the_chart_and_the_table(report: Path, visit: Visit) -> None:
+    visitor = opened(visit, report, width=WIDE, scheme="dark")
+    visitor.page.emulate_media(media="print", color_scheme="dark")
+    back = "getComputedStyle(document.body).backgroundColor"
+    assert visitor.page.evaluate(back) == "rgb(255, 255, 255)"
+    visitor.page.evaluate("window.dispatchEvent(new Event('beforeprint'))")
+    assert visitor.page.locator("#periods table").is_visible()
+    assert visitor.page.locator("#chart .main-svg").first.is_visible()
+    assert visitor.page.pdf(format="A4").startswith(b"%PDF")
+
+
+def test_it_is_used_by_keyboard(report: Path, visit: Visit) -> None:
+    visitor = opened(visit, report)
+    visitor.page.locator("#periods summary").focus()
+    visitor.page.keyboard.press("Enter")
+    assert visitor.page.locator("#periods table").is_visible()
+    visitor.page.keyboard.press("Tab")
+    focused = visitor.page.evaluate("document.activeElement.getAttribute('aria-label')")
+    assert focused == "What held when"
+
+
+@pytest.mark.parametrize("width", WIDTHS)
+def test_no_text_of_the_store_becomes_anything_else(
+    hostile_report: Path, visit: Visit, width: int
+) -> None:
+    visitor = opened(visit, hostile_report, width=width)
+    visitor.page.wait_for_selector("#chart .main-svg")
+    assert visitor.page.locator("img, iframe, object, embed").count() == 0
+    assert visitor.page.evaluate("document.scripts.length") == 3
+    assert visitor.overflow() == []
+    assert visitor.page.evaluate("typeof hacked") == "undefined"
+    assert "<script>hacked=1</script>" in visitor.text()
