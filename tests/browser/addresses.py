@@ -22,6 +22,13 @@ ADDRESSES: dict[str, tuple[str, ...]] = {
         address("/ask", condition="(robot_at rb1 t1)"),
         address("/ask", condition="(robot_at rb1 ?p)", mode="when"),
     ),
+    "/difference": (address("/difference", a=9, b=30), address("/difference")),
+    "/log": (
+        address("/log"),
+        address("/log", text="guest", since="2026-03-02 09:00"),
+        address("/log", element="(robot_at rb1 t1)"),
+        address("/log", actor="executive", before=20),
+    ),
     "/revision": (address("/revision", number=36), address("/revision", number=9)),
     "/state": (
         address("/state"),

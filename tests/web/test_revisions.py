@@ -1,0 +1,252 @@
+"""The pages of the log, of a revision, and of the difference of two states."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from fastapi.testclient import TestClient
+
+import kant_sql
+from kant_sql.history import change_pages, log_pages
+from kant_sql.json_documents import changes_document, entry_document
+from kant_sql.web.application import create_app
+from tests.support.statements import count, fill
+from tests.web.conftest import BASE
+
+
+def log(client: TestClient, **query: Any) -> Any:
+    """A page of the log."""
+    return client.get("/api/log", params={"kb": "courier", **query}).json()
+
+
+def numbers(page: Any) -> list[int]:
+    """The revisions of a page."""
+    return [line["number"] for line in page["revisions"]]
+
+
+def test_the_log_is_the_librarys(client: TestClient, story_url: str) -> None:
+    with kant_sql.connect(story_url, knowledge_base="courier") as kb:
+        entries = [entry_document(entry) for entry in kb.log()]
+    lines = log(client)["revisions"]
+    for line, entry in zip(lines, entries, strict=True):
+        assert {"total", "is_archived"} == line.keys() - entry.keys()
+        assert line == {**line, **entry}
+
+
+@pytest.mark.parametrize(
+    ("query", "expected"),
+    [
+        ({"actor": "door_sensor"}, [21, 20, 19, 18, 17]),
+        ({"text": "GUEST"}, [16, 15, 5, 4]),
+        ({"text": "t4)"}, [34, 29]),
+        ({"text": "guest", "actor": "operator"}, [16]),
+        ({"text": "executive", "until": 10}, [10, 9, 8]),
+        ({"text": "_"}, "any"),
+        ({"text": "%"}, []),
+        ({"element": "(robot_at rb1 t1)"}, [24, 13, 12, 9]),
+        ({"element": "(robot_at rb1 t1)", "text": "chair"}, [13]),
+        ({"element": "(robot_at rb1 t1)", "actor": "executive", "before": 13}, [12, 9]),
+        ({"since": "2026-03-02T14:00Z", "until": "2026-03-02T14:01Z"}, [30, 29]),
+        ({"since": 35}, [36, 35]),
+    ],
+)
+def test_the_log_is_filtered(client: TestClient, query: dict[str, Any], expected: Any) -> None:
+    page = log(client, **query)
+    if expected == "any":
+        assert 0 < len(numbers(page)) < 36
+    else:
+        assert numbers(page) == expected
+    assert page["searched"] is None
+    assert client.get("/log", params={"kb": "courier", **query}).status_code == 200
+
+
+def test_what_never_was_is_said(client: TestClient) -> None:
+    for query, said in (
+        ("actor=executiv", "did you mean executive"),
+        ("element=(robot_at rb7 t1)", "rb7"),
+    ):
+        answer = client.get(f"/api/log?kb=courier&{query}")
+        assert (answer.status_code, said in answer.text) == (404, True), answer.text
+
+
+@pytest.fixture(params=["sqlite", "postgresql"])
+def filled(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[tuple[Any, TestClient]]:
+    """A knowledge base to fill, and a reader of it."""
+    if request.param == "sqlite":
+        url = f"sqlite:///{tmp_path / 'store.db'}"
+    else:
+        url = request.getfixturevalue("server").new_store()
+    with (
+        kant_sql.connect(url, knowledge_base="courier", actor="filler") as kb,
+        TestClient(create_app(url), base_url=BASE) as client,
+    ):
+        yield kb, client
+
+
+def walk(client: TestClient, **query: Any) -> Iterator[Any]:
+    """Read the pages of a log one after the other."""
+    page = log(client, **query)
+    yield page
+    while page["before"] is not None:
+        page = log(client, **query, before=page["before"])
+        yield page
+
+
+def test_the_pages_of_a_log_have_each_revision_once(filled: tuple[Any, TestClient]) -> None:
+    kb, client = filled
+    fill(kb, 60)
+    for number in range(60):
+        kb.propositions.delete(f"(robot_at rb1 wp{number})")
+    pages = list(walk(client))
+    assert [number for page in pages for number in numbers(page)] == list(range(62, 0, -1))
+    of_object = list(walk(client, element="rb1"))
+    assert [number for page in of_object for number in numbers(page)] == [2]
+
+
+def test_a_page_says_how_far_it_searched(
+    filled: tuple[Any, TestClient], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("SEARCHED_FOR_ACTOR", "SEARCHED_FOR_TEXT"):
+        monkeypatch.setattr(log_pages, name, 20)
+    kb, client = filled
+    fill(kb, 60)
+    for number in range(60):
+        kb.propositions.delete(f"(robot_at rb1 wp{number})")
+    with kb.transaction(actor="somebody", reason="at last"):
+        kb.propositions.save("(robot_at rb1 wp0)")
+    for query, expected in (
+        ({"actor": "filler"}, range(62, 0, -1)),
+        ({"text": "wp59"}, [62, 2, 1][:2]),
+        ({"text": "at last"}, [63]),
+        ({"actor": "somebody"}, [63]),
+    ):
+        pages = list(walk(client, **query))
+        assert [number for page in pages for number in numbers(page)] == list(expected)
+        assert len(pages) <= 5
+    assert [page["searched"] for page in pages] == [44, 24, 4, None]
+    assert "Searched back to revision 44" in client.get("/log?kb=courier&actor=somebody").text
+
+
+def test_a_text_is_looked_for_in_so_many_changes(
+    filled: tuple[Any, TestClient], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kb, client = filled
+    fill(kb, 40)
+    for number in range(30):
+        kb.propositions.delete(f"(robot_at rb1 wp{number})")
+    monkeypatch.setattr(log_pages, "SEARCHED_CHANGES", 10)
+    monkeypatch.setattr(log_pages, "_END_OF_SEARCH", log_pages._end_of_search())
+    pages = list(walk(client, text="WP1)"))
+    assert [number for page in pages for number in numbers(page)] == [4, 2]
+    assert [page["searched"] for page in pages][:3] == [23, 13, 3]
+
+
+def test_a_revision_of_many_changes_is_read_page_by_page(
+    filled: tuple[Any, TestClient], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kb, client = filled
+    fill(kb, 300)
+    entry = next(kb.log(since=2, until=2))
+    (line,) = [one for one in log(client)["revisions"] if one["number"] == 2]
+    assert (line["changes"], line["total"]) == ([], len(entry.changes))
+    for bound in (5_000, 10):
+        monkeypatch.setattr(change_pages, "SORTED", bound)
+        found: list[Any] = []
+        offset: int | None = 0
+        while offset is not None:
+            address = f"/api/revision?kb=courier&number=2&offset={offset}"
+            page = client.get(address).json()
+            found += page["revision"]["changes"]
+            assert page["total"] == len(entry.changes)
+            offset = page["next"]
+        expected = changes_document(entry.changes)
+        assert sorted(map(str, found)) == sorted(map(str, expected))
+        assert found == expected or bound == 10
+    assert "1 to 200 of" in client.get("/revision?kb=courier&number=2").text
+
+
+@pytest.mark.parametrize(("a", "b"), [(9, 30), (30, 9), (0, 36), (36, 0), (22, 23), (5, 5), (2, 3)])
+@pytest.mark.parametrize("narrow", [20_000, 0])
+def test_the_difference_is_the_librarys(
+    client: TestClient,
+    story_url: str,
+    monkeypatch: pytest.MonkeyPatch,
+    a: int,
+    b: int,
+    narrow: int,
+) -> None:
+    monkeypatch.setattr(change_pages, "NARROW", narrow)
+    with kant_sql.connect(story_url, knowledge_base="courier") as kb:
+        expected = changes_document(kb.diff(a, b))
+    data = client.get(f"/api/difference?kb=courier&a={a}&b={b}").json()
+    assert sorted(map(str, data["changes"])) == sorted(map(str, expected))
+    assert (data["a"], data["b"], data["next"], data["is_cut"]) == (a, b, None, False)
+    low, high = sorted((a, b))
+    between = numbers(data["between"])
+    assert between == list(range(high, max(low, high - 20), -1))
+    page = client.get(f"/difference?kb=courier&a={a}&b={b}").text
+    assert f"/difference?kb=courier&amp;a={b}&amp;b={a}" in page
+
+
+def test_a_long_difference_is_read_page_by_page(
+    filled: tuple[Any, TestClient], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kb, client = filled
+    fill(kb, 300)
+    found: set[str] = set()
+    offset: int | None = 0
+    while offset is not None:
+        data = client.get(f"/api/difference?kb=courier&a=1&b=2&offset={offset}").json()
+        found |= {str(change) for change in data["changes"]}
+        offset = data["next"]
+    assert found == {str(change) for change in changes_document(kb.diff(1, 2))}
+    change_pages._differences.cache_clear()
+    monkeypatch.setattr(change_pages, "COMPARED", 100)
+    data = client.get("/api/difference?kb=courier&a=1&b=2").json()
+    change_pages._differences.cache_clear()
+    assert data["is_cut"] is (data["next"] is None)
+
+
+def test_pages_take_as_many_statements_however_much_is_stored(
+    filled: tuple[Any, TestClient],
+) -> None:
+    kb, client = filled
+    taken: dict[str, set[int]] = {}
+    for size in (2, 400, 6_000):
+        fill(kb, size)
+        for number in range(2, min(size, 80)):
+            kb.propositions.delete(f"(robot_at rb1 wp{number})")
+        kb.propositions.delete("(robot_at rb1 wp1)")
+        for path in (
+            "/log?kb=courier",
+            "/log?kb=courier&actor=filler",
+            "/log?kb=courier&text=rb1",
+            "/log?kb=courier&element=(robot_at+rb1+wp1)",
+            "/revision?kb=courier&number=2",
+            "/difference?kb=courier&a=1",
+        ):
+            client.get(path)
+            number = count(lambda path=path: client.get(path))  # type: ignore[misc]
+            taken.setdefault(path, set()).add(number)
+    assert all(len(counts) == 1 and max(counts) <= 12 for counts in taken.values()), taken
+
+
+def test_a_revision_in_an_archive_says_so(filled: tuple[Any, TestClient], tmp_path: Path) -> None:
+    kb, client = filled
+    fill(kb, 5)
+    for _ in range(3):
+        kb.propositions.delete("(robot_at rb1 wp1)")
+        kb.propositions.save("(robot_at rb1 wp1)")
+    kb.archive(6, to=f"sqlite:///{tmp_path / 'old.db'}")
+    data = client.get("/api/revision?kb=courier&number=4").json()
+    assert "old.db" in data["archive"]
+    assert client.get("/api/revision?kb=courier&number=7").json()["archive"] is None
+    assert "was moved to an archive" in client.get("/revision?kb=courier&number=4").text
+    lines = log(client)["revisions"]
+    assert {line["number"]: line["is_archived"] for line in lines}[4] is True
+    assert "old.db" in log(client, element="(robot_at rb1 wp1)")["archive"]
+    answer = client.get("/difference?kb=courier&a=3&b=8")
+    assert (answer.status_code, "old.db" in answer.text) == (410, True)
