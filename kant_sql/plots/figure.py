@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from datetime import datetime, timedelta
-from typing import Any, NamedTuple, TypedDict
+from typing import Any, NamedTuple
+
+from typing_extensions import TypedDict
 
 from ..history.gantt import PlanBar, StepBar
 from ..history.timeline import Bar, Density, Lane, Timeline
@@ -27,6 +29,7 @@ from .marks import (
 # Heights in pixels: of a lane, of a numeric fluent, of the gaps between sections and around all.
 ROW, VALUE_ROW, GAP, ABOVE, BELOW = 24, 64, 34, 56, 44
 THICKNESS = 0.62
+FONT = 'system-ui, "DejaVu Sans", sans-serif'
 _DENSITY = [[0, "rgba(112,122,132,0.40)"], [1, "rgba(112,122,132,1)"]]
 # More points than this are drawn as a line alone.
 MOST_POINTS = 300
@@ -370,7 +373,7 @@ class _Drawing:
             "margin": {"t": ABOVE, "b": BELOW, "l": 16, "r": 16},
             "paper_bgcolor": "rgba(0,0,0,0)",
             "plot_bgcolor": "rgba(0,0,0,0)",
-            "font": {"color": theme.ink, "size": 12},
+            "font": {"color": theme.ink, "size": 12, "family": FONT},
             "barmode": "overlay",
             "hovermode": "closest",
             "uniformtext": {"mode": "hide", "minsize": 9},
@@ -453,7 +456,7 @@ def _axis(number: int, name: str) -> str:
 
 def _title(text: str, top: float, theme: Theme) -> dict[str, object]:
     return {
-        "text": f"<b>{text}</b>",
+        "text": text,
         "xref": "paper",
         "yref": "paper",
         "x": 0,
@@ -461,7 +464,7 @@ def _title(text: str, top: float, theme: Theme) -> dict[str, object]:
         "xanchor": "left",
         "yanchor": "bottom",
         "showarrow": False,
-        "font": {"color": theme.quiet},
+        "font": {"color": theme.quiet, "weight": 700},
     }
 
 
@@ -495,7 +498,7 @@ def _order_of(step: StepBar) -> tuple[datetime, int]:
 
 def _hover(lane: Lane, bar: Bar) -> str:
     named = lane.text if bar.value is None else f"{lane.text} = {bar.value}"
-    lines = [f"<b>{said(named)}</b> ({lane.kind})"]
+    lines = [f"{said(named)} ({lane.kind})"]
     lines.append(f"from {shown_time(bar.since_at)}{_in(bar.since)}{who(bar.actor, bar.reason)}")
     if bar.until is None or bar.until_at is None:
         lines.append("still holds")
@@ -511,7 +514,7 @@ def _in(revision: int | None) -> str:
 
 def _step_hover(plan: PlanBar, step: StepBar) -> str:
     outcome = OUTCOMES[step.status or "started"]
-    lines = [f"<b>{said(step.text)}</b> {outcome.sign} {outcome.name}"]
+    lines = [f"{said(step.text)} {outcome.sign} {outcome.name}"]
     lines.append(f"step {step.position} of plan {plan.id}")
     if step.since_at is not None:
         by = who(step.actor, step.reason)
@@ -525,4 +528,4 @@ def _step_hover(plan: PlanBar, step: StepBar) -> str:
 def _plan_hover(plan: PlanBar) -> str:
     planner = f" of {said(plan.planner)}" if plan.planner is not None else ""
     at = f"{shown_time(plan.recorded_at)}{_in(plan.recorded_in)}"
-    return f"<b>plan {plan.id}</b>{planner}<br>recorded {at}{who(plan.actor, plan.reason)}"
+    return f"plan {plan.id}{planner}<br>recorded {at}{who(plan.actor, plan.reason)}"

@@ -6,10 +6,8 @@ import logging
 from collections.abc import AsyncIterator, Iterable
 from contextlib import asynccontextmanager
 from http import HTTPStatus
-from pathlib import Path
 
 import anyio
-import plotly
 from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import FileResponse, JSONResponse, Response
@@ -21,6 +19,7 @@ from ..errors import KantSqlError
 from .description import describe
 from .live import LiveHub, live
 from .pages import TOPICS
+from .plotly_script import SCRIPT
 from .registry import status_of
 from .rendering import STATIC, render
 from .security import Guard, allowed_hosts
@@ -88,11 +87,10 @@ def create_app(
 
 def _serve_files(app: FastAPI) -> None:
     """Serve the static files, and Plotly's script from its own package."""
-    script = Path(plotly.__file__).parent / "package_data" / "plotly.min.js"
 
     @app.get("/static/plotly.min.js", include_in_schema=False)
     async def plotly_script() -> FileResponse:
-        return FileResponse(script, media_type="text/javascript")
+        return FileResponse(SCRIPT, media_type="text/javascript")
 
     app.mount("/static", StaticFiles(directory=STATIC), name="static")
 

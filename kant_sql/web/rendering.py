@@ -18,6 +18,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescap
 
 from .. import __version__
 from ..html import visible
+from .plotly_script import style_ids
 
 STATIC = Path(__file__).parent / "static"
 # A longer text is cut in links and titles; its own page has all of it.
@@ -104,7 +105,11 @@ def environment() -> Environment:
         lstrip_blocks=True,
     )
     made.globals.update(
-        link=link, address_of=address_of, static=static_address, version=__version__
+        link=link,
+        address_of=address_of,
+        static=static_address,
+        version=__version__,
+        plotly_style_ids=style_ids,
     )
     made.filters.update(
         shown=shown_text, short=shorten, second=second, as_json=as_json, position=position

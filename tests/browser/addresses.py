@@ -29,6 +29,11 @@ ADDRESSES: dict[str, tuple[str, ...]] = {
         address("/log", element="(robot_at rb1 t1)"),
         address("/log", actor="executive", before=20),
     ),
+    "/timeline": (
+        address("/timeline"),
+        address("/timeline", object="rb1", since="2026-03-02 14:00", until="2026-03-02 14:30"),
+        address("/timeline", predicate="served", kind="goal"),
+    ),
     "/revision": (address("/revision", number=36), address("/revision", number=9)),
     "/state": (
         address("/state"),

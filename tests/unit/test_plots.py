@@ -48,7 +48,7 @@ def test_bars_are_where_a_fact_held() -> None:
     assert arm["x"] == [5.2 * 3.6e6]
     assert layout["yaxis"]["ticktext"] == ["(at rb1 wp1)"]
     assert nav["customdata"] == ["/fact?kb=tiago&text=%28at+rb1+wp1%29"]
-    assert "from 2026-03-02 13:00:00 in revision 1 by <b>nav</b>" in nav["hovertext"][0]
+    assert "from 2026-03-02 13:00:00 in revision 1 by nav" in nav["hovertext"][0]
     assert "until 2026-03-02 15:00:00 in revision 3" in nav["hovertext"][0]
     assert "because: moved" in nav["hovertext"][0]
     assert "still holds" in arm["hovertext"][0]
@@ -149,7 +149,7 @@ def test_texts_are_no_markup() -> None:
     lane = Lane("fact", text, (bar(1, 2, "<a href='javascript:1'>nav</a>"),))
     (only,), layout = drawn(timeline(lane))
     said = [only["name"], *only["hovertext"], *layout["yaxis"]["ticktext"]]
-    assert not any("<a" in each or "<b>x" in each or "\u202e" in each for each in said)
+    assert not any("<a" in each or "<b" in each or "\u202e" in each for each in said)
     assert "&lt;b&gt;x&lt;/b&gt;\\u202e&amp;amp;" in only["hovertext"][0]
     assert all(len(each) < 600 for each in said)
 

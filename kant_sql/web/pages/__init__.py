@@ -2,6 +2,6 @@
 
 from __future__ import annotations
 
-from . import ask, home, revisions, state, verify
+from . import ask, home, revisions, state, timeline, verify
 
-TOPICS = (home.PAGES, revisions.PAGES, ask.PAGES, state.PAGES, verify.PAGES)
+TOPICS = (home.PAGES, revisions.PAGES, ask.PAGES, state.PAGES, timeline.PAGES, verify.PAGES)
