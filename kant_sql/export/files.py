@@ -11,6 +11,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
 from hashlib import file_digest, sha256
+from itertools import accumulate
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple
 
@@ -97,10 +98,13 @@ def folder_name(name: str) -> str:
     part = encoded(name)
     if name.lower() in _NOTHING or set(name) <= {"."}:
         part = f"%{ord(name[0]):02X}{part[1:]}"
-    if len(PARTITION) + len(part) > _LONGEST:
+    room = _LONGEST - len(PARTITION)
+    if len(part) > room:
+        # Cut between characters: half of one cannot be decoded.
         digest = sha256(name.encode()).hexdigest()[:_DIGITS]
-        cut = part[: _LONGEST - len(PARTITION) - _DIGITS - 1]
-        part = f"{cut.rpartition('%')[0] if '%' in cut[-2:] else cut}~{digest}"
+        sizes = accumulate(len(encoded(character)) for character in name)
+        kept = sum(size <= room - _DIGITS - 1 for size in sizes)
+        part = f"{encoded(name[:kept])}~{digest}"
     return f"{PARTITION}{part}"
 
 
@@ -126,7 +130,7 @@ class Sink(ABC):
         """Write rows."""
 
     @abstractmethod
-    def finish(self) -> None:
+    def close(self) -> None:
         """Write what comes last."""
 
 
@@ -146,7 +150,7 @@ class ParquetSink(Sink):
         """Write rows, as a row group."""
         self._writer.write_batch(batch.cast(self._schema))
 
-    def finish(self) -> None:
+    def close(self) -> None:
         """Write the footer."""
         self._writer.close()
 
@@ -164,7 +168,7 @@ class CsvSink(Sink):
         """Write rows."""
         self._writer.write_batch(_text_times(batch))
 
-    def finish(self) -> None:
+    def close(self) -> None:
         """Write what is buffered."""
         self._writer.close()
 
@@ -183,7 +187,7 @@ class JsonLinesSink(Sink):
         for row in zip(*columns, strict=True):
             self._file.write(f"{self._encode(dict(zip(names, row, strict=True)))}\n".encode())
 
-    def finish(self) -> None:
+    def close(self) -> None:
         """Do nothing: each row is written."""
 
 

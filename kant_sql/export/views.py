@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import closing
 from datetime import datetime
 from os import PathLike, fspath
 from pathlib import Path
@@ -126,11 +127,11 @@ class _Work:
         whole = self._revisions * views
         with self._folder.new_file(path, state, view.name) as made:
             sink: Sink = SINKS[self._format](made.file, arrow_schema(view))
-            for batch in self._snapshot.batches(view, state, window):
-                sink.write(batch)
-                made.rows += batch.num_rows
-                self._tell(self._done + _revision_of(view, batch), whole)
-            sink.finish()
+            with closing(sink):
+                for batch in self._snapshot.batches(view, state, window):
+                    sink.write(batch)
+                    made.rows += batch.num_rows
+                    self._tell(self._done + _revision_of(view, batch), whole)
         self._done += state.revision
         self._tell(self._done, whole)
 
