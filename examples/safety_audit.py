@@ -1,8 +1,9 @@
 """Audit a day by a safety rule: which revision violated it, who wrote it, and for how long.
 
-python examples/safety_audit.py [URL]
+python examples/safety_audit.py [URL [REPORT]]
 
-The store is in memory when no other is named.
+The store is in memory when no other is named. With the name of a file, all of it becomes a report
+that opens in a browser.
 """
 
 from __future__ import annotations
@@ -100,3 +101,7 @@ if __name__ == "__main__":
         if house.revision == 0:
             live(house)
         audit(house)
+        if len(sys.argv) > 2:
+            from kant_sql.web.report import write_report  # of the extra `web`
+
+            print(f"\nThe report is in {write_report(house, sys.argv[2], rules=RULES)}")

@@ -316,7 +316,7 @@ def rules(
     """
     example = "sqlite:///robot.db '(always (not (robot_at rb1 wp1)))'"
     url, given = split_url(words or (), _RULES_USAGE, example)
-    source = next(map(_source, given), None)
+    source = next(map(rules_source, given), None)
     first, last = parse_optional(since, "--since"), parse_state(until, "--until")
     with open_state(url, kb, at) as (name, state):
         found = state.check_rules(source, since=first, until=last, clock=clock)
@@ -329,7 +329,7 @@ def rules(
     return 0 if found.is_satisfied else FAILED
 
 
-def _source(given: str) -> Source:
+def rules_source(given: str) -> Source:
     """Return rules that are given as text, as a file, or on standard input."""
     if given == STANDARD_INPUT:
         return decode(*read_bytes(given))

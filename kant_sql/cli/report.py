@@ -10,6 +10,7 @@ from typing import Annotated
 from ..errors import KantSqlError
 from .check import STANDARD_INPUT as STANDARD_OUTPUT
 from .common import AnchorFile, Name, Since, Until, Url, choose, option, parse_optional
+from .conditions import rules_source
 from .output import Printer, bar
 from .serve import WEB_MISSING
 
@@ -27,6 +28,15 @@ def report(
         list[str] | None,
         option(
             "Say what involved this object; may be given several times.", "--object", metavar="NAME"
+        ),
+    ] = None,
+    rules: Annotated[
+        str | None,
+        option(
+            "Hold these rules against the range: a file of constraints (- is standard input), or "
+            "PDDL; default: those of the domain and the problem.",
+            "--rules",
+            metavar="FILE|PDDL",
         ),
     ] = None,
     anchor: AnchorFile = None,
@@ -61,6 +71,7 @@ def report(
             since=earliest,
             until=latest,
             objects=object or (),
+            rules=None if rules is None else rules_source(rules),
             verify=not no_verify,
             anchor=anchored,
             progress=progress,

@@ -15,17 +15,18 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any, TypeVar
 
-import plotly
 from markupsafe import Markup
 
 from ..arguments import expect, flag, items, optional_call
 from ..dao.interfaces import Progress
-from ..errors import InvalidArgumentError, KantSqlError
+from ..errors import AnchorError, InvalidArgumentError, KantSqlError, PddlError, SourceError
 from ..history.anchors import Anchor
 from ..history.timeline import Timeline
 from ..knowledge_base import KnowledgeBase
 from ..plots import timeline_spec
 from ..plots.marks import DARK, LIGHT
+from ..reasoning.rules import Rules
+from .plotly_script import SCRIPT
 from .rendering import STATIC, render_text
 from .report_sections import ReportRange, ReportReader
 
@@ -41,6 +42,7 @@ def report_html(
     since: int | datetime | None = None,
     until: int | datetime | None = None,
     objects: Iterable[str] = (),
+    rules: Rules | None = None,
     verify: bool = True,
     anchor: Anchor | None = None,
     progress: Progress | None = None,
@@ -52,6 +54,8 @@ def report_html(
         since: the first revision, or the earliest time of commit; both inclusive.
         until: the last revision, or the latest time of commit; both inclusive.
         objects: the names of objects; the report says what involved each of them.
+        rules: constraints and preferences, as for `KnowledgeBase.check_rules`; None for those of
+            the domain and the problem.
         verify: whether to verify the whole history.
         anchor: an anchor that was kept elsewhere, to verify the history with.
         progress: called while the history is verified, as by `KnowledgeBase.verify`.
@@ -62,6 +66,7 @@ def report_html(
     Raises:
         UnknownRevisionError: `since` or `until` lies in the future, or is a time without zone.
         UnknownNameError: there never was an object of that name.
+        PddlError, SourceError: `rules` are not well-formed, or cannot be read.
         InvalidArgumentError: an argument is not of its type.
     """
     expect(kb, KnowledgeBase, "the knowledge base", InvalidArgumentError)
@@ -77,13 +82,14 @@ def report_html(
         "is_verified": verify,
         "verify_command": report.command("verify"),
     }
-    read = _Sections()
+    # What the caller has written is refused; what is stored is told of.
+    read = _Sections((AnchorError,) if rules is None else (AnchorError, PddlError, SourceError))
     if not report.is_empty:
         timeline = report.timeline()
         page["timeline"] = read("timeline", lambda: report.stays(timeline))
         page["figure"] = read("figure", lambda: _embedded(timeline))
         page["plans"] = read("plans", lambda: report.plans(timeline))
-        page["rules"] = read("rules", report.rules)
+        page["rules"] = read("rules", lambda: report.rules(rules))
         page["goals"] = read("goals", report.goals)
         page["log"] = read("log", report.log)
     if verify:
@@ -99,13 +105,16 @@ class _Sections:
         errors: why, by the names of the sections.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, refused: tuple[type[KantSqlError], ...]) -> None:
         self.errors: dict[str, str] = {}
+        self._refused = refused
 
     def __call__(self, name: str, read: Callable[[], T]) -> T | None:
         try:
             return read()
         except KantSqlError as error:
+            if isinstance(error, self._refused):
+                raise
             self.errors[name] = str(error)
             return None
 
@@ -135,14 +144,14 @@ def _render(page: Mapping[str, Any], name: str) -> str:
         place = query.get("number", query.get("id"))
         return f"#{path[1:]}-{place}" if place in listed.get(path, ()) else ""
 
-    style = _static("style.css") + _static("report.css")
-    has_figure = page.get("figure") is not None
-    scripts = [_plotly(), _static("report.js")] if has_figure else []
+    styles, scripts = {"": _static("style.css") + _static("report.css")}, []
+    if page.get("figure") is not None:
+        styles["plotly.js-style-global"] = _static("plotly.css")
+        scripts = [_read(SCRIPT), _static("report.js")]
     policy = {
         "default-src": "'none'",
         "script-src": " ".join(map(_digest, scripts)) or "'none'",
-        # Plotly makes a style sheet of its own.
-        "style-src": "'unsafe-inline'" if has_figure else _digest(style),
+        "style-src": " ".join(map(_digest, styles.values())),
         "img-src": "data: blob:",
         "base-uri": "'none'",
         "form-action": "'none'",
@@ -154,20 +163,18 @@ def _render(page: Mapping[str, Any], name: str) -> str:
             "kb": name,
             "link": link,
             "policy": "; ".join(f"{key} {value}" for key, value in policy.items()),
-            "style": Markup(style),
+            "styles": {id_: Markup(style) for id_, style in styles.items()},
             "scripts": [Markup(script) for script in scripts],
         },
     )
 
 
-@cache
 def _static(name: str) -> str:
-    return (STATIC / name).read_text(encoding="utf-8")
+    return _read(STATIC / name)
 
 
 @cache
-def _plotly() -> str:
-    path = Path(plotly.__file__).parent / "package_data" / "plotly.min.js"
+def _read(path: Path) -> str:
     return path.read_text(encoding="utf-8")
 
 
@@ -183,6 +190,7 @@ def write_report(
     since: int | datetime | None = None,
     until: int | datetime | None = None,
     objects: Iterable[str] = (),
+    rules: Rules | None = None,
     verify: bool = True,
     anchor: Anchor | None = None,
     progress: Progress | None = None,
@@ -195,6 +203,7 @@ def write_report(
         since: as for `report_html`.
         until: as for `report_html`.
         objects: as for `report_html`.
+        rules: as for `report_html`.
         verify: as for `report_html`.
         anchor: as for `report_html`.
         progress: as for `report_html`.
@@ -204,7 +213,7 @@ def write_report(
 
     Raises:
         OSError: the file cannot be written; `IsADirectoryError` if the path is a folder's.
-        UnknownRevisionError, UnknownNameError, InvalidArgumentError: as `report_html`.
+        KantSqlError: as `report_html`.
     """
     expect(path, (str, os.PathLike), "the path", InvalidArgumentError)
     target = Path(path)
@@ -214,6 +223,7 @@ def write_report(
             since=since,
             until=until,
             objects=objects,
+            rules=rules,
             verify=verify,
             anchor=anchor,
             progress=progress,

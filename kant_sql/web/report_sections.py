@@ -31,6 +31,7 @@ from ..json_documents import (
 from ..knowledge.canonical import time_text
 from ..knowledge_base import KnowledgeBase
 from ..plans.interfaces import RecordedPlan
+from ..reasoning.rules import Rules
 
 When = int | datetime
 
@@ -278,14 +279,14 @@ class ReportReader(NamedTuple):
             "command": self.command("plans", "--plan", str(plan.id)),
         }
 
-    def rules(self) -> ReportRules:
-        """Hold the constraints of the domain and the problem against the range."""
-        verdicts = self.kb.check_rules(since=self.tally.first, until=self.tally.last)
+    def rules(self, rules: Rules | None) -> ReportRules:
+        """Hold rules against the range."""
+        verdicts = self.kb.check_rules(rules, since=self.tally.first, until=self.tally.last)
         ordered = [*verdicts.violated, *(one for one in verdicts if one.is_satisfied)]
         left = len(ordered) - RULES
         return {
             "left_out": f"{left:,} more rules" if left > 0 else None,
-            "command": self.ranged("rules"),
+            "command": self.ranged("rules", *(() if rules is None else ("RULES",))),
             "verdicts": [verdict_document(one) for one in ordered[:RULES]],
             "violated": len(verdicts.violated),
             "count": len(verdicts),

@@ -81,6 +81,14 @@ def test_printed_it_has_the_chart_and_the_table(report: Path, visit: Visit) -> N
 
 def test_it_is_used_by_keyboard(report: Path, visit: Visit) -> None:
     visitor = opened(visit, report)
+    axis = "document.getElementById('chart').layout.xaxis.range"
+    whole = visitor.page.evaluate(axis)
+    visitor.page.get_by_role("button", name="Zoom in").focus()
+    visitor.page.keyboard.press("Enter")
+    nearer = visitor.page.evaluate(axis)
+    assert whole[0] < nearer[0] < nearer[1] < whole[1]
+    visitor.page.get_by_role("button", name="Everything").press("Enter")
+    assert visitor.page.evaluate(axis) == whole
     visitor.page.locator("#periods summary").focus()
     visitor.page.keyboard.press("Enter")
     assert visitor.page.locator("#periods table").is_visible()

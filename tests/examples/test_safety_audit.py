@@ -37,6 +37,16 @@ def test_it_names_the_revision_that_violates_a_rule(shared_url: str) -> None:
     assert check_chain(shared_url) == {"house": 11}
 
 
+def test_it_writes_a_report_with_the_rules(tmp_path: Path) -> None:
+    path = tmp_path / "day.html"
+    done = run_example("safety_audit.py", f"sqlite:///{tmp_path / 'house.db'}", str(path))
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout == f"{AUDIT}\nThe report is in {path}\n"
+    page = path.read_text(encoding="utf-8")
+    assert "1 violated</strong> of 3" in page
+    assert "seen at the kitchen door" in page
+
+
 def test_without_a_url_it_runs_in_memory() -> None:
     done = run_example("safety_audit.py")
     assert (done.returncode, done.stdout, done.stderr) == (0, AUDIT, "")

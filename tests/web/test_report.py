@@ -19,13 +19,14 @@ import pytest
 
 import kant_sql
 from kant_sql import InvalidArgumentError, KantSqlError, KnowledgeBase, parse_anchor
-from kant_sql.errors import UnknownNameError, UnknownRevisionError
+from kant_sql.errors import PddlError, SourceError, UnknownNameError, UnknownRevisionError
 from kant_sql.web import report_sections
 from kant_sql.web.report import report_html, write_report
 from tests.audit.story import at, record_store
 from tests.support.crawling import Markup
 from tests.support.notebooks import UNSEEN
 from tests.support.processes.commands import run
+from tests.support.statements import count, fact, fill
 from tests.support.stores import Connect, new_file_store
 from tests.support.worlds.hostile import KNOWLEDGE_BASE, NAMES, record_hostile
 
@@ -137,6 +138,8 @@ def test_it_needs_nothing_else(story: KnowledgeBase) -> None:
     digests = (base64.b64encode(sha256(each.encode()).digest()).decode() for each in scripts)
     assert policy["script-src"] == " ".join(f"'sha256-{digest}'" for digest in digests)
     assert len(scripts) == 2
+    digests = (base64.b64encode(sha256(each.encode()).digest()).decode() for each in page.styles)
+    assert policy["style-src"] == " ".join(f"'sha256-{digest}'" for digest in digests)
     assert "connect-src" not in policy
 
 
@@ -178,6 +181,17 @@ def test_rules_are_held_against_the_range(connect: Connect, tmp_path: Path) -> N
     )
     assert re.search(r"\(served t2\)\)\) satisfied", said)
     assert "0 violated of 2" in Page(report_html(kb, until=10)).text
+    others = "(sometime (served t2))\n(always (not (open front)))"
+    said = Page(report_html(kb, rules=others, verify=False)).text
+    assert "2 violated of 2" in said
+    assert "door_sensor" in said
+
+
+def test_wrong_rules_are_refused(sqlite_kb: KnowledgeBase, tmp_path: Path) -> None:
+    for wrong, error in (("(always (nonsense))", PddlError), (Path("no file"), SourceError)):
+        with pytest.raises(error):
+            write_report(sqlite_kb, tmp_path / "day.html", rules=wrong)
+    assert [*tmp_path.iterdir()] == []
 
 
 def test_what_is_left_out_is_said_with_the_command_that_shows_it(
@@ -223,6 +237,14 @@ def test_names_and_reasons_are_data(connect: Connect, shared_url: str) -> None:
     assert "{{7*191}}" in page.text
     # The script alone has 5 million characters.
     assert len(text) < 7_000_000
+
+
+def test_it_takes_few_statements_however_much_happened(kb: KnowledgeBase) -> None:
+    for size in (10, 2_000):
+        fill(kb, size)
+        kb.propositions.delete(fact(1))
+        # Large pages of the log are read again in another way, and timelines have more kinds of lanes.
+        assert count(lambda: report_html(kb, objects=["rb1"], verify=False)) <= 50
 
 
 def test_a_history_that_was_changed_is_reported(connect: Connect, tmp_path: Path) -> None:
