@@ -54,7 +54,7 @@ def timeline_spec(timeline: Timeline, *, dark: bool = False) -> FigureSpec:
 
     Returns:
         The figure's data and layout. `customdata` is the address of the fact, or of the plan, in
-        the web application; all texts are escaped.
+        the web application; that of a cell is in `meta.targets`, by its row. All texts are escaped.
     """
     return _Drawing(timeline, DARK if dark else LIGHT).spec()
 
@@ -181,9 +181,11 @@ class _Drawing:
             row: list[float | None] = [None] * timeline.slices
             shown = [""] * timeline.slices
             for density in lane.densities:
-                for n in self._slices(density):
-                    row[n] = density.count / len(self._slices(density))
-                    shown[n] = f"{'at least ' if density.is_capped else ''}{round(row[n] or 0):,}"
+                places = self._slices(density)
+                each = density.count / len(places)
+                text = f"{'at least ' if density.is_capped else ''}{round(each):,}"
+                for n in places:
+                    row[n], shown[n] = each, text
             counts.append(row)
             texts.append(shown)
         self._traces.append(
@@ -196,12 +198,14 @@ class _Drawing:
                 "y": list(range(len(lanes))),
                 "z": counts,
                 "text": texts,
-                "customdata": [[self._fact(lane)] * timeline.slices for lane in lanes],
+                # By row: for each cell they would be most of the figure.
+                "meta": {"targets": [self._fact(lane) for lane in lanes]},
                 "zmin": 1,
                 "zmax": max(2, *(count or 0 for row in counts for count in row)),
                 "ygap": ROW * (1 - THICKNESS),
                 "colorscale": _DENSITY,
                 "showscale": False,
+                "showlegend": True,
                 "hoverongaps": False,
                 "hovertemplate": "%{text} changes, too short to be drawn<br>from %{x}<br>zoom in to"
                 " see them<extra></extra>",

@@ -76,11 +76,11 @@ def test_facts_goals_values_and_plans_are_apart() -> None:
     ]
     titles = [each["text"] for each in layout["annotations"]]
     assert titles == [
-        "<b>Facts</b>",
-        "<b>Goals</b>",
-        "<b>Values</b>",
-        "<b>(fuel)</b>",
-        "<b>Plans</b>",
+        "Facts",
+        "Goals",
+        "Values",
+        "(fuel)",
+        "Plans",
     ]
     domains = [layout[f"yaxis{n}"]["domain"] for n in ("", 2, 3, 4, 5)]
     assert all(below[1] < above[0] for above, below in itertools.pairwise(domains))
@@ -121,6 +121,10 @@ def test_densities_are_cells() -> None:
     assert cells["text"][0][3] == "4"
     assert cells["text"][0][9] == "at least 7"
     assert len(cells["x"]) == 11
+    assert cells["meta"]["targets"] == [
+        "/fact?kb=tiago&text=%28at%29",
+        "/fact?kb=tiago&text=%28on%29",
+    ]
 
 
 def test_values_are_steps_with_gaps() -> None:
@@ -149,7 +153,7 @@ def test_texts_are_no_markup() -> None:
     lane = Lane("fact", text, (bar(1, 2, "<a href='javascript:1'>nav</a>"),))
     (only,), layout = drawn(timeline(lane))
     said = [only["name"], *only["hovertext"], *layout["yaxis"]["ticktext"]]
-    assert not any("<a" in each or "<b" in each or "\u202e" in each for each in said)
+    assert not any("<a" in each or "<b>" in each or "\u202e" in each for each in said)
     assert "&lt;b&gt;x&lt;/b&gt;\\u202e&amp;amp;" in only["hovertext"][0]
     assert all(len(each) < 600 for each in said)
 

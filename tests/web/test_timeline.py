@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import html
+import re
 from typing import Any
 
 import plotly.graph_objects as go
 import pytest
 from fastapi.testclient import TestClient
 
+from kant_sql.web.pages import timeline as page_of_timelines
 from kant_sql.web.plotly_script import style_ids
 
 NARROW = "kb=courier&object=rb1&since=2026-03-02 14:00&until=2026-03-02 14:30"
@@ -64,8 +67,21 @@ def test_the_page_has_the_same_as_text(client: TestClient) -> None:
     page = client.get(f"/timeline?{NARROW}").text
     assert "(robot_at rb1 t3)" in page
     assert "arrived" in page
+    assert "More lanes" not in page
     assert "data-live" not in page.partition('id="shown"')[2][:20]
     assert 'id="shown" data-live' in client.get("/timeline?kb=courier").text
+
+
+def test_lanes_come_in_pages(client: TestClient, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(page_of_timelines, "LANES", 15)
+    first = client.get("/api/timeline?kb=courier").json()
+    assert len(first["lanes"]) == 15
+    page = client.get("/timeline?kb=courier&kind=&text=").text
+    (address,) = re.findall(r'rel="next" href="([^"]*)"', page)
+    rest = client.get(f"/api{html.unescape(address)}").json()
+    assert len(rest["lanes"]) == 3
+    assert rest["next"] is None
+    assert "First lanes" in client.get(html.unescape(address)).text
 
 
 @pytest.mark.parametrize(

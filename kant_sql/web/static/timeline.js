@@ -69,7 +69,8 @@
     });
     chart.on("plotly_doubleclick", () => move("out"));
     chart.on("plotly_click", ({ points }) => {
-      const target = points[0].customdata;
+      const [{ customdata, data: trace, y }] = points;
+      const target = trace.meta?.targets ? trace.meta.targets[y] : customdata;
       if (typeof target === "string" && target.startsWith("/")) location.assign(target);
     });
   }
