@@ -243,7 +243,7 @@ def test_it_takes_few_statements_however_much_happened(kb: KnowledgeBase) -> Non
     for size in (10, 2_000):
         fill(kb, size)
         kb.propositions.delete(fact(1))
-        # Large pages of the log are read again in another way, and timelines have more kinds of lanes.
+        # What is large is read in another way.
         assert count(lambda: report_html(kb, objects=["rb1"], verify=False)) <= 50
 
 
