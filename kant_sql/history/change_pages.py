@@ -368,9 +368,10 @@ def _involving(is_recent: bool) -> Query:
             continue
         for retracted, end in (("0", version.since), ("1", version.until)):
             # An expression has no index: what is found by ids is not looked for by revision.
+            # Nor is it read in the order of that index.
             ends = end if is_recent else end + literal_column("0")
             within = ends.between(_LOW, _HIGH)
-            parts.append(_change(columns, end, retracted, _text(name), which, within))
+            parts.append(_change(columns, ends, retracted, _text(name), which, within))
     return _paged(parts, by_text=False)
 
 

@@ -64,7 +64,7 @@ def _page(source: VersionColumns) -> Query:
     return Query(first_rows(rows.order_by(version.since.desc()), integer("size")))
 
 
-_PAGES = {name: _page(source) for name, source in VERSION_COLUMNS.items()}
+NEWEST_VERSIONS = {name: _page(source) for name, source in VERSION_COLUMNS.items()}
 
 
 def changed_revisions(
@@ -105,7 +105,7 @@ def _versions(store: Store, owner: Owner, high: int) -> Iterator[Row]:
 def _read(session: Session, kb_id: int | None, owner: Owner, high: int) -> list[Row]:
     if kb_id is None:
         return []
-    query = _PAGES[owner.source]
+    query = NEWEST_VERSIONS[owner.source]
     return session.rows(query, kb=kb_id, id=owner.id, high=high, size=VERSION_PAGE)
 
 

@@ -67,6 +67,11 @@ def shorten(value: object, length: int = SHORT) -> str:
     return text if len(text) <= length else f"{text[:length]}…"
 
 
+def cut(text: str, length: int) -> str:
+    """Return the beginning of a text, before it is made visible."""
+    return text if len(text) <= length else f"{text[:length]}…"
+
+
 def second(value: str | None) -> str:
     """Return a time as people read it: 2026-03-02 14:03:00; fractions only if there are any."""
     if value is None:
@@ -112,7 +117,7 @@ def environment() -> Environment:
         plotly_style_ids=style_ids,
     )
     made.filters.update(
-        shown=shown_text, short=shorten, second=second, as_json=as_json, position=position
+        shown=shown_text, short=shorten, cut=cut, second=second, as_json=as_json, position=position
     )
     return made
 

@@ -12,6 +12,8 @@ def address(path: str, **query: object) -> str:
     return f"{path}?{urlencode({'kb': 'courier', **query})}"
 
 
+# The id of the story's plan.
+PLAN = 37
 # Each page, at the addresses that show different parts of it.
 ADDRESSES: dict[str, tuple[str, ...]] = {
     "/": ("/",),
@@ -22,7 +24,15 @@ ADDRESSES: dict[str, tuple[str, ...]] = {
         address("/ask", condition="(robot_at rb1 t1)"),
         address("/ask", condition="(robot_at rb1 ?p)", mode="when"),
     ),
+    "/action": (address("/action", name="move"),),
     "/difference": (address("/difference", a=9, b=30), address("/difference")),
+    "/fact": (
+        address("/fact", text="(robot_at rb1 t1)"),
+        address("/fact", text="(battery rb1)"),
+    ),
+    "/function": (address("/function", name="battery"),),
+    "/given": (address("/given", id=PLAN),),
+    "/given.pddl": (),
     "/log": (
         address("/log"),
         address("/log", text="guest", since="2026-03-02 09:00"),
@@ -34,12 +44,18 @@ ADDRESSES: dict[str, tuple[str, ...]] = {
         address("/timeline", object="rb1", since="2026-03-02 14:00", until="2026-03-02 14:30"),
         address("/timeline", predicate="served", kind="goal"),
     ),
+    "/object": (address("/object", name="rb1"), address("/object", name="front")),
+    "/plan": (address("/plan", id=PLAN),),
+    "/plans": (address("/plans"),),
+    "/predicate": (address("/predicate", name="robot_at"),),
     "/revision": (address("/revision", number=36), address("/revision", number=9)),
+    "/search": (address("/search", q="rb1"), address("/search", q="12")),
     "/state": (
         address("/state"),
         address("/state", at=9, object="rb1"),
         address("/state", kind="fact", text="rb"),
         address("/state", at="2026-03-02 14:03"),
     ),
+    "/type": (address("/type", name="table"),),
 }
 ALL = [each for path in PATHS for each in ADDRESSES.get(path, ())]

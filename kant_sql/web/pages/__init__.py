@@ -2,6 +2,16 @@
 
 from __future__ import annotations
 
-from . import ask, home, revisions, state, timeline, verify
+from . import ask, elements, home, plans, revisions, search, state, timeline, verify
 
-TOPICS = (home.PAGES, revisions.PAGES, ask.PAGES, state.PAGES, timeline.PAGES, verify.PAGES)
+TOPICS = (
+    home.PAGES,
+    revisions.PAGES,
+    ask.PAGES,
+    state.PAGES,
+    timeline.PAGES,
+    verify.PAGES,
+    elements.PAGES,
+    plans.PAGES,
+    search.PAGES,
+)

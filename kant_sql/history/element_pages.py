@@ -1,0 +1,430 @@
+"""An element by pages: its versions, the newest first; the steps of plans that it is in; search."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cache
+from typing import Any, NamedTuple
+
+from sqlalchemy import Select, func, literal_column, select, union_all
+
+from ..arguments import shown
+from ..dao.known import refuse_unknown
+from ..dto.lexical import fold, is_word
+from ..errors import UnknownNameError
+from ..sql.definitions import find_identities
+from ..sql.dialects.base import Session
+from ..sql.query import Query, first_rows, in_list, in_rows, integer
+from ..sql.rows import KB, KIND_TABLES, PROPOSITION, VALUE, VERSION_COLUMNS, table_of
+from ..sql.tables import (
+    TABLES,
+    HeadRow,
+    PlanRow,
+    PlanStepArgumentRow,
+    PlanStepRow,
+    PlanStepVersionRow,
+)
+from .change_pages import Involvement, read_involvement
+from .elements import Applied, Named, Sought, find_owners, refuse_unknown_element, sought
+from .excerpts import StateReader, contains, pattern_of
+from .log import NEWEST_VERSIONS
+from .revisions import LARGEST, Revision, read_numbered
+from .versions import Version
+
+# A text may name several elements, as a conjunction does; so many are shown.
+MOST_OWNERS = 20
+# Names and facts that a search looks through.
+SEARCHED_NAMES = 20_000
+DEFINED = ("action", "predicate", "function", "type")
+
+
+class StepLine(NamedTuple):
+    """A step of a recorded plan.
+
+    Attributes:
+        plan: the id of the plan.
+        position: its place in the plan.
+        text: the action with its arguments, as PDDL.
+        status: what became of it; None before it is started.
+    """
+
+    plan: int
+    position: int
+    text: str
+    status: str | None
+
+
+class VersionsPage(NamedTuple):
+    """A page of the versions of an element, and of what is related to it.
+
+    Attributes:
+        versions: the versions, the newest first.
+        before: the revision before which the next page goes on; None after the last.
+        latest: the newest version of each kind, on the first page.
+        objects: the names of the objects that it applies to.
+        head: the name of its predicate or function, if it applies to objects.
+        steps: the newest steps of plans that name all of its objects, or that are of this action.
+        archived: versions that ended up to this revision are in an archive; 0 if there is none.
+    """
+
+    versions: list[Version]
+    before: int | None
+    latest: list[Version]
+    objects: tuple[str, ...]
+    head: str | None
+    steps: list[StepLine]
+    archived: int
+
+
+_ARCHIVED = Query(select(HeadRow.archived_revision).where(HeadRow.kb_id == KB))
+
+
+def read_versions_page(
+    reader: StateReader,
+    element: str,
+    kind: str | None = None,
+    before: int | None = None,
+    limit: int = 50,
+) -> VersionsPage:
+    """Read a page of the versions of an element.
+
+    Args:
+        reader: where.
+        element: PDDL or a name, as for `History.history`; with `kind`, a name.
+        kind: the kind of what the name is of.
+        before: only versions that began before this revision.
+        limit: how many versions a page has, or a few more that began in one revision.
+
+    Raises:
+        UnknownNameError: there never was such an element.
+        InvalidKnowledgeError: `element` is not valid.
+    """
+    wanted: list[Sought] = sought(element) if kind is None else [Named((kind,), fold(element))]
+    last = LARGEST if reader.at is None else reader.at
+    high = last if before is None else min(before - 1, last)
+
+    def work(session: Session, kb_id: int | None) -> VersionsPage | None:
+        if kb_id is None:
+            return None
+        owners = find_owners(session, kb_id, wanted)[:MOST_OWNERS]
+        read = {"kb": kb_id, "high": high, "size": limit + 1}
+        each = [
+            session.rows(NEWEST_VERSIONS[owner.source], **read, id=owner.id) for owner in owners
+        ]
+        rows, end = _cut([row for rows in each for row in rows], limit)
+        newest = {row[0]: row for rows in each for row in rows[:1]} if before is None else {}
+        versions = _versions(session, kb_id, [*rows, *newest.values()], last)
+        archived = session.first(_ARCHIVED, kb=kb_id)
+        applied = next((one for one in wanted if isinstance(one, Applied)), None)
+        steps = _steps_of_element(session, kb_id, applied, element if kind == "action" else None)
+        return VersionsPage(
+            versions[: len(rows)],
+            end,
+            versions[len(rows) :],
+            applied.arguments if applied else (),
+            applied.name if applied else None,
+            steps,
+            archived[0] if archived else 0,
+        )
+
+    page = reader.store.query_in_snapshot(work)
+    if page is not None and (page.versions or before is not None):
+        return page
+    if kind is None:
+        refuse_unknown_element(reader.store, element)
+    else:
+        refuse_unknown(reader.store, element, kind)
+    raise UnknownNameError(
+        f"{shown(element)} never was in knowledge base {reader.store.name!r}"
+        + (", or what was of it is in an archive" if page is not None and page.archived else "")
+    )
+
+
+def _cut(rows: list[Any], limit: int) -> tuple[list[Any], int | None]:
+    """Cut a page out of versions, with all that began in its last revision."""
+    rows = sorted(dict.fromkeys(rows), key=lambda row: (-row[2], row[0], row[1]))
+    if len(rows) <= limit:
+        return rows, None
+    end = rows[limit - 1][2]
+    page = [row for row in rows if row[2] >= end]
+    return page, end if len(page) < len(rows) else None
+
+
+def _versions(session: Session, kb_id: int, rows: list[Any], last: int) -> list[Version]:
+    ended = [row[3] if row[3] is not None and row[3] <= last else None for row in rows]
+    numbers = {row[2] for row in rows} | {number for number in ended if number is not None}
+    revisions = read_numbered(session, kb_id, numbers)
+    return [
+        Version(row[0], row[1], revisions[row[2]], None if until is None else revisions[until])
+        for row, until in zip(rows, ended, strict=True)
+    ]
+
+
+# Steps of plans.
+
+_STEPS_SHOWN = 20
+_STEP, _ARGUMENT = table_of(PlanStepRow), table_of(PlanStepArgumentRow)
+
+
+def _status() -> Any:
+    version = table_of(PlanStepVersionRow).c
+    return (
+        select(version.status)
+        .where(version.kb_id == _STEP.c.kb_id, version.plan_id == _STEP.c.plan_id)
+        .where(version.position == _STEP.c.position, version.until.is_(None))
+        .correlate(_STEP)
+        .scalar_subquery()
+    )
+
+
+@cache
+def _steps(number: int) -> Query:
+    """Select the newest steps of an action, or those that name all of some objects."""
+    steps = select(_STEP.c.plan_id, _STEP.c.position, _STEP.c.text, _status())
+    steps = steps.where(_STEP.c.kb_id == KB)
+    if number == 0:
+        steps = steps.where(_STEP.c.action_id == integer("action"))
+    for place in range(number):
+        argument = _ARGUMENT.alias(f"argument{place}").c
+        is_named = argument.object_id == integer(f"object{place}")
+        if place == 0:
+            plans: Select[Any] = select(argument.plan_id).where(argument.kb_id == KB, is_named)
+            steps = steps.where(in_rows(_STEP.c.plan_id, plans))
+        own = argument.plan_id == _STEP.c.plan_id, argument.position == _STEP.c.position
+        named: Select[Any] = select(literal_column("1")).where(
+            argument.kb_id == _STEP.c.kb_id, *own, is_named
+        )
+        steps = steps.where(named.correlate(_STEP).exists())
+    steps = steps.order_by(_STEP.c.plan_id.desc(), _STEP.c.position.desc())
+    return Query(first_rows(steps, integer("size")))
+
+
+def _steps_of_element(
+    session: Session, kb_id: int, applied: Applied | None, action: str | None
+) -> list[StepLine]:
+    """Read steps in two statements at most."""
+    if action is not None:
+        ids = _ids(session, kb_id, "action", [action])
+        own: dict[str, Any] = {"action": ids[0]} if ids else {}
+    elif applied is not None and applied.arguments:
+        ids = _ids(session, kb_id, "object", [*dict.fromkeys(applied.arguments)])
+        own = {f"object{place}": id_ for place, id_ in enumerate(ids or ())}
+    else:
+        own = {}
+    if not own:
+        return []
+    query = _steps(0 if action is not None else len(own))
+    return [StepLine(*row) for row in session.rows(query, kb=kb_id, size=_STEPS_SHOWN, **own)]
+
+
+def _ids(session: Session, kb_id: int, kind: str, names: Sequence[str]) -> list[int] | None:
+    """Find the ids of names; None if one never was."""
+    keys = [fold(name) for name in names[:5]]
+    if not all(map(is_word, keys)):
+        return None
+    found = find_identities(session, kb_id, kind, set(keys))
+    ids = [found[key] for key in keys]
+    return None if None in ids else [one[0] for one in ids if one is not None]
+
+
+# Objects.
+
+
+class ObjectPage(NamedTuple):
+    """What involves an object, besides what holds now.
+
+    Attributes:
+        involved: a page of the changes of what names it.
+        revisions: the revisions of these changes, by number.
+        steps: the newest steps of plans that name it.
+        constants: the actions that name it as a constant.
+    """
+
+    involved: Involvement
+    revisions: dict[int, Revision]
+    steps: list[StepLine]
+    constants: list[str]
+
+
+def _constants() -> Query:
+    term, action = TABLES["action_term"].c, KIND_TABLES["action"].identity.c
+    ids: Select[Any] = select(term.action_id).where(
+        term.kb_id == KB, term.object_id == integer("object")
+    )
+    names = select(action.name).where(action.kb_id == KB, in_rows(action.id, ids))
+    return Query(first_rows(names.order_by(action.name), literal_column("100")))
+
+
+_CONSTANTS = _constants()
+
+
+def read_object_page(
+    reader: StateReader, name: str, before: int | None = None, limit: int = 100
+) -> ObjectPage:
+    """Read what involves an object, newest first.
+
+    Raises:
+        UnknownNameError: there never was such an object.
+    """
+    high = min((before or LARGEST) - 1, LARGEST if reader.at is None else reader.at)
+
+    def work(session: Session, kb_id: int | None) -> ObjectPage | None:
+        ids = None if kb_id is None else _ids(session, kb_id, "object", [name])
+        if not ids or kb_id is None:
+            return None
+        top = session.first(_HEAD, kb=kb_id)
+        involved = read_involvement(session, kb_id, ids[0], min(high, top[0] if top else 0), limit)
+        numbers = {number for number, _ in involved.changes}
+        rows = session.rows(_steps(1), kb=kb_id, size=_STEPS_SHOWN, object0=ids[0])
+        constants = session.rows(_CONSTANTS, kb=kb_id, object=ids[0])
+        return ObjectPage(
+            involved,
+            read_numbered(session, kb_id, numbers),
+            [StepLine(*row) for row in rows],
+            [row[0] for row in constants],
+        )
+
+    page = reader.store.query_in_snapshot(work)
+    if page is None:
+        refuse_unknown(reader.store, name, "object")
+        raise UnknownNameError(f"there never was an object {shown(name)}")
+    return page
+
+
+_HEAD = Query(select(HeadRow.revision).where(HeadRow.kb_id == KB))
+
+
+# Plans.
+
+
+class PlanLine(NamedTuple):
+    """A plan in a list.
+
+    Attributes:
+        id: its id.
+        recorded: the revision that recorded it.
+        revision: the revision of the state that it was planned from.
+        planner: the planner's name.
+        objective: the metric.
+        value: the objective's value, as text.
+        status: what the planner said.
+        steps: how many steps it has.
+        outcomes: how many steps have each status; those without one were not started.
+    """
+
+    id: int
+    recorded: Revision
+    revision: int
+    planner: str | None
+    objective: str | None
+    value: str | None
+    status: str | None
+    steps: int
+    outcomes: dict[str, int]
+
+
+def _plans() -> Query:
+    plan = table_of(PlanRow).c
+    columns: tuple[Any, ...] = plan.id, plan.since, plan.revision, plan.planner, plan.objective
+    rows = select(*columns, plan.value, plan.status)
+    rows = rows.where(plan.kb_id == KB, plan.id < integer("before")).order_by(plan.id.desc())
+    return Query(first_rows(rows, integer("size")))
+
+
+def _outcomes() -> Query:
+    version = table_of(PlanStepVersionRow).c
+    among, having = in_list(_STEP.c.plan_id, "plans"), in_list(version.plan_id, "plans")
+    all_: Any = literal_column("''")
+    steps = select(_STEP.c.plan_id, all_, func.count()).where(_STEP.c.kb_id == KB, among)
+    now = select(version.plan_id, version.status, func.count()).where(
+        version.kb_id == KB, having, version.until.is_(None)
+    )
+    by_status = now.group_by(version.plan_id, version.status)
+    return Query(union_all(steps.group_by(_STEP.c.plan_id), by_status))
+
+
+_PLANS, _OUTCOMES = _plans(), _outcomes()
+
+
+def read_plans_page(
+    reader: StateReader, before: int | None = None, limit: int = 50
+) -> tuple[list[PlanLine], int | None]:
+    """Read a page of the recorded plans, the newest first, and the id before the next page."""
+
+    def work(session: Session, kb_id: int | None) -> tuple[list[PlanLine], int | None]:
+        if kb_id is None:
+            return [], None
+        rows = session.rows(_PLANS, kb=kb_id, before=before or LARGEST, size=limit + 1)
+        page = rows[:limit]
+        if not page:
+            return [], None
+        plans = session.list_value([row[0] for row in page])
+        counts: dict[int, dict[str, int]] = {}
+        for id_, status, number in session.rows(_OUTCOMES, kb=kb_id, plans=plans):
+            counts.setdefault(id_, {})[status] = number
+        revisions = read_numbered(session, kb_id, {row[1] for row in page})
+        lines = []
+        for row in page:
+            outcomes = counts.get(row[0], {})
+            steps = outcomes.pop("", 0)
+            id_, since, revision, *said = row
+            planner, objective, value, status = said
+            own = planner, objective, value, status
+            lines.append(PlanLine(id_, revisions[since], revision, *own, steps, outcomes))
+        return lines, page[-1][0] if len(rows) > limit else None
+
+    return reader.store.query_in_snapshot(work)
+
+
+# Search.
+
+
+class SearchMatch(NamedTuple):
+    """Something whose name or text contains what is looked for.
+
+    Attributes:
+        kind: its kind, as in `Change`.
+        text: its name, or the text of a fact, a goal or a fluent.
+    """
+
+    kind: str
+    text: str
+
+
+def _matches() -> Query:
+    """Select names and texts that contain a text: the newest are searched, some are given."""
+    bound: Any = literal_column(str(SEARCHED_NAMES))
+    most: Any = literal_column("50")
+    parts: list[tuple[Any, Select[Any]]] = []
+    for kind in ("object", *DEFINED):
+        identity = KIND_TABLES[kind].identity.c
+        rows: Select[Any] = select(identity.id, identity.name.label("text")).where(
+            identity.kb_id == KB
+        )
+        parts.append((literal_column(f"'{kind}'"), rows.order_by(identity.id.desc())))
+    for source, name in ((PROPOSITION, "fact"), (VALUE, "value")):
+        atom = VERSION_COLUMNS[source].identity
+        rows = select(atom.id, atom.text.label("text")).where(atom.kb_id == KB)
+        parts.append((literal_column(f"'{name}'"), rows.order_by(atom.id.desc())))
+    found = []
+    for kind_, rows in parts:
+        some = first_rows(rows, bound).subquery().c
+        matching = select(kind_.label("kind"), some.text, some.id).where(contains(some.text))
+        found.append(select(first_rows(matching.order_by(some.id.desc()), most).subquery()))
+    return Query(union_all(*found))
+
+
+_MATCHES = _matches()
+
+
+def read_matches(reader: StateReader, text: str) -> list[SearchMatch]:
+    """Look for a text in names, and in the texts of facts, goals and fluents."""
+    pattern = pattern_of(text)
+
+    def work(session: Session, kb_id: int | None) -> list[SearchMatch]:
+        if kb_id is None:
+            return []
+        rows = session.rows(_MATCHES, kb=kb_id, pattern=pattern)
+        return list(dict.fromkeys(SearchMatch(row[0], row[1]) for row in rows))
+
+    return reader.store.query_in_snapshot(work)

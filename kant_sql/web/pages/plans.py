@@ -1,0 +1,187 @@
+"""The pages of recorded plans: all of them, one with its steps, and what its planner was given."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from fastapi import Query, Request
+from fastapi.responses import PlainTextResponse, Response
+from typing_extensions import TypedDict
+
+from ...errors import ArchivedError, PlanError, UnknownNameError
+from ...history.element_pages import PlanLine, read_plans_page
+from ...json_documents import (
+    RecordedPlanDocument,
+    RecordedStepDocument,
+    RevisionDocument,
+    VersionDocument,
+    recorded_plan_document,
+    revision_document,
+    version_document,
+)
+from ...knowledge_base import KnowledgeBase
+from ...plans.interfaces import RecordedPlan
+from ..parameters import Offset
+from ..registry import KbName, Pages
+from ..stores import OpenStore, answer
+
+PAGES = Pages("plans")
+
+# How many steps a page has, and how many revisions of a step.
+STEPS, REVISIONS = 200, 20
+# How much of a text is on a page.
+LONGEST_SHOWN = 20_000
+
+PlanId = Annotated[int, Query(description="The plan's id.")]
+BeforePlan = Annotated[
+    int | None, Query(ge=1, le=2**62, description="Only plans with a smaller id: the next page.")
+]
+Part = Annotated[Literal["domain", "problem"], Query(description="Which of the two texts.")]
+
+
+class PlanLineDocument(TypedDict):
+    """A plan in a list; `outcomes` counts the steps of each status."""
+
+    plan: int
+    recorded: RevisionDocument
+    revision: int
+    planner: str | None
+    objective: str | None
+    value: str | None
+    status: str | None
+    steps: int
+    outcomes: dict[str, int]
+
+
+class PlansDocument(TypedDict):
+    """A page of the recorded plans, the newest first."""
+
+    plans: list[PlanLineDocument]
+    before: int | None
+
+
+class StepOutcomesDocument(RecordedStepDocument):
+    """A step, each status that it had, and how many revisions were made while it ran.
+
+    `revisions` has the first of these.
+    """
+
+    outcomes: list[VersionDocument]
+    total: int
+
+
+class PlanPage(TypedDict):
+    """A recorded plan with a page of its steps; `total` counts them all."""
+
+    plan: RecordedPlanDocument
+    recorded: RevisionDocument
+    steps: list[StepOutcomesDocument]
+    total: int
+    offset: int
+    next: int | None
+
+
+class GivenDocument(TypedDict):
+    """What a planner was given: the texts, or why they cannot be written again.
+
+    A long text is cut; `/given.pddl` has all of it.
+    """
+
+    plan: int
+    problem_hash: str
+    domain: str | None
+    problem: str | None
+    is_cut: bool
+    note: str | None
+
+
+def _line(line: PlanLine) -> PlanLineDocument:
+    return {
+        "plan": line.id,
+        "recorded": revision_document(line.recorded),
+        "revision": line.revision,
+        "planner": line.planner,
+        "objective": line.objective,
+        "value": line.value,
+        "status": line.status,
+        "steps": line.steps,
+        "outcomes": line.outcomes,
+    }
+
+
+@PAGES.page("/plans", "plans.html")
+def plans(kb: KnowledgeBase, before: BeforePlan = None) -> PlansDocument:
+    """List the recorded plans, the newest first, with what became of their steps."""
+    lines, end = read_plans_page(kb._reader(), before)
+    return {"plans": [_line(line) for line in lines], "before": end}
+
+
+@PAGES.page("/plan", "plan.html")
+def plan(kb: KnowledgeBase, id: PlanId, offset: Offset = 0) -> PlanPage:
+    """Show a plan: its steps, who set what became of each, and the revisions made meanwhile."""
+    found = _find(kb, id)
+    documents = recorded_plan_document(found)["steps"]
+    chosen = slice(offset, offset + STEPS)
+    (recorded,) = kb.revisions(after=found.recorded_in - 1, limit=1)
+    steps: list[StepOutcomesDocument] = [
+        {
+            **document,
+            "revisions": document["revisions"][:REVISIONS],
+            "outcomes": [version_document(outcome) for outcome in step.outcomes],
+            "total": len(step.revisions),
+        }
+        for step, document in zip(found.steps[chosen], documents[chosen], strict=True)
+    ]
+    end = offset + STEPS
+    return {
+        "plan": {**recorded_plan_document(found), "steps": []},
+        "recorded": revision_document(recorded),
+        "steps": steps,
+        "total": len(documents),
+        "offset": offset,
+        "next": end if end < len(documents) else None,
+    }
+
+
+@PAGES.page("/given", "given.html")
+def given(kb: KnowledgeBase, id: PlanId) -> GivenDocument:
+    """Show the domain and the problem that the planner of a plan was given, as PDDL."""
+    found = _find(kb, id)
+    texts: dict[str, str] = {}
+    note = None
+    try:
+        texts = _texts(found)
+    except (ArchivedError, PlanError) as error:
+        note = str(error)
+    return {
+        "plan": id,
+        "problem_hash": found.problem_hash,
+        "domain": texts["domain"][:LONGEST_SHOWN] if texts else None,
+        "problem": texts["problem"][:LONGEST_SHOWN] if texts else None,
+        "is_cut": any(len(text) > LONGEST_SHOWN for text in texts.values()),
+        "note": note,
+    }
+
+
+@PAGES.html.get("/given.pddl")
+async def given_file(request: Request, id: PlanId, part: Part, kb_name: KbName = None) -> Response:
+    """Return one of the texts that the planner of a plan was given, as a file."""
+    store: OpenStore = request.app.state.store
+
+    def work() -> str:
+        with store.knowledge_base(store.choose(kb_name)) as kb:
+            return _texts(_find(kb, id))[part]
+
+    name = f'attachment; filename="plan-{id}-{part}.pddl"'
+    return PlainTextResponse(await answer(request, work), headers={"Content-Disposition": name})
+
+
+def _find(kb: KnowledgeBase, id_: int) -> RecordedPlan:
+    found = kb.plans.get(id_)
+    if found is None:
+        raise UnknownNameError(f"this knowledge base has no plan {id_}; its plans are listed")
+    return found
+
+
+def _texts(plan: RecordedPlan) -> dict[str, str]:
+    return {"domain": plan.domain_pddl(), "problem": plan.problem_pddl()}

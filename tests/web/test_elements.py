@@ -1,0 +1,299 @@
+"""The pages of facts, objects, definitions and plans, and the search."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+from urllib.parse import urlencode
+
+import pytest
+from fastapi.testclient import TestClient
+
+import kant_sql
+from kant_sql.history import change_pages
+from kant_sql.json_documents import version_document
+from kant_sql.planning import Plan, PlanStep
+from kant_sql.web.application import create_app
+from kant_sql.web.rendering import address_of
+from tests.support.statements import count, fill
+from tests.web.conftest import BASE
+
+
+def get(client: TestClient, path: str, **query: Any) -> Any:
+    """The data of a page; the page itself is there, too."""
+    query = {"kb": "courier", **query}
+    assert client.get(path, params=query).status_code == 200
+    return client.get(f"/api{path}", params=query).json()
+
+
+def plan_id(client: TestClient) -> int:
+    """The id of the only plan of the story."""
+    (plan,) = get(client, "/plans")["plans"]
+    found: int = plan["plan"]
+    return found
+
+
+@pytest.mark.parametrize(
+    "text", ["(robot_at rb1 t1)", "(ROBOT_AT  rb1 t1)", "(battery rb1)", "rb1", "(served t1)"]
+)
+def test_the_history_of_an_element_is_the_librarys(
+    client: TestClient, story_url: str, text: str
+) -> None:
+    with kant_sql.connect(story_url, knowledge_base="courier") as kb:
+        expected = [version_document(version) for version in kb.history(text)]
+    data = get(client, "/fact", text=text)
+    assert sorted(map(str, data["versions"])) == sorted(map(str, expected))
+    since = [version["since"]["number"] for version in data["versions"]]
+    assert since == sorted(since, reverse=True)
+    assert data["before"] is None
+
+
+def test_the_first_line_of_a_fact_says_who_when_and_why(client: TestClient) -> None:
+    page = client.get("/fact", params={"kb": "courier", "text": "(robot_at rb2 t4)"}).text
+    lead = page[page.index('class="lead"') :].split("</p>")[0]
+    for said in ("Fact holds", "perception", "2026-03-02 14:00:00", "seen by camera 4"):
+        assert said in lead
+    gone = get(client, "/fact", text="(robot_at rb1 kitchen)")["latest"][0]
+    assert gone["until"]["actor"] == "operator"
+    goal = get(client, "/fact", text="(served t1)")["latest"]
+    assert {(one["kind"], one["until"]) for one in goal} == {("fact", None), ("goal", None)}
+
+
+def test_a_fact_leads_to_its_objects_and_to_steps_of_plans(client: TestClient) -> None:
+    data = get(client, "/fact", text="(robot_at rb1 t1)")
+    assert (data["head"], data["objects"]) == ("robot_at", ["rb1", "t1"])
+    assert [(step["position"], step["text"], step["status"]) for step in data["steps"]] == [
+        (2, "(move rb1 t1 t2)", "failed"),
+        (1, "(serve rb1 cup1 t1)", "succeeded"),
+        (0, "(move rb1 dock t1)", "succeeded"),
+    ]
+    assert data["versions"][0]["since"]["plan_step"]["position"] == 2
+
+
+def test_what_never_was_is_said_with_a_hint(client: TestClient) -> None:
+    for path, query, status, said in (
+        ("fact", {"text": "(robot_at rb1 t4)"}, 404, "never was"),
+        ("fact", {"text": "(robot_at rb7 t4)"}, 404, "did you mean rb"),
+        ("fact", {"text": "(("}, 400, "no element"),
+        ("fact", {"text": ""}, 422, "text"),
+        ("fact", {"text": "\x00"}, 400, "no element"),
+        ("object", {"name": "rb7"}, 404, "did you mean rb"),
+        ("object", {"name": "("}, 404, "never had an object"),
+        ("action", {"name": "mov"}, 404, "did you mean move"),
+        ("predicate", {"name": "battery"}, 404, "predicate"),
+        ("plan", {"id": 7777}, 404, "no plan 7777"),
+        ("plan", {"id": -1}, 404, "no plan"),
+        ("plan", {"id": 10**30}, 404, "no plan"),
+    ):
+        answer = client.get(f"/api/{path}", params={"kb": "courier", **query})
+        assert (answer.status_code, said in answer.text) == (status, True), answer.text
+
+
+def test_an_object_has_everything_that_involves_it(client: TestClient) -> None:
+    data = get(client, "/object", name="RB1")
+    assert data["name"] == "rb1"
+    assert [one["text"] for one in data["held"]] == [
+        "(carrying rb1 cup2)",
+        "(robot_at rb1 dock)",
+        "(= (battery rb1) 100)",
+    ]
+    changes = [(one["revision"]["number"], one["sign"], one["text"]) for one in data["changes"]]
+    assert changes[:3] == [
+        (36, "+", "(robot_at rb1 dock)"),
+        (36, "-", "(robot_at rb1 kitchen)"),
+        (33, "+", "(= (battery rb1) 100)"),
+    ]
+    assert changes[-1] == (2, "+", "rb1 - robot")
+    assert len(changes) == 24
+    assert [step["position"] for step in data["steps"]] == [3, 2, 1, 0]
+    gone = get(client, "/object", name="front")
+    assert gone["versions"][0]["until"]["reason"] == "door taken out"
+    assert gone["held"] == []
+
+
+@pytest.mark.parametrize("most", [20_000, 3])
+def test_the_pages_of_an_object_have_each_change_once(
+    client: TestClient, story_url: str, monkeypatch: pytest.MonkeyPatch, most: int
+) -> None:
+    from kant_sql.web.pages import elements
+
+    monkeypatch.setattr(elements, "CHANGES", 5)
+    monkeypatch.setattr(change_pages, "INVOLVED", most)
+    monkeypatch.setattr(change_pages, "WINDOW", 10)
+    for built in (change_pages._versions_of_object, change_pages._involving):
+        built.cache_clear()
+    with kant_sql.connect(story_url, knowledge_base="courier") as kb:
+        expected = {
+            (entry.revision.number, *change)
+            for entry in kb.log()
+            for change in entry.changes
+            if "rb1" in change.text and not change.kind.startswith("plan")
+        }
+    found, before = [], None
+    while True:
+        query: dict[str, int] = {} if before is None else {"before": before}
+        data = get(client, "/object", name="rb1", **query)
+        found += [
+            (one["revision"]["number"], one["sign"], one["kind"], one["text"])
+            for one in data["changes"]
+        ]
+        before = data["before"]
+        if before is None:
+            break
+    for built in (change_pages._versions_of_object, change_pages._involving):
+        built.cache_clear()
+    assert sorted(found) == sorted(expected)
+
+
+def test_an_action_shows_what_changed_in_it(client: TestClient) -> None:
+    data = get(client, "/action", name="move")
+    now, before = data["versions"]
+    assert (now["since"]["number"], before["until"]["number"]) == (23, 23)
+    different = [line for line in now["difference"] if line[:2] != "  "]
+    assert different == ["-   :duration (= ?duration 60)", "+   :duration (= ?duration 90)"]
+    assert before["difference"] == []
+    assert [step["position"] for step in data["steps"]] == [2, 0]
+    for path, name in (("predicate", "robot_at"), ("function", "battery"), ("type", "table")):
+        found = get(client, f"/{path}", name=name)
+        assert [one["kind"] for one in found["versions"]] == [path]
+
+
+def test_a_plan_has_its_steps_with_their_outcomes(client: TestClient) -> None:
+    id_ = plan_id(client)
+    (line,) = get(client, "/plans")["plans"]
+    assert (line["steps"], line["outcomes"]) == (4, {"succeeded": 2, "failed": 1, "aborted": 1})
+    data = get(client, "/plan", id=id_)
+    assert (data["plan"]["planner"], data["recorded"]["number"], data["total"]) == ("aries", 7, 4)
+    steps = data["steps"]
+    assert [step["status"] for step in steps] == ["succeeded", "succeeded", "failed", "aborted"]
+    assert [step["revisions"] for step in steps] == [[8, 9], [10, 11], [12, 13], []]
+    failed = steps[2]["outcomes"][-1]
+    assert (failed["since"]["actor"], failed["since"]["reason"]) == (
+        "executive",
+        "blocked by a chair",
+    )
+
+
+def test_what_a_planner_was_given_is_shown_and_downloaded(client: TestClient) -> None:
+    id_ = plan_id(client)
+    data = get(client, "/given", id=id_)
+    assert "(define (domain restaurant)" in data["domain"]
+    assert "(:init" in data["problem"]
+    file = client.get(f"/given.pddl?kb=courier&id={id_}&part=problem")
+    assert file.text == data["problem"]
+    assert file.headers["content-type"].startswith("text/plain")
+    assert "attachment" in file.headers["content-disposition"]
+    assert client.get("/given.pddl?kb=courier&id=9999&part=problem").status_code == 404
+
+
+@pytest.mark.parametrize(
+    ("q", "first"),
+    [
+        ("rb1", ("object", "rb1")),
+        ("MOVE", ("action", "move")),
+        ("robot_at", ("predicate", "robot_at")),
+        ("batt", ("function", "battery")),
+        ("(robot_at rb1 t1)", ("fact", "(robot_at rb1 t1)")),
+        ("%", None),
+    ],
+)
+def test_a_search_leads_to_what_is_meant(
+    client: TestClient, q: str, first: tuple[str, str] | None
+) -> None:
+    matches = get(client, "/search", q=q)["matches"]
+    assert (matches[0]["kind"], matches[0]["text"]) == first if first else matches == []
+    for match in matches:
+        place = address_of(match["kind"], match["text"])
+        assert place is not None
+        assert client.get(place.path, params={"kb": "courier", **place.query}).status_code == 200
+
+
+def test_a_search_knows_revisions_and_times(client: TestClient) -> None:
+    assert get(client, "/search", q="12")["revision"] == 12
+    assert get(client, "/search", q="37")["revision"] is None
+    moment = get(client, "/search", q="2026-03-02 14:03")["moment"]
+    assert get(client, "/state", at=moment)["number"] == 30
+    assert get(client, "/search")["matches"] == []
+
+
+@pytest.fixture(params=["sqlite", "postgresql"])
+def filled(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[tuple[Any, TestClient]]:
+    """A knowledge base to fill, and a reader of it."""
+    if request.param == "sqlite":
+        url = f"sqlite:///{tmp_path / 'store.db'}"
+    else:
+        url = request.getfixturevalue("server").new_store()
+    with (
+        kant_sql.connect(url, knowledge_base="courier", actor="filler") as kb,
+        TestClient(create_app(url), base_url=BASE) as client,
+    ):
+        yield kb, client
+
+
+def test_the_history_of_a_fact_is_read_page_by_page(filled: tuple[Any, TestClient]) -> None:
+    kb, client = filled
+    fill(kb, 3)
+    for _ in range(60):
+        kb.propositions.delete("(robot_at rb1 wp1)")
+        kb.propositions.save("(robot_at rb1 wp1)")
+    found: list[int] = []
+    query: dict[str, int] = {}
+    while True:
+        data = get(client, "/fact", text="(robot_at rb1 wp1)", **query)
+        found += [version["since"]["number"] for version in data["versions"]]
+        if data["before"] is None:
+            break
+        query = {"before": data["before"]}
+    assert found == [version.since.number for version in kb.history("(robot_at rb1 wp1)")][::-1]
+
+
+def test_pages_take_as_many_statements_however_much_is_stored(
+    filled: tuple[Any, TestClient],
+) -> None:
+    kb, client = filled
+    taken: dict[str, set[int]] = {}
+    for size in (2, 300, 6_000):
+        fill(kb, size)
+        for number in range(1, min(size, 25)):
+            kb.propositions.delete(f"(robot_at rb1 wp{number})")
+            step = PlanStep(None, "navigation", ("rb1", "wp0", "wp1"))
+            plan = kb.plans.record(Plan((step,) * min(size, 10), "by hand", "unknown"))
+            kb.plans.set_status(plan.steps[0], status="started")
+        kb.propositions.save("(robot_at rb1 wp1)")
+        for path in (
+            "/fact?kb=courier&text=(robot_at+rb1+wp1)",
+            "/object?kb=courier&name=rb1",
+            "/object?kb=courier&name=wp1",
+            "/action?kb=courier&name=navigation",
+            "/plans?kb=courier",
+            f"/plan?kb=courier&id={plan.id}",
+            "/search?kb=courier&q=wp1",
+        ):
+            client.get(path)
+            number = count(lambda path=path: client.get(path))  # type: ignore[misc]
+            taken.setdefault(path.split("id=")[0], set()).add(number)
+    assert all(len(counts) == 1 and max(counts) <= 24 for counts in taken.values()), taken
+
+
+def test_an_archive_is_named(filled: tuple[Any, TestClient], tmp_path: Path) -> None:
+    kb, client = filled
+    fill(kb, 5)
+    for _ in range(3):
+        kb.propositions.delete("(robot_at rb1 wp1)")
+        kb.propositions.save("(robot_at rb1 wp1)")
+    kb.archive(6, to=f"sqlite:///{tmp_path / 'old.db'}")
+    data = get(client, "/fact", text="(robot_at rb1 wp1)")
+    assert data["archived"] == 5
+    page = client.get("/fact", params={"kb": "courier", "text": "(robot_at rb1 wp1)"}).text
+    assert "up to revision 5 was moved to an archive" in page
+
+
+@pytest.mark.parametrize("text", ["a&b=c", "50%", "a+b", "é ü", "“quoted”", "x" * 10_000, "#?/"])
+def test_names_survive_addresses(filled: tuple[Any, TestClient], text: str) -> None:
+    kb, client = filled
+    with kb.transaction(actor=text, reason=text):
+        fill(kb, 2)
+    assert [one["actor"] for one in get(client, "/log", actor=text)["revisions"]] == [text]
+    assert urlencode({"actor": text}) in client.get("/log?kb=courier").text
+    assert [one["number"] for one in get(client, "/log", text=text)["revisions"]] == [1]
