@@ -11,19 +11,25 @@ import json
 from collections.abc import Sequence
 from datetime import datetime
 from functools import cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-from sqlalchemy import text
+from sqlalchemy import literal_column, select, text, union_all
 
 from ..knowledge.canonical import time_text
 from .dialects.base import Row, Session
 from .dialects.nested import NESTED_LOOPS, NestedLoops
-from .query import Query
-from .rows import FACT, GOAL, VALUE
+from .intervals import ANY_FUNCTION, ANY_PREDICATE, held_then, then
+from .query import Query, first_rows, integer
+from .rows import FACT, GOAL, KB, VALUE
+from .tables import FunctionValueVersionRow, PropositionVersionRow
 
-# Lanes that are found by their objects are listed up to here; beyond, they are met soon enough.
+# Lanes with an object, or of a window of few revisions, are listed up to here. Where there are
+# more, they are met soon enough among all.
 MOST_LISTED = 2_000
+FEW_REVISIONS = 5_000
 _ENDLESS = str(2**63 - 1)
+
+Ids = list[int] | None
 
 
 class LaneSource(NamedTuple):
@@ -118,23 +124,22 @@ def _lanes_text(loops: NestedLoops, source: LaneSource, wanted: LaneFilter, is_l
     until = f"coalesce(l.until, {_ENDLESS})"
     last = loops.last("l", source.version, source.owner, "p.id", ":high", until)
     conditions = f"p.kb_id = :kb{source.only} AND ({place}) > (:group, :arguments)"
-    order = place
     if wanted.predicate is not None:
         conditions += f" AND p.{source.group} = {_named(source.named, 'predicate')}"
     if wanted.pattern is not None:
         conditions += " AND lower(p.text) LIKE :pattern ESCAPE '!'"
+    tables = f"{source.identity} AS p"
     if is_listed:
-        conditions += f" AND p.id IN (SELECT listed.id0 FROM {loops.rows('ids', 1)} AS listed)"
-        # Few are sorted: to walk all of them in order takes longer. No index has these expressions.
-        order = f"p.{source.group} + 0, p.arguments || ''"
-    elif wanted.object is not None:
+        tables = f"{loops.rows('ids', 1)} AS listed"
+        tables += loops.loop("p", source.identity, "p.kb_id = :kb AND p.id = listed.id0")
+    if wanted.object is not None:
         conditions += (
             f" AND EXISTS (SELECT 1 FROM {source.identity}_argument AS a WHERE a.kb_id = :kb"
             f" AND a.object_id = {_named('object', 'object')} AND a.{source.owner} = p.id)"
         )
     found = (
-        f"SELECT p.id, {place}, p.text FROM {source.identity} AS p"
-        f" WHERE {conditions} AND {last} > :low ORDER BY {order} LIMIT :most"
+        f"SELECT p.id, {place}, p.text FROM {tables}"
+        f" WHERE {conditions} AND {last} > :low ORDER BY {place} LIMIT :most"
     )
     began = _began(source, "found.id", ":low", ":high", ":enough")
     return f"SELECT found.*, {began} FROM ({found}) AS found"
@@ -157,6 +162,42 @@ def _with_object(kind: str) -> Query:
     )
 
 
+@cache
+def _in_window(kind: str) -> Query:
+    """Build the query of what held at the beginning of a window, and of what began in it."""
+    version: Any = FunctionValueVersionRow if kind == VALUE else PropositionVersionRow
+    owner = version.function_value_id if kind == VALUE else version.proposition_id
+    own = [version.kb_id == KB]
+    if kind != VALUE:
+        own.append(version.is_goal == literal_column("TRUE" if kind == GOAL else "FALSE"))
+    held = [*own, ANY_FUNCTION if kind == VALUE else ANY_PREDICATE, held_then(version)]
+    began = [*own, version.since > integer("at"), version.since <= integer("high")]
+    limit: Any = literal_column(str(MOST_LISTED + 1))
+    parts = (
+        first_rows(
+            select(literal_column(str(n)).label("part"), owner).where(*conditions), limit
+        ).subquery()
+        for n, conditions in enumerate((held, began))
+    )
+    return Query(union_all(*(select(part) for part in parts)))
+
+
+def _list_window(session: Session, kb_id: int, kind: str, bounds: tuple[int, int]) -> Ids:
+    """List what has a version in a window of few revisions; None if it is too much."""
+    low, high = bounds
+    if high - low > FEW_REVISIONS:
+        return None
+    rows = session.rows(_in_window(kind), kb=kb_id, high=high, **then(session, low))
+    is_much = any(sum(row[0] == n for row in rows) > MOST_LISTED for n in (0, 1))
+    return None if is_much else sorted({id_ for _, id_ in rows})
+
+
+def _list_with_object(session: Session, kb_id: int, kind: str, object_: str) -> Ids:
+    """List what has an object among its arguments; None if it is too much."""
+    rows = session.rows(_with_object(kind), kb=kb_id, object=object_)
+    return None if len(rows) > MOST_LISTED else [id_ for (id_,) in rows]
+
+
 def find_lanes(
     session: Session,
     kb_id: int,
@@ -167,7 +208,7 @@ def find_lanes(
     most: int,
     enough: int,
 ) -> list[FoundLane]:
-    """Find the lanes of a kind that have a version in a window, in two statements at most.
+    """Find the lanes of a kind that have a version in a window, in three statements at most.
 
     Args:
         session: the session.
@@ -180,13 +221,15 @@ def find_lanes(
         enough: how many versions of a lane are counted.
     """
     given = {name: value for name, value in wanted._asdict().items() if value is not None}
-    ids: list[int] | None = None
-    if wanted.object is not None:
-        listed = session.rows(_with_object(kind), kb=kb_id, object=wanted.object)
-        if len(listed) <= MOST_LISTED:
-            ids = [id_ for (id_,) in listed]
+    ids = _list_window(session, kb_id, kind, bounds)
+    if ids is None and wanted.object is not None:
+        ids = _list_with_object(session, kb_id, kind, wanted.object)
+        if ids is not None:
+            wanted = wanted._replace(object=None)
             del given["object"]
     if ids is not None:
+        if not ids:
+            return []
         given["ids"] = json.dumps([[id_] for id_ in ids])
     has = LaneFilter(*("" if value is not None else None for value in wanted))
     query = _lanes(session.backend.dialect.name, kind, has, ids is not None)
