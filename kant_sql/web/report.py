@@ -87,7 +87,7 @@ def report_html(
     if not report.is_empty:
         timeline = report.timeline()
         page["timeline"] = read("timeline", lambda: report.stays(timeline))
-        page["figure"] = read("figure", lambda: _embedded(timeline))
+        page["figure"] = read("figure", lambda: _embedded(timeline.timeline))
         page["plans"] = read("plans", lambda: report.plans(timeline))
         page["rules"] = read("rules", lambda: report.rules(rules))
         page["goals"] = read("goals", report.goals)

@@ -5,7 +5,9 @@ from __future__ import annotations
 import shlex
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import replace
 from datetime import UTC, datetime
+from functools import partial
 from typing import NamedTuple
 
 from typing_extensions import TypedDict
@@ -35,7 +37,8 @@ from ..reasoning.rules import Rules
 
 When = int | datetime
 
-# What each section shows at most.
+# Lanes that are looked at, and what each section shows at most.
+SEEN = 200
 ACTORS, LANES, BARS, PLANS, STEPS, RULES, GOALS, ENTRIES, CHANGES, FINDINGS = (
     20, 40, 400, 25, 100, 200, 200, 400, 30, 200,
 )  # fmt: skip
@@ -164,6 +167,20 @@ class ReportVerification(ReportSection):
     verification: VerificationDocument
 
 
+class ReportTimeline(NamedTuple):
+    """A timeline of the lanes that changed most.
+
+    Attributes:
+        timeline: the timeline.
+        left: how many lanes are left out.
+        has_more: whether there are more that were not even looked at.
+    """
+
+    timeline: Timeline
+    left: int
+    has_more: bool
+
+
 class ReportReader(NamedTuple):
     """Reads the sections of a report.
 
@@ -232,31 +249,41 @@ class ReportReader(NamedTuple):
         found = self.kb.revisions(after=number - 1, limit=1)
         return revision_document(found[0]) if found else None
 
-    def timeline(self, name: str | None = None) -> Timeline:
-        """Read the timeline of the range, of all or of an object."""
+    def timeline(self, name: str | None = None) -> ReportTimeline:
+        """Read the timeline of the range, of all or of an object: the lanes that changed most."""
         since, until = self.range
-        return self.kb.timeline(since, until=until, object=name, lanes=LANES)
+        found = self.kb.timeline(since, until=until, object=name, lanes=SEEN)
+        ranked = sorted(found.lanes, key=partial(_activity, first=self.tally.first), reverse=True)
+        busiest = {id(lane) for lane in ranked[:LANES]}
+        lanes = tuple(lane for lane in found.lanes if id(lane) in busiest)
+        left = len(found.lanes) - len(lanes)
+        return ReportTimeline(replace(found, lanes=lanes), left, found.next is not None)
 
-    def stays(self, timeline: Timeline, name: str = "") -> ReportStays:
+    def stays(self, shown: ReportTimeline, name: str = "") -> ReportStays:
         """List what held when, oldest first."""
+        timeline = shown.timeline
         found = [(bar.since, lane, bar) for lane in timeline.lanes for bar in lane.bars]
         found.sort(key=lambda one: one[0])
         dense = sum(density.count for lane in timeline.lanes for density in lane.densities)
-        left = max(0, len(found) - BARS) + dense
         is_capped = any(each.is_capped for lane in timeline.lanes for each in lane.densities)
-        lanes = "facts, goals and values beyond the first" if timeline.next is not None else None
-        more = f"{'more than ' * is_capped}{left:,} periods, the earlier or shorter ones"
-        said = " and ".join(filter(None, (more if left else None, lanes and f"{lanes} {LANES}")))
+        left = max(0, len(found) - BARS) + dense
+        said = []
+        if left:
+            said.append(f"{'more than ' * is_capped}{left:,} periods, the earlier or shorter ones")
+        if shown.left:
+            more = "more than " * shown.has_more
+            said.append(f"{more}{shown.left:,} facts, goals and values that changed less")
         words = ("--element", name) if name else ()
         return {
-            "left_out": said or None,
+            "left_out": " and ".join(said) or None,
             "command": self.ranged("log", *words),
             "name": name,
             "stays": [_stay(lane, bar) for _, lane, bar in found[-BARS:]],
         }
 
-    def plans(self, timeline: Timeline) -> ReportPlans:
+    def plans(self, shown: ReportTimeline) -> ReportPlans:
         """Read the plans that were made or carried out in the range, oldest first."""
+        timeline = shown.timeline
         bars = timeline.plans[-PLANS:]
         left = len(timeline.plans) - len(bars)
         plans = [plan for bar in bars if (plan := self.kb.plans.get(bar.id)) is not None]
@@ -346,6 +373,12 @@ class ReportReader(NamedTuple):
         made = self.kb.anchor()
         own = made.head(self.kb.factory.name)
         return made._replace(heads=() if own is None else (own,)).text()
+
+
+def _activity(lane: Lane, first: int) -> tuple[int, int]:
+    """Return how often a lane changed in a range that begins with a revision, and when last."""
+    ends = [end for bar in lane.bars for end in (bar.since, bar.until or 0) if end >= first]
+    return len(ends) + sum(density.count for density in lane.densities), max(ends, default=0)
 
 
 def _stay(lane: Lane, bar: Bar) -> ReportStay:

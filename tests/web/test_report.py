@@ -152,6 +152,17 @@ def test_the_chart_shows_what_the_table_lists(story: KnowledgeBase) -> None:
         assert lane.text in page.text
 
 
+def test_the_chart_has_what_changed_most(
+    sqlite_kb: KnowledgeBase, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(report_sections, "LANES", 2)
+    page = Page(report_html(sqlite_kb, since=17, until=22, verify=False))
+    (figure,) = (text for kind, text in page.scripts if kind == "application/json")
+    assert "(open front)" in figure
+    assert "(battery rb1)" in figure
+    assert "(served t1)" not in figure
+
+
 def test_a_range_is_all_that_it_is_about(story: KnowledgeBase) -> None:
     for since, until in ((28, 32), (at("13:58"), at("14:20"))):
         page = Page(report_html(story, since=since, until=until))
@@ -204,7 +215,7 @@ def test_what_is_left_out_is_said_with_the_command_that_shows_it(
     for said in (
         "5 more actors with fewer revisions",
         "periods, the earlier or shorter ones",
-        "beyond the first 3",
+        "facts, goals and values that changed less",
         "3 more steps",
         "the first 32 revisions",
         "more changes",
