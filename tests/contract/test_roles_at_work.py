@@ -19,6 +19,7 @@ from kant_sql import (
     PddlTypeDto,
     ReadOnlyStoreError,
 )
+from kant_sql.sql.audit_views import AUDIT_VIEWS
 from kant_sql.sql.predicate_views import update_views
 from kant_sql.store import transaction as propositions
 from tests.support.chain import check_chain
@@ -191,6 +192,29 @@ def test_readers_read_all_that_the_library_reads_and_write_nothing(
             for table in TABLES:
                 statement = named("INSERT INTO {} SELECT * FROM {}", table.name, table.name)
                 assert refused(connection, statement), table.name
+
+
+def test_readers_of_all_have_tables_of_views(
+    role_store: str, role_users: Members, limited_users: Members, connect: Connect
+) -> None:
+    owned = connect(role_store, knowledge_base=MINE)
+    for url in (role_users.reader, role_users.writer):
+        kb = connect(url, knowledge_base=MINE)
+        for view in AUDIT_VIEWS:
+            assert kb.to_arrow(view) == owned.to_arrow(view)
+    with pytest.raises(ReadOnlyStoreError, match="permission denied for view audit_fact"):
+        connect(limited_users.reader, knowledge_base=MINE).to_arrow("fact")
+    schema = kant_sql.create_roles(role_store, knowledge_base=MINE).schema
+    with psycopg.connect(role_store, autocommit=True) as connection:
+        user = make_url(limited_users.reader).username
+        connection.execute(f"ALTER ROLE {user} SET search_path = {schema}, public".encode())
+    try:
+        limited = connect(limited_users.reader, knowledge_base=MINE)
+        for view in AUDIT_VIEWS:
+            assert limited.to_arrow(view) == owned.to_arrow(view)
+    finally:
+        with psycopg.connect(role_store, autocommit=True) as connection:
+            connection.execute(f"ALTER ROLE {user} RESET search_path".encode())
 
 
 def test_readers_see_all_rows_or_those_of_their_knowledge_base(
