@@ -51,6 +51,9 @@ def test_what_is_asked_for_is_text_in_the_answer(hostile: TestClient) -> None:
     described = hostile.get("/api/openapi.json").json()["paths"]
     for api, methods in described.items():
         path = api.removeprefix("/api")
+        if "text/event-stream" in methods["get"]["responses"]["200"]["content"]:
+            # It never ends.
+            continue
         names = [each["name"] for each in methods["get"].get("parameters", ())]
         for name, text in itertools.product((*names, "unknown"), ASKED):
             for asked in (api, path) if path in PATHS else (api,):

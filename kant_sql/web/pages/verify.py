@@ -81,7 +81,6 @@ async def verify_from_page(
 
 @PAGES.api.post(
     "/verify",
-    status_code=202,
     openapi_extra={
         "requestBody": {
             "description": "An anchor to compare with; without one, the body is empty.",
@@ -128,7 +127,6 @@ async def _start(request: Request, kb_name: str | None, text: str, cancel: bool)
     return chosen
 
 
-@PAGES.html.get("/anchor")
 @PAGES.api.get("/anchor", response_model=AnchorDocument)
 async def anchor(request: Request, kb_name: KbName = None) -> Response:
     """Return the heads of all knowledge bases of the store, as a file to keep elsewhere.
