@@ -57,5 +57,6 @@ ADDRESSES: dict[str, tuple[str, ...]] = {
         address("/state", at="2026-03-02 14:03"),
     ),
     "/type": (address("/type", name="table"),),
+    "/verify": (address("/verify"),),
 }
 ALL = [each for path in PATHS for each in ADDRESSES.get(path, ())]
