@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import sys
 from collections.abc import Mapping
+from contextlib import closing
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -37,6 +38,7 @@ if TYPE_CHECKING:
     from ..history.archive.archive import Archived
     from ..history.verify.findings import Finding
     from ..history.verify.verify import Verification
+    from ..sql.inventory import Inventory
     from ..sql.predicate_views import PredicateView
 
 _NAMES_SHOWN = 10
@@ -192,10 +194,11 @@ def _write_version(url: str, as_json: bool, more: Mapping[str, object] | None = 
 
 
 def kbs(url: Url, as_json: AsJson = False) -> None:
-    """List the knowledge bases with their last revisions."""
-    from ..sql.catalog import standings
+    """List the knowledge bases with their last revisions, facts and goals."""
+    from ..sql.inventory import Catalog
 
-    found = standings(url)
+    with closing(Catalog(url)) as catalog:
+        found = list(catalog.every())
     if as_json:
         write_json(
             {
@@ -210,13 +213,22 @@ def kbs(url: Url, as_json: AsJson = False) -> None:
             printable(one.name),
             str(one.revision),
             time_text(one.committed_at),
+            f"over {one.facts}" if one.has_more_facts else str(one.facts),
+            _goals(one),
             printable(one.actor or ""),
             printable(one.reason or ""),
         )
         for one in found
     ]
-    columns = "knowledge base", "revision", "last change", "actor", "reason"
+    columns = "knowledge base", "revision", "last change", "facts", "goals", "actor", "reason"
     Printer().table("knowledge bases", columns, rows)
+
+
+def _goals(one: Inventory) -> str:
+    """Say how many goals are reached; 'kant-sql goals' tells where counting does not."""
+    if one.reached is None:
+        return "?"
+    return f"{one.reached} of {one.goals}" if one.goals else ""
 
 
 def anchor(

@@ -1,13 +1,12 @@
-"""The knowledge bases of a store and their last revisions."""
+"""The names and the heads of the knowledge bases of a store."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from datetime import datetime
-from typing import NamedTuple
 
-from sqlalchemy import and_, literal_column, select
+from sqlalchemy import literal_column, select
 
 from .dialects import create_backend
 from .dialects.base import Session
@@ -21,21 +20,6 @@ _REVISIONS = Query(
     select(KnowledgeBaseRow.name, HeadRow.revision)
     .join(HeadRow, HeadRow.kb_id == KnowledgeBaseRow.id)
     .where(HeadRow.revision > literal_column("0"))
-    .order_by(KnowledgeBaseRow.id)
-)
-_HEADS = Query(
-    select(
-        KnowledgeBaseRow.name,
-        HeadRow.revision,
-        RevisionRow.committed_at,
-        RevisionRow.actor,
-        RevisionRow.reason,
-    )
-    .join(HeadRow, HeadRow.kb_id == KnowledgeBaseRow.id)
-    .join(
-        RevisionRow,
-        and_(RevisionRow.kb_id == HeadRow.kb_id, RevisionRow.number == HeadRow.revision),
-    )
     .order_by(KnowledgeBaseRow.id)
 )
 _ANY_REVISION = Query(first_rows(select(RevisionRow.number), literal_column("1")))
@@ -52,34 +36,6 @@ _STATES = Query(
     .where(HeadRow.revision > literal_column("0"))
     .order_by(KnowledgeBaseRow.id)
 )
-
-
-class Standing(NamedTuple):
-    """A knowledge base and its last revision.
-
-    Attributes:
-        name: its name.
-        revision: the number of its last revision.
-        committed_at: when that was made, in UTC.
-        actor: who made it.
-        reason: why.
-    """
-
-    name: str
-    revision: int
-    committed_at: datetime
-    actor: str | None
-    reason: str | None
-
-
-def standings(url: str) -> list[Standing]:
-    """List the knowledge bases of a store with their last revisions. Nothing is created."""
-    check(url)
-    with closing(create_backend(url)) as backend, backend.open_session() as session:
-        return [
-            Standing(name, revision, session.to_time(committed_at), actor, reason)
-            for name, revision, committed_at, actor, reason in session.rows(_HEADS)
-        ]
 
 
 def read_heads(session: Session) -> list[tuple[str, int, str, datetime, int]]:

@@ -6,7 +6,7 @@ large they are.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from datetime import datetime
 from typing import Any, NamedTuple, TypeVar
 
@@ -209,6 +209,14 @@ class Catalog:
             return found, len(rows) > limit
 
         return self._read(read)
+
+    def every(self) -> Iterator[Inventory]:
+        """Read all knowledge bases that have a revision, oldest first, page by page."""
+        after, has_more = None, True
+        while has_more:
+            page, has_more = self.overview(after=after)
+            yield from page
+            after = page[-1].name if page else None
 
     def find(self, name: str) -> Inventory | None:
         """Read one knowledge base; None if there is none of this name that has a revision."""

@@ -405,6 +405,10 @@ def test_kbs_lists_the_knowledge_bases_with_their_last_changes(own_store: str) -
         "committed_at": time_text(only.committed_at),
         "actor": "operator",
         "reason": "a new shift",
+        "facts": 0,
+        "has_more_facts": False,
+        "goals": 0,
+        "reached": 0,
     }
     text = run("kbs", url=own_store).stdout
     assert text.splitlines()[1] == "knowledge bases (2)"
