@@ -31,7 +31,7 @@ from .tables import (
 T = TypeVar("T")
 
 # How many facts are counted on a page, of all its knowledge bases together, and of each at least.
-COUNTED_TOGETHER, COUNTED_EACH = 500_000, 10_000
+COUNTED_TOGETHER, COUNTED_EACH = 250_000, 10_000
 MOST_GOALS = 1_000
 PAGE = 50
 

@@ -233,6 +233,7 @@ def test_pages_follow_what_they_show(shared_url: str, kb: KnowledgeBase) -> None
     with running(shared_url) as address:
         page = httpx.get(f"{address}/revision?kb=tiago&number=1").text
         assert 'data-feed="/live?kb=tiago" data-head="1"' in page
+        assert "data-live" in page
         assert 'role="status" aria-live="polite"' in page
         assert "/static/live.js?v=" in page
         assert 'data-feed="/live" data-head="1"' in httpx.get(address).text
