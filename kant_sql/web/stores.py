@@ -87,15 +87,28 @@ class OpenStore:
         opened.kb.close()
 
     def _take(self, name: str) -> _Opened:
-        with self._lock:
-            opened = self._opened.get(name)
-            if opened is None:
-                # Opening one that does not exist would succeed: the first write creates it.
-                self.require(name)
-                opened = self._opened[name] = _Opened(self._connect(name))
-            self._opened.move_to_end(name)
-            opened.users += 1
+        opened = self._use(name, None)
+        if opened is not None:
+            return opened
+        # Opening one that does not exist would succeed: the first write creates it.
+        self.require(name)
+        # Without the lock: a server that does not answer holds up only those who ask it.
+        made = _Opened(connect(self.url, knowledge_base=name, read_only=True))
+        opened = self._use(name, made)
+        assert opened is not None
+        if opened is not made:
+            made.kb.close()
         return opened
+
+    def _use(self, name: str, made: _Opened | None) -> _Opened | None:
+        """Take what is open, or else what was made."""
+        with self._lock:
+            opened = self._opened.get(name, made)
+            if opened is not None:
+                self._opened[name] = opened
+                self._opened.move_to_end(name)
+                opened.users += 1
+            return opened
 
     def _give_back(self, opened: _Opened) -> None:
         with self._lock:
@@ -103,9 +116,6 @@ class OpenStore:
             idle = [name for name, each in self._opened.items() if not each.users]
             for name in idle[: max(0, len(self._opened) - MOST_OPEN)]:
                 self._opened.pop(name).kb.close()
-
-    def _connect(self, name: str) -> KnowledgeBase:
-        return connect(self.url, knowledge_base=name, read_only=True)
 
     @contextmanager
     def asking(self, limit: Limit) -> Iterator[None]:
