@@ -98,5 +98,10 @@ def test_it_obeys_limits_and_creates_nothing(shared_url: str, connect: Connect) 
             with pytest.raises(QuestionCancelledError):
                 catalog.overview()
         assert catalog.overview() == ([], False)
+        with limited() as limit:
+            assert catalog.total() == (0, 0)
+            limit.cancel()
+        # It has the same connection.
+        assert catalog.total() == (0, 0)
     with pytest.raises(SchemaMissingError):
         Catalog("sqlite:///none.db")

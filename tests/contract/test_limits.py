@@ -24,6 +24,7 @@ from kant_sql import (
 )
 from kant_sql.factory import SqlDaoFactory
 from kant_sql.sql.dialects.base import Session
+from kant_sql.sql.dialects.guard import GuardedCursor
 from kant_sql.sql.query import raw
 from kant_sql.store.store import Store
 from tests.support.statements import recorded
@@ -192,6 +193,22 @@ def test_what_was_limited_is_not_limited_for_the_next(filled: KnowledgeBase) -> 
     with limited(seconds=0.001), pytest.raises(StatementTimeoutError):
         ask_slowly(filled)
     assert store_of(filled).query(lambda session, _: session.rows(long)) == [(200_000,)]
+
+
+def test_a_connection_that_is_kept_forgets_the_limit(filled: KnowledgeBase) -> None:
+    backend = store_of(filled).backend
+    cursors = set()
+    for _ in range(3):
+        with limited() as limit:
+            # As the catalog of a store does: without a transaction to roll back.
+            session = backend.reader()
+            assert session.rows(raw("SELECT 1")) == [(1,)]
+            session.close()
+            limit.cancel()
+        with backend.open_session() as session:
+            assert session.rows(raw("SELECT 1")) == [(1,)]
+            cursors.add(type(session._cursor))
+    assert GuardedCursor not in cursors
 
 
 def test_writes_and_open_transactions_are_not_limited(filled: KnowledgeBase) -> None:
