@@ -182,7 +182,7 @@ class _Row(NamedTuple):
 
 def _weight(rows: Iterable[_Row]) -> int:
     """Return how much the lanes take to count: for a number, its row is read beside the index."""
-    return sum(3 if row.kind == "value" else 1 for row in rows)
+    return sum(4 if row.kind == "value" else 1 for row in rows)
 
 
 class _Reader:

@@ -14,13 +14,13 @@ from ..arguments import iterate, one_of, optional_text, refusal, shown, whole_nu
 from ..dto.lexical import fold
 from ..errors import InvalidArgumentError, reading_rows
 from ..sql.dialects.base import Session
-from ..sql.lanes import LaneFilter, LanePlace
-from ..sql.query import Query, StoreClock, in_list, integer
+from ..sql.lanes import LaneFilter, LanePlace, read_tellers
+from ..sql.query import Query, StoreClock, integer
 from ..sql.rows import KB
 from ..sql.tables import HeadRow, RevisionRow
 from ..store.store import Store
 from .moments import check_number, check_zone, last_until
-from .revisions import FIRST_MOMENT, LARGEST, LAST_MOMENT, PLANNED_LIST, missing_revision
+from .revisions import FIRST_MOMENT, LARGEST, LAST_MOMENT, missing_revision
 
 When = int | datetime
 
@@ -225,20 +225,11 @@ class Told(NamedTuple):
     reason: str | None
 
 
-_TOLD = Query(
-    select(
-        RevisionRow.number, RevisionRow.committed_at, RevisionRow.actor, RevisionRow.reason
-    ).where(RevisionRow.kb_id == KB, in_list(RevisionRow.number, "numbers"))
-)
-
-
 def read_told(session: Session, kb_id: int, numbers: Collection[int]) -> dict[int, Told]:
     """Read revisions by number, in one statement."""
     if not numbers:
         return {}
-    listed = [*numbers]
-    listed += listed[-1:] * (PLANNED_LIST - len(listed))
-    rows = session.rows(_TOLD, kb=kb_id, numbers=session.list_value(listed))
+    rows = read_tellers(session, kb_id, numbers)
     with reading_rows("revision", f"knowledge base {kb_id!r}"):
         found = {row[0]: Told(session.to_time(row[1]), row[2], row[3]) for row in rows}
     for number in numbers:
