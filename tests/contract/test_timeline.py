@@ -382,7 +382,7 @@ def test_numbers_that_are_counted_have_their_range(
     assert (density.least, density.largest, density.last) == (2, 9, 7)
     assert [bar.number for bar in kb.timeline().lanes[0].bars] == [5, 9, 2, 7]
     # Where more happened than is counted, it says so.
-    monkeypatch.setattr(timeline, "COUNTED", 9)
+    monkeypatch.setattr(timeline, "COUNTED", 12)
     ((capped,),) = (lane.densities for lane in kb.timeline(slices=1).lanes)
     assert (capped.count, capped.is_capped, capped.last) == (3, True, 7)
 
