@@ -47,6 +47,8 @@ class Address(NamedTuple):
 def address_of(kind: str, text: str) -> Address | None:
     """Return the page of an element, of its kind and its text in a change; None without one."""
     words = text.replace("(", " ").replace(")", " ").split()
+    if kind == "object" and words[:1] == [":constants"]:
+        words.pop(0)
     if kind in ("object", "type", "predicate", "function") and words:
         return Address(f"/{kind}", {"name": words[0]})
     if kind == "action" and len(words) > 1:
@@ -67,9 +69,10 @@ def shorten(value: object, length: int = SHORT) -> str:
     return text if len(text) <= length else f"{text[:length]}…"
 
 
-def cut(text: str, length: int) -> str:
-    """Return the beginning of a text, before it is made visible."""
-    return text if len(text) <= length else f"{text[:length]}…"
+def one_line(text: str, length: int = SHORT) -> str:
+    """Return the beginning of a text of PDDL, which may be laid out in lines."""
+    line = " ".join(text.split())
+    return line if len(line) <= length else f"{line[:length]}…"
 
 
 def second(value: str | None) -> str:
@@ -117,7 +120,12 @@ def environment() -> Environment:
         plotly_style_ids=style_ids,
     )
     made.filters.update(
-        shown=shown_text, short=shorten, cut=cut, second=second, as_json=as_json, position=position
+        shown=shown_text,
+        short=shorten,
+        line=one_line,
+        second=second,
+        as_json=as_json,
+        position=position,
     )
     return made
 

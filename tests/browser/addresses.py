@@ -32,7 +32,6 @@ ADDRESSES: dict[str, tuple[str, ...]] = {
     ),
     "/function": (address("/function", name="battery"),),
     "/given": (address("/given", id=PLAN),),
-    "/given.pddl": (),
     "/log": (
         address("/log"),
         address("/log", text="guest", since="2026-03-02 09:00"),

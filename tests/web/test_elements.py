@@ -180,11 +180,11 @@ def test_what_a_planner_was_given_is_shown_and_downloaded(client: TestClient) ->
     data = get(client, "/given", id=id_)
     assert "(define (domain restaurant)" in data["domain"]
     assert "(:init" in data["problem"]
-    file = client.get(f"/given.pddl?kb=courier&id={id_}&part=problem")
+    file = client.get(f"/api/given.pddl?kb=courier&id={id_}&part=problem")
     assert file.text == data["problem"]
     assert file.headers["content-type"].startswith("text/plain")
     assert "attachment" in file.headers["content-disposition"]
-    assert client.get("/given.pddl?kb=courier&id=9999&part=problem").status_code == 404
+    assert client.get("/api/given.pddl?kb=courier&id=9999&part=problem").status_code == 404
 
 
 @pytest.mark.parametrize(

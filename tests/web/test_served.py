@@ -31,6 +31,15 @@ PARAMETERS = {
     **{"text": "(robot_at rb1 t1)", "condition": "(robot_at rb1 ?p)"},
 }
 
+OTHERS = {
+    "/action": {"name": "move"},
+    "/function": {"name": "battery"},
+    "/predicate": {"name": "robot_at"},
+    "/type": {"name": "table"},
+    "/plan": {"id": "37"},
+    "/given": {"id": "37"},
+}
+
 
 def ask(
     served: Serving, path: str, method: str = "GET", **headers: str
@@ -49,8 +58,7 @@ def everything() -> Iterator[str]:
     for path in PATHS:
         for prefix in ("", "/api") if path != "/api" else ("",):
             names = {name: value for name, value in PARAMETERS.items() if path not in ("/", "/api")}
-            if path == "/action":
-                names["name"] = "move"
+            names |= OTHERS.get(path, {})
             yield f"{prefix}{path}?{urlencode(names)}"
 
 

@@ -25,6 +25,7 @@ from ...json_documents import (
 from ...knowledge_base import KnowledgeBase
 from ..parameters import Before
 from ..registry import Pages
+from ..rendering import address_of
 
 PAGES = Pages("elements")
 
@@ -153,8 +154,9 @@ def object_(kb: KnowledgeBase, name: Name, before: Before = None) -> ObjectDocum
     found = read_object_page(reader, name, before, CHANGES)
     held = read_state(reader, None, StateFilter(object=name), limit=HELD)
     revisions = {number: revision_document(one) for number, one in found.revisions.items()}
+    page = address_of("object", own.versions[0].text)
     return {
-        "name": own.versions[0].text.split(" ", 1)[0],
+        "name": name if page is None else page.query["name"],
         "versions": [version_document(version) for version in own.versions],
         "held": [
             {

@@ -84,7 +84,7 @@ class PlanPage(TypedDict):
 class GivenDocument(TypedDict):
     """What a planner was given: the texts, or why they cannot be written again.
 
-    A long text is cut; `/given.pddl` has all of it.
+    A long text is cut; `/api/given.pddl?part=domain` or `part=problem` has all of it.
     """
 
     plan: int
@@ -163,7 +163,7 @@ def given(kb: KnowledgeBase, id: PlanId) -> GivenDocument:
     }
 
 
-@PAGES.html.get("/given.pddl")
+@PAGES.api.get("/given.pddl", include_in_schema=False)
 async def given_file(request: Request, id: PlanId, part: Part, kb_name: KbName = None) -> Response:
     """Return one of the texts that the planner of a plan was given, as a file."""
     store: OpenStore = request.app.state.store
