@@ -30,6 +30,8 @@ from .plotly_script import SCRIPT
 from .rendering import STATIC, render_text
 from .report_sections import ReportRange, ReportReader
 
+__all__ = ["report_html", "write_report"]
+
 T = TypeVar("T")
 
 # What HTML could read as the end of a script, or as a comment in it.
@@ -68,6 +70,11 @@ def report_html(
         UnknownNameError: there never was an object of that name.
         PddlError, SourceError: `rules` are not well-formed, or cannot be read.
         InvalidArgumentError: an argument is not of its type.
+
+    Examples:
+        >>> from kant_sql.web.report import report_html
+        >>> "verified" in report_html(kb, objects=["rb1"], verify=False)
+        True
     """
     expect(kb, KnowledgeBase, "the knowledge base", InvalidArgumentError)
     flag(verify, "verify", InvalidArgumentError)
@@ -214,6 +221,11 @@ def write_report(
     Raises:
         OSError: the file cannot be written; `IsADirectoryError` if the path is a folder's.
         KantSqlError: as `report_html`.
+
+    Examples:
+        >>> from kant_sql.web.report import write_report
+        >>> print(write_report(kb, "day.html", until=1))
+        day.html
     """
     expect(path, (str, os.PathLike), "the path", InvalidArgumentError)
     target = Path(path)
