@@ -147,11 +147,20 @@ async def answer(request: Request, work: Callable[[], T]) -> T:
     with limited(seconds=STATEMENT_SECONDS) as limit, store.asking(limit):
         leaving = asyncio.create_task(_cancel_when_left(request, limit))
         try:
-            return await anyio.to_thread.run_sync(work, limiter=request.app.state.limiter)
+            limiter = request.app.state.limiter
+            return await anyio.to_thread.run_sync(_persistent, work, limiter=limiter)
         finally:
             leaving.cancel()
             with suppress(asyncio.CancelledError):
                 await leaving
+
+
+def _persistent(work: Callable[[], T]) -> T:
+    try:
+        return work()
+    except StoreReplacedError:
+        # This has closed the knowledge base: the second time, the file that is there now is opened.
+        return work()
 
 
 async def _cancel_when_left(request: Request, limit: Limit) -> None:

@@ -21,7 +21,7 @@ from kant_sql.web import live
 from tests.support.faults import terminate
 from tests.support.servers import MortalServer
 from tests.support.serving import running
-from tests.support.stores import Connect
+from tests.support.stores import Connect, new_file_store
 from tests.support.worlds.robots import RB1, waypoint
 from tests.support.worlds.robots import robot_at as at
 
@@ -198,6 +198,28 @@ def test_readers_go_on_after_a_restart_of_the_server(shared_url: str, kb: Knowle
         listening(address, last_event_id=last) as stream,
     ):
         assert stream.next().id == "2"
+
+
+@pytest.mark.parametrize("shared_url", ["sqlite-file"], indirect=True)
+def test_a_file_that_takes_the_place_of_the_store_is_opened(
+    shared_url: str, kb: KnowledgeBase, connect: Connect, tmp_path: Path
+) -> None:
+    other = new_file_store(tmp_path / "other.db")
+    with connect(other, knowledge_base="tiago", actor="somebody else") as theirs:
+        for number in range(3):
+            write(theirs, number)
+    with running(shared_url) as address, listening(address, "kb=tiago&after=1") as stream:
+        assert httpx.get(f"{address}/api/revision?kb=tiago&number=1").status_code == 200
+        kb.close()
+        place = Path(shared_url.removeprefix("sqlite:///"))
+        for name in (f"{place}-wal", f"{place}-shm"):
+            Path(name).unlink(missing_ok=True)
+        (tmp_path / "other.db").replace(place)
+        event = stream.next()
+        assert (event.id, event.data["actor"]) == ("3", "somebody else")
+        answer = httpx.get(f"{address}/api/revision?kb=tiago&number=3")
+        assert answer.json()["revision"]["actor"] == "somebody else"
+        assert httpx.get(f"{address}/api/").json()["knowledge_bases"][0]["revision"] == 3
 
 
 @pytest.mark.parametrize("shared_url", ["postgresql"], indirect=True)
