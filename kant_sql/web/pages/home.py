@@ -7,7 +7,9 @@ from typing import Annotated
 from fastapi import Query
 from typing_extensions import TypedDict
 
+from ...errors import KantSqlError, QuestionCancelledError
 from ...knowledge.canonical import time_text
+from ...limits import limited
 from ...sql.inventory import Inventory
 from ..registry import Pages
 from ..stores import OpenStore
@@ -17,6 +19,8 @@ PAGES = Pages("knowledge bases")
 
 # Whether all goals are reached is asked of so many knowledge bases, where counting does not tell.
 MOST_ASKED = 8
+# Seconds that the database may take for each statement of that.
+GOAL_SECONDS = 1.0
 
 After = Annotated[str | None, Query(description="The last name of the page before.")]
 Part = Annotated[str | None, Query(description="What the names contain.")]
@@ -63,11 +67,23 @@ def knowledge_bases(store: OpenStore, after: After = None, part: Part = None) ->
     }
 
 
+def _is_goal_reached(store: OpenStore, name: str) -> bool | None:
+    """Ask a knowledge base; None when it takes too long, or cannot tell."""
+    try:
+        with limited(seconds=GOAL_SECONDS), store.knowledge_base(name) as kb:
+            return kb.is_goal_reached()
+    except QuestionCancelledError:
+        raise
+    except KantSqlError:
+        # The page of the goals says what is wrong; the other knowledge bases are listed all the
+        # same.
+        return None
+
+
 def _document(store: OpenStore, one: Inventory, is_asked: bool) -> InventoryDocument:
     is_reached = None if one.reached is None else one.reached == one.goals
     if is_asked:
-        with store.knowledge_base(one.name) as kb:
-            is_reached = kb.is_goal_reached()
+        is_reached = _is_goal_reached(store, one.name)
     return {
         "name": one.name,
         "revision": one.revision,

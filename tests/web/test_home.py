@@ -1,0 +1,68 @@
+"""The first page: what it says of goals, and pages of many knowledge bases."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from fastapi.testclient import TestClient
+
+from kant_sql import KnowledgeBase, UnsupportedConstructError
+from kant_sql.sql import inventory
+from kant_sql.web.application import create_app
+from tests.support.stores import Connect
+from tests.support.worlds.robots import WP2, robot_at
+
+BASE = "http://127.0.0.1"
+
+
+def listed(client: TestClient, query: str = "") -> list[dict[str, Any]]:
+    found: list[dict[str, Any]] = client.get(f"/api/{query}").json()["knowledge_bases"]
+    return found
+
+
+def test_goals_are_counted_or_asked_for(shared_url: str, connect: Connect) -> None:
+    kb = connect(shared_url, knowledge_base="tiago")
+    kb.propositions.save(robot_at())
+    with TestClient(create_app(shared_url), base_url=BASE) as client:
+        assert 'class="none">none' in client.get("/").text
+        kb.propositions.save(robot_at(is_goal=True))
+        kb.propositions.save(robot_at(place=WP2, is_goal=True))
+        assert [(one["goals"], one["reached"]) for one in listed(client)] == [(2, 1)]
+        assert "1 of 2" in client.get("/").text
+        kb.goals.save("(not (robot_at rb1 wp2))")
+        assert [one["is_goal_reached"] for one in listed(client)] == [False]
+        assert "not all reached" in client.get("/").text
+
+
+def test_a_goal_that_cannot_be_judged_hides_nothing(
+    shared_url: str, connect: Connect, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(self: KnowledgeBase) -> bool:
+        raise UnsupportedConstructError("not this")
+
+    monkeypatch.setattr(KnowledgeBase, "is_goal_reached", refuse)
+    kb = connect(shared_url, knowledge_base="tiago")
+    kb.propositions.save(robot_at())
+    kb.goals.save("(not (robot_at rb1 wp1))")
+    with TestClient(create_app(shared_url), base_url=BASE) as client:
+        assert [one["is_goal_reached"] for one in listed(client)] == [None]
+        assert 'href="/ask?kb=tiago"' in client.get("/").text
+
+
+def test_many_knowledge_bases_are_paged_and_searched(
+    shared_url: str, connect: Connect, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(
+        inventory.Catalog.overview, "__kwdefaults__", {"after": None, "part": None, "limit": 2}
+    )
+    for number in range(5):
+        connect(shared_url, knowledge_base=f"robot & {number}").propositions.save(robot_at())
+    with TestClient(create_app(shared_url), base_url=BASE) as client:
+        assert [one["name"] for one in listed(client)] == ["robot & 0", "robot & 1"]
+        page = client.get("/").text
+        assert 'href="/?after=robot+%26+1"' in page
+        assert 'name="part"' in page
+        assert [one["name"] for one in listed(client, "?after=robot+%26+3")] == ["robot & 4"]
+        assert [one["name"] for one in listed(client, "?part=%26+3")] == ["robot & 3"]
+        assert "has that in its name" in client.get("/?part=nobody").text
