@@ -6,7 +6,6 @@ from typing import Any, NamedTuple
 
 from sqlalchemy import ColumnElement, ScalarSelect, and_, func, select
 
-from .. import html
 from ..sql.changes import count_changes, in_range
 from ..sql.dialects.base import Session
 from ..sql.intervals import ANY_FUNCTION, ANY_PREDICATE, held_then, then
@@ -26,9 +25,6 @@ class Overview(NamedTuple):
     facts: int
     goals: int
     values: int
-
-    def _html_row_(self) -> html.Row:
-        return self._asdict()
 
 
 def _count(version: Any, *conditions: ColumnElement[bool]) -> ScalarSelect[int]:
