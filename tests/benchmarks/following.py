@@ -6,8 +6,8 @@ Three processes: one writes revisions, one is `kant-sql serve`, one has the read
 Rounds alternate with rounds in which the writer is alone, without a server; the table has the best
 round of each, for other programs only slow a round down.
 A paced writer makes 100 revisions in a second, which is busy for a robot; the other makes them as
-fast as it can. Aim: 5 % at most. On a machine of two cores the other processes take more than that
-of the processor itself, so look at the paced writer there.
+fast as it can. Aim: 5 % at most. The server's share of a processor bounds what it can cost a
+writer with which it has to share the last core.
 """
 
 from __future__ import annotations
@@ -25,6 +25,8 @@ from pathlib import Path
 from statistics import fmean, median
 from typing import Any, NamedTuple
 from urllib.parse import urlsplit
+
+import psutil
 
 import kant_sql
 from kant_sql import PddlPropositionDto
@@ -106,8 +108,8 @@ def read(address: str, readers: int, say: Connection) -> None:
 
 
 @contextmanager
-def following(url: str, readers: int) -> Iterator[None]:
-    """Let readers follow a knowledge base for the length of a block."""
+def following(url: str, readers: int, shares: list[float]) -> Iterator[None]:
+    """Let readers follow a knowledge base; note the server's share of a processor meanwhile."""
     with tempfile.TemporaryDirectory() as folder:
         served = Serving(url, Path(folder))
         here, there = PROCESSES.Pipe()
@@ -116,7 +118,11 @@ def following(url: str, readers: int) -> Iterator[None]:
         try:
             assert here.poll(20)
             here.recv()
+            server = _server(served.address)
+            before, started = sum(server.cpu_times()[:2]), time.perf_counter()
             yield
+            used = sum(server.cpu_times()[:2]) - before
+            shares.append(used / (time.perf_counter() - started))
             here.send("how many?")
             assert here.poll(10)
             assert here.recv() > readers, "the readers were told of nothing"
@@ -124,6 +130,16 @@ def following(url: str, readers: int) -> Iterator[None]:
             process.kill()
             process.join()
             served.stop()
+
+
+def _server(address: str) -> psutil.Process:
+    port = urlsplit(address).port
+    listening = (
+        each.pid
+        for each in psutil.net_connections("tcp")
+        if each.status == psutil.CONN_LISTEN and each.laddr.port == port and each.pid is not None
+    )
+    return psutil.Process(next(listening))
 
 
 def measure(url: str, seconds: float) -> Written:
@@ -137,19 +153,20 @@ def measure(url: str, seconds: float) -> Written:
     return written
 
 
-def compare(url: str, readers: int, rounds: int, seconds: float) -> tuple[Written, Written]:
-    """Measure a writer alone and with readers, in turn."""
+def compare(url: str, readers: int, rounds: int, seconds: float) -> tuple[Written, Written, float]:
+    """Measure a writer alone and with readers, in turn, and the server's share of a processor."""
     with kant_sql.connect(url, knowledge_base="robot", actor="writer") as kb:
         kb.propositions.save(robot_at())
     alone, followed = [], []
+    shares: list[float] = []
     for number in range(rounds):
         for is_followed in (False, True) if number % 2 else (True, False):
             if is_followed:
-                with following(url, readers):
+                with following(url, readers, shares):
                     followed.append(measure(url, seconds))
             else:
                 alone.append(measure(url, seconds))
-    return _best(alone), _best(followed)
+    return _best(alone), _best(followed), median(shares)
 
 
 def _best(measured: Sequence[Written]) -> Written:
@@ -167,12 +184,13 @@ def main(argv: Sequence[str] | None = None) -> int:
     rows: list[Any] = []
     with stores(given.backend or ("sqlite", "postgresql")) as made:
         for backend, new in made.items():
-            alone, followed = compare(new(), given.readers, given.rounds, given.seconds)
+            alone, followed, share = compare(new(), given.readers, given.rounds, given.seconds)
             for writer in Written._fields:
                 before, after = getattr(alone, writer), getattr(followed, writer)
                 slower = f"{100 * (after / before - 1):+.1f} %"
                 shown = [f"{took * 1e6:.0f} us" for took in (before, after)]
                 rows.append((backend, writer, *shown, slower))
+            rows.append((backend, "server", "", f"{100 * share:.1f} % of a core"))
     header = ("backend", "writer", "alone", f"{given.readers} readers", "slower")
     print_table("a write, alone and with readers of live pages", header, rows)
     return 0
