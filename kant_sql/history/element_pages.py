@@ -34,7 +34,7 @@ from .versions import Version
 # A text may name several elements, as a conjunction does; so many are shown.
 MOST_OWNERS = 20
 # Names and facts that a search looks through.
-SEARCHED_NAMES = 20_000
+SEARCHED_NAMES = 10_000
 DEFINED = ("action", "predicate", "function", "type")
 
 

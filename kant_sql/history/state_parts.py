@@ -54,7 +54,7 @@ from .moments import When, read_head, states_at
 from .revisions import Revision, read_numbered
 
 # What is counted exactly, what is sorted by its text, and what is searched for a text at a time.
-COUNTED, SORTED, SEARCHED = 50_000, 10_000, 20_000
+COUNTED, SORTED, SEARCHED = 50_000, 10_000, 10_000
 # How many of what has just gone are read, of each state.
 GONE = 200
 _NAMED = ("object", "type", "predicate", "function", "action")
@@ -317,13 +317,25 @@ def _indexed(shape: _Shape) -> Query:
         lines = select(part.c.kind, part.c.text, part.c.since).order_by(part.c.text)
     else:
         lines = parts[0]
+    by_version = shape.kind == FACT and not shape.has_object
+    size = _constant(SEARCHED) if shape.has_text else _SIZE
+    if by_version:
+        # Texts of the page alone: PostgreSQL computes the columns of the rows before it, too.
+        version = VERSION_COLUMNS[PROPOSITION].version
+        ids = lines.with_only_columns(version.proposition_id, version.since)
+        some = ids.limit(size).offset(_OFFSET).subquery("some").c
+        atom = table_of(PropositionRow)
+        own = select(atom.c.text).where(atom.c.kb_id == KB, atom.c.id == some.proposition_id)
+        text: Any = own.correlate_except(atom).scalar_subquery()
+        lines = select(_quoted(FACT).label("kind"), text.label("text"), some.since)
     if not shape.has_text:
-        return Query(lines.limit(_SIZE).offset(_OFFSET))
-    some = lines.limit(_constant(SEARCHED)).offset(_OFFSET).subquery("some")
+        return Query(lines if by_version else lines.limit(_SIZE).offset(_OFFSET))
+    found = (lines if by_version else lines.limit(size).offset(_OFFSET)).subquery("found").c
     place = func.row_number().over().label("place")
-    numbered = select(some.c.kind, some.c.text, some.c.since, place).subquery("numbered")
-    found = select(numbered).where(contains(numbered.c.text)).order_by(numbered.c.place)
-    return Query(found.limit(_SIZE).offset(_constant(0)))
+    numbered = select(found.kind, found.text, found.since, place).subquery("numbered").c
+    matching = select(numbered.kind, numbered.text, numbered.since, numbered.place)
+    matching = matching.where(contains(numbered.text)).order_by(numbered.place)
+    return Query(first_rows(matching, _SIZE))
 
 
 def _gone_of(source: str) -> Select[Any]:
