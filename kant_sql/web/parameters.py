@@ -7,7 +7,6 @@ from typing import Annotated
 
 from fastapi import Query
 
-from ..errors import InvalidArgumentError
 from ..moment_text import is_now, parse_moment
 
 _MOMENT = "a revision's number, a time as 2026-03-02T14:03:00Z (UTC unless it has a zone), `now`, "
@@ -29,12 +28,5 @@ Offset = Annotated[
 
 def moment(text: str | None) -> int | datetime | None:
     """Read a revision or a time; None for the present."""
-    return None if not text or is_now(text) else parse_moment(text)
-
-
-def required_moment(text: str | None, name: str) -> int | datetime:
-    """Read a revision or a time that has to be given."""
-    found = moment(text)
-    if found is None:
-        raise InvalidArgumentError(f"{name} is missing; give a revision's number or a time")
-    return found
+    stripped = (text or "").strip()
+    return None if not stripped or is_now(stripped) else parse_moment(stripped)

@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 from fastapi.testclient import TestClient
 
+import kant_sql
+from kant_sql import KnowledgeBase
 from kant_sql.web.application import create_app
 
 BASE = "http://127.0.0.1"
+# A knowledge base to fill, and a reader of it.
+Filled = tuple[KnowledgeBase, TestClient]
 
 
 @pytest.fixture(params=["sqlite", "postgresql"])
@@ -24,3 +29,17 @@ def client(story_url: str) -> Iterator[TestClient]:
     """A client of the application."""
     with TestClient(create_app(story_url), base_url=BASE) as made:
         yield made
+
+
+@pytest.fixture(params=["sqlite", "postgresql"])
+def filled(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Filled]:
+    """A knowledge base to fill, and a reader of it."""
+    if request.param == "sqlite":
+        url = f"sqlite:///{tmp_path / 'store.db'}"
+    else:
+        url = request.getfixturevalue("server").new_store()
+    with (
+        kant_sql.connect(url, knowledge_base="courier", actor="filler") as kb,
+        TestClient(create_app(url), base_url=BASE) as client,
+    ):
+        yield kb, client

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlencode
@@ -14,10 +13,9 @@ import kant_sql
 from kant_sql.history import change_pages
 from kant_sql.json_documents import version_document
 from kant_sql.planning import Plan, PlanStep
-from kant_sql.web.application import create_app
 from kant_sql.web.rendering import address_of
 from tests.support.statements import count, fill
-from tests.web.conftest import BASE
+from tests.web.conftest import Filled
 
 
 def get(client: TestClient, path: str, **query: Any) -> Any:
@@ -217,21 +215,7 @@ def test_a_search_knows_revisions_and_times(client: TestClient) -> None:
     assert get(client, "/search")["matches"] == []
 
 
-@pytest.fixture(params=["sqlite", "postgresql"])
-def filled(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[tuple[Any, TestClient]]:
-    """A knowledge base to fill, and a reader of it."""
-    if request.param == "sqlite":
-        url = f"sqlite:///{tmp_path / 'store.db'}"
-    else:
-        url = request.getfixturevalue("server").new_store()
-    with (
-        kant_sql.connect(url, knowledge_base="courier", actor="filler") as kb,
-        TestClient(create_app(url), base_url=BASE) as client,
-    ):
-        yield kb, client
-
-
-def test_the_history_of_a_fact_is_read_page_by_page(filled: tuple[Any, TestClient]) -> None:
+def test_the_history_of_a_fact_is_read_page_by_page(filled: Filled) -> None:
     kb, client = filled
     fill(kb, 3)
     for _ in range(60):
@@ -249,7 +233,7 @@ def test_the_history_of_a_fact_is_read_page_by_page(filled: tuple[Any, TestClien
 
 
 def test_pages_take_as_many_statements_however_much_is_stored(
-    filled: tuple[Any, TestClient],
+    filled: Filled,
 ) -> None:
     kb, client = filled
     taken: dict[str, set[int]] = {}
@@ -276,7 +260,7 @@ def test_pages_take_as_many_statements_however_much_is_stored(
     assert all(len(counts) == 1 and max(counts) <= 24 for counts in taken.values()), taken
 
 
-def test_an_archive_is_named(filled: tuple[Any, TestClient], tmp_path: Path) -> None:
+def test_an_archive_is_named(filled: Filled, tmp_path: Path) -> None:
     kb, client = filled
     fill(kb, 5)
     for _ in range(3):
@@ -290,7 +274,7 @@ def test_an_archive_is_named(filled: tuple[Any, TestClient], tmp_path: Path) -> 
 
 
 @pytest.mark.parametrize("text", ["a&b=c", "50%", "a+b", "é ü", "“quoted”", "x" * 10_000, "#?/"])
-def test_names_survive_addresses(filled: tuple[Any, TestClient], text: str) -> None:
+def test_names_survive_addresses(filled: Filled, text: str) -> None:
     kb, client = filled
     with kb.transaction(actor=text, reason=text):
         fill(kb, 2)

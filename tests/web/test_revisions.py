@@ -12,9 +12,8 @@ from fastapi.testclient import TestClient
 import kant_sql
 from kant_sql.history import change_pages, log_pages
 from kant_sql.json_documents import changes_document, entry_document
-from kant_sql.web.application import create_app
 from tests.support.statements import count, fill
-from tests.web.conftest import BASE
+from tests.web.conftest import Filled
 
 
 def log(client: TestClient, **query: Any) -> Any:
@@ -72,20 +71,6 @@ def test_what_never_was_is_said(client: TestClient) -> None:
         assert (answer.status_code, said in answer.text) == (404, True), answer.text
 
 
-@pytest.fixture(params=["sqlite", "postgresql"])
-def filled(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[tuple[Any, TestClient]]:
-    """A knowledge base to fill, and a reader of it."""
-    if request.param == "sqlite":
-        url = f"sqlite:///{tmp_path / 'store.db'}"
-    else:
-        url = request.getfixturevalue("server").new_store()
-    with (
-        kant_sql.connect(url, knowledge_base="courier", actor="filler") as kb,
-        TestClient(create_app(url), base_url=BASE) as client,
-    ):
-        yield kb, client
-
-
 def walk(client: TestClient, **query: Any) -> Iterator[Any]:
     """Read the pages of a log one after the other."""
     page = log(client, **query)
@@ -95,7 +80,7 @@ def walk(client: TestClient, **query: Any) -> Iterator[Any]:
         yield page
 
 
-def test_the_pages_of_a_log_have_each_revision_once(filled: tuple[Any, TestClient]) -> None:
+def test_the_pages_of_a_log_have_each_revision_once(filled: Filled) -> None:
     kb, client = filled
     fill(kb, 60)
     for number in range(60):
@@ -106,9 +91,7 @@ def test_the_pages_of_a_log_have_each_revision_once(filled: tuple[Any, TestClien
     assert [number for page in of_object for number in numbers(page)] == [2]
 
 
-def test_a_page_says_how_far_it_searched(
-    filled: tuple[Any, TestClient], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_page_says_how_far_it_searched(filled: Filled, monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("SEARCHED_FOR_ACTOR", "SEARCHED_FOR_TEXT"):
         monkeypatch.setattr(log_pages, name, 20)
     kb, client = filled
@@ -131,7 +114,7 @@ def test_a_page_says_how_far_it_searched(
 
 
 def test_a_text_is_looked_for_in_so_many_changes(
-    filled: tuple[Any, TestClient], monkeypatch: pytest.MonkeyPatch
+    filled: Filled, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     kb, client = filled
     fill(kb, 40)
@@ -145,7 +128,7 @@ def test_a_text_is_looked_for_in_so_many_changes(
 
 
 def test_a_revision_of_many_changes_is_read_page_by_page(
-    filled: tuple[Any, TestClient], monkeypatch: pytest.MonkeyPatch
+    filled: Filled, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     kb, client = filled
     fill(kb, 300)
@@ -192,7 +175,7 @@ def test_the_difference_is_the_librarys(
 
 
 def test_a_long_difference_is_read_page_by_page(
-    filled: tuple[Any, TestClient], monkeypatch: pytest.MonkeyPatch
+    filled: Filled, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     kb, client = filled
     fill(kb, 300)
@@ -211,7 +194,7 @@ def test_a_long_difference_is_read_page_by_page(
 
 
 def test_pages_take_as_many_statements_however_much_is_stored(
-    filled: tuple[Any, TestClient],
+    filled: Filled,
 ) -> None:
     kb, client = filled
     taken: dict[str, set[int]] = {}
@@ -234,7 +217,7 @@ def test_pages_take_as_many_statements_however_much_is_stored(
     assert all(len(counts) == 1 and max(counts) <= 12 for counts in taken.values()), taken
 
 
-def test_a_revision_in_an_archive_says_so(filled: tuple[Any, TestClient], tmp_path: Path) -> None:
+def test_a_revision_in_an_archive_says_so(filled: Filled, tmp_path: Path) -> None:
     kb, client = filled
     fill(kb, 5)
     for _ in range(3):

@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import pytest
 from fastapi.testclient import TestClient
 
-import kant_sql
 from kant_sql.history import state_parts
-from kant_sql.web.application import create_app
 from tests.support.statements import count, fill
-from tests.web.conftest import BASE
+from tests.web.conftest import Filled
 
 
 def part(data: Any, kind: str) -> Any:
@@ -97,20 +94,6 @@ def test_a_wrong_question_says_what_is_wrong(client: TestClient) -> None:
         assert (answer.status_code, said in answer.text) == (status, True), answer.text
 
 
-@pytest.fixture(params=["sqlite", "postgresql"])
-def filled(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[tuple[Any, TestClient]]:
-    """A knowledge base to fill, and a reader of it."""
-    if request.param == "sqlite":
-        url = f"sqlite:///{tmp_path / 'store.db'}"
-    else:
-        url = request.getfixturevalue("server").new_store()
-    with (
-        kant_sql.connect(url, knowledge_base="tiago") as kb,
-        TestClient(create_app(url), base_url=BASE) as client,
-    ):
-        yield kb, client
-
-
 def walk(client: TestClient, address: str) -> Iterator[Any]:
     """Read the pages of the facts one after the other."""
     offset: int | None = 0
@@ -122,13 +105,13 @@ def walk(client: TestClient, address: str) -> Iterator[Any]:
 
 @pytest.mark.parametrize("bound", [10_000, 100])
 def test_pages_have_each_element_once(
-    filled: tuple[Any, TestClient], monkeypatch: pytest.MonkeyPatch, bound: int
+    filled: Filled, monkeypatch: pytest.MonkeyPatch, bound: int
 ) -> None:
     monkeypatch.setattr(state_parts, "SORTED", bound)
     kb, client = filled
     fill(kb, 450)
     kb.propositions.delete("(robot_at rb1 wp7)")
-    for address, size in (("/api/state?kb=tiago", 449), ("/api/state?kb=tiago&at=2", 450)):
+    for address, size in (("/api/state?kb=courier", 449), ("/api/state?kb=courier&at=2", 450)):
         pages = list(walk(client, address))
         assert [len(one["elements"]) for one in pages] == [200, 200, size - 400]
         assert {one["total"] for one in pages} == {size}
@@ -136,7 +119,7 @@ def test_pages_have_each_element_once(
 
 
 def test_a_text_is_looked_for_in_a_long_state_part_by_part(
-    filled: tuple[Any, TestClient], monkeypatch: pytest.MonkeyPatch
+    filled: Filled, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     state_parts._indexed.cache_clear()
     monkeypatch.setattr(state_parts, "SORTED", 100)
@@ -144,7 +127,7 @@ def test_a_text_is_looked_for_in_a_long_state_part_by_part(
     kb, client = filled
     fill(kb, 450)
     for at in ("", "&at=2"):
-        pages = list(walk(client, f"/api/state?kb=tiago&text=wp44{at}"))
+        pages = list(walk(client, f"/api/state?kb=courier&text=wp44{at}"))
         found = sorted(each["text"] for one in pages for each in one["elements"])
         assert len(pages) == 3
         assert all(one["is_searched"] for one in pages)
@@ -153,7 +136,7 @@ def test_a_text_is_looked_for_in_a_long_state_part_by_part(
 
 
 def test_a_state_takes_as_many_statements_however_much_holds(
-    filled: tuple[Any, TestClient],
+    filled: Filled,
 ) -> None:
     kb, client = filled
     taken: dict[str, set[int]] = {}
@@ -161,7 +144,7 @@ def test_a_state_takes_as_many_statements_however_much_holds(
         fill(kb, size)
         kb.propositions.delete("(robot_at rb1 wp1)")
         for query in ("", "at=1", "object=rb1", "text=wp1", "predicate=robot_at", "kind=fact"):
-            client.get(f"/state?kb=tiago&{query}")
-            number = count(lambda query=query: client.get(f"/state?kb=tiago&{query}"))  # type: ignore[misc]
+            client.get(f"/state?kb=courier&{query}")
+            number = count(lambda query=query: client.get(f"/state?kb=courier&{query}"))  # type: ignore[misc]
             taken.setdefault(query, set()).add(number)
     assert all(len(numbers) == 1 and max(numbers) <= 20 for numbers in taken.values()), taken

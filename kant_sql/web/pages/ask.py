@@ -18,7 +18,7 @@ from ...json_documents import (
 )
 from ...knowledge.canonical import time_text
 from ...knowledge_base import KnowledgeBase
-from ...moment_text import is_now, parse_moment
+from ..parameters import moment
 from ..registry import Pages
 
 PAGES = Pages("conditions")
@@ -103,9 +103,9 @@ def ask(
     """Ask a condition: for which objects it holds in a state, or in which periods it held."""
     found: AskDocument = {"condition": condition, "state": None, "when": None}
     if condition.strip() and mode == "state":
-        found["state"] = _answers(kb, condition, _moment(at), parameters.strip() or None, limit)
+        found["state"] = _answers(kb, condition, moment(at), parameters.strip() or None, limit)
     elif condition.strip():
-        bounds = _moment(since), _moment(until)
+        bounds = moment(since), moment(until)
         found["when"] = _periods(kb, condition, bounds, parameters.strip() or None)
     return found
 
@@ -118,14 +118,10 @@ def names(
     limit: Annotated[int, Query(ge=1, le=100, description="The greatest number of names.")] = 12,
 ) -> CompletionsDocument:
     """Complete a name: predicates, functions, objects, actions and types of a state."""
-    moment = _moment(at)
-    state = kb if moment is None else kb.at(moment)
+    when = moment(at)
+    state = kb if when is None else kb.at(when)
     found = state.complete(beginning, limit=limit)
     return {"names": [{"kind": one.kind, "name": one.name, "text": one.text} for one in found]}
-
-
-def _moment(text: str) -> When | None:
-    return None if not text.strip() or is_now(text) else parse_moment(text.strip())
 
 
 def _answers(
