@@ -26,9 +26,10 @@ from .marks import (
     who,
 )
 
-# Heights in pixels: of a lane, of a numeric fluent, of the gaps between sections and around all.
-ROW, VALUE_ROW, GAP, ABOVE, BELOW = 24, 64, 34, 56, 44
-THICKNESS = 0.62
+# Heights in pixels: of a lane, of one with texts in its bars, of a numeric fluent, of the gaps
+# between sections and around all.
+ROW, TEXT_ROW, VALUE_ROW, GAP, ABOVE, BELOW = 24, 30, 64, 34, 56, 44
+THICKNESS, TEXT_THICKNESS = 0.62, 0.76
 FONT = 'system-ui, "DejaVu Sans", sans-serif'
 _DENSITY = [[0, "rgba(112,122,132,0.40)"], [1, "rgba(112,122,132,1)"]]
 # More points than this are drawn as a line alone.
@@ -110,7 +111,8 @@ class _Drawing:
     def _lanes(self, title: str, lanes: Sequence[Lane]) -> None:
         if not lanes:
             return
-        axis = self._open(_Section(title, ROW * len(lanes), tuple(label(x.text) for x in lanes)))
+        height = (TEXT_ROW if lanes[0].kind == "value" else ROW) * len(lanes)
+        axis = self._open(_Section(title, height, tuple(label(lane.text) for lane in lanes)))
         by_actor: defaultdict[str | None, list[tuple[int, Lane, Bar]]] = defaultdict(list)
         for row, lane in enumerate(lanes):
             for bar in lane.bars:
@@ -133,12 +135,7 @@ class _Drawing:
             "customdata": [self._fact(lane) for _, lane, _ in drawn],
         }
         if any(bar.value is not None for _, _, bar in drawn):
-            trace |= {
-                "text": [said(bar.value, 40) for _, _, bar in drawn],
-                "textposition": "inside",
-                "insidetextanchor": "start",
-                "textangle": 0,
-            }
+            trace |= _inside([said(bar.value, 40) for _, _, bar in drawn])
         self._traces.append(trace)
 
     def _bar_trace(self, axis: str, name: str, group: object, mark: Fill) -> Trace:
@@ -163,7 +160,7 @@ class _Drawing:
                     "shape": mark.pattern,
                     "fillmode": "overlay",
                     "fgcolor": "#ffffff",
-                    "fgopacity": 0.75,
+                    "fgopacity": 0.5,
                     "size": 6,
                     "solidity": 0.25,
                 },
@@ -293,7 +290,7 @@ class _Drawing:
                 ends[row:] = [end, *ends[row + 1 :]]
                 drawn[str(step.status)].append((first + row, plan, step))
             rows += [""] * (len(ends) - 1)
-        axis = self._open(_Section("Plans", ROW * len(rows), tuple(rows)))
+        axis = self._open(_Section("Plans", TEXT_ROW * len(rows), tuple(rows)))
         self._recorded(axis, recorded)
         for status in OUTCOMES:
             if status in drawn:
@@ -313,11 +310,7 @@ class _Drawing:
             "y": [row for row, _, _ in drawn],
             "base": [axis_time(begin) for begin, _ in spans],
             "x": [_width(begin, end) for begin, end in spans],
-            "text": [f"{outcome.sign} {said(step.text, 60)}" for _, _, step in drawn],
-            "textposition": "inside",
-            "insidetextanchor": "start",
-            "textangle": 0,
-            "insidetextfont": {"color": "#ffffff"},
+            **_inside([f"{outcome.sign} {said(step.text, 60)}" for _, _, step in drawn]),
             "hovertext": [_step_hover(plan, step) for _, plan, step in drawn],
             "customdata": [self._plan(plan) for _, plan, _ in drawn],
         }
@@ -445,9 +438,23 @@ def _steps(lane: Lane, drawing: _Drawing) -> Iterator[_Point]:
             yield _Point(axis_time(end), number)
         else:
             hover = _hover(lane, bar)
-            yield _Point(axis_time(drawing._begin(begin)), number, bar.actor, hover)
+            # A point at the edge, so that there is one to tell of what began before.
+            first = max(begin, drawing._timeline.since)
+            yield _Point(axis_time(first), number, bar.actor, hover)
             yield _Point(axis_time(end), number, bar.actor, hover)
         before = end
+
+
+def _inside(texts: Sequence[str]) -> Trace:
+    """Write texts into bars that have room for them."""
+    return {
+        "width": TEXT_THICKNESS,
+        "text": texts,
+        "textposition": "inside",
+        "insidetextanchor": "start",
+        "insidetextfont": {"color": "#ffffff", "size": 11},
+        "textangle": 0,
+    }
 
 
 def _is_numeric(lane: Lane) -> bool:

@@ -57,11 +57,12 @@ class Outcome(NamedTuple):
     mark: Fill
 
 
-# By the status of a step; a colour, a sign and, where it went wrong, a pattern.
+# By the status of a step: a colour on which white text is read, a sign and, unless it succeeded, a
+# pattern.
 OUTCOMES = {
-    "succeeded": Outcome("succeeded", "✓", Fill("#009e73")),
-    "failed": Outcome("failed", "✗", Fill("#d55e00", "x")),
-    "aborted": Outcome("aborted", "■", Fill("#7b848c", "/")),
+    "succeeded": Outcome("succeeded", "✓", Fill("#007a59")),
+    "failed": Outcome("failed", "✗", Fill("#b84f00", "x")),
+    "aborted": Outcome("aborted", "■", Fill("#68717a", "/")),
     "started": Outcome("running", "▶", Fill("#0072b2", ".")),
 }
 

@@ -148,10 +148,14 @@
   document.addEventListener("kant-sql:revision", () => {
     if (!query().get("until")) load({ text: false });
   });
+  // On paper it is black on white, and as wide as a sheet.
   const print = (isPrinted) => {
     if (!isDrawn) return;
-    if (isPrinted) Plotly.relayout(chart, { width: Math.min(chart.clientWidth, 690), "font.color": "#000" });
-    else Plotly.relayout(chart, { width: null, autosize: true }).then(() => load({ text: false }));
+    if (!isPrinted) return Plotly.relayout(chart, { width: null, autosize: true }).then(() => load({ text: false }));
+    const lines = chart.data.flatMap((trace, n) => (trace.mode?.startsWith("lines") ? [n] : []));
+    if (lines.length) Plotly.restyle(chart, { "line.color": "#444" }, lines);
+    const annotations = chart.layout.annotations.map((one) => ({ ...one, font: { ...one.font, color: "#000" } }));
+    Plotly.relayout(chart, { width: Math.min(chart.clientWidth, 690), "font.color": "#000", annotations });
   };
   paper.addEventListener("change", ({ matches }) => print(matches));
   load({ text: false });
