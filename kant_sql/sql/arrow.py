@@ -5,7 +5,8 @@ pyarrow, of the extra `data`, is imported on first use.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from operator import itemgetter
 from typing import TYPE_CHECKING, Any
 
 from ..errors import ExtraMissingError, reading_rows
@@ -54,9 +55,20 @@ def stream_view(
     if bounds is not None and is_bounded:
         given |= {"low": bounds[0], "high": bounds[1]}
     rows = session.stream(rows_of_view(view.name, is_bounded), **given)
-    for batch in _batched(rows):
+    batches = _batched(rows, _texts_of(view))
+    while True:
         with reading_rows(view.name, f"knowledge base {name!r}"):
-            yield _record_batch(schema, view, batch)
+            batch = next(batches, None)
+            made = None if batch is None else _record_batch(schema, view, batch)
+        if made is None:
+            return
+        yield made
+
+
+def _texts_of(view: AuditView) -> Callable[[Row], Iterable[str | None]]:
+    """Return what gives the texts of a row: they alone can be long."""
+    types = enumerate(view.columns.values())
+    return itemgetter(*(number for number, type_ in types if type_ is ColumnType.TEXT))
 
 
 def read_view(session: Session, view: AuditView, name: str) -> pyarrow.Table:
@@ -77,12 +89,14 @@ def text_table(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> pyarrow
     return table.select([*range(1, len(arrays))])
 
 
-def _batched(rows: Iterator[Row]) -> Iterator[list[Row]]:
+def _batched(
+    rows: Iterator[Row], texts_of: Callable[[Row], Iterable[str | None]]
+) -> Iterator[list[Row]]:
     batch: list[Row] = []
     size = 0
     for row in rows:
         batch.append(row)
-        size += sum(len(value) for value in row if isinstance(value, str))
+        size += sum(map(len, filter(None, texts_of(row))))
         if len(batch) == BATCH_ROWS or size > BATCH_CHARACTERS:
             yield batch
             batch, size = [], 0
