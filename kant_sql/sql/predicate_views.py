@@ -188,9 +188,10 @@ WHERE p.kb_id = {kb_id} AND p.predicate_id = {predicate_id} GROUP BY p.id) AS a 
 ON a.id = v.proposition_id"""
 _TIME = "CAST({}.committed_at AS TIMESTAMPTZ)"
 _FOR_BOTH = """\
-/* DuckDB nests comments, and reads the last line only. /* */
+/* DuckDB nests comments, and reads the last line but one only. /* */
 {}
-    -- */ {}"""
+    -- */ {}
+/* the end */"""
 
 
 def _definition(

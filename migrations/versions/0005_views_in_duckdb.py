@@ -19,9 +19,11 @@ branch_labels = None
 depends_on = None
 
 # Comments nest in DuckDB, not in SQLite: where this one ends for SQLite, it goes on for DuckDB.
-# The dashes end SQLite's query there, and for DuckDB they are a part of the comment.
-BEGIN = " /* DuckDB nests comments, and reads the last line only. /* */"
+# The dashes end SQLite's query there, and for DuckDB they are a part of the comment. The last line
+# is for the semicolon of a script, which would else be a part of SQLite's comment.
+BEGIN = " /* DuckDB nests comments, and reads the last line but one only. /* */"
 TURN = "\n    -- */ "
+END = "\n/* the end */"
 
 TIME = "CAST({0} AS TIMESTAMPTZ)"
 DUCKDB = {
@@ -105,7 +107,7 @@ def upgrade() -> None:
     """Bring the tables to this version."""
     if _is_sqlite():
         for name, query in _queries().items():
-            _replace(name, f"{BEGIN}{_in_sqlite(query)}{TURN}{_in_duckdb(name, query)}")
+            _replace(name, f"{BEGIN}{_in_sqlite(query)}{TURN}{_in_duckdb(name, query)}{END}")
 
 
 def downgrade() -> None:

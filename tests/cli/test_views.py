@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 import kant_sql
+from tests.migrations.stores import run_script
 from tests.support.pages import opened
 from tests.support.processes.commands import child, one_line, run
 from tests.support.worlds.robots import WP2, robot_at
@@ -67,6 +68,14 @@ def test_the_sql_is_written_and_not_run(own_store: str, option: str) -> None:
     document = json.loads(run("views", own_store, option, "--drop", "--json").stdout)
     assert document["views"][0]["statements"] == ["DROP VIEW fact_robot_at"]
     assert relations(own_store) == VIEWS
+
+
+def test_the_sql_is_a_script(own_store: str) -> None:
+    """Whoever runs it with a tool of the database has the views that the command makes."""
+    run_script(own_store, run("views", own_store, "--sql").stdout)
+    assert relations(own_store) == VIEWS
+    lines = run("views", own_store).stdout.splitlines()
+    assert {line.split()[1] for line in lines[3:]} == {"unchanged"}
 
 
 def test_one_knowledge_base_can_be_named(own_store: str) -> None:
