@@ -262,6 +262,20 @@ def test_a_cancellation_in_the_moment_of_the_statement_is_not_lost(filled: Knowl
     assert works(filled)
 
 
+def test_waiting_is_not_limited_and_can_be_cancelled(filled: KnowledgeBase) -> None:
+    with limited(seconds=0.2):
+        assert filled.watch(1, timeout=0.4) is None
+    started = time.monotonic()
+    with (
+        limited() as limit,
+        cancelled_after(limit, 0.1),
+        pytest.raises(QuestionCancelledError),
+    ):
+        filled.watch(1, timeout=60)
+    assert time.monotonic() - started < SOON
+    assert works(filled)
+
+
 def test_limits_reach_the_threads_of_asyncio(shared_url: str, connect: Connect) -> None:
     connect(shared_url).propositions.save(robot_at())
 
