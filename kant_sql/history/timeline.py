@@ -11,11 +11,13 @@ from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 from itertools import pairwise
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 from ..dao.known import refuse_unknown
 from ..sql.dialects.base import Session
 from ..sql.lanes import (
+    FORMULA,
+    LANE_SOURCES,
     Cell,
     FoundLane,
     FoundVersion,
@@ -29,7 +31,6 @@ from ..sql.lanes import (
 from ..store.store import Store
 from .gantt import PlanBar, PlanBars
 from .window import (
-    LANE_KINDS,
     LaneKind,
     TimelineQuestion,
     Told,
@@ -174,10 +175,15 @@ def read_timeline(
 
 
 class _Row(NamedTuple):
-    """A lane that was found, with its kind."""
+    """A lane that was found, and the key of its source."""
 
-    kind: LaneKind
+    kind: str
     found: FoundLane
+
+
+def _shown_kind(source: str) -> LaneKind:
+    """Return the kind of the lanes of a source."""
+    return "goal" if source == FORMULA else cast(LaneKind, source)
 
 
 def _weight(rows: Iterable[_Row]) -> int:
@@ -215,7 +221,7 @@ class _Reader:
             if row in cells:
                 bars, densities = _thin_out(cells[row], bars, moments, self._window)
             made = tuple([_bar(one, told, self._window.head) for one in bars])
-            lanes.append(Lane(row.kind, row.found.text, made, densities))
+            lanes.append(Lane(_shown_kind(row.kind), row.found.text, made, densities))
         window = self._window
         return Timeline(
             name,
@@ -235,9 +241,10 @@ class _Reader:
         """Find the lanes, and the place after which the next ones come."""
         question, window = self._question, self._window
         rows: list[_Row] = []
-        first, place = question.after or (LANE_KINDS[0], LanePlace())
-        for kind in LANE_KINDS[LANE_KINDS.index(first) :]:
-            if kind in question.kinds and len(rows) <= question.lanes:
+        sources = [*LANE_SOURCES]
+        first, place = question.after or (sources[0], LanePlace())
+        for kind in sources[sources.index(first) :]:
+            if _shown_kind(kind) in question.kinds and len(rows) <= question.lanes:
                 found = find_lanes(
                     self._session,
                     self._kb_id,

@@ -6,7 +6,7 @@ import re
 from collections.abc import Collection, Iterable, Sequence
 from datetime import UTC, datetime
 from itertools import islice
-from typing import Any, Literal, NamedTuple, cast
+from typing import Any, Literal, NamedTuple
 
 from sqlalchemy import func, literal_column, select
 
@@ -41,7 +41,7 @@ class TimelineQuestion(NamedTuple):
         text: a part of the text; None for all.
         lanes: how many lanes at most.
         slices: how many slices at most.
-        after: the kind and the place of the lane before the first.
+        after: the source and the place of the lane before the first.
     """
 
     kinds: tuple[str, ...]
@@ -50,7 +50,7 @@ class TimelineQuestion(NamedTuple):
     text: str | None
     lanes: int
     slices: int
-    after: tuple[LaneKind, LanePlace] | None
+    after: tuple[str, LanePlace] | None
 
     @property
     def filter(self) -> LaneFilter:
@@ -73,7 +73,7 @@ def _pattern(text: str) -> str:
 
 
 _HALVES = re.compile("[\ud800-\udfff]")
-_AFTER = re.compile(r"(fact|goal|value):([0-9]{1,18}):([0-9 ]*)")
+_AFTER = re.compile(r"(fact|goal|formula|value):([0-9]{1,18}):([0-9 ]*)")
 
 
 def check_question(
@@ -104,7 +104,7 @@ def check_question(
             raise InvalidArgumentError(
                 f"after is {shown(after)}, expected what `next` of a timeline says"
             )
-        place = cast(LaneKind, match[1]), LanePlace(int(match[2]), match[3])
+        place = match[1], LanePlace(int(match[2]), match[3])
     chosen = tuple(kind for kind in TIMELINE_KINDS if kind in wanted)
     return TimelineQuestion(chosen, predicate, object, text, lanes, slices, place)
 

@@ -59,11 +59,49 @@ class LaneSource(NamedTuple):
         """Whether versions have values."""
         return self.identity == "function_value"
 
+    @property
+    def relation(self) -> str:
+        """What has an id, a group, arguments and a text: the table, or a query."""
+        if self.identity != "formula":
+            return self.identity
+        # There are as many formulas as somebody wrote, which are few.
+        return (
+            "(SELECT v.kb_id, v.formula_id AS id, v.formula_id, '' AS arguments,"
+            " min(v.text) AS text FROM formula_version AS v WHERE v.kb_id = :kb"
+            " AND v.section = 'goal' GROUP BY v.kb_id, v.formula_id)"
+        )
 
+    def is_of(self) -> str:
+        """Write the condition that a predicate or a function of a name is meant."""
+        if self.identity != "formula":
+            return f"p.{self.group} = {_named(self.named, 'predicate')}"
+        one = (f"n.{kind}_id = {_named(kind, 'predicate')}" for kind in ("predicate", "function"))
+        return (
+            "EXISTS (SELECT 1 FROM formula_node AS n WHERE n.kb_id = :kb AND n.formula_id = p.id"
+            f" AND ({' OR '.join(one)}))"
+        )
+
+    def has_object(self) -> str:
+        """Write the condition that an object of a name is among the arguments."""
+        table = "formula_term" if self.identity == "formula" else f"{self.identity}_argument"
+        return (
+            f"EXISTS (SELECT 1 FROM {table} AS a WHERE a.kb_id = :kb"
+            f" AND a.object_id = {_named('object', 'object')} AND a.{self.owner} = p.id)"
+        )
+
+
+def _named(table: str, parameter: str) -> str:
+    conditions = f"named.kb_id = :kb AND named.key = :{parameter}"
+    return f"(SELECT named.id FROM {table} AS named WHERE {conditions})"
+
+
+# Goals of another form than an atom.
+FORMULA = "formula"
 _PROPOSITION = "proposition", "proposition_id", "predicate_id", "predicate"
 LANE_SOURCES = {
     FACT: LaneSource(*_PROPOSITION, only=" AND p.is_goal = FALSE"),
     GOAL: LaneSource(*_PROPOSITION, only=" AND p.is_goal = TRUE"),
+    FORMULA: LaneSource(FORMULA, "formula_id", "formula_id", "predicate"),
     VALUE: LaneSource("function_value", "function_value_id", "function_id", "function"),
 }
 
@@ -105,11 +143,6 @@ class FoundLane(NamedTuple):
     began: int
 
 
-def _named(table: str, parameter: str) -> str:
-    conditions = f"named.kb_id = :kb AND named.key = :{parameter}"
-    return f"(SELECT named.id FROM {table} AS named WHERE {conditions})"
-
-
 def _began(source: LaneSource, owner: str, after: str, upto: str, limit: str) -> str:
     """Write how many versions began after a revision, up to another one and up to a limit."""
     return (
@@ -125,18 +158,15 @@ def _lanes_text(loops: NestedLoops, source: LaneSource, wanted: LaneFilter, is_l
     last = loops.last("l", source.version, source.owner, "p.id", ":high", until)
     conditions = f"p.kb_id = :kb{source.only} AND ({place}) > (:group, :arguments)"
     if wanted.predicate is not None:
-        conditions += f" AND p.{source.group} = {_named(source.named, 'predicate')}"
+        conditions += f" AND {source.is_of()}"
     if wanted.pattern is not None:
         conditions += " AND lower(p.text) LIKE :pattern ESCAPE '!'"
-    tables = f"{source.identity} AS p"
+    tables = f"{source.relation} AS p"
     if is_listed:
         tables = f"{loops.rows('ids', 1)} AS listed"
         tables += loops.loop("p", source.identity, "p.kb_id = :kb AND p.id = listed.id0")
     if wanted.object is not None:
-        conditions += (
-            f" AND EXISTS (SELECT 1 FROM {source.identity}_argument AS a WHERE a.kb_id = :kb"
-            f" AND a.object_id = {_named('object', 'object')} AND a.{source.owner} = p.id)"
-        )
+        conditions += f" AND {source.has_object()}"
     found = (
         f"SELECT p.id, {place}, p.text FROM {tables}"
         f" WHERE {conditions} AND {last} > :low ORDER BY {place} LIMIT :most"
@@ -185,7 +215,7 @@ def _in_window(kind: str) -> Query:
 def _list_window(session: Session, kb_id: int, kind: str, bounds: tuple[int, int]) -> Ids:
     """List what has a version in a window of few revisions; None if it is too much."""
     low, high = bounds
-    if high - low > FEW_REVISIONS:
+    if kind == FORMULA or high - low > FEW_REVISIONS:
         return None
     rows = session.rows(_in_window(kind), kb=kb_id, high=high, **then(session, low))
     is_much = any(sum(row[0] == n for row in rows) > MOST_LISTED for n in (0, 1))
@@ -194,6 +224,8 @@ def _list_window(session: Session, kb_id: int, kind: str, bounds: tuple[int, int
 
 def _list_with_object(session: Session, kb_id: int, kind: str, object_: str) -> Ids:
     """List what has an object among its arguments; None if it is too much."""
+    if kind == FORMULA:
+        return None
     rows = session.rows(_with_object(kind), kb=kb_id, object=object_)
     return None if len(rows) > MOST_LISTED else [id_ for (id_,) in rows]
 

@@ -65,6 +65,14 @@ def test_keys_and_buttons_change_the_window_and_the_address(
     assert asked(visitor) == {"kb": "courier"}
 
 
+def test_a_window_may_be_of_revisions(sqlite_served: Serving, visit: Visit) -> None:
+    visitor = visit(sqlite_served.address)
+    visitor.open(address("/timeline", since=8, until=13))
+    since, until = window(visitor)
+    assert "2026-03-02 09:05:10" < since < "2026-03-02 09:05:20"
+    assert "2026-03-02 09:09:00" < until < "2026-03-02 09:09:10"
+
+
 def test_keys_pressed_in_a_row_ask_once(sqlite_served: Serving, visit: Visit) -> None:
     visitor = visit(sqlite_served.address)
     visitor.open(NOON)

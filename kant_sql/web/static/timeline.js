@@ -7,15 +7,17 @@
   complete();
   if (!chart || !window.Plotly) return;
   const trouble = document.getElementById("trouble");
-  const REST = 250, SHORTEST = 2;
+  const REST = 250, PAUSE = 1000, SHORTEST = 2;
   const CONFIG = { displayModeBar: false, responsive: true, doubleClick: false, showTips: false };
   const dark = matchMedia("(prefers-color-scheme: dark)");
   const coarse = matchMedia("(pointer: coarse)");
   const paper = matchMedia("print");
-  let asked = null, timer = 0, isDrawn = false;
+  let asked = null, timer = 0, following = 0, isDrawn = false;
 
   const query = () => new URLSearchParams(location.search);
-  const parse = (text) => Date.parse(`${String(text).replace(" ", "T").slice(0, 23)}${/\d:\d/.test(text) ? "Z" : ""}`);
+  // A time in full, as an axis and an address have it; a revision or `2 hours ago` is none.
+  const parse = (text) =>
+    /^\d{4}-\d\d-\d\d/.test(text) ? Date.parse(`${text.replace(" ", "T").slice(0, 23).replace("Z", "")}${/\d:\d/.test(text) ? "Z" : ""}`) : NaN;
   const write = (moment) => new Date(moment).toISOString();
   const range = () => chart.layout.xaxis.range.map(parse);
 
@@ -146,7 +148,11 @@
   dark.addEventListener("change", () => load({ text: false }));
   // A window without an end follows what happens; the text is brought up to date with the page.
   document.addEventListener("kant-sql:revision", () => {
-    if (!query().get("until")) load({ text: false });
+    if (query().get("until") || following) return;
+    following = setTimeout(() => {
+      following = 0;
+      load({ text: false });
+    }, PAUSE);
   });
   // On paper it is black on white, and as wide as a sheet.
   const print = (isPrinted) => {
