@@ -12,8 +12,7 @@ from dataclasses import dataclass
 from itertools import count
 from typing import TypeVar
 
-from ..dto import formulas as f
-from ..errors import InvalidKnowledgeError
+from ..errors import UNREADABLE, InvalidKnowledgeError, KantSqlError, unreadable
 from .conditions import (
     AllOf,
     Bound,
@@ -25,7 +24,7 @@ from .conditions import (
     Witness,
     check_levels,
 )
-from .definitions import DERIVED_PREDICATE, Definitions
+from .definitions import DERIVED_PREDICATE, Definitions, FormulaDefinition
 from .formulas import TreeReader
 
 K = TypeVar("K", bound=Hashable)
@@ -53,21 +52,29 @@ class DerivationRules:
         self._checked: set[int] = set()
         for formula in definitions.formulas:
             if formula.section == DERIVED_PREDICATE:
-                node = TreeReader(definitions, formula.tree).formula()
-                predicate = definitions.predicates.named(node.predicate)
-                assert predicate is not None
-                rule = self._rule(definitions, node)
-                self._rules.setdefault(predicate.id, []).append(rule)
+                predicate, rule = self._read(definitions, formula)
+                self._rules.setdefault(predicate, []).append(rule)
         self.component = {
             each: frozenset(component)
             for component in strong_components({each: self._uses(each) for each in self._rules})
             for each in component
         }
 
-    def _rule(self, definitions: Definitions, node: f.Derived) -> DerivationRule:
-        resolver = Resolver(definitions, self.numbers)
-        parameters = resolver.variables(node.variables)
-        return DerivationRule(parameters, resolver.part(node.formula))
+    def _read(
+        self, definitions: Definitions, formula: FormulaDefinition
+    ) -> tuple[int, DerivationRule]:
+        """Return the predicate of a rule, and the rule; its rows may be damaged."""
+        try:
+            node = TreeReader(definitions, formula.tree).formula()
+            predicate = definitions.predicates.named(node.predicate)
+            assert predicate is not None
+            resolver = Resolver(definitions, self.numbers)
+            parameters = resolver.variables(node.variables)
+            return predicate.id, DerivationRule(parameters, resolver.part(node.formula))
+        except KantSqlError:
+            raise
+        except UNREADABLE as error:
+            raise unreadable("formula_version", f"rule {formula.text!r}", error) from error
 
     def of(self, predicate: int) -> list[DerivationRule]:
         """Return the rules of a predicate; none if it is not derived."""

@@ -10,7 +10,7 @@ import secrets
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from datetime import datetime
-from functools import cache
+from functools import cache, partial
 from hashlib import sha256
 from pathlib import Path
 from typing import Any, TypeVar
@@ -19,7 +19,16 @@ from markupsafe import Markup
 
 from ..arguments import expect, flag, items, optional_call
 from ..dao.interfaces import Progress
-from ..errors import AnchorError, InvalidArgumentError, KantSqlError, PddlError, SourceError
+from ..errors import (
+    AnchorError,
+    ArchivedError,
+    InvalidArgumentError,
+    KantSqlError,
+    PddlError,
+    SourceError,
+    UnknownNameError,
+    UnknownRevisionError,
+)
 from ..history.anchors import Anchor
 from ..history.timeline import Timeline
 from ..knowledge_base import KnowledgeBase
@@ -28,12 +37,14 @@ from ..plots.marks import DARK, LIGHT
 from ..reasoning.rules import Rules
 from .plotly_script import SCRIPT
 from .rendering import STATIC, render_text
-from .report_sections import ReportRange, ReportReader
+from .report_sections import ReportRange, ReportReader, ReportStays
 
 __all__ = ["report_html", "write_report"]
 
 T = TypeVar("T")
 
+# What the caller has got wrong is refused; what is wrong in the store is told of.
+_WRONG = (AnchorError, InvalidArgumentError, UnknownNameError, UnknownRevisionError)
 # What HTML could read as the end of a script, or as a comment in it.
 _MARKUP = {ord(character): f"\\u{ord(character):04x}" for character in "<>&"}
 
@@ -81,21 +92,24 @@ def report_html(
     optional_call(progress, "progress")
     names = items(objects, str, "the objects")
     report = ReportReader.of(kb, ReportRange(since, until))
-    # Refuses an unknown name before it takes its time.
-    stays = [report.stays(report.timeline(name), name) for name in names]
+    read = _Sections(_WRONG if rules is None else (*_WRONG, PddlError, SourceError))
     page: dict[str, Any] = {
-        "summary": report.summary(names),
-        "objects": stays,
+        "summary": report.summary(),
+        # First: an unknown name is refused before all else takes its time.
+        "objects": {
+            name: read(f"object {name}", partial(_object, report, name))
+            for name in dict.fromkeys(names)
+        },
         "is_verified": verify,
         "verify_command": report.command("verify"),
     }
-    # What the caller has written is refused; what is stored is told of.
-    read = _Sections((AnchorError,) if rules is None else (AnchorError, PddlError, SourceError))
     if not report.is_empty:
-        timeline = report.timeline()
-        page["timeline"] = read("timeline", lambda: report.stays(timeline))
-        page["figure"] = read("figure", lambda: _embedded(timeline.timeline))
-        page["plans"] = read("plans", lambda: report.plans(timeline))
+        timeline = read("timeline", report.timeline)
+        page |= dict.fromkeys(("timeline", "figure", "plans"))
+        if timeline is not None:
+            page["timeline"] = report.stays(timeline)
+            page["figure"] = _embedded(timeline.timeline)
+            page["plans"] = read("plans", partial(report.plans, timeline))
         page["rules"] = read("rules", lambda: report.rules(rules))
         page["goals"] = read("goals", report.goals)
         page["log"] = read("log", report.log)
@@ -103,6 +117,10 @@ def report_html(
         page["verification"] = read("verification", lambda: report.verify(anchor, progress))
     page["anchor"] = read("anchor", report.anchor)
     return _render({**page, "errors": read.errors}, kb.factory.name)
+
+
+def _object(report: ReportReader, name: str) -> ReportStays:
+    return report.stays(report.timeline(name), name)
 
 
 class _Sections:
@@ -120,7 +138,7 @@ class _Sections:
         try:
             return read()
         except KantSqlError as error:
-            if isinstance(error, self._refused):
+            if isinstance(error, self._refused) and not isinstance(error, ArchivedError):
                 raise
             self.errors[name] = str(error)
             return None

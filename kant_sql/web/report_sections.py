@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import shlex
 from collections import Counter
-from collections.abc import Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
 from functools import partial
@@ -13,6 +12,7 @@ from typing import NamedTuple
 from typing_extensions import TypedDict
 
 from ..dao.interfaces import Progress
+from ..errors import StoreIntegrityError
 from ..history.anchors import Anchor
 from ..history.overview import Tally
 from ..history.timeline import Bar, Lane, Timeline
@@ -92,7 +92,7 @@ class ReportSummary(ReportSection):
     changes: int
     actors: list[ReportActor]
     kinds: list[ReportCount]
-    objects: list[str]
+    is_empty: bool
 
 
 class ReportStay(TypedDict):
@@ -213,7 +213,7 @@ class ReportReader(NamedTuple):
         ends = ("--since", str(self.tally.first), "--until", str(self.tally.last))
         return self.command(*words, *ends)
 
-    def summary(self, objects: Sequence[str]) -> ReportSummary:
+    def summary(self) -> ReportSummary:
         """Say what the report is about."""
         tally = self.tally
         kinds: dict[str, ReportCount] = {}
@@ -242,11 +242,15 @@ class ReportReader(NamedTuple):
                 for one, count, first, last in tally.busiest
             ],
             "kinds": list(kinds.values()),
-            "objects": [*objects],
+            "is_empty": self.is_empty,
         }
 
     def _revision(self, number: int) -> RevisionDocument | None:
-        found = self.kb.revisions(after=number - 1, limit=1)
+        try:
+            found = self.kb.revisions(after=number - 1, limit=1)
+        except StoreIntegrityError:
+            # The log says so.
+            return None
         return revision_document(found[0]) if found else None
 
     def timeline(self, name: str | None = None) -> ReportTimeline:

@@ -6,6 +6,7 @@ import base64
 import json
 import re
 import shlex
+import shutil
 import sqlite3
 import sys
 from collections.abc import Iterator
@@ -28,7 +29,13 @@ from tests.support.notebooks import UNSEEN
 from tests.support.processes.commands import run
 from tests.support.statements import count, fact, fill
 from tests.support.stores import Connect, new_file_store
-from tests.support.worlds.hostile import KNOWLEDGE_BASE, NAMES, record_hostile
+from tests.support.worlds.hostile import (
+    KNOWLEDGE_BASE,
+    NAMES,
+    overwrite,
+    record_hostile,
+    text_columns,
+)
 
 SECTIONS = {"summary", "timeline", "plans", "rules", "goals", "log", "verification"}
 LIMITS = {"ACTORS": 2, "LANES": 3, "BARS": 2, "STEPS": 1, "ENTRIES": 4, "CHANGES": 1}
@@ -294,6 +301,24 @@ def test_a_section_that_cannot_be_read_says_why(connect: Connect, tmp_path: Path
     assert "archive" in page.text
     assert "moved to an archive" in page.text
     assert "Intact" in page.text
+
+
+@pytest.mark.slow
+def test_a_store_that_was_written_over_is_reported(tmp_path: Path) -> None:
+    sound, path = tmp_path / "sound.db", tmp_path / "damaged.db"
+    record_hostile(f"sqlite:///{sound}")
+    columns = set(text_columns(str(sound))) - {("knowledge_base", "name")}
+    told = set()
+    for table, column in sorted(columns):
+        shutil.copy(sound, path)
+        if overwrite(str(path), table, column):
+            with kant_sql.connect(f"sqlite:///{path}", knowledge_base=KNOWLEDGE_BASE) as kb:
+                text = report_html(kb)
+            without = re.sub(r"<(script|style)[^>]*>.*?</\1>", "", text, flags=re.DOTALL)
+            assert list(Markup(without).faults()) == [], (table, column)
+            told.add("Not intact" in Page(text).text)
+    # Some tables of the store are empty.
+    assert True in told
 
 
 def test_what_is_wrong_is_refused_before_anything_is_read(
