@@ -69,10 +69,14 @@ def shorten(value: object, length: int = SHORT) -> str:
     return text if len(text) <= length else f"{text[:length]}…"
 
 
+def cut(text: str, length: int) -> str:
+    """Return the beginning of a text, before it is made visible."""
+    return text if len(text) <= length else f"{text[:length]}…"
+
+
 def one_line(text: str, length: int = SHORT) -> str:
     """Return the beginning of a text of PDDL, which may be laid out in lines."""
-    line = " ".join(text.split())
-    return line if len(line) <= length else f"{line[:length]}…"
+    return cut(" ".join(text.split()), length)
 
 
 def second(value: str | None) -> str:
@@ -122,6 +126,7 @@ def environment() -> Environment:
     made.filters.update(
         shown=shown_text,
         short=shorten,
+        cut=cut,
         line=one_line,
         second=second,
         as_json=as_json,

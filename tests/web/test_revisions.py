@@ -174,6 +174,16 @@ def test_the_difference_is_the_librarys(
     assert f"/difference?kb=courier&amp;a={b}&amp;b={a}" in page
 
 
+def test_a_state_is_compared_with_the_one_before(client: TestClient) -> None:
+    for query, expected in {
+        "": (35, 36),
+        "&b=9": (8, 9),
+        "&b=2026-03-02T09:06:26Z": (8, 9),
+    }.items():
+        data = client.get(f"/api/difference?kb=courier{query}").json()
+        assert (data["a"], data["b"]) == expected
+
+
 def test_a_long_difference_is_read_page_by_page(
     filled: Filled, monkeypatch: pytest.MonkeyPatch
 ) -> None:

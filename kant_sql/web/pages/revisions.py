@@ -181,7 +181,7 @@ def difference(
         other = kb.revision
     one = moment(a)
     if one is None:
-        one = max(0, other - 1) if isinstance(other, int) else kb.revision
+        one = max(0, kb.at(other).revision - 1)
     found = read_difference(kb._reader(), one, other, offset, CHANGES)
     low, high = sorted((found.a, found.b))
     between = _log(kb, LogFilter(), low + 1, high, None, 20) if low < high else _EMPTY
