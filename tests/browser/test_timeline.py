@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import shutil
+from pathlib import Path
 from typing import Any
 from urllib.parse import parse_qs, unquote_plus, urlsplit
 
 import pytest
+from sqlalchemy import make_url
 
+import kant_sql
 from tests.browser.addresses import address
 from tests.browser.conftest import Visit
 from tests.support.browsing import NARROW, WIDE, Serving, Visitor
@@ -189,3 +193,25 @@ def test_a_server_that_does_not_answer_is_said(sqlite_served: Serving, visit: Vi
     visitor.page.wait_for_function("() => document.getElementById('trouble').hidden")
     visitor.settle()
     visitor.faults = [fault for fault in visitor.faults if "net::ERR_FAILED" not in fault]
+
+
+def test_a_window_without_an_end_follows_what_happens(
+    sqlite_story: str, tmp_path: Path, visit: Visit
+) -> None:
+    own = shutil.copy(str(make_url(sqlite_story).database), tmp_path / "own.db")
+    serving = Serving(f"sqlite:///{own}", tmp_path)
+    try:
+        visitor, other = visit(serving.address), visit(serving.address)
+        visitor.open(DAY)
+        other.open(NOON)
+        with kant_sql.connect(f"sqlite:///{own}", knowledge_base="courier", actor="night") as kb:
+            kb.propositions.save("(waiting t3)")
+        visitor.page.wait_for_function(
+            "() => JSON.stringify(document.getElementById('chart').layout).includes('(waiting t3)')"
+        )
+        visitor.page.wait_for_selector("#shown :text('(waiting t3)')")
+        visitor.settle()
+        assert asked(visitor) == {"kb": "courier"}
+        assert window(other) == ["2026-03-02 14:00:00", "2026-03-02 14:30:00"]
+    finally:
+        serving.stop()

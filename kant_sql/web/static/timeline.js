@@ -93,7 +93,6 @@
 
   function go(since, until) {
     const wanted = query();
-    wanted.delete("after");
     for (const [name, value] of [["since", since], ["until", until]]) {
       if (value === null) wanted.delete(name);
       else wanted.set(name, write(value));
