@@ -6,7 +6,8 @@ import importlib
 
 import pytest
 
-from tests.benchmarks import present
+from tests.benchmarks import present, web
+from tests.support.crawling import PATHS
 
 SMALL = {
     "acting": ["--repeat", "1", "--pairs", "0", "--backend", "sqlite"],
@@ -18,6 +19,7 @@ SMALL = {
     "present": ["--repeat", "1", "--backends", "sqlite-file", "sqlite-memory"],
     "timeline": ["--intervals", "500", "--backend", "sqlite"],
     "verifying": ["200", "sqlite"],
+    "web": ["--changes", "4000", "--repeat", "1", "--requests", "50", "--backend", "sqlite"],
 }
 
 
@@ -28,3 +30,7 @@ def test_a_benchmark_runs(
     monkeypatch.setattr(present, "CALLS", 20)
     assert importlib.import_module(f"tests.benchmarks.{name}").main(SMALL[name]) == 0
     assert "sqlite" in capsys.readouterr().out
+
+
+def test_the_time_of_each_page_is_measured() -> None:
+    assert {name.split()[0].rstrip(",") for name in web.pages(100)} == set(PATHS)

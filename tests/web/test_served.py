@@ -12,6 +12,7 @@ from functools import partial
 from pathlib import Path
 from urllib.parse import urlencode, urlsplit
 
+import psutil
 import pytest
 from sqlalchemy import make_url
 
@@ -214,6 +215,22 @@ def test_a_kept_connection_is_no_slower_than_new_ones(served: Serving) -> None:
     kept.close()
     # With Nagle's algorithm, each answer would wait for an acknowledgement: ten times as long.
     assert again[0] < 3 * anew[0]
+
+
+def test_its_memory_does_not_grow_with_requests(sqlite_story: str, tmp_path: Path) -> None:
+    running = Serving(sqlite_story, tmp_path, program=PROGRAM)
+    process, paths = psutil.Process(running.process.pid), list(everything())
+    try:
+        for path in paths * 8:
+            ask(running, path)
+        before = process.memory_info().rss
+        for path in paths * 16:
+            ask(running, path)
+        grown = process.memory_info().rss - before
+    finally:
+        running.stop()
+    # An answer that is kept has more than this.
+    assert grown < 8_000 * 16 * len(paths)
 
 
 def test_it_ends_with_ctrl_c(sqlite_story: str, tmp_path: Path) -> None:
