@@ -7,7 +7,7 @@ PY := $(VENV)/bin/python
 # Compiled modules are cached: processes and test workers start in half the time.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test test-fast browser check bench docs measure coverage clean
+.PHONY: demo test test-fast browser check bench docs screenshots measure coverage clean
 
 demo: $(VENV)/demo-ready
 	$(PY) examples/coffee_shop.py
@@ -42,6 +42,10 @@ bench: $(VENV)/test-ready
 # The site of docs/ with the API reference, in build/site; a warning is an error.
 docs: $(VENV)/test-ready
 	$(PY) -m mkdocs build --strict
+
+# The pictures of the docs, by the same script as a test of it; needs chromium.
+screenshots: $(VENV)/test-ready
+	$(PY) -m tests.browser.screenshots docs/images
 
 # Size, prose, imports and coverage of the source tree; ARGS="--root FOLDER" for another checkout.
 measure: $(VENV)/test-ready

@@ -131,6 +131,7 @@ class Visitor:
         address: str,
         *,
         width: int = WIDE,
+        height: int = 900,
         scheme: Scheme = "light",
         **options: Any,
     ) -> None:
@@ -138,7 +139,7 @@ class Visitor:
         self.faults: list[str] = []
         self.answers: list[tuple[int, str]] = []
         self._context = browser.new_context(
-            viewport={"width": width, "height": 900},
+            viewport={"width": width, "height": height},
             color_scheme=scheme,
             reduced_motion="reduce",
             **options,
