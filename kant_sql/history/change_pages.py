@@ -244,7 +244,7 @@ def _differences(is_narrow: bool, side: str) -> Query:
         if is_narrow:
             held = and_(version.since <= at, or_(version.until.is_(None), version.until > at))
         elif side == "1":
-            ends = version.until <= _AFTER
+            ends = version.until + literal_column("0") <= _AFTER
         else:
             ends = version.since + literal_column("0") > _BEFORE
         said = literal_column("''") if name == PROPOSITION else version.text

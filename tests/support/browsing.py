@@ -191,6 +191,12 @@ class Visitor:
         self.page.wait_for_load_state("load")
         self.page.wait_for_function("() => !document.querySelector('[aria-busy=true]')")
 
+    def look(self, width: int, scheme: Scheme) -> None:
+        """Make the window so wide, and prefer a colour scheme."""
+        self.page.set_viewport_size({"width": width, "height": 900})
+        self.page.emulate_media(color_scheme=scheme)
+        self.settle()
+
     def violations(self) -> list[str]:
         """Name the rules of accessibility that the page breaks, and where."""
         found = Axe().run(self.page).response["violations"]

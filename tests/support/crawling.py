@@ -156,7 +156,11 @@ def _written() -> tuple[set[str], set[str]]:
     texts += [path.read_text(encoding="utf-8") for path in (WEB / "pages").glob("*.py")]
     text = "\n".join(texts)
     elements = set(re.findall(r"<([a-z][a-z0-9]*)\b", text))
-    return elements, set(re.findall(r"[\s{}]([a-z][a-z0-9-]*)=[\"']", text)) | _BOOLEAN
+    named = {
+        *re.findall(r"[\s{}]([a-z][a-z0-9-]*)=[\"']", text),
+        *re.findall(r"data-[a-z-]+", text),
+    }
+    return elements, named | _BOOLEAN
 
 
 def walk(client: Client, starts: Iterable[str] = ("/",), most: int = 400) -> Iterator[Visited]:
@@ -179,6 +183,7 @@ def walk(client: Client, starts: Iterable[str] = ("/",), most: int = 400) -> Ite
         yield Visited(address, answer, markup)
         for link in markup.links if markup else ():
             parts = urlsplit(urljoin(address, link))
+            if parts.path not in PATHS and not parts.path.startswith("/api"):
             if parts.netloc or parts.path.startswith("/static/"):
                 continue
             following = parts.path + (f"?{parts.query}" if parts.query else "")

@@ -12,7 +12,7 @@ from fastapi.testclient import TestClient
 from sqlalchemy import make_url
 
 from kant_sql.web.application import create_app
-from tests.support.crawling import PATHS, Markup
+from tests.support.crawling import PATHS, Markup, walk
 from tests.support.servers import Server
 from tests.support.worlds.hostile import (
     KNOWLEDGE_BASE,
@@ -24,6 +24,8 @@ from tests.support.worlds.hostile import (
 )
 from tests.web.conftest import BASE
 
+# A page, whatever is in the store: the longest text has 10,000 characters.
+LARGEST = 2_000_000
 # Of each sort of attack one.
 ASKED = (NAMES[1], NAMES[2], NAMES[7], *TEXTS[-9:-6], *TEXTS[-3:])
 
@@ -44,6 +46,31 @@ def hostile(request: pytest.FixtureRequest) -> Iterator[TestClient]:
     url = request.getfixturevalue(f"{request.param}_hostile")
     with TestClient(create_app(url), base_url=BASE) as client:
         yield client
+
+
+@pytest.mark.slow
+def test_every_link_leads_somewhere(client: TestClient) -> None:
+    visited = [(page.answer.status_code, page.address) for page in walk(client)]
+    assert len(visited) > 50
+    assert [each for each in visited if each[0] != 200] == []
+
+
+@pytest.mark.slow
+def test_every_page_of_a_hostile_store_is_made_by_its_template(hostile: TestClient) -> None:
+    seen: set[str] = set()
+    for page in walk(hostile):
+        assert page.answer.status_code == 200, (page.address[:300], page.answer.text[:500])
+        assert len(page.answer.text) < LARGEST, page.address[:300]
+        assert "Traceback" not in page.answer.text
+        if page.markup is None:
+            assert page.answer.headers["content-type"] == "application/json"  # type: ignore[index]
+            continue
+        assert list(page.markup.faults()) == [], page.address[:300]
+        text = "".join(page.markup.texts)
+        assert "36481" not in text, "a template has evaluated a name"
+        seen.update(each for each in NAMES if each in text)
+    # They are not left out either.
+    assert seen == set(NAMES)
 
 
 @pytest.mark.slow
