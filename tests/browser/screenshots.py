@@ -12,16 +12,18 @@ from pathlib import Path
 from playwright.sync_api import Browser, sync_playwright
 
 from tests.audit.story import record_store
-from tests.browser.addresses import address
+from tests.browser.addresses import PLAN, address
 from tests.support.browsing import ARGUMENTS, Serving, Visitor, chromium
 
 # The largest that a picture may be: a page of the docs shows three.
 LARGEST = 150_000
-WIDTH, HEIGHT = 1200, 760
+WIDTH, HEIGHT = 1040, 700
 PICTURES = {
-    "timeline": address("/timeline", since="2026-03-02T08:00:00Z", until="2026-03-02T18:00:00Z"),
+    "timeline": address(
+        "/timeline", object="rb1", since="2026-03-02 08:00", until="2026-03-02 16:00"
+    ),
     "state": address("/state", at="2026-03-02 14:03"),
-    "plan": address("/plan", id=1),
+    "plan": address("/plan", id=PLAN),
 }
 FOLDER = Path(__file__).parents[2] / "docs" / "images"
 

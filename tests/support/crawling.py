@@ -183,7 +183,6 @@ def walk(client: Client, starts: Iterable[str] = ("/",), most: int = 400) -> Ite
         yield Visited(address, answer, markup)
         for link in markup.links if markup else ():
             parts = urlsplit(urljoin(address, link))
-            if parts.path not in PATHS and not parts.path.startswith("/api"):
             if parts.netloc or parts.path.startswith("/static/"):
                 continue
             following = parts.path + (f"?{parts.query}" if parts.query else "")
