@@ -15,10 +15,11 @@ import argparse
 import http.client
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from functools import partial
 from pathlib import Path
 from statistics import median
+from typing import NamedTuple
 from urllib.parse import urlencode, urlsplit
 
 import psutil
@@ -62,15 +63,45 @@ def address(path: str, **query: object) -> str:
     return f"{path}?{urlencode({'kb': NAME, **query})}"
 
 
-def pages(last: int) -> dict[str, Address]:
-    """Give the n-th address of each page, at a store whose last revision is so and so."""
+class Known(NamedTuple):
+    """What a store has that is asked for.
+
+    Attributes:
+        last: its last revision.
+        facts: facts that held at one time or another.
+        plans: the ids of its plans.
+    """
+
+    last: int
+    facts: list[str]
+    plans: list[int]
+
+
+def known(url: str) -> Known:
+    """Look up what there is to ask for."""
+    with kant_sql.connect(url, knowledge_base=NAME) as kb:
+        last = kb.revision
+        facts = {
+            str(fact)
+            for part in range(1, 21)
+            for fact in kb.at(last * part // 20).propositions.get_by_predicate("robot_at")
+        }
+        return Known(last, sorted(facts), [plan.id for plan in kb.plans.get_all()])
+
+
+def pages(store: Known) -> dict[str, Address]:
+    """Give the n-th address of each page."""
+    last = store.last
 
     def at(n: int) -> int:
         # Over all of the past after the objects, and never twice.
         return 10 + (n + 1) * 618_033 % (last - 10)
 
     def fact(n: int) -> str:
-        return f"(robot_at robot{n % 10} wp{n % 200})"
+        return store.facts[n * 7 % len(store.facts)]
+
+    def plan(n: int) -> int:
+        return store.plans[n % len(store.plans)]
 
     return {
         "/": lambda n: f"/?n={n}",
@@ -89,7 +120,14 @@ def pages(last: int) -> dict[str, Address]:
         "/object": lambda n: address("/object", name=f"robot{n % 10}"),
         "/action": lambda n: address("/action", name="wait", n=n),
         "/plans": lambda n: address("/plans", n=n),
-        "/plan": lambda n: address("/plan", id=1 + n % PLANS),
+        "/plan": lambda n: address("/plan", id=plan(n)),
+        "/given": lambda n: address("/given", id=plan(n)),
+        "/given.pddl": lambda n: address("/given.pddl", id=plan(n), part="problem"),
+        "/type": lambda n: address("/type", name="robot", n=n),
+        "/predicate": lambda n: address("/predicate", name="robot_at", n=n),
+        "/function": lambda n: address("/function", name="level", n=n),
+        "/search": lambda n: address("/search", q=f"robot{n % 10}"),
+        "/search of a fact": lambda n: address("/search", q=f"robot_at robot{n % 10}"),
         "/ask": lambda n: address("/ask", condition=f"(robot_at robot{n % 10} ?w)", at=at(n)),
         "/ask when": lambda n: address(
             "/ask", condition=fact(n), mode="when", since=moment(at(n)), until=moment(at(n) + 5000)
@@ -117,6 +155,10 @@ class Reader:
         text = answer.read()
         assert answer.status == 200, (path, answer.status, text[:500])
 
+    def close(self) -> None:
+        """Close the connection."""
+        self._connection.close()
+
 
 @contextmanager
 def serving(url: str) -> Iterator[tuple[Serving, Reader]]:
@@ -124,14 +166,15 @@ def serving(url: str) -> Iterator[tuple[Serving, Reader]]:
     with tempfile.TemporaryDirectory() as folder:
         served = Serving(url, Path(folder), program=PROGRAM)
         try:
-            yield served, Reader(served)
+            with closing(Reader(served)) as reader:
+                yield served, reader
         finally:
             served.stop()
 
 
-def measure(reader: Reader, last: int, repeat: int) -> Iterator[tuple[str, float, list[float]]]:
+def measure(reader: Reader, store: Known, repeat: int) -> Iterator[tuple[str, float, list[float]]]:
     """Give each page, its first answer, and the sorted times of further ones."""
-    for name, give in pages(last).items():
+    for name, give in pages(store).items():
         times = [seconds(partial(reader.ask, give(n))) for n in range(repeat + 1)]
         yield name, times[0], sorted(times[1:])
 
@@ -141,10 +184,10 @@ def aim_of(name: str) -> float:
     return AIM_OF_TIMELINE if name.startswith("/timeline") else AIM
 
 
-def memory(served: Serving, reader: Reader, last: int, requests: int) -> list[tuple[int, float]]:
+def memory(served: Serving, reader: Reader, store: Known, requests: int) -> list[tuple[int, float]]:
     """Make requests, and give the memory of the server in MB after more and more of them."""
     process = psutil.Process(served.process.pid)
-    gives = list(pages(last).values())
+    gives = list(pages(store).values())
     found = []
     marks = {requests * part // 10 for part in range(1, 11)}
     for number in range(1, requests + 1):
@@ -155,16 +198,17 @@ def memory(served: Serving, reader: Reader, last: int, requests: int) -> list[tu
     return found
 
 
-def run(backend: str, url: str, last: int, repeat: int, requests: int) -> None:
+def run(backend: str, url: str, repeat: int, requests: int) -> None:
+    store = known(url)
     with serving(url) as (served, reader):
         rows = []
-        for name, first, times in measure(reader, last, repeat):
+        for name, first, times in measure(reader, store, repeat):
             row = [name, *(f"{1e3 * each:.1f}" for each in (first, median(times), times[-1]))]
             rows.append([*row, "" if median(times) < aim_of(name) else "misses its aim"])
         header = [f"{backend}, ms", "first", "median", "slowest", ""]
-        print_table(f"Pages of a store of {last:,} revisions", header, rows)
+        print_table(f"Pages of a store of {store.last:,} revisions", header, rows)
         if requests:
-            found = [(f"{n:,}", f"{mb:.1f}") for n, mb in memory(served, reader, last, requests)]
+            found = [(f"{n:,}", f"{mb:.1f}") for n, mb in memory(served, reader, store, requests)]
             print_table("Memory of the server", [f"{backend}, requests", "MB"], found)
 
 
@@ -177,16 +221,14 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--url", help="a store that this benchmark has filled before")
     options = parser.parse_args(argv)
     if options.url:
-        with kant_sql.connect(options.url, knowledge_base=NAME) as kb:
-            last = kb.revision
-        run("given", options.url, last, options.repeat, options.requests)
+        run("given", options.url, options.repeat, options.requests)
         return 0
     with stores(options.backend or ["sqlite", "postgresql"]) as places:
         for backend, new in places.items():
             url = new()
-            last = fill(url, options.changes, 1)
+            fill(url, options.changes, 1)
             plans(url)
-            run(backend, url, last, options.repeat, options.requests)
+            run(backend, url, options.repeat, options.requests)
     return 0
 
 

@@ -59,3 +59,5 @@ ADDRESSES: dict[str, tuple[str, ...]] = {
     "/verify": (address("/verify"),),
 }
 ALL = [each for path in PATHS for each in ADDRESSES.get(path, ())]
+# Of each page one.
+FIRST = [given[0] for given in ADDRESSES.values() if given]

@@ -11,11 +11,13 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 import pytest
-from playwright.sync_api import Browser, sync_playwright
+from playwright.sync_api import Browser, expect, sync_playwright
 
 from tests.support.browsing import ARGUMENTS, Serving, Visitor, chromium
 
 REQUIRED = "KANT_SQL_TEST_REQUIRE_BROWSER"
+# The machine may have other things to do, too.
+expect.set_options(timeout=30_000)
 Visit = Callable[..., Visitor]
 
 

@@ -157,7 +157,7 @@ def _written() -> tuple[set[str], set[str]]:
     text = "\n".join(texts)
     elements = set(re.findall(r"<([a-z][a-z0-9]*)\b", text))
     named = {
-        *re.findall(r"[\s{}]([a-z][a-z0-9-]*)=[\"']", text),
+        *(name.lower() for name in re.findall(r"[\s{}]([A-Za-z][A-Za-z0-9-]*)=[\"']", text)),
         *re.findall(r"data-[a-z-]+", text),
     }
     return elements, named | _BOOLEAN
