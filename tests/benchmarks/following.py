@@ -3,11 +3,11 @@
     python -m tests.benchmarks.following [--readers 50] [--backend sqlite]
 
 Three processes: one writes revisions, one is `kant-sql serve`, one has the readers' connections.
-Rounds alternate with rounds in which the writer is alone, without a server; the table has the best
-round of each, for other programs only slow a round down.
-A paced writer makes 100 revisions in a second, which is busy for a robot; the other makes them as
-fast as it can. Aim: 5 % at most. The server's share of a processor bounds what it can cost a
-writer with which it has to share the last core.
+The latter two are stopped and go on in turn, every half second, so that what else the machine does
+disturbs both sides alike; the table has the median of all windows. A paced writer makes 100
+revisions in a second, which is busy for a robot; the other makes them as fast as it can. Aim: 5 %
+at most. The server's share of a processor bounds what it can cost a writer with which it has to
+share the last core.
 """
 
 from __future__ import annotations
@@ -18,69 +18,63 @@ import socket
 import sys
 import tempfile
 import time
+from bisect import bisect_left
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
+from itertools import cycle
 from multiprocessing.connection import Connection
 from pathlib import Path
 from statistics import fmean, median
-from typing import Any, NamedTuple
+from typing import NamedTuple
 from urllib.parse import urlsplit
 
 import psutil
 
 import kant_sql
-from kant_sql import PddlPropositionDto
 from tests.benchmarks.support import print_table, stores
 from tests.support.browsing import Serving
 from tests.support.processes.workers import PROCESSES
 from tests.support.worlds.robots import robot_at
 
-READERS, ROUNDS = 50, 5
+READERS, WINDOWS = 50, 40
 PACE = 0.01
-SECONDS = 4.0
-WARM_UP = 50
+# Seconds of a window, and at its beginning those that do not count.
+WINDOW, TURN = 0.5, 0.05
+WRITERS = {"paced": PACE, "flat out": 0.0}
 
 
-class Written(NamedTuple):
-    """What a writer measured.
+class Write(NamedTuple):
+    """A write.
 
     Attributes:
-        paced: the median time of a write, in seconds, of a writer that makes 100 in a second.
-        flat_out: the mean time of a write of a writer that does not wait.
+        began: when, on the clock that all processes share.
+        took: how long it took, in seconds.
     """
 
-    paced: float
-    flat_out: float
+    began: float
+    took: float
 
 
-def write(url: str, seconds: float, say: Connection) -> None:
-    """Write revisions, first at a pace and then without; send the times."""
+def write(url: str, pace: float, say: Connection) -> None:
+    """Write revisions until told to end; send how long each took."""
     with kant_sql.connect(url, knowledge_base="robot", actor="writer") as kb:
-        fact = robot_at()
-        for _ in range(WARM_UP):
-            _toggle(kb, fact)
-        paced, flat_out = ([*_times(kb, fact, pace, seconds)] for pace in (PACE, 0.0))
-        say.send(Written(median(paced), fmean(flat_out)))
+        say.send("ready")
+        writes = [*_writes(kb, pace, say)]
+    say.send(writes)
 
 
-def _toggle(kb: kant_sql.KnowledgeBase, fact: PddlPropositionDto) -> None:
-    if not kb.propositions.save(fact):
-        kb.propositions.delete(fact)
-
-
-def _times(
-    kb: kant_sql.KnowledgeBase, fact: PddlPropositionDto, pace: float, seconds: float
-) -> Iterator[float]:
-    due = time.perf_counter()
-    end, is_there = due + seconds, False
-    change = {False: kb.propositions.save, True: kb.propositions.delete}
-    kb.propositions.delete(fact)
-    while (started := time.perf_counter()) < end:
-        change[is_there](fact)
-        is_there = not is_there
-        yield time.perf_counter() - started
+def _writes(kb: kant_sql.KnowledgeBase, pace: float, say: Connection) -> Iterator[Write]:
+    fact, due = robot_at(), time.monotonic()
+    kb.propositions.save(fact)
+    for change in cycle((kb.propositions.delete, kb.propositions.save)):
+        if say.poll():
+            return
+        began = time.monotonic()
+        assert change(fact)
+        yield Write(began, time.monotonic() - began)
         due += pace
-        time.sleep(max(0.0, due - time.perf_counter()) if pace else 0)
+        if pace:
+            time.sleep(max(0.0, due - time.monotonic()))
 
 
 def read(address: str, readers: int, say: Connection) -> None:
@@ -108,8 +102,8 @@ def read(address: str, readers: int, say: Connection) -> None:
 
 
 @contextmanager
-def following(url: str, readers: int, shares: list[float]) -> Iterator[None]:
-    """Let readers follow a knowledge base; note the server's share of a processor meanwhile."""
+def following(url: str, readers: int) -> Iterator[tuple[psutil.Process, psutil.Process]]:
+    """Let readers follow a knowledge base; give the processes of the server and the readers."""
     with tempfile.TemporaryDirectory() as folder:
         served = Serving(url, Path(folder))
         here, there = PROCESSES.Pipe()
@@ -118,13 +112,9 @@ def following(url: str, readers: int, shares: list[float]) -> Iterator[None]:
         try:
             assert here.poll(20)
             here.recv()
-            server = _server(served.address)
-            before, started = sum(server.cpu_times()[:2]), time.perf_counter()
-            yield
-            used = sum(server.cpu_times()[:2]) - before
-            shares.append(used / (time.perf_counter() - started))
+            yield _server(served.address), psutil.Process(process.pid)
             here.send("how many?")
-            assert here.poll(10)
+            assert here.poll(20)
             assert here.recv() > readers, "the readers were told of nothing"
         finally:
             process.kill()
@@ -142,56 +132,77 @@ def _server(address: str) -> psutil.Process:
     return psutil.Process(next(listening))
 
 
-def measure(url: str, seconds: float) -> Written:
-    """Let a process write."""
+class Compared(NamedTuple):
+    """What was measured of a writer.
+
+    Attributes:
+        alone: the time of a write while nobody follows, in seconds.
+        followed: its time with readers.
+        share: of a processor, what the server takes meanwhile.
+    """
+
+    alone: float
+    followed: float
+    share: float
+
+
+def compare(url: str, readers: int, pace: float, windows: int) -> Compared:
+    """Let a process write, with readers in every other window."""
     here, there = PROCESSES.Pipe()
-    process = PROCESSES.Process(target=write, args=(url, seconds, there))
-    process.start()
-    assert here.poll(60 + 4 * seconds)
-    written: Written = here.recv()
-    process.join()
-    return written
+    process = PROCESSES.Process(target=write, args=(url, pace, there))
+    begins: list[float] = []
+    with following(url, readers) as others:
+        used = -sum(others[0].cpu_times()[:2])
+        process.start()
+        assert here.poll(60)
+        here.recv()
+        for number in range(2 * windows):
+            for each in others:
+                each.suspend() if number % 2 else each.resume()
+            begins.append(time.monotonic())
+            time.sleep(WINDOW)
+        for each in others:
+            each.resume()
+        used += sum(others[0].cpu_times()[:2])
+        here.send("enough")
+        assert here.poll(60)
+        writes: list[Write] = here.recv()
+        process.join()
+    sides = [_means(writes, begins[side::2]) for side in (1, 0)]
+    return Compared(median(sides[0]), median(sides[1]), used / (windows * WINDOW))
 
 
-def compare(url: str, readers: int, rounds: int, seconds: float) -> tuple[Written, Written, float]:
-    """Measure a writer alone and with readers, in turn, and the server's share of a processor."""
-    with kant_sql.connect(url, knowledge_base="robot", actor="writer") as kb:
-        kb.propositions.save(robot_at())
-    alone, followed = [], []
-    shares: list[float] = []
-    for number in range(rounds):
-        for is_followed in (False, True) if number % 2 else (True, False):
-            if is_followed:
-                with following(url, readers, shares):
-                    followed.append(measure(url, seconds))
-            else:
-                alone.append(measure(url, seconds))
-    return _best(alone), _best(followed), median(shares)
-
-
-def _best(measured: Sequence[Written]) -> Written:
-    return Written(*(min(column) for column in zip(*measured, strict=True)))
+def _means(writes: Sequence[Write], begins: Sequence[float]) -> list[float]:
+    """Return the mean time of the writes in each window."""
+    found = []
+    for begin in begins:
+        low = bisect_left(writes, begin + TURN, key=lambda one: one.began)
+        high = bisect_left(writes, begin + WINDOW - TURN, key=lambda one: one.began)
+        if low < high:
+            found.append(fmean(one.took for one in writes[low:high]))
+    return found
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Measure, and print a table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--readers", type=int, default=READERS)
-    parser.add_argument("--rounds", type=int, default=ROUNDS)
-    parser.add_argument("--seconds", type=float, default=SECONDS)
+    parser.add_argument("--windows", type=int, default=WINDOWS)
     parser.add_argument("--backend", action="append", choices=("sqlite", "postgresql"))
     given = parser.parse_args(argv)
-    rows: list[Any] = []
+    rows: list[Sequence[str]] = []
     with stores(given.backend or ("sqlite", "postgresql")) as made:
         for backend, new in made.items():
-            alone, followed, share = compare(new(), given.readers, given.rounds, given.seconds)
-            for writer in Written._fields:
-                before, after = getattr(alone, writer), getattr(followed, writer)
-                slower = f"{100 * (after / before - 1):+.1f} %"
-                shown = [f"{took * 1e6:.0f} us" for took in (before, after)]
-                rows.append((backend, writer, *shown, slower))
-            rows.append((backend, "server", "", f"{100 * share:.1f} % of a core"))
-    header = ("backend", "writer", "alone", f"{given.readers} readers", "slower")
+            url = new()
+            with kant_sql.connect(url, knowledge_base="robot", actor="writer") as kb:
+                kb.propositions.save(robot_at())
+            for writer, pace in WRITERS.items():
+                found = compare(url, given.readers, pace, given.windows)
+                times = [f"{took * 1e6:.0f} us" for took in (found.alone, found.followed)]
+                slower = f"{100 * (found.followed / found.alone - 1):+.1f} %"
+                share = f"{100 * found.share:.1f} % of a core"
+                rows.append((f"{backend}, {writer}", *times, slower, share))
+    header = ("writer", "alone", f"{given.readers} readers", "slower", "server")
     print_table("a write, alone and with readers of live pages", header, rows)
     return 0
 
