@@ -14,6 +14,7 @@ SMALL = {
     "answering": ["--facts", "2000", "--edges", "90", "--rounds", "3", "--backend", "sqlite"],
     "asof": ["--changes", "30000", "--small", "20000", "--backend", "sqlite"],
     "documents": ["--facts", "50", "--repeat", "1", "--backend", "sqlite"],
+    "exporting": ["--revisions", "500", "--repeat", "1", "--backend", "sqlite"],
     "following": ["--readers", "3", "--windows", "2", "--backend", "sqlite"],
     "held": ["--changes", "30000", "--small", "20000", "--backend", "sqlite"],
     "present": ["--repeat", "1", "--backends", "sqlite-file", "sqlite-memory"],
