@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import logging
 import threading
 from collections.abc import AsyncIterator
 from contextlib import suppress
@@ -38,6 +39,9 @@ LINGER = 10.0
 RETRY = 2_000
 THREAD = "kant_sql live"
 MOST_READERS, MOST_WATCHED = 500, 32
+
+
+logger = logging.getLogger("kant_sql.web")
 
 
 class LiveDocument(TypedDict):
@@ -102,11 +106,15 @@ class LiveHub:
         self._readers = 0
         self.is_closed = False
 
+    def admit(self, name: str | None) -> None:
+        """Raise when there are too many readers already."""
+        is_new = name not in self._feeds
+        if self._readers >= MOST_READERS or (is_new and len(self._feeds) > MOST_WATCHED):
+            raise StoreBusyError("too many readers follow live changes; reload the page instead")
+
     def join(self, name: str | None) -> LiveFeed:
         """Become a reader of a knowledge base, or of the home page."""
         feed = self._feeds.get(name)
-        if self._readers >= MOST_READERS or (feed is None and len(self._feeds) > MOST_WATCHED):
-            raise StoreBusyError("too many readers follow live changes; reload the page instead")
         if feed is None:
             feed = self._feeds[name] = LiveFeed()
             watch = watch_store if name is None else watch_knowledge_base
@@ -149,6 +157,9 @@ def watch_knowledge_base(store: OpenStore, feed: LiveFeed, name: str) -> None:
             seen = None
         except KantSqlError:
             feed.is_over.wait(RECOVER)
+        except Exception as error:
+            logger.error("following %r failed, trying again", name, exc_info=error)
+            feed.is_over.wait(RECOVER)
 
 
 def _watch(kb: KnowledgeBase, name: str, feed: LiveFeed, seen: int | None) -> int:
@@ -163,9 +174,9 @@ def _watch(kb: KnowledgeBase, name: str, feed: LiveFeed, seen: int | None) -> in
 
 
 def _document(kb: KnowledgeBase, name: str, head: int) -> LiveDocument:
-    [revision] = kb.revisions(head - 1, limit=1) if head else [None]
+    revision = next(iter(kb.revisions(head - 1, limit=1)), None) if head else None
     if revision is None:
-        return _message(name, 0, "Nothing was written yet.")
+        return _message(name, head, f"Revision {head}")
     who = "" if revision.actor is None else f" by {shorten(revision.actor, 60)}"
     why = "" if revision.reason is None else f": {shorten(revision.reason, 120)}"
     document = _message(name, head, f"Revision {head}{who}{why}")
@@ -232,17 +243,17 @@ async def events(
         await answer(request, lambda: store.require(kb_name))
     is_number = last_event_id is not None and last_event_id.isascii() and last_event_id.isdigit()
     seen = int(last_event_id) if is_number and last_event_id else after
-    feed = hub.join(kb_name)
+    hub.admit(kb_name)
     return StreamingResponse(
-        _stream(hub, kb_name, feed, seen),
+        _stream(hub, kb_name, seen),
         media_type="text/event-stream",
         headers={"Cache-Control": "no-store", "X-Accel-Buffering": "no"},
     )
 
 
-async def _stream(
-    hub: LiveHub, name: str | None, feed: LiveFeed, seen: int | None
-) -> AsyncIterator[str]:
+async def _stream(hub: LiveHub, name: str | None, seen: int | None) -> AsyncIterator[str]:
+    # Not before: of a reader who leaves at once, this never begins.
+    feed = hub.join(name)
     try:
         yield f"retry: {RETRY}\n\n"
         while not hub.is_closed:

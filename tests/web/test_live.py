@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
+from urllib.parse import urlsplit
 
 import httpx
 import pytest
@@ -164,6 +165,24 @@ def test_too_many_readers_are_refused(
     monkeypatch.setattr(live, "MOST_READERS", 1)
     with running(shared_url) as address, listening(address):
         assert httpx.get(f"{address}/live?kb=tiago").status_code == 503
+
+
+def test_readers_who_leave_at_once_are_no_readers(
+    shared_url: str, kb: KnowledgeBase, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(live, "MOST_READERS", 2)
+    with running(shared_url) as address:
+        parts = urlsplit(address)
+        request = f"GET /live?kb=tiago HTTP/1.1\r\nHost: {parts.netloc}\r\n\r\n".encode()
+        for _ in range(20):
+            with socket.create_connection((parts.hostname or "", parts.port or 0)) as leaving:
+                leaving.sendall(request)
+
+        def is_admitted() -> bool:
+            with httpx.stream("GET", f"{address}/live?kb=tiago", timeout=SOON) as answer:
+                return answer.status_code == 200
+
+        wait_for(is_admitted)
 
 
 def test_quiet_streams_are_kept_alive(
