@@ -5,7 +5,8 @@
   const chart = document.getElementById("chart");
   const form = document.getElementById("filter");
   complete();
-  if (!chart || !window.Plotly) return;
+  if (!chart) return;
+  if (!window.Plotly) return chart.removeAttribute("aria-busy");
   const trouble = document.getElementById("trouble");
   const REST = 250, PAUSE = 1000, SHORTEST = 2;
   const CONFIG = { displayModeBar: false, responsive: true, doubleClick: false, showTips: false };
