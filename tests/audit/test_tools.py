@@ -20,6 +20,7 @@ from sqlalchemy import create_engine, make_url
 import kant_sql
 from kant_sql.sql.audit_views import AUDIT_VIEWS, ColumnType
 from tests.audit.duck import install_sqlite_extension
+from tests.audit.test_literals import CONDITIONS, DOMAIN, DURATIVE, EFFECTS
 from tests.audit.test_views import VIEWS, columns_of
 from tests.support.pages import rows_of
 
@@ -102,6 +103,26 @@ def test_duckdb_lists_the_store(duck: Any) -> None:
     """One view that DuckDB cannot read, and it lists none."""
     question = "SELECT view_name FROM duckdb_views() WHERE database_name = 'store'"
     assert {row[0] for row in duck.execute(question).fetchall()} == VIEWS.keys()
+
+
+def test_duckdb_reads_literals_of_every_form(duck: Any, tmp_path: Path) -> None:
+    """DuckDB walks all trees at once, in words of its own."""
+    file = tmp_path / "store.db"
+    forms = [(DOMAIN, condition, "(and)") for condition in CONDITIONS]
+    forms += [(DOMAIN, "(and)", effect) for effect in EFFECTS]
+    forms += [
+        (DURATIVE, "(over all (not (or (p ?a) (r))))", "(when (at start (r)) (at end (p ?b)))")
+    ]
+    for number, (domain, condition, effect) in enumerate(forms):
+        with kant_sql.connect(f"sqlite:///{file}", knowledge_base=f"kb {number}") as kb:
+            kb.load_domain(domain.format(name="act", condition=condition, effect=effect))
+    duck.execute(f"ATTACH '{file}' AS literals (TYPE sqlite, READ_ONLY)")
+    columns = "knowledge_base, kind, section, position, role, predicate, literal, time, since"
+    question = f"SELECT {columns}, CAST(is_conditional AS INTEGER) FROM audit_action_literal"
+    read = duck.execute(question.replace("audit_", "literals.audit_")).fetchall()
+    assert sorted(map(repr, read)) == sorted(map(repr, rows_of(f"sqlite:///{file}", question)))
+    assert len(read) > len(forms)
+    duck.execute("DETACH literals")
 
 
 def test_duckdb_reads_generated_views_with_types(
