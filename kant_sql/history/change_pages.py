@@ -43,6 +43,7 @@ from ..sql.tables import (
     PlanStepVersionRow,
     PropositionArgumentRow,
     PropositionRow,
+    RevisionRow,
 )
 from ..store.snapshot import refuse_archived
 from .excerpts import StateReader
@@ -50,6 +51,8 @@ from .moments import When, states_at
 
 # Up to this number changes are in the order of their texts, beyond it in that of their ids.
 SORTED = 5_000
+# Changes of a kind that a revision is counted and shown with.
+COUNTED_CHANGES = 50_000
 # States so many revisions apart are compared by what began and ended between them.
 NARROW = 20_000
 # Differences of a kind that are found; the rest is left out.
@@ -153,19 +156,23 @@ def _page(rows: list[Row], offset: int, limit: int) -> ChangesPage:
     return ChangesPage(changes, offset + limit if len(rows) > limit else None)
 
 
-def _among(column: Any) -> ColumnElement[bool]:
-    return in_list(column, "numbers")
-
-
 @cache
 def _counts() -> Query:
-    ends = [part.with_only_columns(part.selected_columns.revision) for part in _ends(_among)]
-    revision = union_all(*ends).subquery("ends").c.revision
-    return Query(select(revision, func.count()).group_by(revision))
+    """Count what each revision changed: of a kind, up to a bound."""
+    revision = table_of(RevisionRow)
+    one: Any = literal_column("1")
+    bound: Any = literal_column(str(COUNTED_CHANGES))
+    numbers: list[Any] = []
+    for part in _ends(lambda column: column == revision.c.number):
+        some = first_rows(part.with_only_columns(one).correlate(revision), bound).subquery()
+        numbers.append(select(func.count()).select_from(some).scalar_subquery())
+    total = sum(numbers[1:], start=numbers[0])
+    rows = select(revision.c.number, total).where(revision.c.kb_id == KB)
+    return Query(rows.where(in_list(revision.c.number, "numbers")))
 
 
 def count_changes(session: Session, kb_id: int, numbers: Iterable[int]) -> dict[int, int]:
-    """Count what some revisions changed, in one statement."""
+    """Count what some revisions changed, up to `COUNTED_CHANGES` and perhaps more."""
     listed = session.list_value([*numbers])
     return {row[0]: row[1] for row in session.rows(_counts(), kb=kb_id, numbers=listed)}
 
@@ -180,7 +187,9 @@ def changes_of(session: Session, kb_id: int, numbers: list[int]) -> dict[int, tu
 
 @cache
 def _of_revision(by_text: bool) -> Query:
-    return _paged(_ends(lambda column: column == integer("number")), by_text)
+    bound: Any = literal_column(str(COUNTED_CHANGES))
+    parts = _ends(lambda column: column == integer("number"))
+    return _paged([select(first_rows(part, bound).subquery()) for part in parts], by_text)
 
 
 def read_changes_page(

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from functools import cache
 from typing import Any, NamedTuple
 
-from sqlalchemy import Select, func, literal_column, select, union_all
+from sqlalchemy import ColumnElement, Select, func, literal_column, select, union_all
 
 from ..arguments import shown
 from ..dao.known import refuse_unknown
@@ -35,6 +35,8 @@ from .versions import Version
 MOST_OWNERS = 20
 # Names and facts that a search looks through.
 SEARCHED_NAMES = 10_000
+# Steps of plans that are looked through for objects that more of them name.
+SEARCHED_STEPS = 5_000
 DEFINED = ("action", "predicate", "function", "type")
 
 
@@ -166,55 +168,93 @@ _STEPS_SHOWN = 20
 _STEP, _ARGUMENT = table_of(PlanStepRow), table_of(PlanStepArgumentRow)
 
 
-def _status() -> Any:
-    version = table_of(PlanStepVersionRow).c
-    return (
-        select(version.status)
-        .where(version.kb_id == _STEP.c.kb_id, version.plan_id == _STEP.c.plan_id)
-        .where(version.position == _STEP.c.position, version.until.is_(None))
-        .correlate(_STEP)
-        .scalar_subquery()
+def _named(step: Any, place: int) -> ColumnElement[bool]:
+    """Return whether a step names an object."""
+    argument = _ARGUMENT.alias(f"argument{place}").c
+    own = argument.plan_id == step.plan_id, argument.position == step.position
+    # An expression has no index: an object may be in many steps, a step has few arguments.
+    is_named = argument.object_id + literal_column("0") == integer(f"object{place}")
+    found: Select[Any] = select(literal_column("1")).where(argument.kb_id == KB, *own, is_named)
+    return found.exists()
+
+
+def _shown(places: Any) -> Query:
+    """Read the newest of some steps, with what became of them."""
+    newest = places.order_by(
+        places.selected_columns.plan_id.desc(), places.selected_columns.position.desc()
     )
+    page = first_rows(newest, integer("size")).subquery("page").c
+    version = table_of(PlanStepVersionRow).c
+
+    def of_page(table: Any, column: Any, *which: Any) -> Any:
+        own = table.plan_id == page.plan_id, table.position == page.position
+        found = select(column).where(table.kb_id == KB, *own, *which)
+        return found.correlate_except(column.table).scalar_subquery()
+
+    text = of_page(_STEP.c, _STEP.c.text)
+    status = of_page(version, version.status, version.until.is_(None))
+    lines = select(page.plan_id, page.position, text, status)
+    return Query(lines.order_by(page.plan_id.desc(), page.position.desc()))
 
 
 @cache
-def _steps(number: int) -> Query:
-    """Select the newest steps of an action, or those that name all of some objects."""
-    steps = select(_STEP.c.plan_id, _STEP.c.position, _STEP.c.text, _status())
-    steps = steps.where(_STEP.c.kb_id == KB)
-    if number == 0:
-        steps = steps.where(_STEP.c.action_id == integer("action"))
+def _steps_of_action() -> Query:
+    steps = select(_STEP.c.plan_id, _STEP.c.position).where(_STEP.c.kb_id == KB)
+    return _shown(steps.where(_STEP.c.action_id == integer("action")))
+
+
+@cache
+def _steps_naming(number: int, is_recent: bool) -> Query:
+    """Select the steps that name all of some objects, by the first one or among the newest."""
+    if is_recent:
+        newest = select(_STEP.c.plan_id, _STEP.c.position).where(_STEP.c.kb_id == KB)
+        newest = newest.order_by(_STEP.c.plan_id.desc(), _STEP.c.position.desc())
+        steps: Any = first_rows(newest, literal_column(str(SEARCHED_STEPS))).subquery("newest").c
+        places = select(steps.plan_id, steps.position)
+        return _shown(places.where(*(_named(steps, place) for place in range(number))))
+    first = _ARGUMENT.alias("first").c
+    own = first.kb_id == KB, first.object_id == integer("object0")
+    places = select(first.plan_id, first.position).where(*own).distinct()
+    return _shown(places.where(*(_named(first, place) for place in range(1, number))))
+
+
+@cache
+def _uses(number: int) -> Query:
+    """Count the steps that name each of some objects, up to a bound."""
+    counts = []
     for place in range(number):
-        argument = _ARGUMENT.alias(f"argument{place}").c
-        is_named = argument.object_id == integer(f"object{place}")
-        if place == 0:
-            plans: Select[Any] = select(argument.plan_id).where(argument.kb_id == KB, is_named)
-            steps = steps.where(in_rows(_STEP.c.plan_id, plans))
-        own = argument.plan_id == _STEP.c.plan_id, argument.position == _STEP.c.position
         named: Select[Any] = select(literal_column("1")).where(
-            argument.kb_id == _STEP.c.kb_id, *own, is_named
+            _ARGUMENT.c.kb_id == KB, _ARGUMENT.c.object_id == integer(f"object{place}")
         )
-        steps = steps.where(named.correlate(_STEP).exists())
-    steps = steps.order_by(_STEP.c.plan_id.desc(), _STEP.c.position.desc())
-    return Query(first_rows(steps, integer("size")))
+        some = first_rows(named, literal_column(str(SEARCHED_STEPS + 1))).subquery()
+        counts.append(select(func.count()).select_from(some).scalar_subquery())
+    return Query(select(*counts))
+
+
+def _read_steps(session: Session, kb_id: int, objects: Sequence[int]) -> list[StepLine]:
+    """Read the newest steps that name all of some objects, in two statements."""
+    own = {f"object{place}": id_ for place, id_ in enumerate(objects)}
+    counts = session.first(_uses(len(objects)), kb=kb_id, **own) or (0,)
+    is_recent = min(counts) > SEARCHED_STEPS
+    rarest = sorted(range(len(objects)), key=lambda place: counts[place])
+    own = {f"object{place}": objects[which] for place, which in enumerate(rarest)}
+    query = _steps_naming(len(objects), is_recent)
+    return [StepLine(*row) for row in session.rows(query, kb=kb_id, size=_STEPS_SHOWN, **own)]
 
 
 def _steps_of_element(
     session: Session, kb_id: int, applied: Applied | None, action: str | None
 ) -> list[StepLine]:
-    """Read steps in two statements at most."""
+    """Read steps in three statements at most."""
     if action is not None:
         ids = _ids(session, kb_id, "action", [action])
-        own: dict[str, Any] = {"action": ids[0]} if ids else {}
-    elif applied is not None and applied.arguments:
-        ids = _ids(session, kb_id, "object", [*dict.fromkeys(applied.arguments)])
-        own = {f"object{place}": id_ for place, id_ in enumerate(ids or ())}
-    else:
-        own = {}
-    if not own:
+        own = {"kb": kb_id, "size": _STEPS_SHOWN}
+        rows = session.rows(_steps_of_action(), **own, action=ids[0]) if ids else ()
+        return [StepLine(*row) for row in rows]
+    if applied is None or not applied.arguments:
         return []
-    query = _steps(0 if action is not None else len(own))
-    return [StepLine(*row) for row in session.rows(query, kb=kb_id, size=_STEPS_SHOWN, **own)]
+    ids = _ids(session, kb_id, "object", [*dict.fromkeys(applied.arguments)])
+    return _read_steps(session, kb_id, ids) if ids else []
 
 
 def _ids(session: Session, kb_id: int, kind: str, names: Sequence[str]) -> list[int] | None:
@@ -275,12 +315,12 @@ def read_object_page(
         top = session.first(_HEAD, kb=kb_id)
         involved = read_involvement(session, kb_id, ids[0], min(high, top[0] if top else 0), limit)
         numbers = {number for number, _ in involved.changes}
-        rows = session.rows(_steps(1), kb=kb_id, size=_STEPS_SHOWN, object0=ids[0])
+        steps = _read_steps(session, kb_id, ids)
         constants = session.rows(_CONSTANTS, kb=kb_id, object=ids[0])
         return ObjectPage(
             involved,
             read_numbered(session, kb_id, numbers),
-            [StepLine(*row) for row in rows],
+            steps,
             [row[0] for row in constants],
         )
 

@@ -16,7 +16,7 @@ from ..sql.query import Query, first_rows, in_list, in_rows, integer
 from ..sql.rows import KB, PROPOSITION, VALUE, VERSION_COLUMNS
 from ..sql.tables import HeadRow, RevisionRow
 from ..store.snapshot import archive_of
-from .change_pages import ChangesPage, changes_of, count_changes, read_changes_page
+from .change_pages import COUNTED_CHANGES, ChangesPage, changes_of, count_changes, read_changes_page
 from .excerpts import StateReader, contains, pattern_of
 from .log import read_log
 from .moments import When, find_bounds
@@ -54,13 +54,15 @@ class LogLine(NamedTuple):
     Attributes:
         revision: the revision.
         changes: what it changed; nothing if that is too much, or in an archive.
-        total: how much it changed.
+        total: how much it changed, as far as it is counted.
+        is_counted: whether `total` counts all.
         is_archived: whether a part of its changes is in an archive.
     """
 
     revision: Revision
     changes: tuple[Change, ...]
     total: int
+    is_counted: bool
     is_archived: bool
 
 
@@ -219,6 +221,7 @@ def read_lines(session: Session, kb_id: int, numbers: list[int]) -> list[LogLine
             make_revision(session, row),
             changes.get(row[0], ()),
             totals.get(row[0], 0),
+            totals.get(row[0], 0) < COUNTED_CHANGES,
             row[0] <= row[-1],
         )
         for row in rows
@@ -244,7 +247,7 @@ def _of_element(reader: StateReader, asked: LogFilter, low: int, high: int, limi
             looked, last = looked + 1, revision.number
             said = [revision.actor or "", revision.reason or "", *(c.text for c in entry.changes)]
             if asked.actor in (None, revision.actor) and any(text in one.lower() for one in said):
-                lines.append(LogLine(revision, entry.changes, len(entry.changes), False))
+                lines.append(LogLine(revision, entry.changes, len(entry.changes), True, False))
     except ArchivedError as error:
         return LogPage(lines, None, archive=str(error))
     return LogPage(lines, last, last) if looked == most and not is_open else LogPage(lines, None)

@@ -54,7 +54,7 @@ from .moments import When, read_head, states_at
 from .revisions import Revision, read_numbered
 
 # What is counted exactly, what is sorted by its text, and what is searched for a text at a time.
-COUNTED, SORTED, SEARCHED = 50_000, 10_000, 10_000
+COUNTED, SORTED, SEARCHED = 20_000, 10_000, 10_000
 # How many of what has just gone are read, of each state.
 GONE = 200
 _NAMED = ("object", "type", "predicate", "function", "action")
@@ -177,7 +177,8 @@ def _of_atoms(source: str, shape: _Shape) -> Select[Any]:
         order += [version.is_goal, version.first_object_id, version.second_object_id]
     if shape.has_predicate:
         conditions.append(owner == integer(_HEADS[source]))
-    elif shape.is_past:
+    elif shape.is_past and shape.kind != GOAL:
+        # Goals have an index of their own.
         conditions.append(_ANY[source])
     if shape.is_past:
         conditions.append(held_then(version))

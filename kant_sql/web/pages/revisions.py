@@ -46,10 +46,12 @@ Text = Annotated[
 class LogLineDocument(LogEntryDocument):
     """A revision with its changes, if they are few.
 
-    `total` counts them all. `is_archived`: a part of them was moved to an archive.
+    `total` counts all if `is_counted`, else there are more. `is_archived`: a part of them was moved
+    to an archive.
     """
 
     total: int
+    is_counted: bool
     is_archived: bool
 
 
@@ -68,10 +70,14 @@ class LogDocument(TypedDict):
 
 
 class RevisionPage(TypedDict):
-    """A revision with a page of its changes; `archive` says where a part of them is."""
+    """A revision with a page of its changes; `archive` says where a part of them is.
+
+    `total` counts all if `is_counted`, else there are more: of a kind, the pages have 50,000.
+    """
 
     revision: LogEntryDocument
     total: int
+    is_counted: bool
     offset: int
     next: int | None
     head: int
@@ -110,6 +116,7 @@ def line_document(line: LogLine) -> LogLineDocument:
         **revision_document(line.revision),
         "changes": changes_document(line.changes),
         "total": line.total,
+        "is_counted": line.is_counted,
         "is_archived": line.is_archived,
     }
 
@@ -155,6 +162,7 @@ def revision(kb: KnowledgeBase, number: RevisionNumber, offset: Offset = 0) -> R
     return {
         "revision": {**revision_document(found.line.revision), "changes": changes},
         "total": found.line.total,
+        "is_counted": found.line.is_counted,
         "offset": offset,
         "next": found.page.next,
         "head": found.head,
