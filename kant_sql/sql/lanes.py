@@ -143,13 +143,10 @@ class FoundLane(NamedTuple):
     began: int
 
 
-def _began(source: LaneSource, owner: str, after: str, upto: str, limit: str) -> str:
+def _began(loops: NestedLoops, source: LaneSource, owner: str, after: str, upto: str) -> str:
     """Write how many versions began after a revision, up to another one and up to a limit."""
-    return (
-        f"(SELECT count(*) FROM (SELECT 1 FROM {source.version} AS v WHERE v.kb_id = :kb"
-        f" AND v.{source.owner} = {owner} AND v.since > {after} AND v.since <= {upto}"
-        f" LIMIT {limit}) AS few)"
-    )
+    one = "v", source.version, source.owner, owner, after, upto, ":enough"
+    return f"(SELECT count(*) FROM ({loops.part(*one)}) AS few)"
 
 
 def _lanes_text(loops: NestedLoops, source: LaneSource, wanted: LaneFilter, is_listed: bool) -> str:
@@ -171,7 +168,7 @@ def _lanes_text(loops: NestedLoops, source: LaneSource, wanted: LaneFilter, is_l
         f"SELECT p.id, {place}, p.text FROM {tables}"
         f" WHERE {conditions} AND {last} > :low ORDER BY {place} LIMIT :most"
     )
-    began = _began(source, "found.id", ":low", ":high", ":enough")
+    began = _began(loops, source, "found.id", ":low", ":high")
     return f"SELECT found.*, {began} FROM ({found}) AS found"
 
 
@@ -310,15 +307,12 @@ _VALUE_OF = (
 @cache
 def _spans(dialect: str, kind: str) -> Query:
     loops, source = NESTED_LOOPS[dialect], LANE_SOURCES[kind]
-    one = "l", source.version, source.owner, "wanted.id0"
-    conditions = (
-        f"v.kb_id = :kb AND v.{source.owner} = wanted.id0"
-        f" AND v.since >= coalesce({loops.last(*one, 'wanted.id1', 'l.since')}, 0)"
-        " AND v.since <= wanted.id2 AND (v.until IS NULL OR v.until > wanted.id1)"
-    )
+    one = source.version, source.owner, "wanted.id0"
+    first = f"coalesce({loops.last('l', *one, 'wanted.id1', 'l.since')}, 0)"
     columns = f"wanted.place, v.since, v.until{_VALUE_OF if source.has_values else ''}"
-    tables = f"{loops.rows('spans', 3)} AS wanted{loops.loop('v', source.version, conditions)}"
-    return Query(text(f"SELECT {columns} FROM {tables}"))
+    tables = f"{loops.rows('spans', 3)} AS wanted{loops.walk('v', *one, first, 'wanted.id2')}"
+    held = "v.until IS NULL OR v.until > wanted.id1"
+    return Query(text(f"SELECT {columns} FROM {tables} WHERE {held}"))
 
 
 def read_spans(
@@ -352,11 +346,8 @@ class Cell(NamedTuple):
 
 def _number_of(source: LaneSource, loops: NestedLoops) -> str:
     """Write the least, the largest and the last number of a cell."""
-    few = (
-        f"(SELECT {{}}(few.number) FROM (SELECT v.number FROM {source.version} AS v"
-        f" WHERE v.kb_id = :kb AND v.{source.owner} = wanted.id0 AND v.since > slice.id0"
-        " AND v.since <= slice.id1 LIMIT :enough) AS few)"
-    )
+    one = "v", source.version, source.owner, "wanted.id0", "slice.id0", "slice.id1", ":enough"
+    few = f"(SELECT {{}}(few.number) FROM ({loops.part(*one)}) AS few)"
     last = loops.last("l", source.version, source.owner, "wanted.id0", "slice.id1", "l.number")
     return f", {few.format('min')}, {few.format('max')}, {last}"
 
@@ -364,7 +355,7 @@ def _number_of(source: LaneSource, loops: NestedLoops) -> str:
 @cache
 def _cells(dialect: str, kind: str) -> Query:
     loops, source = NESTED_LOOPS[dialect], LANE_SOURCES[kind]
-    began = _began(source, "wanted.id0", "slice.id0", "slice.id1", ":enough")
+    began = _began(loops, source, "wanted.id0", "slice.id0", "slice.id1")
     numbers = _number_of(source, loops) if source.has_values else ""
     return Query(
         text(

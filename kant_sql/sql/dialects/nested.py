@@ -5,6 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import NamedTuple
 
+# More than any walk gives: the planner takes an index that has the order for a query with a limit.
+_ENDLESS = "20000"
+
 
 class NestedLoops(NamedTuple):
     """How one dialect writes a join whose order is fixed.
@@ -18,6 +21,10 @@ class NestedLoops(NamedTuple):
         loop: writes an inner loop: its alias, its table and its conditions.
         last: writes the subquery of the last row up to a revision: an alias, its table, the column
             of the identity, that identity, the revision, and what it gives of that row.
+        part: writes the query of the rows that began after a revision and up to another one, at
+            most so many: an alias, its table, the column of the identity, that identity, the two
+            revisions and the number.
+        walk: writes an inner loop over such rows; the first revision is included.
         times: the relation of a parameter that holds times as JSON texts, with columns `place`,
             from 0, and `moment`.
         larger: the function of the largest of some numbers.
@@ -27,6 +34,8 @@ class NestedLoops(NamedTuple):
     rows: Callable[[str, int], str]
     loop: Callable[[str, str, str], str]
     last: Callable[[str, str, str, str, str, str], str]
+    part: Callable[[str, str, str, str, str, str, str], str]
+    walk: Callable[[str, str, str, str, str, str], str]
     times: Callable[[str], str]
     larger: str
     smaller: str
@@ -76,6 +85,52 @@ def _postgresql_last(
     return f"(SELECT {wanted} FROM ({found}) AS {alias} WHERE {own})"
 
 
+def _sqlite_part(
+    alias: str, table: str, column: str, identity: str, after: str, upto: str, number: str
+) -> str:
+    return (
+        f"SELECT {alias}.* FROM {table} AS {alias} WHERE {alias}.kb_id = :kb"
+        f" AND {alias}.{column} = {identity} AND {alias}.since > {after}"
+        f" AND {alias}.since <= {upto} LIMIT {number}"
+    )
+
+
+# If nearly all versions are of one identity, the planner takes the index of revisions for as good
+# as the primary key, and reads what began of all others. Only the primary key has this order.
+def _postgresql_key_range(
+    alias: str, table: str, column: str, identity: str, first: str, upto: str, number: str
+) -> str:
+    key = f"{alias}.kb_id, {alias}.{column}, {alias}.since"
+    return (
+        f"SELECT {alias}.* FROM {table} AS {alias}"
+        f" WHERE ({key}) {first} AND ({key}) <= (:kb, {identity}, {upto})"
+        f" ORDER BY {key} LIMIT {number}"
+    )
+
+
+def _postgresql_part(
+    alias: str, table: str, column: str, identity: str, after: str, upto: str, number: str
+) -> str:
+    first = f"> (:kb, {identity}, {after})"
+    return _postgresql_key_range(alias, table, column, identity, first, upto, number)
+
+
+def _sqlite_walk(alias: str, table: str, column: str, identity: str, first: str, upto: str) -> str:
+    conditions = (
+        f"{alias}.kb_id = :kb AND {alias}.{column} = {identity}"
+        f" AND {alias}.since >= {first} AND {alias}.since <= {upto}"
+    )
+    return _sqlite_loop(alias, table, conditions)
+
+
+def _postgresql_walk(
+    alias: str, table: str, column: str, identity: str, first: str, upto: str
+) -> str:
+    begin = f">= (:kb, {identity}, {first})"
+    inner = _postgresql_key_range(alias, table, column, identity, begin, upto, _ENDLESS)
+    return f" CROSS JOIN LATERAL ({inner}) AS {alias}"
+
+
 def _sqlite_times(parameter: str) -> str:
     return f"(SELECT key AS place, value AS moment FROM json_each(:{parameter}))"
 
@@ -87,11 +142,22 @@ def _postgresql_times(parameter: str) -> str:
 
 
 NESTED_LOOPS = {
-    "sqlite": NestedLoops(_sqlite_rows, _sqlite_loop, _sqlite_last, _sqlite_times, "max", "min"),
+    "sqlite": NestedLoops(
+        _sqlite_rows,
+        _sqlite_loop,
+        _sqlite_last,
+        _sqlite_part,
+        _sqlite_walk,
+        _sqlite_times,
+        "max",
+        "min",
+    ),
     "postgresql": NestedLoops(
         _postgresql_rows,
         _postgresql_loop,
         _postgresql_last,
+        _postgresql_part,
+        _postgresql_walk,
         _postgresql_times,
         "greatest",
         "least",
