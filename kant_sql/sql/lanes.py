@@ -145,7 +145,7 @@ class FoundLane(NamedTuple):
 
 def _began(loops: NestedLoops, source: LaneSource, owner: str, after: str, upto: str) -> str:
     """Write how many versions began after a revision, up to another one and up to a limit."""
-    one = "v", source.version, source.owner, owner, after, upto, ":enough"
+    one = "v", source.version, source.owner, owner, after, upto, ":enough", "v.since"
     return f"(SELECT count(*) FROM ({loops.part(*one)}) AS few)"
 
 
@@ -347,7 +347,7 @@ class Cell(NamedTuple):
 def _number_of(source: LaneSource, loops: NestedLoops) -> str:
     """Write the least, the largest and the last number of a cell."""
     one = "v", source.version, source.owner, "wanted.id0", "slice.id0", "slice.id1", ":enough"
-    few = f"(SELECT {{}}(few.number) FROM ({loops.part(*one)}) AS few)"
+    few = f"(SELECT {{}}(few.number) FROM ({loops.part(*one, 'v.number')}) AS few)"
     last = loops.last("l", source.version, source.owner, "wanted.id0", "slice.id1", "l.number")
     return f", {few.format('min')}, {few.format('max')}, {last}"
 

@@ -23,7 +23,7 @@ class NestedLoops(NamedTuple):
             of the identity, that identity, the revision, and what it gives of that row.
         part: writes the query of the rows that began after a revision and up to another one, at
             most so many: an alias, its table, the column of the identity, that identity, the two
-            revisions and the number.
+            revisions, the number, and what it gives of each row.
         walk: writes an inner loop over such rows; the first revision is included.
         times: the relation of a parameter that holds times as JSON texts, with columns `place`,
             from 0, and `moment`.
@@ -34,7 +34,7 @@ class NestedLoops(NamedTuple):
     rows: Callable[[str, int], str]
     loop: Callable[[str, str, str], str]
     last: Callable[[str, str, str, str, str, str], str]
-    part: Callable[[str, str, str, str, str, str, str], str]
+    part: Callable[[str, str, str, str, str, str, str, str], str]
     walk: Callable[[str, str, str, str, str, str], str]
     times: Callable[[str], str]
     larger: str
@@ -86,10 +86,17 @@ def _postgresql_last(
 
 
 def _sqlite_part(
-    alias: str, table: str, column: str, identity: str, after: str, upto: str, number: str
+    alias: str,
+    table: str,
+    column: str,
+    identity: str,
+    after: str,
+    upto: str,
+    number: str,
+    wanted: str,
 ) -> str:
     return (
-        f"SELECT {alias}.* FROM {table} AS {alias} WHERE {alias}.kb_id = :kb"
+        f"SELECT {wanted} FROM {table} AS {alias} WHERE {alias}.kb_id = :kb"
         f" AND {alias}.{column} = {identity} AND {alias}.since > {after}"
         f" AND {alias}.since <= {upto} LIMIT {number}"
     )
@@ -98,21 +105,27 @@ def _sqlite_part(
 # If nearly all versions are of one identity, the planner takes the index of revisions for as good
 # as the primary key, and reads what began of all others. Only the primary key has this order.
 def _postgresql_key_range(
-    alias: str, table: str, column: str, identity: str, first: str, upto: str, number: str
+    alias: str, table: str, column: str, begin: str, end: str, number: str, wanted: str
 ) -> str:
     key = f"{alias}.kb_id, {alias}.{column}, {alias}.since"
     return (
-        f"SELECT {alias}.* FROM {table} AS {alias}"
-        f" WHERE ({key}) {first} AND ({key}) <= (:kb, {identity}, {upto})"
+        f"SELECT {wanted} FROM {table} AS {alias} WHERE ({key}) {begin} AND ({key}) <= {end}"
         f" ORDER BY {key} LIMIT {number}"
     )
 
 
 def _postgresql_part(
-    alias: str, table: str, column: str, identity: str, after: str, upto: str, number: str
+    alias: str,
+    table: str,
+    column: str,
+    identity: str,
+    after: str,
+    upto: str,
+    number: str,
+    wanted: str,
 ) -> str:
-    first = f"> (:kb, {identity}, {after})"
-    return _postgresql_key_range(alias, table, column, identity, first, upto, number)
+    begin, end = f"> (:kb, {identity}, {after})", f"(:kb, {identity}, {upto})"
+    return _postgresql_key_range(alias, table, column, begin, end, number, wanted)
 
 
 def _sqlite_walk(alias: str, table: str, column: str, identity: str, first: str, upto: str) -> str:
@@ -126,8 +139,8 @@ def _sqlite_walk(alias: str, table: str, column: str, identity: str, first: str,
 def _postgresql_walk(
     alias: str, table: str, column: str, identity: str, first: str, upto: str
 ) -> str:
-    begin = f">= (:kb, {identity}, {first})"
-    inner = _postgresql_key_range(alias, table, column, identity, begin, upto, _ENDLESS)
+    begin, end = f">= (:kb, {identity}, {first})", f"(:kb, {identity}, {upto})"
+    inner = _postgresql_key_range(alias, table, column, begin, end, _ENDLESS, f"{alias}.*")
     return f" CROSS JOIN LATERAL ({inner}) AS {alias}"
 
 
