@@ -12,6 +12,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import psycopg
 import pytest
 
 from kant_sql import (
@@ -35,6 +36,7 @@ from kant_sql.history import gantt, timeline
 from kant_sql.sql import lanes
 from tests.support.archives import target_url
 from tests.support.profile import PROFILE
+from tests.support.servers import Server
 from tests.support.statements import Statement, count, explain, seen
 from tests.support.stores import Connect
 from tests.support.worlds.missions import TOUR, begin
@@ -577,6 +579,35 @@ def test_no_statement_reads_all_versions(shared_url: str, connect: Connect) -> N
             assert "Seq Scan on function_value_version" not in plan
             assert "SCAN v" not in plan
             assert "SCAN l" not in plan
+
+
+def test_a_lane_is_read_by_its_own_key_also_where_one_fact_has_nearly_all_versions(
+    server: Server, connect: Connect
+) -> None:
+    url = server.new_store()
+    kb = connect(url, knowledge_base="tiago", actor="test")
+    kb.propositions.save(robot_at(OTHER))
+    for _ in range(150):
+        kb.propositions.save(robot_at())
+        kb.propositions.delete(robot_at())
+    with psycopg.connect(url, autocommit=True) as connection:
+        # As of a sample that has only the one fact.
+        connection.execute(
+            "ALTER TABLE proposition_version ALTER COLUMN proposition_id SET (n_distinct = 1)"
+        )
+        connection.execute("ANALYZE")
+    with seen() as statements:
+        kb.timeline(slices=20)
+    lines = [
+        line
+        for statement in statements
+        if "proposition_version AS v" in statement.sql
+        for line in without_scans(url, statement)
+    ]
+    assert any("pk_proposition_version" in line for line in lines)
+    assert not any("ix_proposition_version_since" in line for line in lines)
+    kb.close()
+    server.drop_database(url)
 
 
 def without_scans(url: str, statement: Statement) -> list[str]:
