@@ -1,6 +1,6 @@
 """Live events: new revisions are told to all readers, by one watching thread per knowledge base.
 
-Readers are told of the last revision only, at most a few times in a second, so that neither many
+Readers are told of the last revision only, at most twice in a second, so that neither many
 readers nor a busy writer make work for the other.
 """
 
@@ -26,7 +26,7 @@ from .rendering import shorten
 from .stores import OpenStore, answer
 
 # Seconds between two events of one knowledge base.
-PAUSE = 0.25
+PAUSE = 0.5
 # Seconds between looks at the heads of all knowledge bases, for the home page.
 LOOK_EVERY = 1.0
 # Seconds for which a thread waits for a revision, and pauses after a failure.
