@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Mapping
-from datetime import datetime
+from datetime import datetime, timedelta
 from functools import cache
 from hashlib import sha256
 from pathlib import Path
@@ -94,6 +94,15 @@ def position(value: str, begin: str, end: str) -> float:
     return round(1000 * min(max(share, 0.0), 1.0), 2)
 
 
+def shifted(value: str, minutes: int) -> str:
+    """Return the time so many minutes later, or earlier; the nearest that a year can be written."""
+    moment = datetime.fromisoformat(value)
+    try:
+        return (moment + timedelta(minutes=minutes)).isoformat()
+    except OverflowError:
+        return value
+
+
 def as_json(value: object) -> str:
     """Return a value as JSON text."""
     return json.dumps(value, ensure_ascii=False, default=str)
@@ -131,6 +140,7 @@ def environment() -> Environment:
         second=second,
         as_json=as_json,
         position=position,
+        shifted=shifted,
     )
     return made
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ from fastapi.testclient import TestClient
 import kant_sql
 from kant_sql.history import change_pages, log_pages
 from kant_sql.json_documents import changes_document, entry_document
+from kant_sql.web.rendering import shifted
 from tests.support.statements import count, fill
 from tests.web.conftest import Filled
 
@@ -243,3 +245,14 @@ def test_a_revision_in_an_archive_says_so(filled: Filled, tmp_path: Path) -> Non
     assert "old.db" in log(client, element="(robot_at rb1 wp1)")["archive"]
     answer = client.get("/difference?kb=courier&a=3&b=8")
     assert (answer.status_code, "old.db" in answer.text) == (410, True)
+
+
+def test_a_revision_leads_to_the_hour_around_it(client: TestClient) -> None:
+    page = client.get("/revision?kb=courier&number=13").text
+    addresses = re.findall(r'href="([^"]*since=[^"]*)"', page)
+    log_address, *timelines = [address.replace("&amp;", "&") for address in addresses]
+    found = client.get(f"/api{log_address}").json()
+    assert numbers(found) == [14, 13, 12, 11, 10, 9, 8]
+    assert [client.get(address).status_code for address in timelines] == [200, 200]
+    assert "(move rb1 t1 t2)" in client.get(timelines[1]).text
+    assert shifted("9999-12-31T23:59:59Z", 30) == "9999-12-31T23:59:59Z"
