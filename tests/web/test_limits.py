@@ -9,7 +9,7 @@ import time
 from collections.abc import Callable
 from urllib.parse import urlsplit
 
-import httpx
+import httpx2
 import psycopg
 import pytest
 from fastapi.testclient import TestClient
@@ -75,7 +75,7 @@ def test_the_question_of_a_reader_who_leaves_is_cancelled(story_url: str) -> Non
         leave_during(address, "/api/slow?kb=courier", lambda: slow.began.wait(SOON))
         assert slow.ended.wait(SOON)
         assert isinstance(slow.error, QuestionCancelledError)
-        assert httpx.get(f"{address}/api/revision?kb=courier&number=5").status_code == 200
+        assert httpx2.get(f"{address}/api/revision?kb=courier&number=5").status_code == 200
 
 
 def test_the_database_server_ends_it_too(postgresql_story: str) -> None:
@@ -105,8 +105,8 @@ def test_a_server_that_stops_waits_for_no_question(story_url: str) -> None:
 
     def ask(address: str) -> None:
         try:
-            httpx.get(f"{address}/api/slow?kb=courier", timeout=60)
-        except httpx.HTTPError as error:
+            httpx2.get(f"{address}/api/slow?kb=courier", timeout=60)
+        except httpx2.HTTPError as error:
             failed.append(error)
 
     with running(story_url, pages=slow.pages) as address:

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 from urllib.parse import urlsplit
 
-import httpx
+import httpx2
 import pytest
 
 from kant_sql import KnowledgeBase
@@ -39,7 +39,7 @@ class Event(NamedTuple):
 class Listening:
     """The events of a stream as they come, and its comments."""
 
-    def __init__(self, answer: httpx.Response) -> None:
+    def __init__(self, answer: httpx2.Response) -> None:
         self.headers = answer.headers
         self.comments = 0
         self._lines = answer.iter_lines()
@@ -64,7 +64,7 @@ class Listening:
 @contextmanager
 def listening(address: str, query: str = "kb=tiago", **headers: str) -> Iterator[Listening]:
     named = {name.replace("_", "-"): value for name, value in headers.items()}
-    with httpx.stream("GET", f"{address}/live?{query}", headers=named, timeout=SOON) as answer:
+    with httpx2.stream("GET", f"{address}/live?{query}", headers=named, timeout=SOON) as answer:
         assert answer.status_code == 200
         yield Listening(answer)
 
@@ -124,8 +124,8 @@ def test_a_knowledge_base_that_does_not_exist_is_refused(
 ) -> None:
     with running(shared_url) as address:
         for path in ("/live", "/api/live"):
-            assert httpx.get(f"{address}{path}?kb=nobody").status_code == 404
-        assert httpx.get(f"{address}/live?kb=tiago&after=-1").status_code == 422
+            assert httpx2.get(f"{address}{path}?kb=nobody").status_code == 404
+        assert httpx2.get(f"{address}/live?kb=tiago&after=-1").status_code == 422
 
 
 def watchers() -> int:
@@ -164,7 +164,7 @@ def test_too_many_readers_are_refused(
 ) -> None:
     monkeypatch.setattr(live, "MOST_READERS", 1)
     with running(shared_url) as address, listening(address):
-        assert httpx.get(f"{address}/live?kb=tiago").status_code == 503
+        assert httpx2.get(f"{address}/live?kb=tiago").status_code == 503
 
 
 def test_readers_who_leave_at_once_are_no_readers(
@@ -179,7 +179,7 @@ def test_readers_who_leave_at_once_are_no_readers(
                 leaving.sendall(request)
 
         def is_admitted() -> bool:
-            with httpx.stream("GET", f"{address}/live?kb=tiago", timeout=SOON) as answer:
+            with httpx2.stream("GET", f"{address}/live?kb=tiago", timeout=SOON) as answer:
                 return answer.status_code == 200
 
         wait_for(is_admitted)
@@ -228,7 +228,7 @@ def test_a_file_that_takes_the_place_of_the_store_is_opened(
         for number in range(3):
             write(theirs, number)
     with running(shared_url) as address, listening(address, "kb=tiago&after=1") as stream:
-        assert httpx.get(f"{address}/api/revision?kb=tiago&number=1").status_code == 200
+        assert httpx2.get(f"{address}/api/revision?kb=tiago&number=1").status_code == 200
         kb.close()
         place = Path(shared_url.removeprefix("sqlite:///"))
         for name in (f"{place}-wal", f"{place}-shm"):
@@ -236,9 +236,9 @@ def test_a_file_that_takes_the_place_of_the_store_is_opened(
         (tmp_path / "other.db").replace(place)
         event = stream.next()
         assert (event.id, event.data["actor"]) == ("3", "somebody else")
-        answer = httpx.get(f"{address}/api/revision?kb=tiago&number=3")
+        answer = httpx2.get(f"{address}/api/revision?kb=tiago&number=3")
         assert answer.json()["revision"]["actor"] == "somebody else"
-        assert httpx.get(f"{address}/api/").json()["knowledge_bases"][0]["revision"] == 3
+        assert httpx2.get(f"{address}/api/").json()["knowledge_bases"][0]["revision"] == 3
 
 
 @pytest.mark.parametrize("shared_url", ["postgresql"], indirect=True)
@@ -272,10 +272,10 @@ def test_readers_go_on_after_a_restart_of_the_database(connect: Connect) -> None
 
 def test_pages_follow_what_they_show(shared_url: str, kb: KnowledgeBase) -> None:
     with running(shared_url) as address:
-        page = httpx.get(f"{address}/revision?kb=tiago&number=1").text
+        page = httpx2.get(f"{address}/revision?kb=tiago&number=1").text
         assert 'data-feed="/live?kb=tiago" data-head="1"' in page
         assert "data-live" in page
         assert 'role="status" aria-live="polite"' in page
         assert "/static/live.js?v=" in page
-        assert 'data-feed="/live" data-head="1"' in httpx.get(address).text
-        assert "data-feed" not in httpx.get(f"{address}/revision?kb=tiago&number=9").text
+        assert 'data-feed="/live" data-head="1"' in httpx2.get(address).text
+        assert "data-feed" not in httpx2.get(f"{address}/revision?kb=tiago&number=9").text
