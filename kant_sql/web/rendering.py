@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Mapping
-from datetime import datetime, timedelta
+from datetime import UTC, datetime, timedelta
 from functools import cache
 from hashlib import sha256
 from pathlib import Path
@@ -94,13 +94,13 @@ def position(value: str, begin: str, end: str) -> float:
     return round(1000 * min(max(share, 0.0), 1.0), 2)
 
 
-def shifted(value: str, minutes: int) -> str:
-    """Return the time so many minutes later, or earlier; the nearest that a year can be written."""
-    moment = datetime.fromisoformat(value)
+def shifted(value: str, minutes: int) -> str | None:
+    """Return the time so many minutes later, or earlier; None if that is still to come."""
     try:
-        return (moment + timedelta(minutes=minutes)).isoformat()
+        moment = datetime.fromisoformat(value) + timedelta(minutes=minutes)
     except OverflowError:
-        return value
+        return None
+    return None if moment > datetime.now(UTC) else moment.isoformat()
 
 
 def as_json(value: object) -> str:
