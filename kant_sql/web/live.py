@@ -241,8 +241,10 @@ async def events(
     hub: LiveHub = request.app.state.live
     if kb_name is not None:
         await answer(request, lambda: store.require(kb_name))
-    is_number = last_event_id is not None and last_event_id.isascii() and last_event_id.isdigit()
-    seen = int(last_event_id) if is_number and last_event_id else after
+    seen = after
+    if last_event_id is not None and last_event_id.isascii() and last_event_id.isdigit():
+        # As many digits as revisions have: a longer one is no number to Python, either.
+        seen = int(last_event_id[:20])
     hub.admit(kb_name)
     return StreamingResponse(
         _stream(hub, kb_name, seen),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Mapping
 from functools import partial
 from typing import Annotated, Any, NamedTuple, TypeVar
 
@@ -44,7 +44,9 @@ _STATUS: tuple[tuple[type[KantSqlError], int], ...] = (
     (QuestionCancelledError, 503),
     (StatementTimeoutError, 504),
 )
-KbName = Annotated[str | None, Query(alias="kb", description=KB_DESCRIPTION)]
+# PostgreSQL keeps no text with a NUL, and refuses to look for one.
+NO_NUL = r"^[^\x00]*$"
+KbName = Annotated[str | None, Query(alias="kb", description=KB_DESCRIPTION, pattern=NO_NUL)]
 
 
 def status_of(error: KantSqlError) -> int:
@@ -116,6 +118,12 @@ async def _form(request: Request, error: KantSqlError, template: str) -> HTMLRes
     return render(request, template, None, kb, status=status_of(error), error=str(error))
 
 
+def _check_texts(query: Mapping[str, object]) -> None:
+    for name, value in query.items():
+        if isinstance(value, str) and "\0" in value:
+            raise InvalidArgumentError(f"{name} has a NUL, and no element and no name has one")
+
+
 def _endpoint(
     function: Callable[..., Any],
     respond: Callable[[Request, _Answer], Awaitable[Any]],
@@ -140,6 +148,7 @@ def _endpoint(
                 return _Answer(function(kb, **query), chosen, head)
 
         try:
+            _check_texts(query)
             found = await answer(request, work)
         except KantSqlError as error:
             if refuse is None or status_of(error) != WRONG_INPUT:

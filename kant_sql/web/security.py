@@ -6,12 +6,11 @@ import hmac
 import ipaddress
 import socket
 from collections.abc import Iterable
-from http.cookies import SimpleCookie
 from urllib.parse import parse_qs, quote, urlsplit
 
 from fastapi.responses import PlainTextResponse, RedirectResponse, Response
 from starlette.datastructures import Headers, MutableHeaders
-from starlette.requests import Request
+from starlette.requests import Request, cookie_parser
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 TOKEN_VARIABLE = "KANT_SQL_TOKEN"
@@ -81,7 +80,8 @@ class Guard:
 
         async def send_guarded(message: Message) -> None:
             if message["type"] == "http.response.start":
-                _add_headers(MutableHeaders(scope=message), scope["path"])
+                is_file = scope["path"].startswith("/static/") and message["status"] == 200
+                _add_headers(MutableHeaders(scope=message), _CACHE if is_file else _NO_CACHE)
             await send(message)
 
         response = await self._refuse(scope, receive)
@@ -95,7 +95,7 @@ class Guard:
             return PlainTextResponse(
                 "This server is not known under this name; start it with --allow-host NAME.", 400
             )
-        if scope["method"] not in ("GET", "HEAD") and not _is_same_site(headers):
+        if not (_is_read(scope, headers) or _is_same_site(headers)):
             return PlainTextResponse("This request comes from another site.", 403)
         if self._token is None:
             return None
@@ -108,14 +108,15 @@ class Guard:
     def _is_known(self, name: str) -> bool:
         if name in self._hosts:
             return True
-        return not self._is_loopback and _is_address(name)
+        return is_loopback(name) if self._is_loopback else _is_address(name)
 
     def _has_token(self, headers: Headers) -> bool:
         scheme, _, given = headers.get("authorization", "").partition(" ")
         if scheme.lower() == "bearer":
             return self._is_token(given.strip())
-        cookies = SimpleCookie(headers.get("cookie", ""))
-        return TOKEN_COOKIE in cookies and self._is_token(cookies[TOKEN_COOKIE].value)
+        # `SimpleCookie` raises for what other servers of this machine may have named theirs.
+        cookies = cookie_parser(headers.get("cookie", ""))
+        return self._is_token(cookies.get(TOKEN_COOKIE, ""))
 
     def _is_token(self, given: str) -> bool:
         return self._token is not None and hmac.compare_digest(given.encode(), self._token)
@@ -152,16 +153,18 @@ def _token_page(target: str, wrong: bool = False) -> Response:
     return Response(page, 401, media_type="text/html")
 
 
-def _add_headers(headers: MutableHeaders, path: str) -> None:
+def _add_headers(headers: MutableHeaders, cache: str) -> None:
     for name, value in _HEADERS.items():
         headers.setdefault(name, value)
-    headers.setdefault("Cache-Control", _CACHE if path.startswith("/static/") else _NO_CACHE)
+    headers.setdefault("Cache-Control", cache)
 
 
 def _host_name(host: str) -> str:
     """Return the name in a `Host` header, without the port."""
     try:
-        return urlsplit(f"//{quote(host, safe=':[]%.-_')}").hostname or ""
+        parts = urlsplit(f"//{quote(host, safe=':[]%.-_')}")
+        # What is no port would become a part of the address that the application sees.
+        return (parts.hostname or "") if parts.port != 0 else ""
     except ValueError:
         return ""
 
@@ -174,12 +177,22 @@ def _is_address(name: str) -> bool:
     return True
 
 
+def _is_read(scope: Scope, headers: Headers) -> bool:
+    """Return whether a request only reads, and is none that a page hides from its reader.
+
+    A page of somebody else may lead here by a link; it may not ask slow questions as its images.
+    """
+    if scope["method"] not in ("GET", "HEAD"):
+        return False
+    return headers.get("sec-fetch-dest", "document") == "document"
+
+
 def _is_same_site(headers: Headers) -> bool:
-    """Return whether a request that changes something comes from a page of this server.
+    """Return whether a request comes from a page of this server.
 
     Browsers say where it comes from; other programs do not, and no page can make them ask.
     """
     origin = headers.get("origin")
     if origin is not None:
-        return urlsplit(origin).netloc.lower() == headers.get("host", "").lower()
+        return origin.partition("://")[2].lower() == headers.get("host", "").lower()
     return headers.get("sec-fetch-site", "same-origin") in ("same-origin", "none")

@@ -27,7 +27,8 @@ def token_for(host: str) -> str | None:
         `KANT_SQL_TOKEN` if it is set; else a new one, or None for the loopback address.
 
     Raises:
-        InvalidArgumentError: the variable is set, and too short to be a secret.
+        InvalidArgumentError: the variable is set, and too short to be a secret, or no text that a
+            header can have.
     """
     given = os.environ.get(TOKEN_VARIABLE)
     if given is None:
@@ -35,6 +36,11 @@ def token_for(host: str) -> str | None:
     if len(given) < 16:
         raise InvalidArgumentError(
             f"{TOKEN_VARIABLE} has {len(given)} characters; give it 16 or more that nobody guesses"
+        )
+    if not (given.isascii() and given.isprintable()) or given != given.strip():
+        raise InvalidArgumentError(
+            f"{TOKEN_VARIABLE} has characters that no header of HTTP can have; give it letters and "
+            "digits of ASCII"
         )
     return given
 

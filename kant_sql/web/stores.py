@@ -13,7 +13,7 @@ import anyio
 from fastapi import Request
 
 from ..arguments import shown
-from ..errors import StoreReplacedError, UnknownNameError
+from ..errors import StoreBusyError, StoreReplacedError, UnknownNameError
 from ..knowledge_base import KnowledgeBase, connect
 from ..limits import Limit, limited
 from ..sql.inventory import Catalog
@@ -25,6 +25,8 @@ T = TypeVar("T")
 MOST_OPEN = 32
 # Seconds that the database may take for one statement of a page.
 STATEMENT_SECONDS = 15.0
+# Questions that wait for a thread; a reader who would wait still longer is told so.
+MOST_WAITING = 64
 
 
 class _Opened:
@@ -144,10 +146,12 @@ class OpenStore:
 async def answer(request: Request, work: Callable[[], T]) -> T:
     """Run a question in a thread; it is cancelled when the reader leaves."""
     store: OpenStore = request.app.state.store
+    limiter: anyio.CapacityLimiter = request.app.state.limiter
+    if limiter.statistics().tasks_waiting >= MOST_WAITING:
+        raise StoreBusyError("too many questions are asked at the same time; try again")
     with limited(seconds=STATEMENT_SECONDS) as limit, store.asking(limit):
         leaving = asyncio.create_task(_cancel_when_left(request, limit))
         try:
-            limiter = request.app.state.limiter
             return await anyio.to_thread.run_sync(_persistent, work, limiter=limiter)
         finally:
             leaving.cancel()

@@ -23,6 +23,8 @@ logger = logging.getLogger("kant_sql.web")
 
 # Verifications that run at the same time, and whose results are kept.
 MOST_RUNS, MOST_KEPT = 2, 1_000
+# Verifications that wait for their turn, each with its anchor, and those that run.
+MOST_STARTED = 50
 
 
 class RunDocument(TypedDict):
@@ -114,6 +116,10 @@ class Verifier:
         with self._lock:
             running = self._running.get(name)
             if running is None:
+                if len(self._running) >= MOST_STARTED:
+                    raise StoreBusyError(
+                        f"{MOST_STARTED} verifications run or wait already; try again later"
+                    )
                 run = self._running[name] = _Run(name, anchor)
                 self._threads.submit(self._run, run)
             elif anchor is not None and anchor != running.anchor:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlencode
@@ -13,6 +14,7 @@ import kant_sql
 from kant_sql.history import change_pages
 from kant_sql.json_documents import version_document
 from kant_sql.planning import Plan, PlanStep
+from kant_sql.web.pages.elements import _difference
 from kant_sql.web.rendering import address_of
 from tests.support.statements import count, fill
 from tests.web.conftest import Filled
@@ -281,3 +283,21 @@ def test_names_survive_addresses(filled: Filled, text: str) -> None:
     assert [one["actor"] for one in get(client, "/log", actor=text)["revisions"]] == [text]
     assert urlencode({"actor": text}) in client.get("/log?kb=courier").text
     assert [one["number"] for one in get(client, "/log", text=text)["revisions"]] == [1]
+
+
+def test_definitions_with_many_lines_are_compared_in_no_time() -> None:
+    older = [f"  (and (robot_at ?r wp{n * 7919 % 104729}) (x {n}))" for n in range(1000)]
+    newer = [f"  (and (robot_at ?r wp{n * 7907 % 104723}) (y {n}))" for n in range(1000)]
+    steps = 0
+
+    def count(*_: object) -> None:
+        nonlocal steps
+        steps += 1
+
+    sys.setprofile(count)
+    try:
+        lines = list(_difference(["(:action a", *older], ["(:action a", *newer]))
+    finally:
+        sys.setprofile(None)
+    assert (lines[0], len(lines)) == ("  (:action a", 2001)
+    assert steps < 100_000

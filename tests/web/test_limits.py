@@ -141,3 +141,12 @@ def test_the_pages_open_the_store_only_to_read(story_url: str) -> None:
         pytest.raises(kant_sql.ReadOnlyError),
     ):
         kb.propositions.delete_all()
+
+
+def test_a_reader_who_would_wait_too_long_is_told_so(
+    story_url: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(stores, "MOST_WAITING", 0)
+    with TestClient(create_app(story_url), base_url="http://127.0.0.1") as client:
+        answer = client.get("/api/")
+    assert (answer.status_code, answer.json()["type"]) == (503, "StoreBusyError")

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from fastapi import FastAPI
 from fastapi.testclient import TestClient
+
+from kant_sql.errors import StoreBusyError
 
 
 def test_the_home_page_lists_the_knowledge_bases(client: TestClient) -> None:
@@ -42,3 +45,28 @@ def test_the_description_documents_every_answer(client: TestClient) -> None:
             assert all(each["schema"] for each in content.values()), path
             assert content, path
             assert method["description"], path
+
+
+def test_a_character_that_no_text_of_a_store_has_is_the_readers_error(client: TestClient) -> None:
+    required = {"number": "1", "name": "rb1", "text": "rb1", "id": "1", "part": "domain"}
+    for path, methods in client.get("/api/openapi.json").json()["paths"].items():
+        for one in methods.get("get", {}).get("parameters", ()):
+            if path == "/api/live" and one["name"] != "kb":
+                # It never ends.
+                continue
+            given = {"kb": "courier", **required, "condition": "(robot_at ?r ?w)"}
+            answer = client.get(path, params={**given, one["name"]: "a\0b"})
+            assert answer.status_code < 500, (path, one["name"], answer.text)
+
+
+def test_the_id_of_an_event_that_is_no_number_to_python_is_no_error(client: TestClient) -> None:
+    # Without a place for a reader, the stream does not begin, and the test ends.
+    assert isinstance(client.app, FastAPI)
+    client.app.state.live.admit = refuse
+    answer = client.get("/api/live?kb=courier", headers={"last-event-id": "9" * 5000})
+    assert answer.status_code == 503
+
+
+def refuse(_: str | None) -> None:
+    """Have no place for a reader."""
+    raise StoreBusyError("full")

@@ -46,7 +46,16 @@ def test_a_foreign_name_is_refused(client: TestClient, host: str) -> None:
     assert "courier" not in answer.text
 
 
-@pytest.mark.parametrize("host", ["localhost:8765", "127.0.0.1", "[::1]:8765", "LOCALHOST"])
+@pytest.mark.parametrize("host", ["127.0.0.1:x?/", "127.0.0.1:80#", "localhost:-1", "[::1"])
+def test_a_name_with_a_part_of_an_address_behind_it_is_refused(
+    client: TestClient, host: str
+) -> None:
+    assert client.get("/", headers={"host": host}).status_code == 400
+
+
+@pytest.mark.parametrize(
+    "host", ["127.0.0.2:8765", "localhost:8765", "127.0.0.1", "[::1]:8765", "LOCALHOST"]
+)
 def test_names_of_this_machine_are_known(client: TestClient, host: str) -> None:
     assert client.get("/", headers={"host": host}).status_code == 200
 
@@ -98,6 +107,37 @@ def test_a_page_of_another_site_can_post_nothing(client: TestClient) -> None:
         {"sec-fetch-site": "cross-site"},
     ):
         assert client.post("/token", headers=headers).status_code == 403
+    assert client.post("/token", headers={"origin": "http://["}).status_code == 403
+
+
+def test_a_page_of_another_site_may_link_here_and_cannot_ask_unseen(client: TestClient) -> None:
+    for site, dest, status in (
+        ("cross-site", "document", 200),
+        ("cross-site", "image", 403),
+        ("cross-site", "iframe", 403),
+        ("same-site", "empty", 403),
+        ("same-origin", "empty", 200),
+        ("none", "document", 200),
+    ):
+        headers = {"sec-fetch-site": site, "sec-fetch-dest": dest}
+        assert client.get("/api/", headers=headers).status_code == status, headers
+
+
+def test_cookies_of_other_servers_of_this_machine_do_no_harm(guarded: TestClient) -> None:
+    for foreign in ("a,b=1", "(x)=1", "=", ";;", 'x="', "kant_sql_token", "kant_sql_token=\xff"):
+        headers = {b"cookie": foreign.encode("latin-1")}
+        assert guarded.get("/", headers=headers).status_code == 401
+        cookie = f'{foreign}; {TOKEN_COOKIE}="{TOKEN}"'.encode("latin-1")
+        assert guarded.get("/", headers={b"cookie": cookie}).status_code == 200
+
+
+def test_only_a_file_that_is_there_is_kept_by_browsers(client: TestClient) -> None:
+    def kept(path: str, **headers: str) -> str:
+        return client.get(path, headers=headers).headers["cache-control"]
+
+    assert "immutable" in kept("/static/style.css")
+    assert kept("/static/nothing") == "no-cache"
+    assert kept("/static/style.css", host="evil.example") == "no-cache"
 
 
 def test_the_token_comes_from_the_environment_or_is_made(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -111,6 +151,10 @@ def test_the_token_comes_from_the_environment_or_is_made(monkeypatch: pytest.Mon
     monkeypatch.setenv("KANT_SQL_TOKEN", "short")
     with pytest.raises(InvalidArgumentError, match="16 or more"):
         token_for("0.0.0.0")
+    for unfit in ("ein Geheimnis, größer", "a secret of two\nlines", " a secret in spaces "):
+        monkeypatch.setenv("KANT_SQL_TOKEN", unfit)
+        with pytest.raises(InvalidArgumentError, match="ASCII"):
+            token_for("0.0.0.0")
 
 
 def test_loopback_addresses() -> None:

@@ -17,6 +17,7 @@ from fastapi.testclient import TestClient
 import kant_sql
 from kant_sql import KnowledgeBase, parse_anchor
 from kant_sql.history.sql_history import SqlHistory
+from kant_sql.web import verifying
 from kant_sql.web.application import create_app
 from tests.support.stores import Connect, new_file_store
 from tests.support.worlds.robots import WP2, robot_at
@@ -194,3 +195,14 @@ def test_a_verification_that_fails_says_why(
     last = result_of(client)
     assert "log says more" in last["error"]
     assert "secret" not in client.get("/verify?kb=courier").text
+
+
+def test_so_many_verifications_wait_at_most(
+    client: TestClient, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(verifying, "MOST_STARTED", 0)
+    assert client.post("/api/verify?kb=courier").status_code == 503
+
+
+def test_a_form_with_many_fields_is_refused_before_it_is_read(client: TestClient) -> None:
+    assert client.post("/verify?kb=courier", content="a=b&" * 100_000).status_code == 400

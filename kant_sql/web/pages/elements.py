@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from difflib import ndiff
+from collections.abc import Iterator
+from difflib import SequenceMatcher
 from typing import Annotated
 
 from fastapi import Query
@@ -225,6 +226,16 @@ def _compared(found: VersionsPage) -> list[DefinitionVersionDocument]:
         lines: list[str] = []
         older = texts[place + 1] if place + 1 < len(texts) else None
         if older is not None and max(len(older), len(texts[place])) <= MOST_LINES:
-            lines = [line for line in ndiff(older, texts[place]) if not line.startswith("? ")]
+            lines = list(_difference(older, texts[place]))
         documents.append({**version_document(version), "difference": lines})
     return documents
+
+
+def _difference(older: list[str], newer: list[str]) -> Iterator[str]:
+    """Compare lines as wholes: to look for similar ones takes minutes where many differ."""
+    for _, begin, end, first, last in SequenceMatcher(None, older, newer).get_opcodes():
+        if older[begin:end] == newer[first:last]:
+            yield from (f"  {line}" for line in newer[first:last])
+        else:
+            yield from (f"- {line}" for line in older[begin:end])
+            yield from (f"+ {line}" for line in newer[first:last])

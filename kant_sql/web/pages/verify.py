@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from typing import Annotated
 from urllib.parse import parse_qs
 
@@ -11,6 +13,7 @@ from fastapi.responses import RedirectResponse, Response
 from starlette.exceptions import HTTPException
 from typing_extensions import TypedDict
 
+from ...errors import InvalidArgumentError
 from ...history.anchors import Anchor, parse_anchor
 from ..registry import KbName, Pages
 from ..rendering import link, render
@@ -21,6 +24,7 @@ PAGES = Pages("verification")
 
 # An anchor has about 200 bytes for each knowledge base.
 LONGEST_ANCHOR = 16 << 20
+MOST_FIELDS = 10
 
 Cancel = Annotated[bool, Query(description="Whether to cancel the verification that runs.")]
 
@@ -73,9 +77,8 @@ async def verify_from_page(
     request: Request, kb_name: KbName = None, cancel: Cancel = False
 ) -> Response:
     """Start a verification, or cancel it, and lead to the page that shows it."""
-    form = parse_qs((await _body(request)).decode("utf-8", "replace"))
-    text = form.get("anchor", [""])[0].strip()
-    name = await _start(request, kb_name, text, cancel)
+    body = await _body(request)
+    name = await _start(request, kb_name, lambda: _anchor_of_form(body), cancel)
     return RedirectResponse(link("/verify", kb=name), 303)
 
 
@@ -97,12 +100,21 @@ async def start_verification(
     anchor, to compare with.
     """
     store: OpenStore = request.app.state.store
-    text = (await _body(request)).decode("utf-8", "replace").strip()
-    return store.verifier.state(await _start(request, kb_name, text, cancel))
+    body = await _body(request)
+    read = partial(body.decode, "utf-8", "replace")
+    return store.verifier.state(await _start(request, kb_name, read, cancel))
 
 
-async def _body(request: Request) -> bytes:
-    body = b""
+def _anchor_of_form(body: bytearray) -> str:
+    try:
+        form = parse_qs(body.decode("utf-8", "replace"), max_num_fields=MOST_FIELDS)
+    except ValueError:
+        raise InvalidArgumentError("this is not the form of a verification") from None
+    return form.get("anchor", [""])[0]
+
+
+async def _body(request: Request) -> bytearray:
+    body = bytearray()
     async for part in request.stream():
         body += part
         if len(body) > LONGEST_ANCHOR:
@@ -110,13 +122,19 @@ async def _body(request: Request) -> bytes:
     return body
 
 
-async def _start(request: Request, kb_name: str | None, text: str, cancel: bool) -> str:
-    """Start or cancel a verification; return the name of the knowledge base."""
+async def _start(
+    request: Request, kb_name: str | None, read: Callable[[], str], cancel: bool
+) -> str:
+    """Start or cancel a verification; return the name of the knowledge base.
+
+    A large anchor takes its time, which other readers do not wait for: a thread reads it.
+    """
     store: OpenStore = request.app.state.store
 
     def work() -> tuple[str, Anchor | None]:
         chosen = store.choose(kb_name)
         store.require(chosen)
+        text = read().strip()
         return chosen, parse_anchor(text) if text else None
 
     chosen, anchor = await answer(request, work)
