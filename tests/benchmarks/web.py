@@ -122,7 +122,6 @@ def pages(store: Known) -> dict[str, Address]:
         "/plans": lambda n: address("/plans", n=n),
         "/plan": lambda n: address("/plan", id=plan(n)),
         "/given": lambda n: address("/given", id=plan(n)),
-        "/given.pddl": lambda n: address("/given.pddl", id=plan(n), part="problem"),
         "/type": lambda n: address("/type", name="robot", n=n),
         "/predicate": lambda n: address("/predicate", name="robot_at", n=n),
         "/function": lambda n: address("/function", name="level", n=n),

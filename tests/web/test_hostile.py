@@ -14,6 +14,7 @@ from sqlalchemy import make_url
 from kant_sql.web.application import create_app
 from tests.browser.addresses import FIRST
 from tests.support.crawling import PATHS, Markup, walk
+from tests.support.profile import PROFILE
 from tests.support.servers import Server
 from tests.support.worlds.hostile import (
     KNOWLEDGE_BASE,
@@ -25,6 +26,11 @@ from tests.support.worlds.hostile import (
 )
 from tests.web.conftest import BASE
 
+# Tables whose texts stand on pages as they are; what is derived of the others is read from these.
+SHOWN = {
+    *("knowledge_base", "revision", "plan", "plan_step", "plan_step_version", "proposition"),
+    *("object", "object_version", "function_value_version", "action_version", "head"),
+}
 # Of each sort one.
 REVISIONS = [f"/revision?kb=courier&number={number}" for number in (2, 7, 29)]
 # A page, whatever is in the store: the longest text has 10,000 characters.
@@ -103,7 +109,8 @@ def test_a_file_that_somebody_has_written_into_is_data_too(
     sqlite_story: str, columns: list[tuple[str, str]], tmp_path: Path
 ) -> None:
     written = 0
-    for table, column in columns:
+    tried = [each for each in columns if PROFILE.is_whole or each[0] in SHOWN]
+    for table, column in tried:
         path = tmp_path / "store.db"
         shutil.copy(str(make_url(sqlite_story).database), path)
         if not overwrite(str(path), table, column):
@@ -115,4 +122,4 @@ def test_a_file_that_somebody_has_written_into_is_data_too(
                 text = client.get(address).text
                 assert "Traceback" not in text, (table, column, address)
                 assert list(Markup(text).faults()) == [], (table, column, address)
-    assert written > len(columns) // 2
+    assert written > len(tried) // 2
