@@ -53,7 +53,7 @@ def export(
     replace: Annotated[bool, option("Replace the export in the folder.", "--replace")] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Write the views for auditors to files with types, or state transitions.
+    """Write the audit views, or state transitions, to files.
 
     Reads one consistent state, whatever is written meanwhile.
     """

@@ -7,7 +7,7 @@ from functools import partial
 from pathlib import Path
 from typing import Annotated
 
-from ..errors import KantSqlError
+from ..errors import ExtraMissingError
 from .check import STANDARD_INPUT as STANDARD_OUTPUT
 from .common import AnchorFile, Name, Since, Until, Url, choose, option, parse_optional
 from .conditions import rules_source
@@ -53,7 +53,7 @@ def report(
     try:
         from ..web.report import report_html, write_report
     except ImportError as error:
-        raise KantSqlError(WEB_MISSING) from error
+        raise ExtraMissingError(WEB_MISSING) from error
     from ..history.anchors import parse_anchor
     from ..knowledge_base import connect
     from ..sql.catalog import knowledge_bases

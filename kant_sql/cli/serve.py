@@ -6,10 +6,10 @@ import socket
 import sys
 from typing import Annotated
 
-from ..errors import KantSqlError, printable
+from ..errors import ExtraMissingError, printable
 from .common import Url, option
 
-WEB_MISSING = "the web pages need more packages; install them with: pip install 'kant-sql[web]'"
+WEB_MISSING = "this needs FastAPI, uvicorn, Jinja2 and Plotly; run: pip install 'kant-sql[web]'"
 
 
 def serve(
@@ -32,15 +32,15 @@ def serve(
         ),
     ] = None,
 ) -> None:
-    """Show the store in a browser: read-only pages, and their data as JSON.
+    """Show the store in a browser, and its data as JSON.
 
-    Ends with Ctrl-C. At an address that other machines reach, readers need the token that is
-    printed at the start, or the one in KANT_SQL_TOKEN.
+    All pages are read-only. Ends with Ctrl-C. At an address that other machines reach, readers
+    need the token that is printed at the start, or the one in KANT_SQL_TOKEN.
     """
     try:
         from ..web.serving import make_server
     except ImportError as error:
-        raise KantSqlError(WEB_MISSING) from error
+        raise ExtraMissingError(WEB_MISSING) from error
     server, token = make_server(url, host=host, port=port, hosts=allow_host or ())
     listening = server.config.bind_socket()
     # Inherited by connections; else each answer to a kept connection waits 40 ms for the reader's

@@ -194,7 +194,7 @@ def _write_version(url: str, as_json: bool, more: Mapping[str, object] | None = 
 
 
 def kbs(url: Url, as_json: AsJson = False) -> None:
-    """List the knowledge bases with their last revisions, facts and goals."""
+    """List the knowledge bases: last revisions, facts and goals."""
     from ..sql.inventory import Catalog
 
     with closing(Catalog(url)) as catalog:

@@ -128,6 +128,21 @@ def test_a_question_is_cancelled_by_another_thread(
     assert works(filled)
 
 
+def test_a_session_that_was_stopped_leaves_no_dead_connection_behind(
+    filled: KnowledgeBase,
+) -> None:
+    backend = store_of(filled).backend
+    with limited() as limit:
+        session = backend.reader()
+        with cancelled_after(limit, 0.2), pytest.raises(QuestionCancelledError):
+            session.rows(SLOW)
+        # Without a rollback, as of one statement outside of a transaction.
+        session.close()
+    with backend.open_session() as another:
+        assert another.rows(raw("SELECT 1")) == [(1,)]
+    assert works(filled)
+
+
 def test_a_cancelled_question_asks_nothing_more(filled: KnowledgeBase) -> None:
     with limited(seconds=5) as limit:
         assert filled.propositions.get_all() == [robot_at()]

@@ -409,6 +409,9 @@ class PostgresqlSession(Session):
 
     def close(self) -> None:
         """Return the connection to the pool, unless it is broken."""
+        if self._guard is not None:
+            # First: this closes a connection whose statement was stopped.
+            self._end_limit()
         connection: Any = self._pooled.driver_connection
         if connection is not None and connection.closed:
             if connection.broken and not self.is_abandoned:
