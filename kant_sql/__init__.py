@@ -16,12 +16,14 @@ if TYPE_CHECKING:
     from .history.anchors import Anchor, AnchoredHead, parse_anchor
     from .history.archive.archive import Archived
     from .history.gantt import PlanBar, StepBar
+    from .history.replication.push import Pushed
     from .history.revisions import LogEntry, Revision
     from .history.timeline import Bar, Density, Lane, Timeline
     from .history.verify.findings import Finding
     from .history.verify.verify import Verification
     from .history.versions import Version
     from .knowledge_base import KnowledgeBase, connect
+    from .knowledge_store import KnowledgeStore, open_store
     from .limits import Limit, limited
     from .planning import Plan, PlanStep
     from .plans.interfaces import RecordedPlan, RecordedStep
@@ -33,7 +35,9 @@ if TYPE_CHECKING:
     from .reasoning.validate import FailedStep, Validation, ViolatedConstraint
     from .reasoning.verdicts import Verdict, Verdicts
     from .sql.changes import Change
-    from .sql.dialects.base import Roles
+    from .sql.dialects.base import Distribution, Roles
+    from .sql.distribution import distribute
+    from .sql.inventory import Inventory, knowledge_bases
     from .sql.predicate_views import PredicateView, drop_views, update_views
     from .sql.schema import create_roles, downgrade, upgrade
 
@@ -50,12 +54,15 @@ __all__ = [
     "Completion",
     "DaoFactory",
     "Density",
+    "Distribution",
     "FailedCondition",
     "FailedStep",
     "Finding",
     "Held",
     "HeldPeriods",
+    "Inventory",
     "KnowledgeBase",
+    "KnowledgeStore",
     "Lane",
     "Limit",
     "Loaded",
@@ -64,6 +71,7 @@ __all__ = [
     "PlanBar",
     "PlanStep",
     "PredicateView",
+    "Pushed",
     "RecordedPlan",
     "RecordedStep",
     "Revision",
@@ -79,9 +87,12 @@ __all__ = [
     "connect",
     "create_dao_factory",
     "create_roles",
+    "distribute",
     "downgrade",
     "drop_views",
+    "knowledge_bases",
     "limited",
+    "open_store",
     "parse_anchor",
     "update_views",
     "upgrade",
@@ -98,6 +109,7 @@ _HOMES = {
         ".factory": ("DaoFactory", "create_dao_factory"),
         ".history.anchors": ("Anchor", "AnchoredHead", "parse_anchor"),
         ".history.archive.archive": ("Archived",),
+        ".history.replication.push": ("Pushed",),
         ".history.revisions": ("LogEntry", "Revision"),
         ".history.gantt": ("PlanBar", "StepBar"),
         ".history.timeline": ("Bar", "Density", "Lane", "Timeline"),
@@ -105,6 +117,7 @@ _HOMES = {
         ".history.verify.verify": ("Verification",),
         ".history.versions": ("Version",),
         ".knowledge_base": ("KnowledgeBase", "connect"),
+        ".knowledge_store": ("KnowledgeStore", "open_store"),
         ".limits": ("Limit", "limited"),
         ".planning": ("Plan", "PlanStep"),
         ".plans.interfaces": ("RecordedPlan", "RecordedStep"),
@@ -116,15 +129,26 @@ _HOMES = {
         ".reasoning.verdicts": ("Verdict", "Verdicts"),
         ".reasoning.held": ("Held", "HeldPeriods"),
         ".sql.changes": ("Change",),
-        ".sql.dialects.base": ("Roles",),
+        ".sql.dialects.base": ("Distribution", "Roles"),
+        ".sql.distribution": ("distribute",),
+        ".sql.inventory": ("Inventory", "knowledge_bases"),
         ".sql.predicate_views": ("PredicateView", "drop_views", "update_views"),
         ".sql.schema": ("create_roles", "downgrade", "upgrade"),
     }.items()
     for name in names
 }
 _SUBPACKAGES = frozenset(
-    {"dao", "documents", "export", "factory", "history", "knowledge", "knowledge_base", "pddl"}
-    | {"planning", "plans", "reasoning", "sql", "store"}
+    {
+        "dao",
+        "documents",
+        "export",
+        "factory",
+        "history",
+        "knowledge",
+        "knowledge_base",
+        "knowledge_store",
+    }
+    | {"pddl", "planning", "plans", "reasoning", "sql", "store"}
 )
 
 if not TYPE_CHECKING:

@@ -13,15 +13,16 @@ import time
 import weakref
 from collections import deque
 from collections.abc import AsyncIterator, Callable, Coroutine, Generator, Iterable, Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import AbstractAsyncContextManager, AbstractContextManager, suppress
+from concurrent.futures import Future, ThreadPoolExecutor, wait
+from contextlib import AbstractAsyncContextManager, AbstractContextManager, ExitStack, suppress
 from contextvars import ContextVar
 from datetime import datetime
 from functools import partial, update_wrapper
 from types import TracebackType
-from typing import Concatenate, Generic, ParamSpec, TypeVar
+from typing import Any, Concatenate, Generic, ParamSpec, TypeVar
 
 from . import knowledge_base as sync
+from . import knowledge_store as sync_store
 from .arguments import seconds
 from .dao.interfaces import (
     Dao,
@@ -39,9 +40,11 @@ from .dto.formulas import Node
 from .errors import ClosedError, StoreBusyError, TransactionCancelledError, TransactionOpenError
 from .history.diff import diff_lines
 from .knowledge_base import KnowledgeBase
+from .knowledge_store import KnowledgeStore
 from .plans.interfaces import PlanDao
 from .reasoning.ask import Answers, Binding
 from .sql.changes import Change
+from .sql.inventory import Inventory
 
 __all__ = [
     "AsyncDao",
@@ -49,6 +52,7 @@ __all__ = [
     "AsyncFunctionValueDao",
     "AsyncGoalDao",
     "AsyncKnowledgeBase",
+    "AsyncKnowledgeStore",
     "AsyncMetricDao",
     "AsyncNamedDao",
     "AsyncObjectDao",
@@ -56,7 +60,9 @@ __all__ = [
     "AsyncPropositionDao",
     "AsyncRedefinableDao",
     "Connecting",
+    "Opening",
     "connect",
+    "open_store",
 ]
 
 P = ParamSpec("P")
@@ -65,6 +71,7 @@ S = TypeVar("S")
 T = TypeVar("T")
 D = TypeVar("D", bound=Dto)
 N = TypeVar("N", bound=Node)
+C = TypeVar("C", KnowledgeBase, KnowledgeStore)
 
 POOL_SIZE = 8
 # Seconds that writers of one event loop queue, as threads do.
@@ -164,15 +171,43 @@ def _cancelled() -> TransactionCancelledError:
 _BLOCKS: ContextVar[tuple[_Block, ...]] = ContextVar("kant_sql_aio_blocks", default=())
 
 
-class _Door:
-    """The threads of one front door, and the queue of writers of each event loop."""
+class _Crew:
+    """The threads of front doors, and how many of their tasks may write at once."""
 
-    def __init__(self, kb: KnowledgeBase, has_one_connection: bool) -> None:
+    def __init__(self, size: int = POOL_SIZE, writers: int | None = None) -> None:
+        self.pool = ThreadPoolExecutor(size, "kant_sql")
+        self.writers = writers
+        self.doors: weakref.WeakSet[_Door] = weakref.WeakSet()
+        self._guard = threading.Lock()
+        self._places: weakref.WeakKeyDictionary[asyncio.AbstractEventLoop, asyncio.Semaphore] = (
+            weakref.WeakKeyDictionary()
+        )
+
+    def places(self) -> Iterator[asyncio.Semaphore]:
+        """Yield what writers of the running event loop wait for besides their queue."""
+        if self.writers is not None:
+            with self._guard:
+                loop = asyncio.get_running_loop()
+                places = self._places.get(loop)
+                if places is None:
+                    places = self._places[loop] = asyncio.Semaphore(self.writers)
+            yield places
+
+
+class _Door:
+    """One front door: its threads, and the queue of its writers in each event loop."""
+
+    def __init__(
+        self, kb: KnowledgeBase, has_one_connection: bool, shared: _Crew | None = None
+    ) -> None:
         self.kb = kb
         self.has_one_connection = has_one_connection
         self.is_closed = False
         self.is_closing = threading.Event()
-        self._pool = ThreadPoolExecutor(POOL_SIZE, "kant_sql")
+        self._is_shared = shared is not None
+        self._crew = _Crew() if shared is None else shared
+        self._crew.doors.add(self)
+        self._running: set[Future[Any]] = set()
         self._guard = threading.Lock()
         self._queues: weakref.WeakKeyDictionary[asyncio.AbstractEventLoop, asyncio.Lock] = (
             weakref.WeakKeyDictionary()
@@ -183,6 +218,12 @@ class _Door:
         """Raise `ClosedError` when it was closed."""
         if self.is_closed:
             raise ClosedError("this knowledge base was closed; connect again to go on")
+
+    def _is_behind(self, block: _Block) -> bool:
+        """Return whether this door would wait for the end of a block."""
+        door = block.door
+        is_alone = self.has_one_connection or self._crew.writers == 1
+        return door is self or (is_alone and door._crew is self._crew)
 
     def own_block(self) -> _Block | None:
         """Find the open block of the running task."""
@@ -195,8 +236,13 @@ class _Door:
     def refuse_inherited(self) -> None:
         """Refuse to wait for the block that this task was started in, which may wait for it."""
         for block in _BLOCKS.get():
-            if block.door is self and block.is_open:
+            if block.is_open and self._is_behind(block):
                 name = "a task" if block.task is None else f"task {block.task.get_name()!r}"
+                if block.task is asyncio.current_task():
+                    raise TransactionOpenError(
+                        f"{name} has a transaction of another knowledge base of this store open, "
+                        "and one can be open at a time: end it first"
+                    )
                 raise TransactionOpenError(
                     f"this task was started within a transaction of {name} that is still open: "
                     "only that task may use it, and it may wait for this one; write in the task "
@@ -209,18 +255,21 @@ class _Door:
         with self._guard:
             return self._queues.setdefault(loop, asyncio.Lock())
 
-    async def enter_queue(self) -> asyncio.Lock:
-        """Wait for the turn to write."""
-        queue = self.queue()
-        try:
-            async with asyncio.timeout(QUEUE_TIMEOUT):
-                await queue.acquire()
-        except TimeoutError as error:
-            raise StoreBusyError(
-                f"another task held the knowledge base for over {QUEUE_TIMEOUT:g} s; nothing was "
-                "written, try again"
-            ) from error
-        return queue
+    async def enter_queue(self) -> ExitStack:
+        """Wait for the turn to write; closing what this returns ends the turn."""
+        queues: tuple[asyncio.Lock | asyncio.Semaphore, ...] = self.queue(), *self._crew.places()
+        with ExitStack() as turn:
+            try:
+                async with asyncio.timeout(QUEUE_TIMEOUT):
+                    for queue in queues:
+                        await queue.acquire()
+                        turn.callback(queue.release)
+            except TimeoutError as error:
+                raise StoreBusyError(
+                    f"other tasks held the knowledge base for over {QUEUE_TIMEOUT:g} s; nothing "
+                    "was written, try again"
+                ) from error
+            return turn.pop_all()
 
     async def read(self, call: Callable[[], R]) -> R:
         """Run a call that only reads: in the task's transaction, or in the pool."""
@@ -238,12 +287,9 @@ class _Door:
             return await block.run(call)
         self.refuse_inherited()
         self.refuse_closed()
-        queue = await self.enter_queue()
-        try:
+        with await self.enter_queue():
             future = self._submit(call)
             cancelled = await _finish(future)
-        finally:
-            queue.release()
         if cancelled is not None:
             # A running commit cannot be undone.
             raise cancelled
@@ -251,34 +297,47 @@ class _Door:
 
     def _submit(self, call: Callable[[], R]) -> Future[R]:
         self.refuse_closed()
-        return self._pool.submit(contextvars.copy_context().run, _contained, call)
+        future = self._crew.pool.submit(contextvars.copy_context().run, _contained, call)
+        self._running.add(future)
+        future.add_done_callback(self._running.discard)
+        return future
 
     async def close(self) -> None:
-        """Roll back open transactions, close the store, and wait for the threads."""
-        if self.is_closed:
-            return
+        """Roll back open transactions, close the knowledge base, and wait for the threads."""
+        if not self.is_closed:
+            await _in_a_thread(self.begin_to_close())
+
+    def begin_to_close(self) -> Callable[[], None]:
+        """Refuse further calls; return what a thread has to do then."""
         self.is_closed = True
         self.is_closing.set()
         error = ClosedError("this knowledge base was closed; nothing of the block was written")
         # A block that is about to begin is ended by its own task.
         blocks = [block for block in self.blocks if block.is_open]
         leaving = [block.leave(error) for block in blocks]
-        lane = _Lane()
 
         def close() -> None:
             for future in leaving:
                 future.exception()
             self.kb.close()
-            self._pool.shutdown()
+            wait([*self._running])
+            if not self._is_shared:
+                self._crew.pool.shutdown()
             for block in blocks:
                 block.lane.end(wait=True)
 
-        future = lane.submit(close)
-        cancelled = await _finish(future)
-        lane.end()
-        if cancelled is not None:
-            raise cancelled
-        future.result()
+        return close
+
+
+async def _in_a_thread(call: Callable[[], None]) -> None:
+    """Run a call to its end in a thread of its own, even when cancelled."""
+    lane = _Lane()
+    future = lane.submit(call)
+    cancelled = await _finish(future)
+    lane.end()
+    if cancelled is not None:
+        raise cancelled
+    future.result()
 
 
 class _Transaction(AbstractAsyncContextManager[None]):
@@ -289,7 +348,7 @@ class _Transaction(AbstractAsyncContextManager[None]):
         self._make = make
         self._joined: tuple[_Block, AbstractContextManager[None]] | None = None
         self._block: _Block | None = None
-        self._queue: asyncio.Lock | None = None
+        self._turn: ExitStack | None = None
 
     async def __aenter__(self) -> None:
         self._door.refuse_closed()
@@ -300,12 +359,12 @@ class _Transaction(AbstractAsyncContextManager[None]):
             self._joined = (outer, manager)
             return
         self._door.refuse_inherited()
-        self._queue = await self._door.enter_queue()
+        self._turn = await self._door.enter_queue()
         try:
             self._door.refuse_closed()
             block = _Block(self._door, self._make())
         except BaseException:
-            self._queue.release()
+            self._turn.close()
             raise
         self._door.blocks.add(block)
         await self._begin(block)
@@ -344,8 +403,8 @@ class _Transaction(AbstractAsyncContextManager[None]):
     def _end(self, block: _Block) -> None:
         block.lane.end()
         self._door.blocks.discard(block)
-        if self._queue is not None:
-            self._queue.release()
+        if self._turn is not None:
+            self._turn.close()
 
     async def __aexit__(
         self,
@@ -622,6 +681,9 @@ class AsyncKnowledgeBase(_Part):
     verify = _read(KnowledgeBase.verify)
     anchor = _read(KnowledgeBase.anchor)
     archive = _write(KnowledgeBase.archive)
+    # It reads here: other tasks write meanwhile.
+    push = _read(KnowledgeBase.push)
+    promote = _write(KnowledgeBase.promote)
     log = _iterate(KnowledgeBase.log)
     changes = _iterate(KnowledgeBase.changes)
     when = _iterate(KnowledgeBase.when)
@@ -775,36 +837,115 @@ class AsyncKnowledgeBase(_Part):
         await self.close()
 
 
+class AsyncKnowledgeStore:
+    """`KnowledgeStore` for asyncio: many knowledge bases over few connections and threads.
+
+    Tasks, event loops and threads may share it. Use it as an asynchronous context manager, or await
+    `close`.
+    """
+
+    def __init__(self, store: KnowledgeStore) -> None:
+        self._store = store
+        self._crew = _Crew(store.connections, store.writers)
+        self._is_closed = False
+
+    def knowledge_base(
+        self, name: str = "default", *, actor: str | None = None
+    ) -> AsyncKnowledgeBase:
+        """Open a knowledge base of the store, as `KnowledgeStore.knowledge_base`.
+
+        This takes no statement, so it is not awaited.
+        """
+        kb = self._store.knowledge_base(name, actor=actor)
+        return AsyncKnowledgeBase(_Door(kb, self._store.has_one_connection, self._crew), kb=kb)
+
+    async def knowledge_bases(self) -> list[Inventory]:
+        """List the knowledge bases that have a revision, as `kant_sql.knowledge_bases` does."""
+        if self._is_closed:
+            # Raises the error.
+            return self._store.knowledge_bases()
+        call = partial(contextvars.copy_context().run, self._store.knowledge_bases)
+        return await asyncio.wrap_future(self._crew.pool.submit(call))
+
+    async def close(self) -> None:
+        """Close all knowledge bases and connections, and end the threads."""
+        if self._is_closed:
+            return
+        self._is_closed = True
+        closing = [door.begin_to_close() for door in self._crew.doors if not door.is_closed]
+
+        def close() -> None:
+            for end in closing:
+                end()
+            self._store.close()
+            self._crew.pool.shutdown()
+
+        await _in_a_thread(close)
+
+    async def __aenter__(self) -> AsyncKnowledgeStore:
+        return self
+
+    async def __aexit__(self, *error: object) -> None:
+        await self.close()
+
+
+async def _opened(make: Callable[[], C]) -> C:
+    """Open something in a thread; close it when the caller was cancelled meanwhile."""
+    lane = _Lane()
+    future = lane.submit(make)
+    cancelled = await _finish(future)
+    if cancelled is not None:
+        if future.exception() is None:
+            await _finish(lane.submit(future.result().close))
+        lane.end()
+        raise cancelled
+    lane.end()
+    return future.result()
+
+
 class Connecting(AbstractAsyncContextManager[AsyncKnowledgeBase]):
     """A knowledge base that is being opened: await it, or use it in `async with`."""
 
     def __init__(self, make: Callable[[], KnowledgeBase]) -> None:
         self._make = make
-        self._opened: AsyncKnowledgeBase | None = None
+        self._kb: AsyncKnowledgeBase | None = None
 
     def __await__(self) -> Generator[object, None, AsyncKnowledgeBase]:
         return self._open().__await__()
 
     async def _open(self) -> AsyncKnowledgeBase:
-        lane = _Lane()
-        future = lane.submit(self._make)
-        cancelled = await _finish(future)
-        if cancelled is not None:
-            if future.exception() is None:
-                await _finish(lane.submit(future.result().close))
-            lane.end()
-            raise cancelled
-        lane.end()
-        kb = future.result()
+        kb = await _opened(self._make)
         return AsyncKnowledgeBase(_Door(kb, kb.factory.has_one_connection), kb=kb)
 
     async def __aenter__(self) -> AsyncKnowledgeBase:
-        self._opened = await self._open()
-        return self._opened
+        self._kb = await self._open()
+        return self._kb
 
     async def __aexit__(self, *error: object) -> None:
-        if self._opened is not None:
-            await self._opened.close()
+        if self._kb is not None:
+            await self._kb.close()
+
+
+class Opening(AbstractAsyncContextManager[AsyncKnowledgeStore]):
+    """A store that is being opened: await it, or use it in `async with`."""
+
+    def __init__(self, make: Callable[[], KnowledgeStore]) -> None:
+        self._make = make
+        self._store: AsyncKnowledgeStore | None = None
+
+    def __await__(self) -> Generator[object, None, AsyncKnowledgeStore]:
+        return self._open().__await__()
+
+    async def _open(self) -> AsyncKnowledgeStore:
+        return AsyncKnowledgeStore(await _opened(self._make))
+
+    async def __aenter__(self) -> AsyncKnowledgeStore:
+        self._store = await self._open()
+        return self._store
+
+    async def __aexit__(self, *error: object) -> None:
+        if self._store is not None:
+            await self._store.close()
 
 
 def connect(
@@ -837,4 +978,34 @@ def connect(
     """
     return Connecting(
         partial(sync.connect, url, knowledge_base=knowledge_base, actor=actor, read_only=read_only)
+    )
+
+
+def open_store(url: str, *, connections: int = 8, read_only: bool = False) -> Opening:
+    """Open a store for asyncio, with `await` or `async with`.
+
+    As many threads as there are connections run the calls, so one more task than that waits in the
+    event loop.
+
+    Args:
+        url: the database URL, as for `kant_sql.connect`.
+        connections: how many connections to a server there may be, as for `kant_sql.open_store`.
+        read_only: whether the database is to refuse all writes of these connections.
+
+    Returns:
+        An awaitable; it raises what `kant_sql.open_store` raises.
+
+    Examples:
+        >>> import asyncio
+        >>> from kant_sql import PddlTypeDto, aio
+        >>> async def main():
+        ...     async with aio.open_store("sqlite://") as store:
+        ...         for name in ("tiago", "pepper"):
+        ...             await store.knowledge_base(name).types.save(PddlTypeDto("robot"))
+        ...         return [one.name for one in await store.knowledge_bases()]
+        >>> asyncio.run(main())
+        ['tiago', 'pepper']
+    """
+    return Opening(
+        partial(sync_store.open_store, url, connections=connections, read_only=read_only)
     )

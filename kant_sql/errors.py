@@ -21,6 +21,7 @@ __all__ = [
     "ConflictError",
     "ConnectionLostError",
     "DependantsError",
+    "DivergedError",
     "ExtraMissingError",
     "ForkedError",
     "InvalidArgumentError",
@@ -40,6 +41,7 @@ __all__ = [
     "QuestionCancelledError",
     "ReadOnlyError",
     "ReadOnlyStoreError",
+    "ReplicaError",
     "SchemaError",
     "SchemaMissingError",
     "SchemaOutdatedError",
@@ -155,6 +157,31 @@ class ConflictError(KantSqlError):
     """A save refers to an element that is stored with another definition."""
 
 
+class DivergedError(ConflictError):
+    """Two stores have different histories of a knowledge base of one name; nothing was written.
+
+    Attributes:
+        revision: the first revision that differs.
+        source_hash: its hash in the source.
+        target_hash: its hash in the target.
+    """
+
+    def __init__(
+        self,
+        message: str,
+        revision: int,
+        source_hash: str | None = None,
+        target_hash: str | None = None,
+    ) -> None:
+        super().__init__(message)
+        self.revision = revision
+        self.source_hash = source_hash
+        self.target_hash = target_hash
+
+    def __reduce__(self) -> tuple[type[DivergedError], tuple[str, int, str | None, str | None]]:
+        return DivergedError, (str(self), self.revision, self.source_hash, self.target_hash)
+
+
 class DependantsError(KantSqlError):
     """A redefinition was refused because live knowledge depends on the present definition.
 
@@ -169,6 +196,10 @@ class DependantsError(KantSqlError):
 
 class ReadOnlyError(KantSqlError):
     """A write to something read-only, such as a past state."""
+
+
+class ReplicaError(KantSqlError):
+    """A local write to a replica, or a push into a knowledge base that is none."""
 
 
 class NotApplicableError(KantSqlError):

@@ -42,6 +42,7 @@ from .plans.interfaces import PlanDao, RecordedStep
 from .reasoning.interfaces import Reasoning
 from .reasoning.sql_reasoning import SqlReasoning
 from .sql.dialects import BACKENDS, create_backend, dialect_name
+from .sql.dialects.base import Backend
 from .store.store import Store
 
 
@@ -390,6 +391,15 @@ class SqlDaoFactory(DaoFactory):
             backend.close()
             raise
 
+    @classmethod
+    def one_of_many(cls, backend: Backend, knowledge_base: str, actor: str | None) -> Self:
+        """Open a knowledge base on connections that others share, without a statement."""
+        made = object.__new__(cls)
+        made._at = None
+        made._open_store = Store(backend, knowledge_base, actor, is_one_of_many=True)
+        made.has_one_connection = backend.has_one_connection
+        return made
+
     @property
     @override
     def name(self) -> str:  # type: ignore[override]
@@ -404,13 +414,13 @@ class SqlDaoFactory(DaoFactory):
     @override
     def label(self) -> str:  # type: ignore[override]
         past = "" if self._at is None else f" at revision {self._at}"
-        closed = ", closed" if self._open_store.backend.is_closed else ""
+        closed = ", closed" if self._open_store.is_closed else ""
         return f"{self.name!r} of {self.address}{past}{closed}"
 
     @property
     def _store(self) -> Store:
         """The store, unless it was closed."""
-        self._open_store.backend.refuse_closed()
+        self._open_store.refuse_closed()
         return self._open_store
 
     create_pddl_type_dao = _creates(SqlTypeDao)
@@ -473,20 +483,25 @@ class SqlDaoFactory(DaoFactory):
     ) -> DaoFactory:
         store = self._store
         origin = read_origin(store, self._at if at is None else state_at(store, at, self._at))
-        if url is None:
-            if name is not None:
-                store.refuse_read_only()
-            url = "sqlite://" if name is None else store.backend.address
-        own = store.name if name is None else name
-        made = create_dao_factory(url, knowledge_base=own, actor=store.actor)
+        if url is None and name is not None:
+            store.refuse_read_only()
+        made = self._beside(store, store.name if name is None else name, url, name is not None)
         try:
             if not isinstance(made, SqlDaoFactory):
-                raise InvalidUrlError(f"{dialect_name(url)}: this DAO family takes no branches")
+                raise InvalidUrlError(f"{type(made).__name__}: this DAO family takes no branches")
             write_branch(made._store, origin)
         except BaseException:
             made.close()
             raise
         return made
+
+    def _beside(self, store: Store, name: str, url: str | None, is_here: bool) -> DaoFactory:
+        """Open the store of a branch."""
+        if url is None and is_here and store.is_one_of_many:
+            return type(self).one_of_many(store.backend, name, store.actor)
+        if url is None:
+            url = store.backend.address if is_here else "sqlite://"
+        return create_dao_factory(url, knowledge_base=name, actor=store.actor)
 
     @property
     @override
@@ -544,11 +559,16 @@ def create_dao_factory(
         []
     """
     flag(read_only, "read_only", InvalidArgumentError)
-    name = dialect_name(url)
-    family = FAMILIES.get(name) or (SqlDaoFactory if name in BACKENDS else _joined_family(name))
+    family = family_of(url)
     if not read_only:
         return family(url, knowledge_base=knowledge_base, actor=actor)
     return family(url, knowledge_base=knowledge_base, actor=actor, read_only=True)
+
+
+def family_of(url: str) -> type[DaoFactory]:
+    """Find the DAO family that supports a database URL."""
+    name = dialect_name(url)
+    return FAMILIES.get(name) or (SqlDaoFactory if name in BACKENDS else _joined_family(name))
 
 
 def _joined_family(name: str) -> type[DaoFactory]:

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from .reasoning.held import Held
     from .reasoning.verdicts import Verdict
     from .sql.changes import Change
+    from .sql.inventory import Inventory
 
 
 class PlanStepDocument(TypedDict):
@@ -146,6 +147,63 @@ class VerificationDocument(TypedDict):
     archives: list[str]
     anchored: int | None
     is_intact: bool
+    continued_from: int | None
+    continued_at: str | None
+    complete_at: str | None
+    is_kept: bool | None
+
+
+class InventoryDocument(TypedDict):
+    """A knowledge base: its head and who made it, what it has, its origin, how far it is verified.
+
+    `goals` are atoms; `reached` says how many of them are facts, or is null where a goal is another
+    condition or may follow from a rule. `has_more_facts` says that there are more facts than were
+    counted. Of a replica, `behind` says how many revisions of its origin it lacks, and `lag` how
+    much older its last one is, in seconds, as last heard of at `heard_at`.
+    """
+
+    name: str
+    revision: int
+    committed_at: str
+    actor: str | None
+    reason: str | None
+    facts: int
+    has_more_facts: bool
+    goals: int
+    reached: int | None
+    origin: str | None
+    origin_revision: int | None
+    origin_committed_at: str | None
+    heard_at: str | None
+    behind: int | None
+    lag: float | None
+    verified_revision: int | None
+    verified_at: str | None
+    complete_at: str | None
+
+
+def inventory_document(one: Inventory) -> InventoryDocument:
+    """Return what is in a knowledge base as JSON data."""
+    return {
+        "name": one.name,
+        "revision": one.revision,
+        "committed_at": time_text(one.committed_at),
+        "actor": one.actor,
+        "reason": one.reason,
+        "facts": one.facts,
+        "has_more_facts": one.has_more_facts,
+        "goals": one.goals,
+        "reached": one.reached,
+        "origin": one.origin,
+        "origin_revision": one.origin_revision,
+        "origin_committed_at": _optional_time(one.origin_committed_at),
+        "heard_at": _optional_time(one.heard_at),
+        "behind": one.behind,
+        "lag": one.lag,
+        "verified_revision": one.verified_revision,
+        "verified_at": _optional_time(one.verified_at),
+        "complete_at": _optional_time(one.complete_at),
+    }
 
 
 def revision_document(revision: Revision) -> RevisionDocument:
@@ -264,6 +322,10 @@ def verification_document(verification: Verification) -> VerificationDocument:
         "archives": list(verification.archives),
         "anchored": verification.anchored,
         "is_intact": verification.is_intact,
+        "continued_from": verification.continued_from,
+        "continued_at": _optional_time(verification.continued_at),
+        "complete_at": _optional_time(verification.complete_at),
+        "is_kept": verification.is_kept,
     }
 
 

@@ -69,7 +69,8 @@ def run_online(connection: Connection) -> None:
         if changes_version():
             # A table with views cannot be changed.
             config.attributes[DROPPED_VIEWS] = drop_generated_views(connection, backend.views)
-        context.run_migrations()
+        with backend.migrating(connection, config.attributes.get("label", "this store")):
+            context.run_migrations()
     if not context.get_context().get_current_heads():
         # A store at version base has no tables; Alembic would leave its own.
         connection.exec_driver_sql(f"DROP TABLE IF EXISTS {VERSION_TABLE}")

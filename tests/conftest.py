@@ -18,10 +18,18 @@ import kant_sql
 from kant_sql import KnowledgeBase
 from kant_sql.sql import schema
 from tests.audit.story import record_store
-from tests.support import profile
+from tests.support import citus, profile
+from tests.support.citus import Cluster
 from tests.support.processes.workers import STOPPING
 from tests.support.servers import IN_MEMORY, MortalServer, Server
-from tests.support.stores import BACKENDS, Connect, Migrations, extra_urls, make_store_url
+from tests.support.stores import (
+    BACKENDS,
+    CITUS,
+    Connect,
+    Migrations,
+    extra_urls,
+    make_store_url,
+)
 
 profile.load()
 UPGRADE = schema._upgrade
@@ -34,7 +42,7 @@ if IN_MEMORY is not None:
 # Tests of these start processes, servers or planners, or measure.
 SLOW_FOLDERS = {
     *("archive", "benchmarks", "browser", "cli", "corpus", "docs", "durability", "examples"),
-    *("meaning", "migrations", "planning"),
+    *("meaning", "migrations", "operation", "planning", "pooler"),
 }
 # With tests of five seconds and more.
 LONGEST = {
@@ -46,6 +54,11 @@ LONGEST = {
 def pytest_addoption(parser: pytest.Parser) -> None:
     """Add the option of `make test-fast`."""
     parser.addoption("--fast", action="store_true", help="SQLite only, without slow tests")
+
+
+def pytest_report_header() -> str | None:
+    """Say what is left out."""
+    return None if CITUS else citus.MISSING
 
 
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
@@ -73,11 +86,11 @@ def pytest_collection_finish() -> None:
 
 def is_fast(item: pytest.Item) -> bool:
     """Whether a test is quick and needs no server; SQLite in memory stands for SQLite in a file."""
-    if "server" in item.fixturenames or item.get_closest_marker("slow"):  # type: ignore[attr-defined]
+    if {"server", "cluster"} & {*item.fixturenames} or item.get_closest_marker("slow"):  # type: ignore[attr-defined]
         return False
     parameters = getattr(item, "callspec", None) and item.callspec.params  # type: ignore[attr-defined]
     backends = {value for value in (parameters or {}).values() if isinstance(value, str)}
-    if any(backend.startswith(("postgresql", "aio-")) for backend in backends):
+    if any(backend.startswith(("postgresql", "citus", "aio-")) for backend in backends):
         return False
     is_twice = not {"url", "common_url"}.isdisjoint(parameters or ())
     return not (is_twice and "sqlite-file" in backends)
@@ -93,6 +106,17 @@ def server(request: pytest.FixtureRequest) -> Iterator[Server]:
     yield running
     running.drop()
     shutil.rmtree(folder, ignore_errors=True)
+
+
+@pytest.fixture(scope="session")
+def cluster(request: pytest.FixtureRequest) -> Iterator[Cluster]:
+    """A Citus cluster; tests that need it are skipped where there is none."""
+    url = citus.citus_url()
+    if url is None or request.config.option.fast:
+        pytest.skip(citus.MISSING)
+    running = Cluster(url)
+    yield running
+    running.drop()
 
 
 @pytest.fixture(scope="session")
@@ -113,13 +137,13 @@ def mortal_url(mortal_server: MortalServer) -> str:
     return url
 
 
-@pytest.fixture(params=[*BACKENDS, *(f"extra-{n}" for n, _ in enumerate(extra_urls()))])
+@pytest.fixture(params=[*BACKENDS, *CITUS, *(f"extra-{n}" for n, _ in enumerate(extra_urls()))])
 def url(request: pytest.FixtureRequest, tmp_path: Path) -> str:
     """The URL of an empty store that is ready to be opened, on each backend in turn."""
     return make_store_url(request, request.param, tmp_path)
 
 
-@pytest.fixture(params=["sqlite-file", "postgresql"])
+@pytest.fixture(params=["sqlite-file", "postgresql", *CITUS])
 def shared_url(request: pytest.FixtureRequest, tmp_path: Path) -> str:
     """The URL of a store that processes can share."""
     return make_store_url(request, request.param, tmp_path)
@@ -135,6 +159,12 @@ def sqlite_story(tmp_path_factory: pytest.TempPathFactory) -> str:
 def postgresql_story(server: Server) -> str:
     """The URL of a store with a robot's day in it, on PostgreSQL; it is only read."""
     return record_store(server.new_store())
+
+
+@pytest.fixture(scope="session")
+def citus_story(cluster: Cluster) -> str:
+    """The URL of a store with a robot's day in it, distributed; it is only read."""
+    return record_store(cluster.new_store())
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -196,9 +196,9 @@ def open_to_read(
 ) -> Iterator[tuple[str, KnowledgeBase]]:
     """Open an existing knowledge base; nothing is created."""
     from ..knowledge_base import connect
-    from ..sql.catalog import knowledge_bases
+    from ..sql.catalog import written_names
 
-    chosen = choose(name, knowledge_bases(url))
+    chosen = choose(name, written_names(url))
     with connect(url, knowledge_base=chosen, actor=actor) as kb:
         yield chosen, kb
 

@@ -140,11 +140,11 @@ def _as_text(name: str) -> str:
 
 def _require_domain(kb: str, url: str, paths: Sequence[str]) -> None:
     """Check that the knowledge base exists, so that it may have the problem's domain."""
-    from ..sql.catalog import knowledge_bases
+    from ..sql.catalog import written_names
 
     remedy = f"give the file of the domain, too, before {', '.join(paths)}"
     try:
-        names = knowledge_bases(url)
+        names = written_names(url)
     except SchemaMissingError as error:
         raise KantSqlError(f"a problem needs its domain: {remedy}; {error}") from error
     if not names:

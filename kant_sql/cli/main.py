@@ -17,7 +17,7 @@ import typer
 from typer.core import TyperArgument, TyperGroup
 
 from .. import __version__
-from ..errors import KantSqlError, SourceError, printable
+from ..errors import KantSqlError, printable
 from .check import check
 from .common import JSON_OPTION
 from .conditions import goals, holds, query, rules, when
@@ -26,11 +26,13 @@ from .export import export
 from .history import blame, branch, diff, history, log, restore, watch
 from .output import FAILED, drop_output, json_text, paged, want_pager
 from .plans import plan, plans
+from .replication import ServiceError, promote, push
 from .report import report
 from .serve import serve
 from .state import show
 from .steps import applicable, apply, validate, why_not
-from .store import anchor, archive, db, kbs, verify, views
+from .store import anchor, archive, db, kbs, views
+from .verifying import verify
 
 WRONG_USAGE, INTERRUPTED = 2, 130
 _WRONG_USAGE = "UsageError"
@@ -61,16 +63,16 @@ def run_to_exit_code(command: Callable[[], object], words: Sequence[str]) -> int
         return 0
     except (KeyboardInterrupt, typer.Abort):
         return INTERRUPTED
-    except SourceError as error:
-        return _complain(error, f"{error.filename}: {error.strerror}", words, FAILED)
-    except KantSqlError as error:
-        return _complain(error, str(error), words, FAILED)
+    except ServiceError as error:
+        return _complain(error.error, str(error.error), words, error.code)
     except OSError as error:
         if error.filename is not None:
             return _complain(error, f"{error.filename}: {error.strerror}", words, FAILED)
         drop_output()
         message = f"cannot write the output: {error.strerror or error}"
         return _complain(error, message, words, FAILED)
+    except KantSqlError as error:
+        return _complain(error, str(error), words, FAILED)
     except Exception as error:
         # Typer's own errors: the module of their base class depends on its version.
         if not hasattr(error, "format_message"):
@@ -205,7 +207,7 @@ _COMMANDS = (
     serve,
     report,
 )
-for _command in (*_COMMANDS, verify, anchor, archive):
+for _command in (*_COMMANDS, verify, anchor, archive, push, promote):
     app.command()(_in_pager(_command) if _command in _PAGED else _command)
 
 

@@ -56,11 +56,11 @@ def report(
         raise ExtraMissingError(WEB_MISSING) from error
     from ..history.anchors import parse_anchor
     from ..knowledge_base import connect
-    from ..sql.catalog import knowledge_bases
+    from ..sql.catalog import written_names
 
     earliest, latest = parse_optional(since, "--since"), parse_optional(until, "--until")
     anchored = None if anchor is None else parse_anchor(anchor.read_bytes())
-    name = choose(kb, knowledge_bases(url))
+    name = choose(kb, written_names(url))
     with (
         connect(url, knowledge_base=name, read_only=True) as knowledge_base,
         bar(name) as progress,

@@ -1,29 +1,25 @@
-"""`kant-sql db`, `kbs`, `anchor`, `verify`, `archive` and `views`: administering a store."""
+"""`kant-sql db`, `kbs`, `anchor`, `archive` and `views`: administering a store."""
 
 from __future__ import annotations
 
 import io
 import sys
-from collections.abc import Mapping
-from contextlib import closing
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ..errors import InvalidMetadataError, KantSqlError, printable
-from ..json_documents import verification_document
+from ..errors import KantSqlError, printable
+from ..json_documents import inventory_document
 from ..knowledge.canonical import time_text
 from .common import (
     DEFAULT_NAME,
     JSON_OPTION,
     Actor,
-    AnchorFile,
     AsJson,
     Name,
     Reason,
     Url,
-    choose,
-    json_lines,
     leaving_nothing,
     open_to_read,
     option,
@@ -31,13 +27,10 @@ from .common import (
     split_url,
     words_argument,
 )
-from .output import FAILED, Document, Printer, bar, plural, write_json
+from .output import Document, Printer, bar, plural, write_json
 
 if TYPE_CHECKING:
-    from ..history.anchors import Anchor
     from ..history.archive.archive import Archived
-    from ..history.verify.findings import Finding
-    from ..history.verify.verify import Verification
     from ..sql.inventory import Inventory
     from ..sql.predicate_views import PredicateView
 
@@ -124,10 +117,12 @@ def current(url: Url, as_json: AsJson = False) -> None:
 
 @db.command()
 def check(url: Url, as_json: AsJson = False) -> None:
-    """Exit with 1 if the tables are missing or outdated."""
+    """Exit with 1 if tables are missing, outdated or misplaced."""
     from ..sql import schema
+    from ..sql.distribution import check_distribution
 
     schema.check(url)
+    check_distribution(url)
     _write_version(url, as_json)
 
 
@@ -179,8 +174,53 @@ def roles(
             value = getattr(made, name)
             if value is not None:
                 printer.line(f"{name:8} {value}")
+        if made.writer is None:
+            typer.echo(
+                "no writer: the row policies of a distributed table cannot look up other rows; "
+                "let writers connect as the owner",
+                err=True,
+            )
         for statement in made.remaining:
             typer.echo(f"this user may not run, but its owner: {statement};", err=True)
+
+
+@db.command()
+def distribute(
+    url: Url,
+    shards: Annotated[
+        int | None,
+        option(
+            "How many shards each table has; otherwise as the server sets citus.shard_count.",
+            "--shards",
+            metavar="N",
+            min=1,
+        ),
+    ] = None,
+    undo: Annotated[bool, option("Bring all tables back to the coordinator.", "--undo")] = False,
+    as_sql: Annotated[bool, option("Only write the SQL; change nothing.", "--sql")] = False,
+    as_json: AsJson = False,
+) -> None:
+    """Distribute the tables over a Citus cluster.
+
+    All of it happens, or nothing; what is distributed already stays as it is. Make a backup first.
+    """
+    from ..sql.distribution import distribute as distribute_tables
+    from ..sql.distribution import script
+
+    done = distribute_tables(url, shards=shards, undo=undo, dry_run=as_sql)
+    if as_json:
+        document = done._asdict()
+        if not as_sql:
+            del document["statements"], document["views"]
+        write_json(document)
+    elif as_sql:
+        typer.echo("-- Make a backup first.")
+        typer.echo("".join(f"{line};\n" for line in script(done)), nl=False)
+    elif done.shards:
+        over = f"{plural(done.shards, 'shard')} on {', '.join(done.nodes)}"
+        typer.echo(f"{plural(len(done.tables), 'table')} distributed over {over}")
+    else:
+        typer.echo(f"{plural(len(done.tables), 'table')} brought back")
 
 
 def _write_version(url: str, as_json: bool, more: Mapping[str, object] | None = None) -> None:
@@ -194,34 +234,42 @@ def _write_version(url: str, as_json: bool, more: Mapping[str, object] | None = 
 
 
 def kbs(url: Url, as_json: AsJson = False) -> None:
-    """List the knowledge bases: last revisions, facts and goals."""
-    from ..sql.inventory import Catalog
+    """List the knowledge bases: last revisions, facts, origins."""
+    from ..sql.inventory import knowledge_bases
 
-    with closing(Catalog(url)) as catalog:
-        found = list(catalog.every())
+    found = knowledge_bases(url)
     if as_json:
-        write_json(
-            {
-                "knowledge_bases": [
-                    {**one._asdict(), "committed_at": time_text(one.committed_at)} for one in found
-                ]
-            }
-        )
+        write_json({"knowledge_bases": [inventory_document(one) for one in found]})
         return
-    rows = [
-        (
-            printable(one.name),
-            str(one.revision),
-            time_text(one.committed_at),
-            f"over {one.facts}" if one.has_more_facts else str(one.facts),
-            _goals(one),
-            printable(one.actor or ""),
-            printable(one.reason or ""),
-        )
-        for one in found
-    ]
-    columns = "knowledge base", "revision", "last change", "facts", "goals", "actor", "reason"
-    Printer().table("knowledge bases", columns, rows)
+    columns: dict[str, Callable[[Inventory], str]] = {
+        "knowledge base": lambda one: printable(one.name),
+        "revision": lambda one: str(one.revision),
+        "last change": lambda one: time_text(one.committed_at),
+        "facts": lambda one: f"over {one.facts}" if one.has_more_facts else str(one.facts),
+        "goals": _goals,
+        "actor": lambda one: printable(one.actor or ""),
+        "reason": lambda one: printable(one.reason or ""),
+    }
+    if any(one.origin is not None for one in found):
+        columns |= {"origin": lambda one: printable(one.origin or ""), "behind": _behind}
+    if any(one.verified_revision is not None for one in found):
+        columns["verified"] = _verified
+    rows = [[write(one) for write in columns.values()] for one in found]
+    Printer().table("knowledge bases", list(columns), rows)
+
+
+def _behind(one: Inventory) -> str:
+    """Say how many revisions a replica lacks, and by how much time it is behind."""
+    if not one.behind:
+        return "" if one.behind is None else "0"
+    return f"{one.behind}" if one.lag is None else f"{one.behind}, {one.lag:,.0f} s"
+
+
+def _verified(one: Inventory) -> str:
+    """Say up to which revision it was verified, and when."""
+    if one.verified_revision is None or one.verified_at is None:
+        return "not yet"
+    return f"up to {one.verified_revision} at {time_text(one.verified_at)}"
 
 
 def _goals(one: Inventory) -> str:
@@ -239,91 +287,12 @@ def anchor(
     The output is a small JSON document. 'kant-sql verify --anchor FILE' compares a store with it.
     """
     from ..knowledge_base import connect
-    from ..sql.catalog import knowledge_bases
+    from ..sql.catalog import written_names
 
     # Raises if the store is missing, where connecting would create it.
-    names = knowledge_bases(url)
+    names = written_names(url)
     with connect(url, knowledge_base=names[0] if names else DEFAULT_NAME) as knowledge_base:
         typer.echo(knowledge_base.anchor().text())
-
-
-def verify(
-    url: Url,
-    kb: Name = None,
-    verify_all: Annotated[bool, option("All knowledge bases.", "--all")] = False,
-    anchor: AnchorFile = None,
-    as_json: Annotated[bool, json_lines("knowledge base")] = False,
-) -> int:
-    """Verify that the history is intact.
-
-    Recomputes every hash from the tables, compares columns with texts, indexes with their tables,
-    and the structure with what the migrations create. Reports findings by revision. Exits with 0
-    if there are none, and 1 otherwise.
-    """
-    from ..history.anchors import parse_anchor
-
-    if kb is not None and verify_all:
-        raise typer.BadParameter("give --kb or --all, not both", param_hint="--all")
-    anchored = None if anchor is None else parse_anchor(anchor.read_bytes())
-    printer, is_intact = Printer(), True
-    for number, name in enumerate(_chosen(url, kb, verify_all, anchored)):
-        # The structure is common to all knowledge bases.
-        verification = _verify(url, name, anchored, structure=number == 0)
-        is_intact &= verification.is_intact
-        if as_json:
-            write_json(verification_document(verification))
-        else:
-            _write_verification(printer, verification, anchored is not None)
-    return 0 if is_intact else FAILED
-
-
-def _verify(url: str, name: str, anchor: Anchor | None, structure: bool) -> Verification:
-    from ..history.verify.findings import Finding
-    from ..history.verify.verify import Verification
-    from ..knowledge_base import connect
-
-    try:
-        with connect(url, knowledge_base=name) as knowledge_base, bar(name) as progress:
-            return knowledge_base.verify(anchor, progress=progress, structure=structure)
-    except InvalidMetadataError as error:
-        # A name that the library never writes; the others are verified all the same.
-        return Verification(name, 0, 0, (Finding(None, "knowledge_base", str(error)),))
-
-
-def _chosen(url: str, name: str | None, verify_all: bool, anchor: Anchor | None) -> list[str]:
-    """Choose the knowledge bases to verify, with those that are anchored and gone."""
-    from ..sql.catalog import every_name
-
-    names = every_name(url)
-    heads = () if anchor is None else anchor.heads
-    gone = [head.knowledge_base for head in heads if head.knowledge_base not in names]
-    if verify_all:
-        return [*names, *gone]
-    if gone and (name in gone or (name is None and not names)):
-        return gone
-    return [choose(name, names), *gone]
-
-
-def _write_verification(printer: Printer, verification: Verification, has_anchor: bool) -> None:
-    name = printable(verification.knowledge_base)
-    counts = f"{verification.revisions} revisions, {verification.changes} changes"
-    for finding in verification.findings:
-        printer.line(f"{name}: {printable(_finding_text(finding))}", "red")
-    if verification.is_intact:
-        printer.line(f"{name}: intact ({counts})", "green")
-    else:
-        findings = plural(len(verification.findings), "finding")
-        printer.line(f"{name}: {findings} ({counts})", "bold red")
-    for archive in verification.archives:
-        printer.line(f"{name}: {printable(archive)}")
-    if has_anchor and verification.anchored is None:
-        printer.line(f"{name}: the anchor says nothing of it", "yellow")
-
-
-def _finding_text(finding: Finding) -> str:
-    place = "" if finding.revision is None else f"revision {finding.revision}: "
-    table = "" if finding.table is None else f"{finding.table}: "
-    return f"{place}{table}{finding.message}"
 
 
 _Before = Annotated[

@@ -84,8 +84,8 @@ class SqlDao:
     def _store(self) -> Store:
         """The store, if it was not closed: no call goes by without asking."""
         store = self._open_store
-        if store.backend.is_closed:
-            store.backend.refuse_closed()
+        if store.is_closed:
+            store.refuse_closed()
         return store
 
     def _check_writable(self) -> None:

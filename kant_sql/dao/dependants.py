@@ -11,9 +11,9 @@ from ..errors import DependantsError
 from ..knowledge.definitions import ActionDefinition, Definitions, FormulaDefinition
 from ..knowledge.trees import Mentioned, ParameterDefinition, mentions
 from ..sql.dialects.base import Row
-from ..sql.intervals import VALUE_COLUMNS
+from ..sql.intervals import open_value
 from ..sql.query import Query, in_list, in_rows
-from ..sql.rows import KB
+from ..sql.rows import KB, table_of
 from ..sql.tables import (
     FunctionValueArgumentRow,
     FunctionValueRow,
@@ -39,7 +39,7 @@ def _values(versions: Select[Any]) -> Select[Any]:
         FunctionValueRow.function_id,
         FunctionValueRow.arguments,
         FunctionValueRow.text,
-        *VALUE_COLUMNS,
+        *open_value(table_of(FunctionValueRow).c.id),
     ).where(FunctionValueRow.kb_id == KB, in_rows(FunctionValueRow.id, versions))
 
 

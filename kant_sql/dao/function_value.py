@@ -32,7 +32,7 @@ from ..knowledge.definitions import Definitions, FunctionDefinition
 from ..pddl.conditions import read_value
 from ..sql.dialects.base import Row
 from ..sql.intervals import ANY_FUNCTION, held_then
-from ..sql.rows import KB
+from ..sql.rows import KB, looked_up, table_of
 from ..sql.tables import FunctionValueRow, FunctionValueVersionRow
 from ..store.caches import FluentKey, FluentValue, GroundFluent
 from ..store.snapshot import View
@@ -80,12 +80,8 @@ def calculate(operation: Operation, number: Decimal, by: Decimal) -> Decimal:
         return operation(context, number, by)
 
 
-_ARGUMENTS = (
-    select(FunctionValueRow.arguments)
-    .where(FunctionValueRow.kb_id == FunctionValueVersionRow.kb_id)
-    .where(FunctionValueRow.id == FunctionValueVersionRow.function_value_id)
-    .scalar_subquery()
-)
+_FLUENTS = table_of(FunctionValueRow).c
+_ARGUMENTS = looked_up(_FLUENTS.arguments, _FLUENTS.id, FunctionValueVersionRow.function_value_id)
 _ROWS = select(
     FunctionValueVersionRow.function_value_id,
     FunctionValueVersionRow.function_id,

@@ -18,7 +18,7 @@ from ..knowledge.definitions import FunctionDefinition, ObjectDefinition, Predic
 from ..pddl.conditions import read_fact
 from ..sql.intervals import ANY_PREDICATE, held_then
 from ..sql.query import first_rows, in_rows, integer
-from ..sql.rows import KB, THEN, table_of
+from ..sql.rows import KB, THEN, looked_up, table_of
 from ..sql.tables import PropositionArgumentRow, PropositionRow, PropositionVersionRow
 from ..store.caches import AtomKey
 from ..store.snapshot import View
@@ -141,20 +141,23 @@ class PropositionReading(Reading):
             PropositionArgumentRow.kb_id == KB,
             PropositionArgumentRow.object_id == integer("object"),
         )
-        version = PropositionVersionRow
-        own = select(version.since).where(
-            version.kb_id == PropositionRow.kb_id, version.proposition_id == PropositionRow.id
-        )
+        version = table_of(PropositionVersionRow).c
         holds = case((or_(version.until.is_(None), version.until > THEN), literal_column("1")))
-        last = own.with_only_columns(holds).where(version.since <= THEN)
+        last = select(holds).where(
+            version.kb_id == KB, version.proposition_id == PropositionRow.id, version.since <= THEN
+        )
         last = first_rows(last.order_by(version.since.desc()), literal_column("1"))
+        is_open = version.until.is_(None)
         now, then = (
             select(*_COLUMNS).where(
                 PropositionRow.kb_id == KB,
                 in_rows(PropositionRow.id, mentioning),
-                held.scalar_subquery().is_not(None),
+                held.is_not(None),
             )
-            for held in (own.where(version.until.is_(None)), last)
+            for held in (
+                looked_up(version.since, version.proposition_id, PropositionRow.id, is_open),
+                last.scalar_subquery(),
+            )
         )
         return cls(now, then, literal_column("''"), false())
 

@@ -51,15 +51,18 @@ class StoreSnapshot:
         session: the session that reads.
         label: the URL for messages, without passwords.
         states: the knowledge bases that have a revision, oldest first.
+        ids: their ids, by name.
     """
 
     def __init__(self, session: Session) -> None:
         self.session = session
         self.label = session.backend.label
-        self.states = [
-            KnowledgeBaseState(name, revision, digest, time_text(committed_at), archived)
-            for name, revision, digest, committed_at, archived in read_heads(session)
-        ]
+        self.ids: dict[str, int] = {}
+        self.states = []
+        for kb_id, name, revision, digest, committed_at, archived in read_heads(session):
+            self.ids[name] = kb_id
+            at = time_text(committed_at)
+            self.states.append(KnowledgeBaseState(name, revision, digest, at, archived))
 
     def chosen(self, name: str | None) -> list[KnowledgeBaseState]:
         """Return the knowledge base of a name, or all."""
@@ -77,13 +80,13 @@ class StoreSnapshot:
         """Return the revisions from `since` to `until`, both inclusive; None for all."""
         if since is None and until is None:
             return None
-        low, high = 1, state.revision
+        low, high, kb_id = 1, state.revision, self.ids[state.name]
         if isinstance(since, datetime):
-            low = last_revision_before(self.session, state.name, _kept(since)) + 1
+            low = last_revision_before(self.session, kb_id, _kept(since)) + 1
         elif since is not None:
             low = _checked(since, state)
         if isinstance(until, datetime):
-            high = last_revision_before(self.session, state.name, _kept(until), inclusive=True)
+            high = last_revision_before(self.session, kb_id, _kept(until), inclusive=True)
         elif until is not None:
             high = _checked(until, state)
         return low, high
@@ -92,7 +95,7 @@ class StoreSnapshot:
         self, view: AuditView, state: KnowledgeBaseState, window: Window | None = None
     ) -> Iterator[pyarrow.RecordBatch]:
         """Read a view's rows of a knowledge base."""
-        return stream_view(self.session, view, state.name, window)
+        return stream_view(self.session, view, self.ids[state.name], window)
 
 
 def _kept(moment: datetime) -> datetime:

@@ -110,7 +110,7 @@ def export_transitions(
     _import_mcap()
     with open_snapshot(url) as snapshot, new_folder(target, replace) as (folder, old):
         states = snapshot.chosen(knowledge_base)
-        chosen.check([names_ever(snapshot.session, state.name) for state in states])
+        chosen.check([names_ever(snapshot.session, snapshot.ids[state.name]) for state in states])
         whole, done = sum(state.revision for state in states), 0
         for state in states:
             window = snapshot.window(state, since, until) or (1, state.revision)
@@ -252,17 +252,18 @@ class _Recording:
     def run(self, snapshot: StoreSnapshot, window: Window) -> Iterator[int]:
         """Write all; yield each revision that is done."""
         session, state = snapshot.session, self._state
+        kb_id = snapshot.ids[state.name]
         self._writer.start(library="kant_sql")
         facts = {key: str(value) for key, value in state._asdict().items()}
         self._writer.add_metadata("kant_sql", facts)
         # Of what was before, a part may be in the archive.
         low = max(window[0], state.archived + 1 if state.archived else 1)
-        before = time_of_revision(session, state.name, low - 1)
+        before = time_of_revision(session, kb_id, low - 1)
         if before is not None:
-            for change in stream_state(session, state.name, low):
+            for change in stream_state(session, kb_id, low):
                 self._take(change)
             self._write(self._lanes.values(), before)
-        changes = stream_changes(session, state.name, low, window[1])
+        changes = stream_changes(session, kb_id, low, window[1])
         for revision, group in groupby(changes, key=lambda change: change.revision):
             touched: dict[int, _Lane] = {}
             for change in group:

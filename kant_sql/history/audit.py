@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from ..dao.base import NO_ID
 from ..errors import ReadOnlyError
 from ..sql.arrow import import_arrow, read_view
 from ..sql.audit_views import find_audit_view
@@ -28,4 +29,6 @@ def read_audit(store: Store, view: str, at: int | None) -> pyarrow.Table:
             f"a transaction of knowledge base {store.name!r} is open, and {found.name} has what is "
             "committed; end it first"
         )
-    return store.query_in_snapshot(lambda session, _: read_view(session, found, store.name))
+    return store.query_in_snapshot(
+        lambda session, kb_id: read_view(session, found, NO_ID if kb_id is None else kb_id)
+    )

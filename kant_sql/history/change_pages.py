@@ -27,6 +27,7 @@ from ..sql.changes import (
     ASSERTED,
     PLAN,
     PLAN_STEP,
+    PROMOTION,
     RETRACTED,
     Change,
     stream_changes_of,
@@ -41,6 +42,7 @@ from ..sql.tables import (
     HeadRow,
     PlanRow,
     PlanStepVersionRow,
+    PromotionRow,
     PropositionArgumentRow,
     PropositionRow,
     RevisionRow,
@@ -102,14 +104,15 @@ def _ends(within: Within) -> list[Select[Any]]:
     for name, columns in VERSION_COLUMNS.items():
         for retracted, end in (("0", columns.version.since), ("1", columns.version.until)):
             parts.append(_change(columns, end, retracted, _text(name), within(end)))
-    step, plan, archive = (
-        table_of(mapped).c for mapped in (PlanStepVersionRow, PlanRow, ArchiveRow)
+    step, plan, archive, promotion = (
+        table_of(mapped).c for mapped in (PlanStepVersionRow, PlanRow, ArchiveRow, PromotionRow)
     )
     records = [
         (PLAN_STEP, step, "0", step.since, step.plan_id),
         (PLAN_STEP, step, "1", step.until, step.plan_id),
         (PLAN, plan, "0", plan.since, plan.id),
         (ARCHIVE, archive, "0", archive.since, archive.id),
+        (PROMOTION, promotion, "0", promotion.since, promotion.id),
     ]
     for kind, table, retracted, end, owner in records:
         quoted: Any = literal_column(f"'{kind}'")
@@ -223,9 +226,7 @@ def _other(name: str, columns: VersionColumns, at: ColumnElement[int]) -> Column
     holds = or_(other.c.until.is_(None), other.c.until > at)
     said = literal_column("''") if name == PROPOSITION else other.c.text
     same = other.c[columns.owner.key] == columns.owner
-    last = select(case((holds, said))).where(
-        other.c.kb_id == columns.version.kb_id, same, other.c.since <= at
-    )
+    last = select(case((holds, said))).where(other.c.kb_id == KB, same, other.c.since <= at)
     last = first_rows(last.order_by(other.c.since.desc()), literal_column("1"))
     return last.correlate(table).scalar_subquery()
 
@@ -362,7 +363,7 @@ def _involving(is_recent: bool) -> Query:
             mapped, id_ = _ATOMS[name]
             argument = table_of(mapped)
             named: Select[Any] = select(literal_column("1")).where(
-                argument.c.kb_id == version.kb_id,
+                argument.c.kb_id == KB,
                 argument.c[id_] == columns.owner,
                 argument.c.object_id == integer("object"),
             )

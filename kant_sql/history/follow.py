@@ -161,10 +161,10 @@ class _Watch:
                 self._recover(error)
 
     def _refuse_closed(self) -> None:
-        backend = self._store.backend
-        if backend.is_closed:
+        store = self._store
+        if store.is_closed:
             raise ClosedError(
-                f"{backend.label}: knowledge base {self._store.name!r} was closed while this call "
+                f"{store.backend.label}: knowledge base {store.name!r} was closed while this call "
                 "waited for a revision; connect again to go on"
             )
 

@@ -17,6 +17,7 @@ from .anchors import Anchor
 from .archive.archive import Archived
 from .excerpts import StateReader
 from .overview import Overview, Tally
+from .replication.push import Pushed
 from .revisions import LogEntry, Revision
 from .timeline import Timeline
 from .verify.verify import Verification
@@ -362,14 +363,25 @@ class History(Interface):
         *,
         progress: Progress | None = None,
         structure: bool = True,
+        resume: bool = False,
+        keep: bool = False,
     ) -> Verification:
         """Recompute every hash from the tables, and compare all redundant data.
+
+        With `keep`, where an intact verification ended is kept in the store; with `resume`, the
+        next one continues there. It checks what later revisions wrote, and does not find
+        what was altered since in rows of earlier ones: verify all of it from time to time. Who may
+        write the table `verification` can also make it say more than was verified.
 
         Args:
             anchor: an earlier result of `anchor()`, kept elsewhere.
             progress: called with the number of items checked, and the number in total.
             structure: also check indexes, constraints and views. All knowledge bases of a store
-                share them, so one check per store is enough.
+                share them, so one check per store is enough. Indexes are left out when an earlier
+                verification is continued.
+            resume: continue where the last verification that was kept ended, if it is still there.
+            keep: keep where this one ends, if nothing is wrong; else forget what was kept, so that
+                the next one begins at revision 1. Who may only read keeps nothing.
 
         Returns:
             What was checked and what is wrong: the first revision, and the differences.
@@ -378,8 +390,10 @@ class History(Interface):
             ReadOnlyError: the task or thread has a transaction open.
 
         Examples:
-            >>> verification = kb.verify()
+            >>> verification = kb.verify(keep=True)
             >>> verification.is_intact
+            True
+            >>> kb.verify(resume=True).continued_from == kb.revision
             True
         """
 
@@ -435,4 +449,66 @@ class History(Interface):
             >>> _ = kb.propositions.delete_all()
             >>> kb.archive(2, to="sqlite:///2025.db", dry_run=True).upto
             1
+        """
+
+    @required
+    def push(
+        self,
+        url: str,
+        *,
+        archive: str | None = None,
+        adopt: bool = False,
+        progress: Progress | None = None,
+    ) -> Pushed:
+        """Send the revisions that another store lacks, with their numbers, times and hashes.
+
+        The target becomes a replica, which refuses local writes until it is promoted. Each batch is
+        checked against its hashes there before it is committed. An interrupted push can be resumed
+        by calling this again. The connection to the target stays open for the next call; then, if
+        there is nothing new, a push takes one statement on each side.
+
+        Args:
+            url: the target's URL, on any dialect; a new SQLite file is created.
+            archive: the URL of the archive that has what this store has no more; by default the
+                one that this store names.
+            adopt: whether a target that is no replica becomes one, if it has a part of this history
+                and nothing else.
+            progress: called with the last revision that the target has, and this one's last.
+
+        Returns:
+            What was sent.
+
+        Raises:
+            DivergedError: the target's history differs; the error has the first such revision.
+            ReplicaError: the target is no replica.
+            ArchivedError: only an archive has a part of what is to be sent.
+            StoreIntegrityError: a revision does not fit its hash; nothing of its batch was written.
+            ReadOnlyError: this is a view of the past, or the task or thread has a transaction open.
+
+        Examples:
+            >>> kb.push("sqlite:///server.db").revisions == kb.revision
+            True
+            >>> kb.push("sqlite:///server.db").revisions
+            0
+        """
+
+    @required
+    def promote(self, *, reason: str | None = None, actor: str | None = None) -> int | None:
+        """Make a knowledge base of its own of a replica: from now on it is written to here.
+
+        That is a revision; the origin's later revisions are refused.
+
+        Args:
+            reason: why.
+            actor: who promotes; by default the knowledge base's actor.
+
+        Returns:
+            The revision; None when this is no replica.
+
+        Raises:
+            ReadOnlyError: this is a view of the past.
+
+        Examples:
+            >>> kb.promote() is None
+            True
         """

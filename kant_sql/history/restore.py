@@ -13,7 +13,7 @@ from ..knowledge.definitions import KINDS
 from ..sql import tables as t
 from ..sql.definitions import load_at
 from ..sql.dialects.base import Row
-from ..sql.query import Query, in_list
+from ..sql.query import Query, found_rows
 from ..sql.rows import KB, THEN, table_of
 from ..store.caches import AtomKey, FluentKey, GroundAtom, GroundFluent, read_value
 from ..store.store import Store
@@ -38,7 +38,8 @@ def _moved(mapped: type[t.Base], owner: str, *names: str) -> Query:
 def _identities(mapped: type[t.Base], *names: str) -> Query:
     identity = table_of(mapped).c
     columns = (identity[name] for name in ("id", *names, "arguments", "text"))
-    return Query(select(*columns).where(identity.kb_id == KB, in_list(identity.id, "ids")))
+    rows = select(*columns).where(identity.kb_id == KB)
+    return Query(select(*found_rows(rows, identity.id, "ids").c))
 
 
 _MOVED_PROPOSITIONS = _moved(t.PropositionVersionRow, "proposition_id", "since")

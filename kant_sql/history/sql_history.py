@@ -24,6 +24,9 @@ from .interfaces import Element, History, When
 from .log import read_log, read_revisions
 from .moments import state_at
 from .overview import Overview, Tally, read_overview, read_tally
+from .replication.calls import push_from
+from .replication.promote import promote
+from .replication.push import Pushed
 from .restore import restore
 from .revisions import LogEntry, Revision
 from .timeline import Timeline, read_timeline
@@ -73,7 +76,7 @@ class SqlHistory(SqlDao, History):
 
     def _while_open(self, entries: Iterator[LogEntry]) -> Iterator[LogEntry]:
         for entry in entries:
-            self._store.backend.refuse_closed()
+            self._store.refuse_closed()
             yield entry
 
     @override
@@ -153,8 +156,10 @@ class SqlHistory(SqlDao, History):
         *,
         progress: Progress | None = None,
         structure: bool = True,
+        resume: bool = False,
+        keep: bool = False,
     ) -> Verification:
-        return verify(self._store, anchor, progress, structure)
+        return verify(self._store, anchor, progress, structure, resume, keep)
 
     @override
     def anchor(self) -> Anchor:
@@ -182,3 +187,32 @@ class SqlHistory(SqlDao, History):
             moved.target,
         )
         return moved
+
+    @override
+    def push(
+        self,
+        url: str,
+        *,
+        archive: str | None = None,
+        adopt: bool = False,
+        progress: Progress | None = None,
+    ) -> Pushed:
+        self._check_writable()
+        sent = push_from(self._store, url, archive, adopt, progress)
+        if sent.revisions:
+            logger.info(
+                "knowledge base %r: revisions %d to %d were sent to %s",
+                self._store.name,
+                sent.before + 1,
+                sent.revision,
+                sent.target,
+            )
+        return sent
+
+    @override
+    def promote(self, *, reason: str | None = None, actor: str | None = None) -> int | None:
+        self._check_writable()
+        made = promote(self._store, actor, reason)
+        if made is not None:
+            logger.info("knowledge base %r: revision %d promoted it", self._store.name, made)
+        return made

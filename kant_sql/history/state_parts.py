@@ -212,7 +212,7 @@ def _of_object(source: str, shape: _Shape) -> Select[Any]:
     )
     # In the order of an index: what is beyond the bound is always the same.
     mentioning = first_rows(mentioning.order_by(arguments[id_]), _constant(SEARCHED))
-    own = select(version.since).where(version.kb_id == atom.kb_id, version[id_] == atom.id)
+    own = select(version.since).where(version.kb_id == KB, version[id_] == atom.id)
     if shape.is_past:
         holds = case((or_(version.until.is_(None), version.until > THEN), version.since))
         last = own.with_only_columns(holds).where(version.since <= THEN)
@@ -231,7 +231,7 @@ def _of_object(source: str, shape: _Shape) -> Select[Any]:
     text: Any = held.c.text
     if source == VALUE:
         now = (
-            version.kb_id == held.c.kb_id,
+            version.kb_id == KB,
             version[id_] == held.c.id,
             version.since == held.c.since,
         )

@@ -252,3 +252,9 @@ def archive_text(id_: int, revision: int, target: str, versions: int, rest: str)
     """Write an archive record in canonical form."""
     to = json.dumps(target, ensure_ascii=False)
     return f'(archive {id_} :upto {revision} :to {to} :versions {versions} :rest "{rest}")'
+
+
+def promotion_text(id_: int, revision: int, origin: str) -> str:
+    """Write a promotion record in canonical form."""
+    store = json.dumps(origin, ensure_ascii=False)
+    return f"(promotion {id_} :upto {revision} :from {store})"

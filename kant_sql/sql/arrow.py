@@ -10,7 +10,7 @@ from operator import itemgetter
 from typing import TYPE_CHECKING, Any
 
 from ..errors import ExtraMissingError, reading_rows
-from .audit_views import AuditView, ColumnType, rows_of_view
+from .audit_views import AuditView, ColumnType, stream_rows
 from .dialects.base import Row, Session
 
 if TYPE_CHECKING:
@@ -46,18 +46,13 @@ def arrow_schema(view: AuditView) -> pyarrow.Schema:
 
 
 def stream_view(
-    session: Session, view: AuditView, name: str, bounds: tuple[int, int] | None = None
+    session: Session, view: AuditView, kb_id: int, bounds: tuple[int, int] | None = None
 ) -> Iterator[pyarrow.RecordBatch]:
     """Read the rows of a view that are of one knowledge base, and of some revisions if bounded."""
     schema = arrow_schema(view)
-    given: dict[str, Any] = {"name": name}
-    is_bounded = bounds is not None and view.window is not None
-    if bounds is not None and is_bounded:
-        given |= {"low": bounds[0], "high": bounds[1]}
-    rows = session.stream(rows_of_view(view.name, is_bounded), **given)
-    batches = _batched(rows, _texts_of(view))
+    batches = _batched(stream_rows(session, view, kb_id, bounds), _texts_of(view))
     while True:
-        with reading_rows(view.name, f"knowledge base {name!r}"):
+        with reading_rows(view.name, f"knowledge base {kb_id}"):
             batch = next(batches, None)
             made = None if batch is None else _record_batch(schema, view, batch)
         if made is None:
@@ -71,9 +66,9 @@ def _texts_of(view: AuditView) -> Callable[[Row], Iterable[str | None]]:
     return itemgetter(*(number for number, type_ in types if type_ is ColumnType.TEXT))
 
 
-def read_view(session: Session, view: AuditView, name: str) -> pyarrow.Table:
+def read_view(session: Session, view: AuditView, kb_id: int) -> pyarrow.Table:
     """Read all rows of a view that are of one knowledge base."""
-    batches = [*stream_view(session, view, name)]
+    batches = [*stream_view(session, view, kb_id)]
     return import_arrow().Table.from_batches(batches, arrow_schema(view))
 
 

@@ -17,6 +17,7 @@ from ..arguments import expect, shown
 from ..errors import InvalidArgumentError, printable, reading_rows
 from .dialects.base import Row, Session
 from .query import Query
+from .rows import KB
 
 PREFIX = "audit_"
 
@@ -52,6 +53,8 @@ _TEXT, _INTEGER, _DOUBLE = ColumnType.TEXT, ColumnType.INTEGER, ColumnType.DOUBL
 _BOOLEAN, _TIME = ColumnType.BOOLEAN, ColumnType.TIME
 
 _KNOWLEDGE_BASE = {"knowledge_base": _TEXT}
+# Last: one shard has all rows of a knowledge base, which its name does not find.
+_KB_ID = {"kb_id": _INTEGER}
 _REVISION = {
     "committed_at": _TIME,
     "committed_epoch": _DOUBLE,
@@ -93,7 +96,7 @@ _STEP = {"plan_id": _INTEGER, "position": _INTEGER}
 _HELD = "since <= :high AND COALESCE(until >= :low, TRUE)"
 _BEGAN = "since BETWEEN :low AND :high"
 _PLANNED = (
-    "plan_id IN (SELECT p.plan_id FROM audit_plan AS p WHERE p.knowledge_base = :name"
+    "plan_id IN (SELECT p.plan_id FROM audit_plan AS p WHERE p.kb_id = :kb"
     " AND p.since BETWEEN :low AND :high)"
 )
 
@@ -101,7 +104,8 @@ _PLANNED = (
 def _view(
     name: str, order: str, window: str | None, *columns: Mapping[str, ColumnType]
 ) -> AuditView:
-    together = {key: type_ for part in (_KNOWLEDGE_BASE, *columns) for key, type_ in part.items()}
+    parts = (_KNOWLEDGE_BASE, *columns, _KB_ID)
+    together = {key: type_ for part in parts for key, type_ in part.items()}
     return AuditView(f"{PREFIX}{name}", together, tuple(order.split()), window)
 
 
@@ -114,6 +118,7 @@ AUDIT_VIEWS = {
             "revision",
             None,
             {"revision": _INTEGER, "committed_at": _TIME, "committed_epoch": _DOUBLE},
+            {"origin": _TEXT, "verified_revision": _INTEGER, "verified_at": _TIME},
         ),
         _view(
             "revision",
@@ -218,6 +223,13 @@ AUDIT_VIEWS = {
             {"revision_epoch": _DOUBLE, "target": _TEXT, "versions": _INTEGER, "rest": _TEXT},
             {**_BEGINNING, "text": _TEXT},
         ),
+        _view(
+            "promotion",
+            "promotion_id",
+            None,
+            {"promotion_id": _INTEGER, "revision": _INTEGER, "revision_at": _TIME},
+            {"revision_epoch": _DOUBLE, "origin": _TEXT, **_BEGINNING, "text": _TEXT},
+        ),
     )
 }
 
@@ -239,11 +251,32 @@ def find_audit_view(name: object) -> AuditView:
 
 @cache
 def rows_of_view(name: str, windowed: bool = False) -> Query:
-    """Read the rows of a view that are of the knowledge base `name`."""
-    view = AUDIT_VIEWS[name]
+    """Read the rows of a view that are of one knowledge base."""
+    return _rows_of(AUDIT_VIEWS[name], table(name), windowed)
+
+
+def stream_rows(
+    session: Session, view: AuditView, kb_id: int, bounds: tuple[int, int] | None = None
+) -> Iterator[Row]:
+    """Read the rows of a view that are of one knowledge base, and of some revisions if bounded."""
+    given: dict[str, Any] = {"kb": kb_id}
+    windowed = bounds is not None and view.window is not None
+    if bounds is not None and windowed:
+        given |= {"low": bounds[0], "high": bounds[1]}
+    source = session.query_of_view(view.name, kb_id)
+    if source is None:
+        query = rows_of_view(view.name, windowed)
+    else:
+        # A colon begins the name of a parameter.
+        rows = text(f"({source}) AS shown".replace(":", r"\:"))
+        query = _rows_of(view, rows, windowed)
+    session.plan_for_all()
+    return session.stream(query, **given)
+
+
+def _rows_of(view: AuditView, source: Any, windowed: bool) -> Query:
     columns: list[Any] = [column(each) for each in view.columns]
-    rows = select(*columns).select_from(table(name))
-    rows = rows.where(column("knowledge_base") == bindparam("name"))
+    rows = select(*columns).select_from(source).where(column("kb_id") == KB)
     if windowed and view.window is not None:
         rows = rows.where(text(f"({view.window})").bindparams(*_BOUNDS))
     return Query(rows.order_by(*map(column, view.order)))
@@ -253,7 +286,7 @@ def _last_revision(comparison: str) -> Query:
     """Find the last revision up to a time, by the index of times."""
     sql = (
         "SELECT max(revision) FROM audit_revision"
-        f" WHERE knowledge_base = :name AND committed_at {comparison} :moment"
+        f" WHERE kb_id = :kb AND committed_at {comparison} :moment"
     )
     return Query(text(sql))
 
@@ -262,11 +295,11 @@ _BEFORE, _UP_TO = _last_revision("<"), _last_revision("<=")
 
 
 def last_revision_before(
-    session: Session, name: str, moment: datetime, *, inclusive: bool = False
+    session: Session, kb_id: int, moment: datetime, *, inclusive: bool = False
 ) -> int:
     """Return the last revision of a knowledge base before a time, or up to it; 0 without one."""
     query = _UP_TO if inclusive else _BEFORE
-    row = session.first(query, name=name, moment=session.from_time(moment.astimezone(UTC)))
+    row = session.first(query, kb=kb_id, moment=session.from_time(moment.astimezone(UTC)))
     return 0 if row is None or row[0] is None else int(row[0])
 
 
@@ -274,7 +307,7 @@ _WHO = "committed_at, observed_at, actor, reason, source"
 _CHANGES = Query(
     text(
         f"SELECT revision, sign, kind, text, {_WHO} FROM audit_change"
-        " WHERE knowledge_base = :name AND kind IN ('fact', 'value')"
+        " WHERE kb_id = :kb AND kind IN ('fact', 'value')"
         " AND revision BETWEEN :low AND :high ORDER BY revision, sign DESC, kind, text"
     ).bindparams(*_BOUNDS)
 )
@@ -283,8 +316,8 @@ _STATE = {
         text(
             f"SELECT v.since, '+', {kind}, v.text, v.since_at, v.since_observed_at, v.asserted_by,"
             f" v.asserted_reason, r.source FROM {view} AS v LEFT JOIN audit_revision AS r"
-            " ON r.knowledge_base = v.knowledge_base AND r.revision = v.since"
-            " WHERE v.knowledge_base = :name AND v.since < :low"
+            " ON r.kb_id = v.kb_id AND r.revision = v.since"
+            " WHERE v.kb_id = :kb AND v.since < :low"
             f" AND COALESCE(v.until >= :low, TRUE){condition} ORDER BY v.since, v.text"
         ).bindparams(_BOUNDS[0])
     )
@@ -295,14 +328,13 @@ _STATE = {
 }
 _NAMES = Query(
     text(
-        "SELECT DISTINCT name FROM audit_definition WHERE knowledge_base = :name"
+        "SELECT DISTINCT name FROM audit_definition WHERE kb_id = :kb"
         " AND kind IN ('predicate', 'function') ORDER BY name"
     )
 )
 _TIME_OF = Query(
     text(
-        "SELECT committed_at FROM audit_revision"
-        " WHERE knowledge_base = :name AND revision = :revision"
+        "SELECT committed_at FROM audit_revision WHERE kb_id = :kb AND revision = :revision"
     ).bindparams(bindparam("revision", type_=BigInteger))
 )
 
@@ -333,15 +365,15 @@ class AuditedChange(NamedTuple):
     source: str | None
 
 
-def stream_changes(session: Session, name: str, low: int, high: int) -> Iterator[AuditedChange]:
+def stream_changes(session: Session, kb_id: int, low: int, high: int) -> Iterator[AuditedChange]:
     """Read the changes of facts and values, oldest first; of a revision, what it ended first."""
-    return _audited(session, session.stream(_CHANGES, name=name, low=low, high=high))
+    return _audited(session, session.stream(_CHANGES, kb=kb_id, low=low, high=high))
 
 
-def stream_state(session: Session, name: str, low: int) -> Iterator[AuditedChange]:
+def stream_state(session: Session, kb_id: int, low: int) -> Iterator[AuditedChange]:
     """Read which revisions asserted the facts and values that held before a revision."""
     for query in _STATE.values():
-        yield from _audited(session, session.stream(query, name=name, low=low))
+        yield from _audited(session, session.stream(query, kb=kb_id, low=low))
 
 
 def _audited(session: Session, rows: Iterable[Row]) -> Iterator[AuditedChange]:
@@ -357,12 +389,12 @@ def _audited(session: Session, rows: Iterable[Row]) -> Iterator[AuditedChange]:
         yield change
 
 
-def names_ever(session: Session, name: str) -> list[str]:
+def names_ever(session: Session, kb_id: int) -> list[str]:
     """List the predicates and functions that a knowledge base ever had."""
-    return [row[0] for row in session.rows(_NAMES, name=name)]
+    return [row[0] for row in session.rows(_NAMES, kb=kb_id)]
 
 
-def time_of_revision(session: Session, name: str, revision: int) -> datetime | None:
+def time_of_revision(session: Session, kb_id: int, revision: int) -> datetime | None:
     """Return when a revision was committed; None without it."""
-    row = session.first(_TIME_OF, name=name, revision=revision)
+    row = session.first(_TIME_OF, kb=kb_id, revision=revision)
     return None if row is None else session.to_time(row[0])

@@ -26,7 +26,14 @@ from ..errors import StoreIntegrityError, unreadable
 from .dialects.base import Row, Session
 from .query import Query, first_rows, in_list
 from .rows import KB, KIND_TABLES, PROPOSITION, VALUE, VERSION_COLUMNS, table_of
-from .tables import ArchiveRow, PlanRow, PlanStepVersionRow, RevisionPlanStepRow, RevisionRow
+from .tables import (
+    ArchiveRow,
+    PlanRow,
+    PlanStepVersionRow,
+    PromotionRow,
+    RevisionPlanStepRow,
+    RevisionRow,
+)
 
 OWN_COLUMNS: tuple[Any, ...] = (
     RevisionRow.number,
@@ -52,7 +59,7 @@ REVISIONS = (
 )
 
 ASSERTED, RETRACTED = "+", "-"
-PLAN, PLAN_STEP, ARCHIVE = "plan", "plan step", "archive"
+PLAN, PLAN_STEP, ARCHIVE, PROMOTION = "plan", "plan step", "archive", "promotion"
 # What is read at once, and sorted in memory.
 FEW = 5_000
 LOW: ColumnElement[int] = bindparam("low", type_=BigInteger)
@@ -65,7 +72,7 @@ class Change(NamedTuple):
     Attributes:
         sign: `+` asserted, `-` retracted.
         kind: one of `KINDS`, for a formula its section; `fact`, `goal` or `value`; `plan`,
-            `plan step` or `archive`.
+            `plan step`, `archive` or `promotion`.
         text: the element's canonical PDDL text.
     """
 
@@ -117,7 +124,7 @@ def _others(within: Any, ends: Any = _both_ends) -> list[Select[Any]]:
     selects = _of_sources((VALUE, PROPOSITION), within, ends)
     step = table_of(PlanStepVersionRow).c
     selects += ends(step, literal_column(f"'{PLAN_STEP}'"), step.text, within)
-    for mapped, kind in ((PlanRow, PLAN), (ArchiveRow, ARCHIVE)):
+    for mapped, kind in ((PlanRow, PLAN), (ArchiveRow, ARCHIVE), (PromotionRow, PROMOTION)):
         record = table_of(mapped).c
         name: ColumnElement[str] = literal_column(f"'{kind}'")
         selects.append(_end(record, record.since, "0", name, record.text, within))
@@ -176,10 +183,13 @@ def stream_latest(
     return _lines(session.stream(_NEWEST_FIRST, kb=kb_id, low=low, high=high))
 
 
-def few_changes(
+def few_change_rows(
     session: Session, kb_id: int, low: int, high: int, redefined: bool
-) -> dict[int, tuple[Change, ...]] | None:
-    """Read the changes of a range of revisions in one statement; None if there are too many."""
+) -> list[Row] | None:
+    """Read the changes of a range of revisions in one statement, as `stream_change_rows` does.
+
+    None if there are too many.
+    """
     rows = session.rows(_FEW[redefined], kb=kb_id, low=low, high=high)
     if len(rows) > FEW:
         return None
@@ -188,6 +198,16 @@ def few_changes(
     except TypeError as error:
         said = ((row[2], row[3]) for row in rows)
         raise unsortable(said, f"revisions {low} to {high}", error) from error
+    return rows
+
+
+def few_changes(
+    session: Session, kb_id: int, low: int, high: int, redefined: bool
+) -> dict[int, tuple[Change, ...]] | None:
+    """Read the changes of a range of revisions in one statement; None if there are too many."""
+    rows = few_change_rows(session, kb_id, low, high, redefined)
+    if rows is None:
+        return None
     changes: dict[int, list[Change]] = {}
     last, of_last = 0, list[Change]()
     for number, retracted, kind, text in rows:

@@ -29,7 +29,7 @@ from sqlalchemy import (
 from ..knowledge.definitions import DERIVED_PREDICATE
 from .dialects.base import Row, Session
 from .dialects.nested import NESTED_LOOPS, NestedLoops
-from .query import Query, in_list, in_rows, integer
+from .query import Query, found_rows, in_list, in_rows, integer
 from .rows import KB
 from .tables import (
     TABLES,
@@ -135,7 +135,7 @@ def _facts_of(shape: str, place: int, are_facts: bool) -> Select[Any]:
     if shape == _GROUND:
         count = (
             select(func.count())
-            .where(version.kb_id == row.kb_id, table.version_of == row.id)
+            .where(version.kb_id == KB, table.version_of == row.id)
             .where(version.since.between(LOW, HIGH))
             .scalar_subquery()
         )
@@ -316,9 +316,8 @@ def read_last_revisions(
 
 
 _OBJECT = TABLES["object"].c
-_NAMES = Query(
-    select(_OBJECT.id, _OBJECT.name).where(_OBJECT.kb_id == KB, in_list(_OBJECT.id, "ids"))
-)
+_EVERY_NAME = select(_OBJECT.id, _OBJECT.name).where(_OBJECT.kb_id == KB)
+_NAMES = Query(select(*found_rows(_EVERY_NAME, _OBJECT.id, "ids").c))
 
 
 def read_names(session: Session, kb_id: int, ids: Sequence[int]) -> dict[int, str]:
@@ -326,7 +325,7 @@ def read_names(session: Session, kb_id: int, ids: Sequence[int]) -> dict[int, st
     return dict(session.rows(_NAMES, kb=kb_id, ids=session.list_value(ids)))
 
 
-_ALL_NAMES = Query(select(_OBJECT.id, _OBJECT.name).where(_OBJECT.kb_id == KB))
+_ALL_NAMES = Query(_EVERY_NAME)
 
 
 def read_all_names(session: Session, kb_id: int) -> dict[int, str]:

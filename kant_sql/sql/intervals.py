@@ -15,6 +15,7 @@ from typing import Any
 from sqlalchemy import (
     BigInteger,
     ColumnElement,
+    ScalarSelect,
     Select,
     Table,
     and_,
@@ -22,12 +23,10 @@ from sqlalchemy import (
     literal_column,
     select,
 )
-from sqlalchemy.ext.compiler import compiles
-from sqlalchemy.sql.functions import FunctionElement
 
 from .dialects.base import Session
-from .query import Query, in_list, in_rows
-from .rows import KB, THEN, VersionTable, held_at, table_of
+from .query import Fork, Query, each_of, found_rows, in_list, in_rows
+from .rows import KB, THEN, VersionTable, held_at, looked_up, table_of
 from .tables import (
     TABLES,
     Base,
@@ -40,26 +39,6 @@ from .tables import (
 # Fork value of open versions.
 HOLDS_NOW = 0
 _BITS = 63
-
-
-class Fork(FunctionElement[int]):
-    """The fork of a version, of its `since` and its `until`."""
-
-    type = BigInteger()
-    inherit_cache = True
-    name = "fork"
-
-
-@compiles(Fork)
-def _fork(element: Fork, compiler: Any, **options: Any) -> str:
-    since, until = (compiler.process(clause, **options) for clause in element.clauses)
-    before, last = f"({since} - 1)", f"({until} - 1)"
-    # What differs between them, and all bits below the highest of it: neither dialect has a
-    # logarithm that is exact.
-    bits = f"SELECT ({before} | {last}) - ({before} & {last}) AS bits"
-    for shift in (1, 2, 4, 8, 16, 32):
-        bits = f"SELECT bits | (bits >> {shift}) AS bits FROM ({bits}) AS bits_{shift}"
-    return f"(SELECT {last} - ({last} & (bits >> 1)) FROM ({bits}) AS bits)"
 
 
 def _intervals(mapped: type[Base], owner: str) -> VersionTable:
@@ -101,72 +80,58 @@ def then(session: Session, at: int) -> dict[str, Any]:
     return {"at": at, "forks": session.list_value(forks_at(at))}
 
 
-_SINCE = (
-    select(PropositionVersionRow.since)
-    .where(PropositionVersionRow.kb_id == PropositionRow.kb_id)
-    .where(PropositionVersionRow.proposition_id == PropositionRow.id)
-    .where(PropositionVersionRow.until.is_(None))
-)
-FIND = Query(
-    select(
-        PropositionRow.id, PropositionRow.arguments, PropositionRow.text, _SINCE.scalar_subquery()
-    ).where(
+_VERSION = table_of(PropositionVersionRow).c
+_ID = each_of("ids", BigInteger)
+
+
+def _open_since(proposition: ColumnElement[int]) -> ScalarSelect[int]:
+    is_open = _VERSION.until.is_(None)
+    return looked_up(_VERSION.since, _VERSION.proposition_id, proposition, is_open)
+
+
+_ATOMS = found_rows(
+    select(PropositionRow.id, PropositionRow.arguments, PropositionRow.text).where(
         PropositionRow.kb_id == KB,
         PropositionRow.is_goal == bindparam("is_goal"),
         PropositionRow.predicate_id == bindparam("predicate"),
-        in_list(PropositionRow.arguments, "arguments"),
-    )
-)
+    ),
+    table_of(PropositionRow).c.arguments,
+    "arguments",
+).c
+FIND = Query(select(*_ATOMS, _open_since(_ATOMS.id)))
 VERSIONS = _intervals(PropositionVersionRow, "proposition_id")
-# One statement per id: given a list, SQLite scans all versions instead of sorting it.
-OPEN = Query(
-    select(PropositionRow.id, _SINCE.scalar_subquery()).where(
-        PropositionRow.kb_id == KB, in_list(PropositionRow.id, "ids")
-    )
-)
+OPEN = Query(select(_ID, _open_since(_ID)))
 CLOSED_HERE = Query(
     select(
-        PropositionRow.id,
-        select(PropositionVersionRow.since)
-        .where(PropositionVersionRow.kb_id == PropositionRow.kb_id)
-        .where(PropositionVersionRow.proposition_id == PropositionRow.id)
-        .where(PropositionVersionRow.since < bindparam("at"))
-        .where(PropositionVersionRow.until == bindparam("at"))
+        _ID,
+        select(_VERSION.since)
+        .where(_VERSION.kb_id == KB, _VERSION.proposition_id == _ID)
+        .where(_VERSION.since < THEN, _VERSION.until == THEN)
+        .correlate_except(_VERSION.since.table)
         .scalar_subquery(),
-    ).where(PropositionRow.kb_id == KB, in_list(PropositionRow.id, "ids"))
+    )
 )
 
 
 VALUE_VERSIONS = _intervals(FunctionValueVersionRow, "function_value_id")
+_VALUE = table_of(FunctionValueVersionRow).c
 
 
-def _open_version(column: Any) -> Any:
+def open_value(fluent: ColumnElement[int]) -> tuple[ScalarSelect[Any], ScalarSelect[Any]]:
+    """Look up the value of a fluent: the text, which holds it, and the object that it is."""
+    own, is_open = _VALUE.function_value_id, _VALUE.until.is_(None)
     return (
-        select(column)
-        .where(FunctionValueVersionRow.kb_id == FunctionValueRow.kb_id)
-        .where(FunctionValueVersionRow.function_value_id == FunctionValueRow.id)
-        .where(FunctionValueVersionRow.until.is_(None))
-        .scalar_subquery()
+        looked_up(_VALUE.text, own, fluent, is_open),
+        looked_up(_VALUE.object_id, own, fluent, is_open),
     )
 
 
-# The text, which holds the value, and the object that is the value.
-VALUE_COLUMNS = (
-    _open_version(FunctionValueVersionRow.text),
-    _open_version(FunctionValueVersionRow.object_id),
-)
-FIND_VALUE = Query(
-    select(
-        FunctionValueRow.id, FunctionValueRow.arguments, FunctionValueRow.text, *VALUE_COLUMNS
-    ).where(
-        FunctionValueRow.kb_id == KB,
-        FunctionValueRow.function_id == bindparam("function"),
-        in_list(FunctionValueRow.arguments, "arguments"),
-    )
-)
-# One statement per id: given a list, SQLite scans all versions instead of sorting it.
-OPEN_VALUE = Query(
-    select(FunctionValueRow.id, *VALUE_COLUMNS).where(
-        FunctionValueRow.kb_id == KB, in_list(FunctionValueRow.id, "ids")
-    )
-)
+_FLUENTS = found_rows(
+    select(FunctionValueRow.id, FunctionValueRow.arguments, FunctionValueRow.text).where(
+        FunctionValueRow.kb_id == KB, FunctionValueRow.function_id == bindparam("function")
+    ),
+    table_of(FunctionValueRow).c.arguments,
+    "arguments",
+).c
+FIND_VALUE = Query(select(*_FLUENTS, *open_value(_FLUENTS.id)))
+OPEN_VALUE = Query(select(_ID, *open_value(_ID)))

@@ -1,4 +1,4 @@
-"""What is in the knowledge bases of a store: their heads, and how many facts and goals they have.
+"""What is in the knowledge bases of a store: heads, facts and goals, origins, verifications.
 
 Facts are counted up to a limit, so that a page of knowledge bases takes a bounded time, however
 large they are.
@@ -6,18 +6,17 @@ large they are.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
+from contextlib import closing
 from datetime import datetime
 from typing import Any, NamedTuple, TypeVar
 
 from sqlalchemy import ColumnElement, Select, and_, bindparam, func, literal_column, select
 
-from ..errors import StoreReplacedError
 from ..knowledge.definitions import DERIVED_PREDICATE, GOAL
 from .dialects import create_backend
 from .dialects.base import Backend, Session, retrying
-from .query import Query, first_rows, integer
-from .rows import KB
+from .query import Query, first_rows, in_list, integer
 from .schema import ensure_schema
 from .tables import (
     TABLES,
@@ -26,6 +25,7 @@ from .tables import (
     PropositionRow,
     PropositionVersionRow,
     RevisionRow,
+    VerificationRow,
 )
 
 T = TypeVar("T")
@@ -46,11 +46,18 @@ _COLUMNS: tuple[Any, ...] = (
     RevisionRow.committed_at,
     RevisionRow.actor,
     RevisionRow.reason,
+    HeadRow.origin,
+    HeadRow.origin_revision,
+    HeadRow.origin_committed_at,
+    HeadRow.heard_at,
+    VerificationRow.revision,
+    VerificationRow.verified_at,
+    VerificationRow.complete_at,
 )
 
 
-def _page(*conditions: ColumnElement[bool]) -> Query:
-    rows = (
+def _rows(*conditions: ColumnElement[bool]) -> Select[Any]:
+    return (
         select(*_COLUMNS)
         .select_from(KnowledgeBaseRow)
         .join(HeadRow, HeadRow.kb_id == KnowledgeBaseRow.id)
@@ -58,12 +65,17 @@ def _page(*conditions: ColumnElement[bool]) -> Query:
             RevisionRow,
             and_(RevisionRow.kb_id == HeadRow.kb_id, RevisionRow.number == HeadRow.revision),
         )
+        .outerjoin(VerificationRow, VerificationRow.kb_id == HeadRow.kb_id)
         .where(*conditions)
         .order_by(KnowledgeBaseRow.id)
     )
-    return Query(first_rows(rows, integer("number")))
 
 
+def _page(*conditions: ColumnElement[bool]) -> Query:
+    return Query(first_rows(_rows(*conditions), integer("number")))
+
+
+_EVERY = Query(_rows())
 _LAST = select(KnowledgeBaseRow.id).where(KnowledgeBaseRow.name == bindparam("after"))
 _AFTER = KnowledgeBaseRow.id > func.coalesce(_LAST.correlate(None).scalar_subquery(), _ZERO)
 _LOWER = func.lower(KnowledgeBaseRow.name)
@@ -78,24 +90,28 @@ _TOTAL = Query(
 )
 
 
-def _live(is_goal: bool) -> Select[Any]:
+def _live(is_goal: bool, most: str) -> Any:
+    """Select the facts or the goals of a head, up to a number."""
     version = PropositionVersionRow
     kind = version.is_goal if is_goal else ~version.is_goal
-    return select(version.proposition_id).where(version.kb_id == KB, version.until.is_(None), kind)
+    rows: Any = (
+        select(version.kb_id, version.proposition_id)
+        .where(version.kb_id == HeadRow.kb_id, version.until.is_(None), kind)
+        .correlate(HeadRow)
+    )
+    return first_rows(rows, integer(most)).subquery()
 
 
-def _count(rows: Select[Any]) -> Any:
-    return select(func.count()).select_from(rows.subquery()).scalar_subquery()
+def _count(rows: Any) -> Any:
+    return select(func.count()).select_from(rows).correlate(HeadRow).scalar_subquery()
 
 
 def _reached(goals: Any) -> Any:
     """Count the goals that are facts now."""
     goal, fact = PropositionRow.__table__.alias("goal"), PropositionRow.__table__.alias("fact")
     version = PropositionVersionRow.__table__.alias("held")
-    holds = (
-        select(func.count())
-        .select_from(goals)
-        .join(goal, and_(goal.c.kb_id == KB, goal.c.id == goals.c.proposition_id))
+    rows = (
+        goals.join(goal, and_(goal.c.kb_id == goals.c.kb_id, goal.c.id == goals.c.proposition_id))
         .join(
             fact,
             and_(
@@ -114,30 +130,35 @@ def _reached(goals: Any) -> Any:
             ),
         )
     )
-    return holds.scalar_subquery()
+    return _count(rows)
 
 
 def _formulas() -> Any:
     """Count the live goals that are no atoms, and the rules that may derive one."""
     version = TABLES["formula_version"]
     section = version.c.section.in_([literal_column(f"'{s}'") for s in (GOAL, DERIVED_PREDICATE)])
-    return _count(
-        select(version.c.kb_id).where(version.c.kb_id == KB, version.c.until.is_(None), section)
+    return (
+        select(func.count())
+        .where(version.c.kb_id == HeadRow.kb_id, version.c.until.is_(None), section)
+        .correlate(HeadRow)
+        .scalar_subquery()
     )
 
 
+# Of some knowledge bases in one statement: it walks the live propositions of each, up to a limit.
 _COUNTS = Query(
     select(
-        _count(first_rows(_live(False), integer("facts"))),
-        _count(first_rows(_live(True), integer("goals"))),
-        _reached(first_rows(_live(True), integer("goals")).subquery()),
+        HeadRow.kb_id,
+        _count(_live(False, "facts")),
+        _count(_live(True, "goals")),
+        _reached(_live(True, "goals")),
         _formulas(),
-    )
+    ).where(in_list(HeadRow.kb_id, "ids"))
 )
 
 
 class Inventory(NamedTuple):
-    """A knowledge base: its last revision, and how many facts and goals it has.
+    """A knowledge base: its last revision, what it has, its origin, and how far it is verified.
 
     Attributes:
         name: its name.
@@ -150,6 +171,14 @@ class Inventory(NamedTuple):
         goals: how many atoms are goals, counted up to 1,000.
         reached: how many of these are facts; None where a goal is another condition, or may follow
             from a rule: `kb.is_goal_reached()` tells.
+        origin: the store that it is replicated from, without a password; None where it is written.
+        origin_revision: the last revision of the origin, as last heard of.
+        origin_committed_at: when that was made, in UTC.
+        heard_at: when the origin was last heard of, in UTC.
+        verified_revision: the revision up to which a kept verification found it intact; None when
+            none was kept.
+        verified_at: when that was, in UTC.
+        complete_at: when a verification that began at revision 1 was last kept, in UTC.
     """
 
     name: str
@@ -161,28 +190,39 @@ class Inventory(NamedTuple):
     has_more_facts: bool
     goals: int
     reached: int | None
+    origin: str | None = None
+    origin_revision: int | None = None
+    origin_committed_at: datetime | None = None
+    heard_at: datetime | None = None
+    verified_revision: int | None = None
+    verified_at: datetime | None = None
+    complete_at: datetime | None = None
+
+    @property
+    def behind(self) -> int | None:
+        """How many revisions of its origin it lacks, as last heard of; None where it has none."""
+        if self.origin is None or self.origin_revision is None:
+            return None
+        return max(0, self.origin_revision - self.revision)
+
+    @property
+    def lag(self) -> float | None:
+        """How much older its last revision is than that of its origin, in seconds."""
+        if self.behind is None or self.origin_committed_at is None:
+            return None
+        return max(0.0, (self.origin_committed_at - self.committed_at).total_seconds())
 
 
 class Catalog:
-    """The knowledge bases of a store, read over connections of its own. Threads may share it."""
+    """The knowledge bases of a store. Threads may share it."""
 
-    def __init__(self, url: str) -> None:
-        """Open the store to read; nothing is created.
+    def __init__(self, backend: Backend) -> None:
+        """Read through a backend, which stays the caller's.
 
         Args:
-            url: the database URL.
+            backend: the database.
         """
-        self._url = url
-        self._backend = self._open()
-
-    def _open(self) -> Backend:
-        backend = create_backend(self._url, read_only=True)
-        try:
-            ensure_schema(backend)
-        except BaseException:
-            backend.close()
-            raise
-        return backend
+        self._backend = backend
 
     def overview(
         self, *, after: str | None = None, part: str | None = None, limit: int = PAGE
@@ -204,28 +244,20 @@ class Catalog:
                 rows = session.rows(_FOUND, part=part, **given)
             else:
                 rows = session.rows(_PAGE, **given)
-            most = max(COUNTED_EACH, COUNTED_TOGETHER // max(1, min(len(rows), limit)))
-            found = [_overview(session, row, most) for row in rows[:limit]]
-            return found, len(rows) > limit
+            return _counted(session, rows[:limit]), len(rows) > limit
 
         return self._read(read)
 
-    def every(self) -> Iterator[Inventory]:
-        """Read all knowledge bases that have a revision, oldest first, page by page."""
-        after, has_more = None, True
-        while has_more:
-            page, has_more = self.overview(after=after)
-            yield from page
-            after = page[-1].name if page else None
+    def every(self) -> list[Inventory]:
+        """Read all knowledge bases that have a revision, oldest first."""
+        return self._read(lambda session: _counted(session, session.rows(_EVERY)))
 
     def find(self, name: str) -> Inventory | None:
         """Read one knowledge base; None if there is none of this name that has a revision."""
-
-        def read(session: Session) -> Inventory | None:
-            row = session.first(_NAMED, name=name, number=1)
-            return None if row is None else _overview(session, row, COUNTED_TOGETHER)
-
-        return self._read(read)
+        found = self._read(
+            lambda session: _counted(session, session.rows(_NAMED, name=name, number=1))
+        )
+        return found[0] if found else None
 
     def first_names(self, limit: int) -> list[str]:
         """Return the first names, oldest first."""
@@ -243,43 +275,71 @@ class Catalog:
         return int(row[0]), int(row[1])
 
     def _read(self, work: Callable[[Session], T]) -> T:
-        try:
-            return self._read_from(self._backend, work)
-        except StoreReplacedError:
-            # Another file is there now.
-            replaced, self._backend = self._backend, self._open()
-            replaced.close()
-            return self._read_from(self._backend, work)
-
-    @staticmethod
-    def _read_from(backend: Backend, work: Callable[[Session], T]) -> T:
         def once() -> T:
-            session = backend.reader()
+            session = self._backend.reader()
             try:
                 return work(session)
             finally:
                 session.close()
 
-        return retrying(backend, once)
-
-    def close(self) -> None:
-        """Close its connections."""
-        self._backend.close()
+        return retrying(self._backend, once)
 
 
-def _overview(session: Session, row: tuple[Any, ...], most: int) -> Inventory:
-    kb_id, name, revision, committed_at, actor, reason = row
-    [(facts, goals, reached, formulas)] = session.rows(
-        _COUNTS, kb=kb_id, facts=most + 1, goals=MOST_GOALS
+def knowledge_bases(url: str) -> list[Inventory]:
+    """List the knowledge bases of a store that have a revision, in two statements.
+
+    Args:
+        url: the database URL; nothing is created.
+
+    Returns:
+        What is in each of them, the oldest knowledge base first.
+
+    Raises:
+        InvalidUrlError: the URL is not valid.
+        SchemaMissingError: the database has no kant_sql tables.
+        StoreError: the database cannot be opened.
+    """
+    with closing(create_backend(url, read_only=True)) as backend:
+        ensure_schema(backend)
+        return Catalog(backend).every()
+
+
+def _counted(session: Session, rows: list[tuple[Any, ...]]) -> list[Inventory]:
+    """Count what is in some knowledge bases."""
+    if not rows:
+        return []
+    most = max(COUNTED_EACH, COUNTED_TOGETHER // len(rows))
+    ids = session.list_value([row[0] for row in rows])
+    counts = {
+        row[0]: row[1:] for row in session.rows(_COUNTS, ids=ids, facts=most + 1, goals=MOST_GOALS)
+    }
+    return [_inventory(session, row, counts.get(row[0], (0, 0, 0, 0)), most) for row in rows]
+
+
+def _inventory(
+    session: Session, row: tuple[Any, ...], counts: tuple[int, ...], most: int
+) -> Inventory:
+    _, name, revision, committed_at, actor, reason, origin, at_origin, *rest = row
+    said_at, heard_at, verified, *verified_at = rest
+    facts, goals, reached, formulas = counts
+    moment = session.to_time
+    said_at, heard_at, *verified_at = (
+        None if raw is None else moment(raw) for raw in (said_at, heard_at, *verified_at)
     )
     return Inventory(
         name,
         revision,
-        session.to_time(committed_at),
+        moment(committed_at),
         actor,
         reason,
         min(facts, most),
         facts > most,
         goals,
         None if formulas else reached,
+        origin,
+        at_origin,
+        said_at,
+        heard_at,
+        verified,
+        *verified_at,
     )

@@ -17,7 +17,7 @@ from sqlalchemy import (
 
 from .dialects.base import Row
 from .query import Insert, Query
-from .rows import KB, VersionTable, table_of
+from .rows import KB, VersionTable, looked_up, table_of
 from .tables import PlanRow, PlanStepArgumentRow, PlanStepRow, PlanStepVersionRow
 
 # The id of a plan, and the position of a step in it.
@@ -27,14 +27,15 @@ STEP_VERSIONS = table_of(PlanStepVersionRow)
 NEW_STATUS = Insert(
     STEP_VERSIONS, "kb_id", "plan_id", "position", "since", "until", "status", "text"
 )
-_STATUS = select(STEP_VERSIONS.c.status).where(
-    STEP_VERSIONS.c.kb_id == PlanStepRow.kb_id,
+_STATUS = looked_up(
+    STEP_VERSIONS.c.status,
+    STEP_VERSIONS.c.position,
+    PlanStepRow.position,
     STEP_VERSIONS.c.plan_id == PlanStepRow.plan_id,
-    STEP_VERSIONS.c.position == PlanStepRow.position,
     STEP_VERSIONS.c.until.is_(None),
 )
 FIND_STEP = Query(
-    select(PlanStepRow.text, _STATUS.scalar_subquery()).where(
+    select(PlanStepRow.text, _STATUS).where(
         PlanStepRow.kb_id == KB,
         PlanStepRow.plan_id == bindparam("plan", type_=BigInteger),
         PlanStepRow.position == bindparam("step", type_=Integer),

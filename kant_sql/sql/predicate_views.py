@@ -29,7 +29,7 @@ from hashlib import sha256
 from itertools import count, groupby
 from typing import NamedTuple
 
-from sqlalchemy import bindparam, select
+from sqlalchemy import select
 
 from ..arguments import flag, optional_text, shown
 from ..dto.lexical import either_text, fold, variable_name
@@ -38,6 +38,7 @@ from .dialects import create_backend
 from .dialects.base import Backend, Session, retrying
 from .dialects.structure import Mark, ViewDialect, mark_of
 from .query import Query
+from .rows import KB
 from .schema import check, check_session
 from .tables import TABLES, KnowledgeBaseRow
 
@@ -285,8 +286,7 @@ _KNOWLEDGE_BASES = Query(
 def _of_one(table: str, *names: str) -> Query:
     """Read columns of a table, for one knowledge base, sorted by them all."""
     columns = [TABLES[table].c[name] for name in names]
-    of_one = TABLES[table].c.kb_id == bindparam("kb_id")
-    return Query(select(*columns).where(of_one).order_by(*columns))
+    return Query(select(*columns).where(TABLES[table].c.kb_id == KB).order_by(*columns))
 
 
 _KEY = ("predicate_id", "position", "since")
@@ -371,6 +371,20 @@ def drop_views(
         StoreError: the database refused; of the last thousand, nothing was changed.
     """
     return _change(url, knowledge_base, dry_run, is_drop=True)
+
+
+def recreated_views(url: str) -> list[PredicateView]:
+    """Return what creates the views again of all knowledge bases that have any, once dropped."""
+    with closing(create_backend(url)) as backend, backend.open_session() as session:
+        session.begin(write=False)
+        try:
+            kbs: dict[int, str] = dict(session.rows(_KNOWLEDGE_BASES))
+            there = session.backend.views.list_relations(session.rows_of)
+            chosen = {mark.kb_id for mark in there.values() if mark} & kbs.keys()
+            taken = {name.lower() for name, mark in there.items() if not mark}
+            return [*_makes(session, {}, [*_wanted(session, kbs, chosen, taken)])]
+        finally:
+            session.rollback()
 
 
 def _change(url: str, kb_name: str | None, dry_run: bool, is_drop: bool) -> list[PredicateView]:
@@ -469,7 +483,7 @@ def _wanted(
 ) -> Iterator[_Wanted]:
     begins = {kind: dict(zip(kbs, prefixes(kind, [*kbs.values()]), strict=True)) for kind in KINDS}
     for kb_id in [kb_id for kb_id in kbs if kb_id in chosen]:
-        predicates = session.rows(_PREDICATES, kb_id=kb_id)
+        predicates = session.rows(_PREDICATES, kb=kb_id)
         arguments = _arguments(session, kb_id)
         names = [name for _, name in predicates]
         for kind in KINDS:
@@ -486,15 +500,15 @@ def _wanted(
 
 def _arguments(session: Session, kb_id: int) -> dict[int, list[str]]:
     """Return the names of predicates' arguments, by the last definition that has each."""
-    type_names: dict[int, str] = dict(session.rows(_TYPES, kb_id=kb_id))
-    allowed_types = session.rows(_PARAMETER_TYPES, kb_id=kb_id)
+    type_names: dict[int, str] = dict(session.rows(_TYPES, kb=kb_id))
+    allowed_types = session.rows(_PARAMETER_TYPES, kb=kb_id)
     with reading_rows("predicate_parameter_type", f"knowledge base {kb_id!r}"):
         types = {
             key: [type_names[row[4]] for row in rows]
             for key, rows in groupby(allowed_types, lambda row: row[:3])
         }
     found: dict[int, dict[int, str]] = {}
-    for predicate_id, position, since, name in session.rows(_PARAMETERS, kb_id=kb_id):
+    for predicate_id, position, since, name in session.rows(_PARAMETERS, kb=kb_id):
         with reading_rows("predicate_parameter", f"parameter {position!r} of {predicate_id!r}"):
             allowed = types[predicate_id, position, since]
             is_generated = name == variable_name(either_text(allowed), position)

@@ -24,11 +24,15 @@ from sqlalchemy import (
     Text,
     Update,
     bindparam,
+    column,
     literal_column,
+    select,
     text,
 )
+from sqlalchemy.ext.compiler import compiles
 from sqlalchemy.sql.expression import Executable
 from sqlalchemy.sql.functions import FunctionElement
+from sqlalchemy.types import TypeEngine
 
 from .tables.base import UtcTime
 
@@ -87,6 +91,62 @@ class InRows(FunctionElement[bool]):
     _is_implicitly_boolean = True
 
 
+class AtKey(FunctionElement[bool]):
+    """`column` has a value; where it is sorted by, too, the index in that order is used."""
+
+    type = Boolean()
+    inherit_cache = True
+    name = "at_key"
+    _is_implicitly_boolean = True
+
+
+@compiles(AtKey)
+def _at_key(element: AtKey, compiler: Any, **options: Any) -> str:
+    column, value = (compiler.process(clause, **options) for clause in element.clauses)
+    return f"{column} = {value}"
+
+
+class Listed(FunctionElement[Any]):
+    """The values of a list parameter, as a relation with the column `value`."""
+
+    inherit_cache = False
+    name = "listed"
+
+    def __init__(self, parameter: str, kind: TypeEngine[Any]) -> None:
+        super().__init__(bindparam(parameter))
+        self.kind = kind
+
+
+class FoundRows(FunctionElement[Any]):
+    """The rows that are found for the values of a list parameter, as a relation.
+
+    Attributes:
+        listed: the rows for which a column is among the values.
+        each: the rows for the value `wanted.wanted`.
+        values: the values.
+    """
+
+    inherit_cache = False
+    name = "found_rows"
+
+    def __init__(
+        self, rows: Select[*tuple[Any, ...]], column: ColumnElement[Any], parameter: str
+    ) -> None:
+        super().__init__()
+        self.listed = rows.where(in_list(column, parameter))
+        wanted: ColumnElement[Any] = literal_column("wanted.wanted")
+        self.each = rows.where(AtKey(column, wanted)).order_by(column)
+        self.values = Listed(parameter, column.type)
+
+
+class Fork(FunctionElement[int]):
+    """The fork of a version, of its `since` and its `until`; see `sql/intervals.py`."""
+
+    type = BigInteger()
+    inherit_cache = True
+    name = "fork"
+
+
 class RowsOfIds(ColumnElement[bool]):
     """The row is found for an id of the list parameter `ids`.
 
@@ -94,8 +154,8 @@ class RowsOfIds(ColumnElement[bool]):
     may read all rows that fulfil the other conditions.
 
     Attributes:
-        found: an alias of the table.
-        conditions: the conditions on the row of the id `wanted.id`.
+        each: the places of the rows of the id `wanted.wanted`.
+        ids: the ids.
     """
 
     inherit_cache = False
@@ -103,9 +163,13 @@ class RowsOfIds(ColumnElement[bool]):
     _is_implicitly_boolean = True
 
     def __init__(self, table: FromClause, id_: ColumnElement[int], conditions: Conditions) -> None:
-        self.found = table.alias("found")
-        wanted = self.found.c[str(id_.key)] == literal_column("wanted.id")
-        self.conditions = (*conditions(self.found), wanted)
+        found = table.alias("found")
+        own = found.c[str(id_.key)]
+        # Equality, and no order: the index of open versions has no past ones to skip.
+        wanted = own == literal_column("wanted.wanted")
+        rows: Select[Any] = select(literal_column("found.ctid")).select_from(found)
+        self.each = rows.where(*conditions(found), wanted)
+        self.ids = Listed("ids", BigInteger())
 
 
 class StoreClock(FunctionElement[datetime]):
@@ -134,6 +198,24 @@ def in_list(column: ColumnElement[Any] | Any, parameter: str) -> ColumnElement[b
     return InList(column, bindparam(parameter))
 
 
+def each_of(parameter: str, kind: type[TypeEngine[Any]]) -> ColumnElement[Any]:
+    """Write the values of a list parameter, as the column that a query reads."""
+    values: TypeEngine[Any] = kind()
+    return Listed(parameter, values).table_valued(column("value", values), name="value").c.value
+
+
+def found_rows(
+    rows: Select[*tuple[Any, ...]], key: ColumnElement[Any], parameter: str
+) -> FromClause:
+    """Write the relation of the rows of a query for the values of a list, with its columns.
+
+    Each value is looked up by itself: of a list, PostgreSQL without statistics reads all rows that
+    fulfil the other conditions, and compares each of them with all values if the plan is kept.
+    """
+    columns = [column(str(one.key), one.type) for one in rows.selected_columns]
+    return FoundRows(rows, key, parameter).table_valued(*columns, name="found")
+
+
 def in_rows(column: ColumnElement[Any] | Any, rows: Select[Any]) -> ColumnElement[bool]:
     """Write the condition that a column is among the rows of a subquery."""
     return InRows(column, rows.correlate(None).scalar_subquery())
@@ -158,7 +240,9 @@ class IdsQuery:
     ) -> None:
         table = change.table
         self.each = Query(change.where(*conditions(table), id_ == bindparam("id")))
-        self.listed = Query(change.where(RowsOfIds(table, id_, conditions)))
+        # Citus looks for the knowledge base here, too.
+        own = table.c.kb_id == integer("kb")
+        self.listed = Query(change.where(own, RowsOfIds(table, id_, conditions)))
 
 
 class Insert:

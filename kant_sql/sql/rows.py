@@ -41,7 +41,7 @@ from ..knowledge.definitions import (
 )
 from ..knowledge.trees import ParameterDefinition, TreeNode, TreeTerm
 from .dialects.base import Row
-from .query import IdsQuery, Insert, in_rows
+from .query import AtKey, IdsQuery, Insert, first_rows, in_rows
 from .tables import (
     TABLES,
     Base,
@@ -65,6 +65,20 @@ def table_of(mapped: type[Base]) -> Table:
     table = mapped.__table__
     assert isinstance(table, Table)
     return table
+
+
+def looked_up(
+    wanted: Any, column: ColumnElement[int], value: Any, *conditions: ColumnElement[bool]
+) -> ScalarSelect[Any]:
+    """Look up one row for each row of the query around it, by the last column of a key.
+
+    The parameter names the knowledge base: equal columns of the two rows would say the same, but
+    Citus then looks in all shards. Sorted by the key, because PostgreSQL without statistics takes
+    any index that begins with `kb_id` for as good as that of the key.
+    """
+    found = select(wanted).where(column.table.c.kb_id == KB, *conditions)
+    found = found.where(AtKey(column, value)).order_by(column)
+    return first_rows(found, literal_column("1")).correlate_except(column.table).scalar_subquery()
 
 
 _NOTHING: Mapping[str, Any] = MappingProxyType({})
@@ -134,8 +148,8 @@ def is_of_version(
     child: Table, version: Table, owner: str, which: ColumnElement[bool]
 ) -> tuple[ColumnElement[bool], ...]:
     """Return the condition that a row belongs to a version of which something is true."""
-    of_one = (version.c[name] == child.c[name] for name in ("kb_id", owner, "since"))
-    exactly = select(version.c.since).where(*of_one, which).correlate(child).scalar_subquery()
+    of_one = version.c.since == child.c.since
+    exactly = looked_up(version.c.since, version.c[owner], child.c[owner], of_one, which)
     owners = select(version.c[owner]).where(which)
     return in_rows(child.c[owner], owners), exactly.is_not(None)
 
@@ -271,9 +285,8 @@ class Kind:
     @property
     def name(self) -> ScalarSelect[str]:
         """What the element is called that a row of the version table is of, as a subquery."""
-        identity, version = self.identity.c, self.version
-        of_version = identity.kb_id == version.table.c.kb_id, identity.id == version.owner
-        return select(identity.name).where(*of_version).scalar_subquery()
+        identity = self.identity.c
+        return looked_up(identity.name, identity.id, self.version.owner)
 
     def add_rows(self, rows: RowsByTable, kb: int, since: int, definition: Any) -> None:
         """Add the rows of one version."""
@@ -402,12 +415,7 @@ def _proposition() -> VersionColumns:
     kind: Any = case(
         (version.is_goal, literal_column(f"'{GOAL}'")), else_=literal_column(f"'{FACT}'")
     )
-    text = (
-        select(atom.text)
-        .where(atom.kb_id == version.kb_id, atom.id == version.proposition_id)
-        .correlate(table_of(PropositionVersionRow))
-        .scalar_subquery()
-    )
+    text = looked_up(atom.text, atom.id, version.proposition_id)
     return VersionColumns(atom, version, version.proposition_id, kind, text)
 
 

@@ -40,9 +40,12 @@ BASE = "base"
 # Config attribute in which `migrations/env.py` counts the generated views that it dropped.
 DROPPED_VIEWS = "dropped_views"
 # Oldest first; the last is what this version of the library works on.
-VERSIONS = ("0001", "0002", "0003", "0004", "0005")
+VERSIONS = ("0001", "0002", "0003", "0004", "0005", "0006")
 
 _VERSION = Query(select(column("version_num")).select_from(table(VERSION_TABLE)))
+_VIEW_CHANGES = re.compile(
+    r"^(CREATE|CREATE OR REPLACE|DROP) VIEW (\w+)(?: AS(.*?))?;$", re.MULTILINE | re.DOTALL
+)
 _MIGRATING = threading.Lock()
 logger = logging.getLogger(__name__)
 
@@ -143,6 +146,19 @@ def upgrade_sql(url: str, out: TextIO) -> None:
     config.attributes["url"] = url
     with _MIGRATING:
         command.upgrade(config, "head", sql=True)
+
+
+def view_queries(url: str) -> dict[str, str]:
+    """Return the views that the migrations create, in order, each with its query."""
+    out = io.StringIO()
+    upgrade_sql(url, out)
+    found: dict[str, str] = {}
+    for change, name, query in _VIEW_CHANGES.findall(out.getvalue()):
+        if change == "DROP":
+            del found[name]
+        else:
+            found[name] = query
+    return found
 
 
 def alembic_config(out: TextIO | None = None) -> Config:

@@ -114,7 +114,8 @@ class _Part(NamedTuple):
         """Select the versions of the alias `v`, without its table."""
         arguments = (
             f"(SELECT i.arguments FROM {self.identity} AS i"
-            f" WHERE i.kb_id = v.kb_id AND i.id = v.{self.id})"
+            f" WHERE i.kb_id = :kb AND i.id BETWEEN v.{self.id} AND v.{self.id}"
+            " ORDER BY i.id LIMIT 1)"
         )
         return (
             f"SELECT {leading}, {self.columns.format(owner=f'v.{self.owner} AS owner')}"

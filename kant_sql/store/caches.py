@@ -13,6 +13,8 @@ from ..knowledge.definitions import Definition, Definitions
 
 # The cache is cleared above this count, about 60 MB.
 CACHED_ATOMS = 200_000
+# The same where a process has many knowledge bases open, about 0.6 MB.
+CACHED_OF_MANY = 2_000
 CACHED_AGREEMENTS = 20_000
 
 K = TypeVar("K")
@@ -57,10 +59,11 @@ class InternCache(Generic[K, A, H]):
         revision: the head when `held` was taken; it says nothing about any other.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, is_one_of_many: bool = False) -> None:
         self.identities: dict[K, A] = {}
         self.held: dict[int, H] = {}
         self.revision = 0
+        self._most = CACHED_OF_MANY if is_one_of_many else CACHED_ATOMS
         self._lock = threading.Lock()
 
     def at(self, revision: int) -> dict[int, H]:
@@ -73,7 +76,7 @@ class InternCache(Generic[K, A, H]):
     def know(self, identities: Mapping[K, A]) -> None:
         """Remember identities for good."""
         self.identities.update(identities)
-        if len(self.identities) > CACHED_ATOMS:
+        if len(self.identities) > self._most:
             self.identities.clear()
 
     def advance(self, before: int, after: int) -> None:
@@ -90,7 +93,7 @@ class InternCache(Generic[K, A, H]):
         with self._lock:
             # The head lock is released: another writer may have published first.
             if held is self.held and before == self.revision:
-                if news is None or len(held) > CACHED_ATOMS:
+                if news is None or len(held) > self._most:
                     self.held = {}
                 else:
                     held.update(news)

@@ -28,6 +28,7 @@ _LOCK = Query(
         HeadRow.hash,
         HeadRow.committed_at,
         HeadRow.archived_revision,
+        HeadRow.origin,
         StoreClock(),
     )
     .where(HeadRow.kb_id == KB)
@@ -64,6 +65,7 @@ class Head(NamedTuple):
         hash: the last revision's hash.
         committed_at: the last revision's time.
         archived_revision: what ended up to this revision was moved to an archive.
+        origin: the store that it is replicated from; None when it is written here.
         clock: the store's time when the lock was taken.
     """
 
@@ -73,6 +75,7 @@ class Head(NamedTuple):
     hash: str | None
     committed_at: datetime | None
     archived_revision: int
+    origin: str | None
     clock: datetime
 
 
@@ -112,7 +115,7 @@ def lock_head(session: Session, kb_id: int) -> Head | None:
     row = session.first(_LOCK, kb=kb_id)
     if row is None:
         return None
-    revision, definition_revision, next_id, digest, moment, archived, clock = row
+    revision, definition_revision, next_id, digest, moment, archived, origin, clock = row
     numbers = (revision, definition_revision, next_id, archived)
     for value in numbers:
         if type(value) is not int or value < 0:
@@ -125,9 +128,8 @@ def lock_head(session: Session, kb_id: int) -> Head | None:
         committed_at = None if moment is None else session.to_time(moment)
     except UNREADABLE as error:
         raise unreadable("head", f"knowledge base {kb_id!r}", error) from error
-    return Head(
-        revision, definition_revision, next_id, digest, committed_at, archived, session.now(clock)
-    )
+    now = session.now(clock)
+    return Head(revision, definition_revision, next_id, digest, committed_at, archived, origin, now)
 
 
 def check_numbers(session: Session, kb_id: int, numbers: Iterable[tuple[str, Any]]) -> None:

@@ -7,9 +7,8 @@ last changed one.
 from __future__ import annotations
 
 import logging
-import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from datetime import datetime, timedelta
 from types import TracebackType
@@ -24,14 +23,16 @@ from ..errors import (
     KantSqlError,
     OutcomeUnknownError,
     ReadOnlyError,
+    ReplicaError,
     StaleRevisionError,
     StoreBusyError,
     StoreError,
     StoreReplacedError,
+    printable,
 )
 from ..knowledge.canonical import Metadata, make_metadata
 from ..knowledge.definitions import Definitions
-from ..sql.dialects.base import Backend, Session, retrying
+from ..sql.dialects.base import Backend, Session, WriterLock, retrying
 from ..sql.query import Query, StoreClock
 from ..sql.schema import ensure_schema
 from ..sql.tables import KnowledgeBaseRow
@@ -73,6 +74,24 @@ def end_session(session: Session) -> None:
         session.close()
 
 
+def close_backend(backend: Backend) -> None:
+    """Close all connections; what this thread has open on them is rolled back at once."""
+    backend.is_closed = True
+    _roll_back(
+        block
+        for block in blocks_of_thread()
+        if block.transaction is not None and block.transaction.session.backend is backend
+    )
+    backend.close()
+
+
+def _roll_back(blocks: Iterable[Block]) -> None:
+    for block in blocks:
+        if block.transaction is not None:
+            with suppress(StoreError):
+                block.transaction.session.rollback()
+
+
 class Store:
     """Reads and writes a knowledge base, for all threads of a process.
 
@@ -80,9 +99,13 @@ class Store:
         backend: the database.
         name: the knowledge base's name.
         actor: who writes, when a transaction does not say.
+        is_one_of_many: whether others share the backend, which this one then does not close, and
+            which was checked before.
     """
 
-    def __init__(self, backend: Backend, name: str, actor: str | None) -> None:
+    def __init__(
+        self, backend: Backend, name: str, actor: str | None, *, is_one_of_many: bool = False
+    ) -> None:
         make_metadata(actor, None, None)
         if not isinstance(name, str) or not name or len(name) > 255 or not name.isprintable():
             raise InvalidMetadataError(
@@ -91,28 +114,40 @@ class Store:
         self.backend = backend
         self.name = name
         self.actor = actor
+        self.is_one_of_many = is_one_of_many
+        self._is_closed = False
         self._kb_id: int | None = None
         self._definitions = DefinitionCache()
         self._agreements = AgreementCache()
-        self._atoms: AtomCache = AtomCache()
-        self._fluents: FluentCache = FluentCache()
+        self._forget_identities()
         self._archived_revision = 0
         self._last: Committed | None = None
         self._clock_warned_at: float | None = None
         self._queue = backend.queue(name)
-        backend.when_forked.append(self._forked)
-        ensure_schema(backend)
-        with backend.open_session() as session:
-            self._find(session)
+        backend.sharers.add(self)
+        if not is_one_of_many:
+            ensure_schema(backend)
+            with backend.open_session() as session:
+                self._find(session)
         logger.info("%s: connected, knowledge base %r, actor %r", backend.label, name, actor)
 
-    def _forked(self) -> None:
-        # Another thread may have held their locks during the fork.
+    def forked(self) -> None:
+        """Start over in a forked child: another thread may have held locks of the caches."""
         self._forget_identities()
 
+    @property
+    def is_closed(self) -> bool:
+        """Whether this knowledge base, or the whole backend, was closed."""
+        return self._is_closed or self.backend.is_closed
+
+    def refuse_closed(self) -> None:
+        """Raise when it is closed."""
+        if self.is_closed:
+            raise self.backend.closed_error()
+
     def _forget_identities(self) -> None:
-        self._atoms = AtomCache()
-        self._fluents = FluentCache()
+        self._atoms: AtomCache = AtomCache(self.is_one_of_many)
+        self._fluents: FluentCache = FluentCache(self.is_one_of_many)
 
     def _forget_what_was_archived(self, revision: int) -> None:
         """Forget identities when some may have been moved since they were cached."""
@@ -128,11 +163,13 @@ class Store:
         transaction = None if block is None else block.transaction
         if transaction is None or transaction.session.is_abandoned:
             return None
-        self.backend.refuse_closed()
+        self.refuse_closed()
         return transaction
 
     def _take_session(self) -> Session:
         """Take a connection to read what is committed."""
+        if self._is_closed:
+            self.refuse_closed()
         if self.backend.has_one_connection:
             ahead = block_ahead(self._queue)
             if ahead is not None and not ahead.is_mine():
@@ -186,7 +223,7 @@ class Store:
         """Check something against the definitions, without a statement unless the check fails."""
         transaction = self.current()
         if transaction is None or at is not None:
-            self.backend.refuse_closed()
+            self.refuse_closed()
             known = self._definitions.known(at)
             if known is not None:
                 try:
@@ -259,10 +296,25 @@ class Store:
         metadata = Metadata(self.actor, None, None)
 
         def once() -> T:
-            with OwnTransaction(self, lambda: self._begin(metadata, None)) as transaction:
+            with OwnTransaction(self, lambda: self._begin(metadata)) as transaction:
                 return work(transaction)
 
         return self._retrying(once)
+
+    def write_beside(self, work: Callable[[Session], None]) -> None:
+        """Write what is no part of the history, in a transaction of its own without a revision."""
+
+        def begun(session: Session) -> None:
+            session.begin(write=True)
+            work(session)
+            session.commit()
+
+        lock = self.queue_up()
+        try:
+            self._outside(begun)
+        finally:
+            if lock is not None:
+                lock.release()
 
     @contextmanager
     def transaction(
@@ -273,8 +325,12 @@ class Store:
         expected_revision: int | None = None,
         observed_at: datetime | None = None,
         plan_step: tuple[int, int] | None = None,
+        promotes: bool = False,
     ) -> Iterator[Transaction]:
-        """Open a transaction; within another of this thread, task and context, join that one."""
+        """Open a transaction; within another of this thread, task and context, join that one.
+
+        Only one that promotes may write to a replica.
+        """
         who = actor if actor is not None else self.actor
         metadata = make_metadata(who, reason, source, observed_at, plan_step)
         outer = self.current()
@@ -285,24 +341,23 @@ class Store:
             return
 
         def begin() -> Transaction:
-            return self._retrying(lambda: self._begin(metadata, expected_revision))
+            return self._retrying(lambda: self._begin(metadata, expected_revision, promotes))
 
         with OwnTransaction(self, begin) as transaction:
             yield transaction
 
     def close(self) -> None:
-        """Close all connections; what this thread has open is rolled back at once.
+        """Close it, and its connections unless others share them.
+
+        What this thread has open is rolled back at once.
 
         A block of another thread is rolled back when it ends, and its further calls are refused.
         """
-        backend = self.backend
-        backend.is_closed = True
-        for block in blocks_of_thread():
-            transaction = block.transaction
-            if transaction is not None and transaction.session.backend is backend:
-                with suppress(StoreError):
-                    transaction.session.rollback()
-        backend.close()
+        self._is_closed = True
+        if self.is_one_of_many:
+            _roll_back(block for block in blocks_of_thread() if block.store is self)
+        else:
+            close_backend(self.backend)
 
     def refuse_read_only(self) -> None:
         """Raise when the store was opened for reading only."""
@@ -312,13 +367,15 @@ class Store:
                 "read_only=True; connect without it to write"
             )
 
-    def queue_up(self) -> threading.Lock | None:
+    def queue_up(self) -> WriterLock | None:
         """Take this process's turn to write, where its writers queue on a lock."""
+        if self._is_closed:
+            self.refuse_closed()
         self.refuse_read_only()
         ahead = block_ahead(self._queue)
         if ahead is not None:
             raise ahead.refuse("to write")
-        lock = self.backend.write_lock()
+        lock = self.backend.write_lock(self.name)
         if lock is not None and not lock.acquire(timeout=WRITE_LOCK_TIMEOUT):
             raise StoreBusyError(
                 f"{self.backend.label}: another thread held the store for over "
@@ -334,7 +391,9 @@ class Store:
             end_session(transaction.session)
             raise
 
-    def _begin(self, metadata: Metadata, expected: int | None) -> Transaction:
+    def _begin(
+        self, metadata: Metadata, expected: int | None = None, promotes: bool = False
+    ) -> Transaction:
         session = self.backend.session()
         try:
             session.begin(write=True)
@@ -346,6 +405,8 @@ class Store:
             if head is None:
                 raise vanished(session)
             self._judge(head)
+            if head.origin is not None and not promotes:
+                raise self._is_replica(head.origin)
             self._expect(expected, head.revision)
             self._forget_what_was_archived(head.archived_revision)
             definitions = self._definitions.at_head(
@@ -365,6 +426,13 @@ class Store:
         except BaseException:
             end_session(session)
             raise
+
+    def _is_replica(self, origin: str) -> ReplicaError:
+        return ReplicaError(
+            f"{self.backend.label}: knowledge base {self.name!r} is a replica of the one in "
+            f"{printable(origin)}: nothing was written; write there, or end the replication here "
+            "with kb.promote() or 'kant-sql promote'"
+        )
 
     def _judge(self, head: Head) -> None:
         """Refuse a store that lacks what was committed before; warn of a clock that is behind."""
@@ -406,7 +474,7 @@ class Store:
 
     def commit(self, transaction: Transaction) -> None:
         """Commit a transaction; look a commit up whose answer was lost."""
-        self.backend.refuse_closed()
+        self.refuse_closed()
         try:
             committed = transaction.commit()
         except ConnectionLostError:
@@ -484,7 +552,7 @@ class OwnTransaction:
     def __init__(self, store: Store, begin: Callable[[], Transaction]) -> None:
         self._store = store
         self._begin = begin
-        self._lock: threading.Lock | None = None
+        self._lock: WriterLock | None = None
 
     def __enter__(self) -> Transaction:
         self._lock = lock = self._store.queue_up()

@@ -201,7 +201,7 @@ def watch_store(store: OpenStore, feed: LiveFeed, _: None) -> None:
     seen = None
     while not feed.is_over.is_set():
         with suppress(KantSqlError):
-            count, revisions = store.catalog.total()
+            count, revisions = store.read_catalog(lambda catalog: catalog.total())
             if revisions != seen:
                 kbs = "1 knowledge base" if count == 1 else f"{count:,} knowledge bases"
                 feed.tell(_message(None, revisions, f"{kbs}, {revisions:,} revisions"))

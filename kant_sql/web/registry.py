@@ -140,7 +140,7 @@ def _endpoint(
 
         def work() -> _Answer:
             if of_store:
-                head = store.catalog.total()[1]
+                head = store.read_catalog(lambda catalog: catalog.total())[1]
                 return _Answer(function(store, **query), None, head)
             chosen = store.choose(name)
             with store.knowledge_base(chosen) as kb:

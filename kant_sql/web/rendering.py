@@ -55,7 +55,7 @@ def address_of(kind: str, text: str) -> Address | None:
         return Address("/action", {"name": words[1]})
     if kind in ("plan", "plan step") and len(words) > 1:
         return Address("/plan", {"id": words[1]})
-    return None if kind == "archive" else Address("/fact", {"text": text})
+    return None if kind in ("archive", "promotion") else Address("/fact", {"text": text})
 
 
 def shown_text(value: object) -> str:

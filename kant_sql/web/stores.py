@@ -14,27 +14,22 @@ from fastapi import Request
 
 from ..arguments import shown
 from ..errors import StoreBusyError, StoreReplacedError, UnknownNameError
-from ..knowledge_base import KnowledgeBase, connect
+from ..knowledge_base import KnowledgeBase
+from ..knowledge_store import KnowledgeStore, open_store
 from ..limits import Limit, limited
 from ..sql.inventory import Catalog
 from .verifying import Verifier
 
 T = TypeVar("T")
 
-# Each open knowledge base has connections of its own.
-MOST_OPEN = 32
+# Connections that all questions share; a verification holds one for its whole length.
+CONNECTIONS = 16
+# Knowledge bases whose definitions are kept for the next question.
+MOST_OPEN = 256
 # Seconds that the database may take for one statement of a page.
 STATEMENT_SECONDS = 15.0
 # Questions that wait for a thread; a reader who would wait still longer is told so.
 MOST_WAITING = 64
-
-
-class _Opened:
-    """A knowledge base, and how many questions are on it."""
-
-    def __init__(self, kb: KnowledgeBase) -> None:
-        self.kb = kb
-        self.users = 0
 
 
 class OpenStore:
@@ -42,23 +37,43 @@ class OpenStore:
 
     Attributes:
         url: its URL.
-        catalog: its knowledge bases.
-        verifier: what verifies them.
+        verifier: what verifies its knowledge bases.
     """
 
     def __init__(self, url: str) -> None:
         self.url = url
-        self.catalog = Catalog(url)
         self.verifier = Verifier(self.knowledge_base)
-        self._opened: OrderedDict[str, _Opened] = OrderedDict()
+        self._store = self._open()
+        self._opened: OrderedDict[str, KnowledgeBase] = OrderedDict()
         self._lock = threading.Lock()
         self._limits: set[Limit] = set()
+
+    def _open(self) -> KnowledgeStore:
+        return open_store(self.url, connections=CONNECTIONS, read_only=True)
+
+    def read_catalog(self, read: Callable[[Catalog], T]) -> T:
+        """Read what knowledge bases there are; of a file that was replaced, the new one."""
+        store = self._store
+        try:
+            return read(store.catalog)
+        except StoreReplacedError:
+            return read(self._reopen(store).catalog)
+
+    def _reopen(self, replaced: KnowledgeStore) -> KnowledgeStore:
+        """Open the file that is there now, unless another thread has."""
+        with self._lock:
+            if self._store is replaced:
+                self._store = self._open()
+                self._opened.clear()
+            store = self._store
+        replaced.close()
+        return store
 
     def choose(self, name: str | None) -> str:
         """Return a name as it is given, or the only one."""
         if name:
             return name
-        names = self.catalog.first_names(2)
+        names = self.read_catalog(lambda catalog: catalog.first_names(2))
         if len(names) == 1:
             return names[0]
         many = "several knowledge bases" if names else "no knowledge base yet"
@@ -66,58 +81,32 @@ class OpenStore:
 
     def require(self, name: str) -> None:
         """Raise when there is no knowledge base of a name."""
-        if not self.catalog.has(name):
+        if not self.read_catalog(lambda catalog: catalog.has(name)):
             raise UnknownNameError(f"this store has no knowledge base {shown(name)}")
 
     @contextmanager
     def knowledge_base(self, name: str) -> Iterator[KnowledgeBase]:
-        """Lend a knowledge base; it stays open for the next question."""
-        opened = self._take(name)
+        """Lend a knowledge base; it is kept for the next question."""
+        store, kb = self._take(name)
         try:
-            yield opened.kb
+            yield kb
         except StoreReplacedError:
             # The next question opens the file that is there now.
-            self._forget(name, opened)
+            self._reopen(store)
             raise
-        finally:
-            self._give_back(opened)
 
-    def _forget(self, name: str, opened: _Opened) -> None:
-        with self._lock:
-            if self._opened.get(name) is opened:
-                del self._opened[name]
-        opened.kb.close()
-
-    def _take(self, name: str) -> _Opened:
-        opened = self._use(name, None)
-        if opened is not None:
-            return opened
+    def _take(self, name: str) -> tuple[KnowledgeStore, KnowledgeBase]:
         # Opening one that does not exist would succeed: the first write creates it.
-        self.require(name)
-        # Without the lock: a server that does not answer holds up only those who ask it.
-        made = _Opened(connect(self.url, knowledge_base=name, read_only=True))
-        opened = self._use(name, made)
-        assert opened is not None
-        if opened is not made:
-            made.kb.close()
-        return opened
-
-    def _use(self, name: str, made: _Opened | None) -> _Opened | None:
-        """Take what is open, or else what was made."""
+        if name not in self._opened:
+            self.require(name)
         with self._lock:
-            opened = self._opened.get(name, made)
-            if opened is not None:
-                self._opened[name] = opened
-                self._opened.move_to_end(name)
-                opened.users += 1
-            return opened
-
-    def _give_back(self, opened: _Opened) -> None:
-        with self._lock:
-            opened.users -= 1
-            idle = [name for name, each in self._opened.items() if not each.users]
-            for name in idle[: max(0, len(self._opened) - MOST_OPEN)]:
-                self._opened.pop(name).kb.close()
+            kb = self._opened.get(name)
+            if kb is None:
+                kb = self._opened[name] = self._store.knowledge_base(name)
+                if len(self._opened) > MOST_OPEN:
+                    self._opened.popitem(last=False)
+            self._opened.move_to_end(name)
+            return self._store, kb
 
     @contextmanager
     def asking(self, limit: Limit) -> Iterator[None]:
@@ -137,10 +126,7 @@ class OpenStore:
     def close(self) -> None:
         """Cancel all questions, and close all knowledge bases."""
         self.cancel()
-        with self._lock:
-            while self._opened:
-                self._opened.popitem()[1].kb.close()
-        self.catalog.close()
+        self._store.close()
 
 
 async def answer(request: Request, work: Callable[[], T]) -> T:
@@ -163,7 +149,7 @@ def _persistent(work: Callable[[], T]) -> T:
     try:
         return work()
     except StoreReplacedError:
-        # This has closed the knowledge base: the second time, the file that is there now is opened.
+        # This has closed the store: the second time, the file that is there now is opened.
         return work()
 
 

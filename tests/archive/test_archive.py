@@ -14,7 +14,7 @@ from kant_sql.errors import (
     ConflictError,
 )
 from kant_sql.history.archive import archive as archiving
-from kant_sql.sql.catalog import knowledge_bases
+from kant_sql.sql.catalog import written_names
 from tests.support.archives import (
     IDENTITIES,
     count,
@@ -182,7 +182,7 @@ def test_an_archive_holds_knowledge_bases_side_by_side(
         count(kb, 5 + number)
     for name in ("third", "first"):
         connect(file_url, knowledge_base=name).archive(5, to=archive_url)
-    assert set(knowledge_bases(archive_url)) == {"first", "third"}
+    assert set(written_names(archive_url)) == {"first", "third"}
     assert counter.read(connect(archive_url, knowledge_base="third").at(2)) == 1
     assert connect(file_url, knowledge_base="second").revision == 6
 

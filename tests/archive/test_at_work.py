@@ -10,7 +10,7 @@ import pytest
 
 import kant_sql
 from kant_sql import KnowledgeBase
-from kant_sql.history.archive import target as replicating
+from kant_sql.history.replication import batch as replicating
 from tests.support.archives import intact, rows_of, target_url
 from tests.support.stores import Connect
 from tests.support.worlds import counter

@@ -19,7 +19,7 @@ from hypothesis import strategies as st
 import kant_sql
 from kant_sql import KnowledgeBase
 from kant_sql.factory import SqlDaoFactory
-from kant_sql.history.archive.copy import AtomTables, Identities
+from kant_sql.history.replication.copy import AtomTables, Identities
 from kant_sql.sql.dialects import create_backend
 from kant_sql.sql.dialects.base import Backend, Row
 from kant_sql.store.store import Store

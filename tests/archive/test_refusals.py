@@ -16,6 +16,7 @@ from kant_sql.errors import (
     ConflictError,
     ReadOnlyError,
     ReadOnlyStoreError,
+    ReplicaError,
     SchemaMissingError,
     UnknownRevisionError,
 )
@@ -89,6 +90,9 @@ def test_an_archive_that_was_written_to_is_left_alone(
     count(file_kb, 6)
     file_kb.archive(4, to=archive_url)
     with connect(archive_url, knowledge_base="tiago") as archive:
+        with pytest.raises(ReplicaError):
+            archive.objects.save(PddlObjectDto(RB1.type, "rb2"))
+        archive.promote()
         archive.objects.save(PddlObjectDto(RB1.type, "rb2"))
     with pytest.raises(ConflictError, match="was written to"):
         file_kb.archive(6, to=archive_url)

@@ -6,8 +6,10 @@ import pytest
 
 import kant_sql
 from tests.audit.story import record_store
+from tests.support.citus import Cluster
 from tests.support.pages import Ask, ask
 from tests.support.servers import Server
+from tests.support.stores import CITUS
 
 
 @pytest.fixture(scope="session")
@@ -23,7 +25,7 @@ def postgresql_story(server: Server) -> str:
     return record_store(url)
 
 
-@pytest.fixture(params=["sqlite", "postgresql"])
+@pytest.fixture(params=["sqlite", "postgresql", *CITUS])
 def story_url(request: pytest.FixtureRequest) -> str:
     """The URL of the store, on each dialect in turn."""
     url: str = request.getfixturevalue(f"{request.param}_story")
@@ -50,7 +52,13 @@ def postgresql_scratch(server: Server) -> str:
     return server.new_store()
 
 
-@pytest.fixture(params=["sqlite", "postgresql"])
+@pytest.fixture(scope="session")
+def citus_scratch(cluster: Cluster) -> str:
+    """The URL of such a store, distributed."""
+    return cluster.new_store()
+
+
+@pytest.fixture(params=["sqlite", "postgresql", *CITUS])
 def scratch_url(request: pytest.FixtureRequest) -> str:
     """The URL of such a store, on each dialect in turn."""
     url: str = request.getfixturevalue(f"{request.param}_scratch")

@@ -6,8 +6,11 @@ import re
 from itertools import pairwise
 
 import pytest
+from sqlalchemy import make_url
 
-from tests.support.pages import Ask, Page
+import kant_sql
+from tests.support.pages import Ask, Page, ask
+from tests.support.stores import CITUS
 
 PAGE = Page("audit.md")
 TITLES = re.findall(r"^\d+\. (.+)$", PAGE.text, re.MULTILINE)
@@ -16,6 +19,17 @@ QUESTIONS = [
     for (language, question), (next_language, answer) in pairwise(PAGE.blocks)
     if (language, next_language) == ("sql", "text")
 ]
+
+
+@pytest.fixture
+def asked(request: pytest.FixtureRequest, story_url: str, asked: Ask) -> Ask:
+    """Ask the store; where it is distributed, by the views of one knowledge base."""
+    if request.node.callspec.params["story_url"] not in CITUS:
+        return asked
+    schema = kant_sql.create_roles(story_url, knowledge_base="courier").schema
+    path = {"options": f"-csearch_path={schema},public"}
+    url = make_url(story_url).update_query_dict(path).render_as_string(hide_password=False)
+    return lambda sql: ask(url, sql)
 
 
 def test_every_question_has_a_statement_and_an_answer() -> None:

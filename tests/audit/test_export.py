@@ -125,7 +125,7 @@ def test_csv_has_text_in_quotes_and_nothing_for_null(story_url: str, tmp_path: P
     objects = (tmp_path / f"audit_object/{OF_COURIER}/audit_object.csv").read_text()
     assert '"rb1",' in objects
     assert ",false," in objects
-    assert objects.splitlines()[1].endswith(",,,,,,,")
+    assert objects.splitlines()[1].endswith(",,,,,,,,2")
 
 
 def test_json_lines_have_every_column_with_its_type(story_url: str, tmp_path: Path) -> None:

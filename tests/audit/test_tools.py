@@ -72,7 +72,7 @@ def test_duckdb_reads_every_view_as_it_is_with_types(
         for row in rows(sqlite_story, view)
     ]
     assert sorted(map(repr, read)) == sorted(map(repr, kept))
-    assert read or view == "audit_archive"
+    assert read or view in ("audit_archive", "audit_promotion")
 
 
 def typed(value: Any, type_: ColumnType) -> Any:

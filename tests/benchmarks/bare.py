@@ -91,7 +91,8 @@ class Bare:
     def create(self) -> None:
         """Create the knowledge base."""
         self.run(insert("knowledge_base", 2), (self.kb, self.name))
-        self.run(insert("head", 7), (self.kb, 0, 0, 1, None, None, 0))
+        # Written here, so without an origin.
+        self.run(insert("head", 11), (self.kb, 0, 0, 1, None, None, 0, *[None] * 4))
 
     def close(self) -> None:
         """Close the connection."""

@@ -12,7 +12,7 @@ from pathlib import Path
 BENCHMARKS = (
     *("coffee_shop", "present", "importing", "bulk", "history", "asof", "held", "verifying"),
     *("reading", "documents", "footprint", "answering", "acting", "timeline", "following"),
-    "exporting",
+    *("exporting", "sizing", "pushing", "knowledge_bases"),
 )
 
 

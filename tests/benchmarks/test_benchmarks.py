@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import importlib
+import re
+from pathlib import Path
 
 import pytest
 
-from tests.benchmarks import present, web
+from tests.benchmarks import present, sizing, web
 from tests.support.crawling import PATHS
 
 SMALL = {
@@ -17,7 +19,10 @@ SMALL = {
     "exporting": ["--revisions", "500", "--repeat", "1", "--backend", "sqlite"],
     "following": ["--readers", "3", "--windows", "2", "--backend", "sqlite"],
     "held": ["--changes", "30000", "--small", "20000", "--backend", "sqlite"],
+    "knowledge_bases": ["--robots", "4", "--revisions", "4", "--backend", "sqlite"],
     "present": ["--repeat", "1", "--backends", "sqlite-file", "sqlite-memory"],
+    "pushing": ["--changes", "2000", "--one", "500", "--backend", "sqlite"],
+    "sizing": ["--revisions", "120", "--backend", "sqlite"],
     "timeline": ["--intervals", "500", "--backend", "sqlite"],
     "verifying": ["200", "sqlite"],
     "web": ["--changes", "4000", "--repeat", "1", "--requests", "50", "--backend", "sqlite"],
@@ -31,6 +36,15 @@ def test_a_benchmark_runs(
     monkeypatch.setattr(present, "CALLS", 20)
     assert importlib.import_module(f"tests.benchmarks.{name}").main(SMALL[name]) == 0
     assert "sqlite" in capsys.readouterr().out
+
+
+def test_the_needs_of_fleets_in_the_guide_follow_from_what_was_measured() -> None:
+    guide = (Path(__file__).parents[2] / "docs" / "fleet.md").read_text()
+    [row] = re.findall(r"^\| pushed to PostgreSQL \| (.*) \|$", guide, re.MULTILINE)
+    disk, log, client, server = (float(cell.split()[0]) for cell in row.split(" | "))
+    spent = sizing.Spent(disk, log, client / 1e3, server / 1e3)
+    for cells in sizing.needs(spent):
+        assert f"| {' | '.join(cells)} |" in guide
 
 
 def test_the_time_of_each_page_is_measured() -> None:

@@ -19,7 +19,7 @@ import pytest
 import kant_sql
 from kant_sql import InvalidKnowledgeError, KnowledgeBase, PddlTypeDto
 from kant_sql.pddl import read_domain, read_problem
-from kant_sql.sql.catalog import knowledge_bases
+from kant_sql.sql.catalog import written_names
 from tests.support.processes.commands import (
     CHILD_TIMEOUT,
     PROGRAM,
@@ -171,7 +171,7 @@ def test_a_problem_alone_creates_neither_a_store_nor_a_knowledge_base(
     assert (result.exit_code, list(tmp_path.iterdir())) == (1, [])
     run("load", url, DOMAIN, "--kb", "tiago")
     assert one_line(run("load", url, PROBLEM).stderr).endswith("choose one with --kb: 'tiago'")
-    assert kant_sql.sql.catalog.knowledge_bases(url) == ["tiago"]
+    assert kant_sql.sql.catalog.written_names(url) == ["tiago"]
 
 
 def test_what_the_files_do_not_say_is_retracted_or_kept(
@@ -422,7 +422,7 @@ def test_a_load_that_fails_leaves_what_somebody_else_has_written(
 
     monkeypatch.setattr(KnowledgeBase, "transaction", fail)
     assert run("load", url, DOMAIN).exit_code == 1
-    assert knowledge_bases(url) == ["other"]
+    assert written_names(url) == ["other"]
     path.unlink()
     opened = []
 
@@ -436,7 +436,7 @@ def test_a_load_that_fails_leaves_what_somebody_else_has_written(
     monkeypatch.undo()
     with opened[0] as other:
         other.types.save(PddlTypeDto("robot"))
-    assert knowledge_bases(url) == ["other"]
+    assert written_names(url) == ["other"]
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])

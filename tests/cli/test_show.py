@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import sys
 import time
 from datetime import UTC, timedelta, timezone
@@ -22,6 +23,7 @@ from kant_sql import (
     PddlTypeDto,
 )
 from kant_sql.knowledge.canonical import time_text
+from tests.support.faults import change
 from tests.support.processes.commands import child, one_line, run
 from tests.support.worlds.robots import WP1, navigation, robot_at
 
@@ -258,7 +260,7 @@ def test_a_name_that_does_not_exist_is_answered_with_those_that_do(own_store: st
         result = run("show", own_store, *words)
         assert one_line(result.stderr).endswith("choose one with --kb: 'tiago', 'pepper'")
         assert result.exit_code == 1
-    assert kant_sql.sql.catalog.knowledge_bases(own_store) == ["tiago", "pepper"]
+    assert kant_sql.sql.catalog.written_names(own_store) == ["tiago", "pepper"]
 
 
 def test_a_store_that_was_never_written_to_has_nothing_to_show(new_url: str) -> None:
@@ -409,7 +411,27 @@ def test_kbs_lists_the_knowledge_bases_with_their_last_changes(own_store: str) -
         "has_more_facts": False,
         "goals": 0,
         "reached": 0,
+        **dict.fromkeys(("origin", "origin_revision", "origin_committed_at", "heard_at")),
+        **dict.fromkeys(("behind", "lag", "verified_revision", "verified_at", "complete_at")),
     }
     text = run("kbs", url=own_store).stdout
     assert text.splitlines()[1] == "knowledge bases (2)"
     assert "operator    a new shift" in text
+
+
+def test_kbs_shows_origins_and_verifications_where_there_are_any(own_store: str) -> None:
+    change(
+        own_store,
+        "UPDATE head SET origin = 'sqlite:///robot\x1b.db', origin_revision = 5,"
+        " origin_committed_at = '2126-03-02T15:00:00.000000Z', heard_at = committed_at",
+        "INSERT INTO verification (kb_id, revision, hash, verified_at)"
+        " VALUES (1, 2, 'abc', '2026-03-02T15:00:00.000000Z')",
+    )
+    [found] = json.loads(run("kbs", own_store, "--json").stdout)["knowledge_bases"]
+    assert (found["behind"], found["verified_revision"]) == (2, 2)
+    assert found["lag"] > 1e9
+    assert found["verified_at"] == "2026-03-02T15:00:00.000000Z"
+    text = run("kbs", own_store).stdout
+    assert "\x1b" not in text
+    assert "sqlite:///robot" in text
+    assert re.search(r"2, [\d,]{10,} s +up to 2 at 2026-03-02T15:00:00.000000Z", text)

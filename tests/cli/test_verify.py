@@ -5,20 +5,25 @@ from __future__ import annotations
 import json
 import os
 import pty
+import re
+import signal
 import sqlite3
 import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
+import psutil
 import pytest
 from sqlalchemy import make_url
 
 import kant_sql
 from kant_sql import PddlTypeDto
 from tests.cli.conftest import write_history
+from tests.support.faults import change
 from tests.support.pages import opened
 from tests.support.processes.commands import child, command, environment, one_line, run
-from tests.support.worlds.robots import robot_at
+from tests.support.worlds.robots import robot_at, waypoint
 
 ALTER = "UPDATE revision SET reason = 'well done' WHERE number = 2"
 
@@ -73,6 +78,8 @@ def test_json_says_all_of_it(own_file: str) -> None:
         "is_intact": False,
         "archives": [],
         "anchored": None,
+        **dict.fromkeys(("continued_from", "continued_at", "complete_at")),
+        "is_kept": False,
     }
     assert (finding["revision"], finding["table"]) == (None, "head")
     assert finding["message"].startswith("next_id is 1, and ")
@@ -85,7 +92,7 @@ def test_all_knowledge_bases_or_one(own_file: str) -> None:
     result = run("verify", own_file, "--kb", "[bold]")
     assert result.stdout == "[bold]: intact (1 revisions, 6 changes)\n"
     names = [line.split(":")[0] for line in run("verify", own_file, "--all").stdout.splitlines()]
-    assert names == ["tiago", "[bold]"]
+    assert names == ["tiago", "[bold]", "[bold]", "2 knowledge bases"]
     result = run("verify", own_file, "--all", "--kb", "tiago")
     assert (result.exit_code, "not both" in one_line(result.stderr)) == (2, True)
 
@@ -143,7 +150,7 @@ def test_what_an_anchor_says_nothing_of_is_said(own_file: str, tmp_path: Path) -
     with kant_sql.connect(own_file, knowledge_base="newer") as kb:
         kb.types.save(PddlTypeDto("late"))
     lines = run("verify", own_file, "--all", "--anchor", str(file)).stdout.splitlines()
-    assert lines[-1] == "newer: the anchor says nothing of it"
+    assert lines[-2] == "newer: the anchor says nothing of it"
     assert sum("anchor" in line for line in lines) == 1
     documents = run("verify", own_file, "--all", "--anchor", str(file), "--json").stdout
     assert [json.loads(line)["anchored"] for line in documents.splitlines()] == [3, None]
@@ -157,7 +164,7 @@ def test_what_cannot_be_a_name_is_a_finding_and_the_others_are_verified(own_file
     driver.close()
     result = run("verify", own_file, "--all")
     assert result.exit_code == 1
-    first, _, last = result.stdout.splitlines()
+    first, _, last, _ = result.stdout.splitlines()
     assert "cannot name a knowledge base" in first
     assert last.startswith("newer: intact")
 
@@ -220,6 +227,176 @@ def test_nothing_is_created(tmp_path: Path) -> None:
     for name in ("verify", "anchor"):
         assert run(name, url).exit_code == 1
     assert [*tmp_path.iterdir()] == []
+
+
+# All of them, night after night.
+
+
+TIME = r"\d{4}-\d\d-\d\dT[\d:.]+Z"
+
+
+@pytest.fixture
+def fleet(own_store: str) -> str:
+    """The URL of a store with five knowledge bases."""
+    with kant_sql.open_store(own_store) as store:
+        for number in range(4):
+            store.knowledge_base(f"robot {number}").propositions.save(robot_at())
+    return own_store
+
+
+def save_more(url: str, name: str, *numbers: int) -> None:
+    with kant_sql.connect(url, knowledge_base=name) as kb:
+        for number in numbers:
+            kb.objects.save(waypoint(number))
+
+
+def verify_all(url: str, *more: str) -> list[str]:
+    done = run("verify", url, "--all", *more)
+    assert (done.exit_code, done.stderr) == (0, "")
+    return done.stdout.splitlines()
+
+
+def test_the_next_run_continues_and_says_so(fleet: str) -> None:
+    assert verify_all(fleet)[-1] == (
+        "5 knowledge bases: all intact; 7 revisions verified, 0 continued"
+    )
+    save_more(fleet, "robot 2", 7, 8)
+    save_more(fleet, "robot 9", 9)
+    lines = verify_all(fleet)
+    assert lines[-1] == "6 knowledge bases: all intact; 3 revisions verified, 5 continued"
+    assert "robot 9: intact (1 revisions, 2 changes)" in lines
+    place = lines.index("robot 2: intact (2 revisions, 2 changes)")
+    assert re.fullmatch(
+        rf"robot 2: revisions 1 to 1 verified at {TIME}, continued from there, all of it last at "
+        rf"{TIME}",
+        lines[place + 1],
+    )
+    assert verify_all(fleet, "--complete")[-1] == (
+        "6 knowledge bases: all intact; 10 revisions verified, 0 continued"
+    )
+
+
+def test_one_alone_continues_when_asked_to(own_file: str) -> None:
+    for _ in range(2):
+        assert run("verify", own_file).stdout == "tiago: intact (3 revisions, 13 changes)\n"
+    save_more(own_file, "tiago", 50)
+    document = json.loads(run("verify", own_file, "--continue", "--json").stdout)
+    assert (document["revisions"], document["continued_from"]) == (1, 3)
+    assert document["is_kept"] is True
+    assert re.fullmatch(TIME, document["continued_at"])
+
+
+def test_complete_since_begins_again_where_it_was_long_ago(fleet: str) -> None:
+    verify_all(fleet)
+    change(
+        fleet,
+        "UPDATE verification SET complete_at = '2020-01-01T00:00:00.000000Z' WHERE kb_id < 3",
+    )
+    assert verify_all(fleet, "--complete-since", "7 days ago")[-1].endswith("3 continued")
+    # What was begun again is complete now, so that a run that was ended goes on.
+    assert verify_all(fleet, "--complete-since", "7 days ago")[-1].endswith("5 continued")
+
+
+def test_a_fault_is_found_again_until_it_is_mended(fleet: str) -> None:
+    verify_all(fleet)
+    tamper(fleet, "UPDATE proposition_version SET fork = fork + 1 WHERE kb_id = 2")
+    # Of an earlier revision: only a complete verification finds it.
+    assert verify_all(fleet)[-1].endswith("5 continued")
+    found = []
+    for words in (["--complete"], [], ["--jobs", "2"]):
+        done = run("verify", fleet, "--all", *words)
+        found.append((done.exit_code, done.stdout.splitlines()[-1].partition(";")[0]))
+    assert found == [(1, "5 knowledge bases: 1 not intact")] * 3
+    tamper(fleet, "UPDATE proposition_version SET fork = fork - 1 WHERE kb_id = 2")
+    assert verify_all(fleet)[-1].endswith("4 continued")
+
+
+def test_indexes_are_compared_with_the_first_that_is_complete(fleet: str) -> None:
+    verify_all(fleet)
+    save_more(fleet, "robot 9", 9)
+    tamper(fleet, "DROP INDEX ix_revision_committed_at")
+    # The structure is checked once, whether continued or not.
+    done = run("verify", fleet, "--all")
+    assert done.exit_code == 1
+    assert done.stdout.count("ix_revision_committed_at") == 1
+    assert done.stdout.startswith("tiago: intact")
+
+
+@pytest.mark.slow
+def test_processes_find_what_one_finds_in_the_same_order(fleet: str) -> None:
+    tamper(fleet, "UPDATE revision SET reason = 'x' WHERE kb_id = 4")
+    alone = run("verify", fleet, "--all", "--json")
+    together = run("verify", fleet, "--all", "--jobs", "3", "--complete", "--json")
+    assert alone.exit_code == together.exit_code == 1
+    assert together.stderr == ""
+
+    def found(output: str) -> list[Any]:
+        documents = [json.loads(line) for line in output.splitlines()]
+        return [(one["knowledge_base"], one["findings"], one["revisions"]) for one in documents]
+
+    assert found(alone.stdout) == found(together.stdout)
+    assert len(found(alone.stdout)) == 5
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("jobs", ["1", "2"])
+def test_a_run_that_was_killed_goes_on(tmp_path: Path, jobs: str) -> None:
+    """What was verified before is not verified again, and no process outlives the first."""
+    url = f"sqlite:///{tmp_path / 'fleet.db'}"
+    names = [f"robot {number}" for number in range(60)]
+    with kant_sql.open_store(url) as store:
+        for name in names:
+            kb = store.knowledge_base(name)
+            for number in range(12):
+                kb.propositions.save_all(robot_at(place=waypoint(each)) for each in range(20))
+                kb.propositions.delete_all()
+                kb.objects.save(waypoint(30 + number))
+    words = [sys.executable, "-m", "kant_sql.cli.main", "verify", url, "--all", "--json"]
+    words += ["--jobs", jobs]
+    verified = 0
+    for _ in range(3):
+        with subprocess.Popen(words, stdout=subprocess.PIPE, env=environment()) as process:
+            assert process.stdout is not None
+            process.stdout.readline()
+            children = psutil.Process(process.pid).children(recursive=True)
+            assert len(children) >= int(jobs != "1")
+            process.send_signal(signal.SIGKILL)
+        _, alive = psutil.wait_procs(children, 20)
+        assert alive == []
+        now = [one for one in kant_sql.knowledge_bases(url) if one.verified_revision]
+        assert len(now) >= max(1, verified)
+        verified = len(now)
+    assert verified < len(names)
+    last = verify_all(url)[-1]
+    assert last.startswith("60 knowledge bases: all intact; ")
+    assert last.endswith(f"{verified} continued")
+
+
+def test_who_may_only_read_is_told_that_nothing_is_kept(own_file: str) -> None:
+    url = f"{own_file}?mode=ro"
+    for _ in range(2):
+        lines = run("verify", url, "--all").stdout.splitlines()
+        assert lines == [
+            "tiago: intact (3 revisions, 13 changes)",
+            "tiago: where this ended is not kept: this user may only read",
+            "1 knowledge base: all intact; 3 revisions verified, 0 continued",
+        ]
+    assert run("verify", url).stdout == "tiago: intact (3 revisions, 13 changes)\n"
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--jobs", "2"], "give --all with it"),
+        (["--all", "--jobs", "0"], "--jobs"),
+        (["--all", "--complete", "--complete-since", "yesterday"], "not with --complete"),
+        (["--all", "--complete-since", "7"], "expected a time"),
+        (["--all", "--complete-since", "nonsense"], "--complete-since"),
+    ],
+)
+def test_options_that_do_not_go_together(own_file: str, words: list[str], said: str) -> None:
+    done = run("verify", own_file, *words)
+    assert (done.exit_code, said in one_line(done.stderr)) == (2, True)
 
 
 def test_a_terminal_shows_how_far_it_is(sqlite_store: str) -> None:

@@ -6,17 +6,21 @@ import itertools
 from collections.abc import Iterator
 
 import pytest
+from sqlalchemy.sql.expression import Executable
 
 import kant_sql
 from kant_sql import KnowledgeBase
+from kant_sql.sql.query import Query
 from tests.support import async_facade
+from tests.support.citus import Cluster
 from tests.support.profile import PROFILE
 from tests.support.reading import beside
 from tests.support.roles import MINE, Members, fill_store, members
 from tests.support.servers import Server
-from tests.support.stores import BACKENDS, extra_urls
+from tests.support.sharding import DIALECT, unbound
+from tests.support.stores import BACKENDS, CITUS, extra_urls
 
-COMMON = {"sqlite-file": "one_file", "postgresql": "one_database"}
+COMMON = {"sqlite-file": "one_file", "postgresql": "one_database", "citus": "one_distributed"}
 _numbers = itertools.count(1)
 
 
@@ -27,9 +31,48 @@ def one_database(server: Server) -> str:
 
 
 @pytest.fixture(scope="session")
+def one_distributed(cluster: Cluster) -> str:
+    """The URL of one distributed store for many tests."""
+    return cluster.new_store()
+
+
+@pytest.fixture(scope="session")
 def one_file(tmp_path_factory: pytest.TempPathFactory) -> str:
     """The URL of one SQLite file for many tests."""
     return f"sqlite:///{tmp_path_factory.mktemp('common') / 'store.db'}"
+
+
+# What tests have the database refuse is no statement of the library.
+OWN_SQL = "test_the_database_itself_refuses"
+INDEX_CHECK = ("hash_record_extended(", " AS looked_up")
+
+
+@pytest.fixture(scope="session")
+def made_queries() -> Iterator[list[Query]]:
+    """The statements that are made while the tests run, besides the constants of modules."""
+    made: list[Query] = []
+    make = Query.__init__
+
+    def spy(self: Query, statement: Executable) -> None:
+        make(self, statement)
+        made.append(self)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Query, "__init__", spy)
+        yield made
+
+
+@pytest.fixture(autouse=True)
+def one_shard(request: pytest.FixtureRequest, made_queries: list[Query]) -> Iterator[None]:
+    """Whatever a test makes a statement of, each query in it names its knowledge base."""
+    made_queries.clear()
+    yield
+    if request.node.name.startswith(OWN_SQL):
+        return
+    texts = {query.text(DIALECT) for query in made_queries}
+    faults = {text: tables for text in texts if (tables := unbound(text))}
+    # Indexes are compared with tables for all knowledge bases at once.
+    assert not [text for text in faults if not any(part in text for part in INDEX_CHECK)]
 
 
 # Backends as the asynchronous front door sees them, and the tests that go through it by default.
@@ -57,7 +100,9 @@ def _is_wanted(item: pytest.Item) -> bool:
     return PROFILE.is_whole or (item.path.name.startswith(AIO[backend]) and not is_slow)
 
 
-@pytest.fixture(params=[*BACKENDS, *AIO, *(f"extra-{n}" for n, _ in enumerate(extra_urls()))])
+@pytest.fixture(
+    params=[*BACKENDS, *CITUS, *AIO, *(f"extra-{n}" for n, _ in enumerate(extra_urls()))]
+)
 def common_url(request: pytest.FixtureRequest) -> str:
     """The URL of a store that other tests may have used, on each backend in turn."""
     backend = str(request.param).removeprefix("aio-")

@@ -2,16 +2,32 @@
 
 from __future__ import annotations
 
-from contextlib import closing
+from collections.abc import Iterator
+from contextlib import contextmanager
+from datetime import UTC, datetime, timedelta
 
 import pytest
 
-from kant_sql import QuestionCancelledError, SchemaMissingError, limited
+from kant_sql import (
+    QuestionCancelledError,
+    SchemaMissingError,
+    knowledge_bases,
+    limited,
+    open_store,
+)
+from kant_sql.knowledge.canonical import time_text
 from kant_sql.sql import inventory
 from kant_sql.sql.inventory import Catalog
+from tests.support.faults import change
 from tests.support.statements import count, fill
 from tests.support.stores import Connect
 from tests.support.worlds.robots import RB1, WP2, robot_at, waypoint
+
+
+@contextmanager
+def catalog_of(url: str) -> Iterator[Catalog]:
+    with open_store(url, read_only=True) as store:
+        yield store.catalog
 
 
 def test_it_says_who_changed_what_and_what_there_is(shared_url: str, connect: Connect) -> None:
@@ -21,7 +37,7 @@ def test_it_says_who_changed_what_and_what_there_is(shared_url: str, connect: Co
     with kb.transaction(actor="operator", reason="a new mission"):
         kb.propositions.save(robot_at(place=WP2, is_goal=True))
     connect(shared_url, knowledge_base="never written")
-    with closing(Catalog(shared_url)) as catalog:
+    with catalog_of(shared_url) as catalog:
         [one], has_more = catalog.overview()
         assert not has_more
         assert (one.name, one.revision) == ("tiago", 3)
@@ -38,17 +54,17 @@ def test_reached_is_unknown_where_counting_does_not_tell(shared_url: str, connec
     kb = connect(shared_url, knowledge_base="tiago")
     kb.propositions.save(robot_at())
     kb.goals.save("(not (robot_at rb1 wp1))")
-    with closing(Catalog(shared_url)) as catalog:
+    with catalog_of(shared_url) as catalog:
         assert [one.reached for one in catalog.overview()[0]] == [None]
     kb.goals.delete_all()
-    with closing(Catalog(shared_url)) as catalog:
+    with catalog_of(shared_url) as catalog:
         assert [one.reached for one in catalog.overview()[0]] == [0]
 
 
 def test_pages_go_through_all_and_can_be_searched(shared_url: str, connect: Connect) -> None:
     for number in range(7):
         connect(shared_url, knowledge_base=f"Robot %{number}").propositions.save(robot_at())
-    with closing(Catalog(shared_url)) as catalog:
+    with catalog_of(shared_url) as catalog:
         names, after, has_more = [], None, True
         while has_more:
             page, has_more = catalog.overview(after=after, limit=3)
@@ -70,7 +86,7 @@ def test_counting_ends_at_a_limit(
     kb.propositions.save_all(robot_at(RB1, waypoint(number)) for number in range(30))
     monkeypatch.setattr(inventory, "COUNTED_TOGETHER", 20)
     monkeypatch.setattr(inventory, "COUNTED_EACH", 10)
-    with closing(Catalog(shared_url)) as catalog:
+    with catalog_of(shared_url) as catalog:
         [one], _ = catalog.overview()
         assert (one.facts, one.has_more_facts) == (20, True)
         connect(shared_url, knowledge_base="other").propositions.save(robot_at())
@@ -79,20 +95,67 @@ def test_counting_ends_at_a_limit(
         assert (other.facts, other.has_more_facts) == (1, False)
 
 
+REPLICA = (
+    "UPDATE head SET origin = 'postgresql://fleet@server/robots', origin_revision = 5,"
+    " origin_committed_at = '{at}', heard_at = '2026-03-02T15:00:00.000000Z' WHERE kb_id = 1"
+)
+
+
+def test_it_says_how_far_a_replica_is_behind(shared_url: str, connect: Connect) -> None:
+    for name in ("tiago", "pepper"):
+        connect(shared_url, knowledge_base=name).propositions.save(robot_at())
+    one, other = knowledge_bases(shared_url)
+    later = one.committed_at + timedelta(seconds=90)
+    change(shared_url, REPLICA.format(at=time_text(later)))
+    one, other = knowledge_bases(shared_url)
+    assert (one.origin, one.origin_revision) == ("postgresql://fleet@server/robots", 5)
+    assert (one.origin_committed_at, one.behind, one.lag) == (later, 4, 90)
+    assert one.heard_at == datetime(2026, 3, 2, 15, tzinfo=UTC)
+    assert (other.origin, other.behind, other.lag, other.heard_at) == (None,) * 4
+    change(
+        shared_url,
+        REPLICA.format(at=time_text(one.committed_at)),
+        "UPDATE head SET origin_revision = 1",
+    )
+    one, _ = knowledge_bases(shared_url)
+    assert (one.behind, one.lag) == (0, 0)
+    # Not heard of yet.
+    change(shared_url, "UPDATE head SET origin_revision = NULL")
+    assert (knowledge_bases(shared_url)[0].behind, knowledge_bases(shared_url)[0].lag) == (
+        None,
+    ) * 2
+
+
+def test_it_says_how_far_each_was_verified(shared_url: str, connect: Connect) -> None:
+    for name in ("tiago", "pepper"):
+        connect(shared_url, knowledge_base=name).propositions.save(robot_at())
+    change(
+        shared_url,
+        "INSERT INTO verification (kb_id, revision, hash, verified_at, complete_at)"
+        " VALUES (2, 1, 'abc', '2026-03-02T15:00:00.000000Z', NULL)",
+    )
+    one, other = knowledge_bases(shared_url)
+    assert (one.verified_revision, one.verified_at) == (None, None)
+    assert other.verified_revision == 1
+    assert (other.verified_at, other.complete_at) == (datetime(2026, 3, 2, 15, tzinfo=UTC), None)
+
+
 @pytest.mark.parametrize("size", [1, 2_000])
-def test_a_page_takes_a_statement_and_one_for_each_of_its_knowledge_bases(
+def test_it_takes_two_statements_whatever_there_is(
     shared_url: str, connect: Connect, size: int
 ) -> None:
     for number in range(4):
         fill(connect(shared_url, knowledge_base=f"robot {number}"), size)
-    with closing(Catalog(shared_url)) as catalog:
-        assert count(lambda: catalog.overview(limit=3)) == 4
+    with catalog_of(shared_url) as catalog:
+        assert count(lambda: catalog.overview(limit=1)) == 2
+        assert count(lambda: catalog.overview(limit=3)) == 2
+        assert count(catalog.every) == 2
         assert count(lambda: catalog.find("robot 1")) == 2
         assert count(catalog.total) == 1
 
 
 def test_it_obeys_limits_and_creates_nothing(shared_url: str, connect: Connect) -> None:
-    with closing(Catalog(shared_url)) as catalog:
+    with catalog_of(shared_url) as catalog:
         with limited() as limit:
             limit.cancel()
             with pytest.raises(QuestionCancelledError):
@@ -104,4 +167,4 @@ def test_it_obeys_limits_and_creates_nothing(shared_url: str, connect: Connect) 
         # It has the same connection.
         assert catalog.total() == (0, 0)
     with pytest.raises(SchemaMissingError):
-        Catalog("sqlite:///none.db")
+        knowledge_bases("sqlite:///none.db")

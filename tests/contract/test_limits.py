@@ -22,11 +22,10 @@ from kant_sql import (
     aio,
     limited,
 )
-from kant_sql.factory import SqlDaoFactory
 from kant_sql.sql.dialects.base import Session
 from kant_sql.sql.dialects.guard import GuardedCursor
 from kant_sql.sql.query import raw
-from kant_sql.store.store import Store
+from tests.support.reading import store_of
 from tests.support.statements import recorded
 from tests.support.stores import Connect
 from tests.support.worlds.robots import WP2, robot_at
@@ -61,12 +60,6 @@ def stream_slowly(kb: KnowledgeBase) -> object:
 
 
 each_question = pytest.mark.parametrize("ask", [ask_slowly, ask_in_snapshot, stream_slowly])
-
-
-def store_of(kb: KnowledgeBase) -> Store:
-    factory = kb.factory
-    assert isinstance(factory, SqlDaoFactory)
-    return factory._store
 
 
 @contextmanager

@@ -144,6 +144,11 @@ ATTACKS = {
     "record an archive": """
         INSERT INTO archive (kb_id, id, since, revision, target, versions, rest, text)
         SELECT kb_id, next_id, revision + 1, 1, 'x', 1, 'x', 'x' FROM head""",
+    "record a promotion": """
+        INSERT INTO promotion (kb_id, id, since, revision, origin, text)
+        SELECT kb_id, next_id, revision + 1, 1, 'x', 'x' FROM head""",
+    "make it a replica": "UPDATE head SET origin = 'x'",
+    "say that it was verified": "UPDATE verification SET verified_at = now()",
     "take the policies away": "SET row_security = off; DELETE FROM proposition_version",
     "delete by a view": "DELETE FROM audit_revision",
     "be another": "SET SESSION AUTHORIZATION postgres",

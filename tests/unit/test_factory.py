@@ -30,7 +30,7 @@ from kant_sql.dao.interfaces import (
 )
 from kant_sql.factory import PostgresqlDaoFactory, SqliteDaoFactory
 from kant_sql.sql import schema
-from kant_sql.sql.catalog import knowledge_bases
+from kant_sql.sql.catalog import written_names
 from kant_sql.sql.schema import create_roles
 from tests.support.stores import Connect
 
@@ -76,7 +76,7 @@ def test_postgres_is_postgresql_wherever_a_url_is_taken(
     url = one_url.replace("postgresql://", f"{scheme}://")
     with kant_sql.connect(url, knowledge_base="tiago") as kb:
         kb.types.save(PddlTypeDto("robot"))
-    assert knowledge_bases(url) == ["tiago"]
+    assert written_names(url) == ["tiago"]
     assert schema.current(url) == schema.VERSIONS[-1]
     assert create_roles(url, dry_run=True).statements
     out = io.StringIO()

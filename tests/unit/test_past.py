@@ -3,21 +3,26 @@
 from __future__ import annotations
 
 import sqlite3
+from collections.abc import Callable, Iterator
+from contextlib import closing
 from typing import Any
 
 import psycopg
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
-from sqlalchemy import BigInteger, bindparam, create_engine, select
+from sqlalchemy import BigInteger, bindparam, create_engine, make_url, select
 
-from kant_sql.sql.intervals import HOLDS_NOW, Fork, fork, forks_at
+from kant_sql.sql.dialects import backend_class
+from kant_sql.sql.intervals import HOLDS_NOW, fork, forks_at
+from kant_sql.sql.query import Fork
 from tests.support.servers import Server
 
 LARGEST = 2**63 - 1
 _revisions = st.one_of(st.integers(1, 300), st.integers(1, LARGEST))
 _intervals = st.tuples(_revisions, _revisions).filter(lambda ends: ends[0] != ends[1]).map(sorted)
-INTERVALS = [(1, 2), (1, 3), (3, 4), (4, 5), (5, 9), (2**62, LARGEST), (1, LARGEST)]
+# Gives what a database computes of the two ends.
+Compute = Callable[[dict[str, int]], int]
 
 
 def most_even(since: int, until: int) -> int:
@@ -49,24 +54,48 @@ def test_few_places_are_looked_at(at: int) -> None:
 
 def sql(url: str) -> str:
     options: Any = {"paramstyle": "named"} if url == "sqlite://" else {}
+    # Registers how the dialect writes it.
+    backend_class(make_url(url).get_backend_name())
     dialect = create_engine(url, **options).dialect
     parameters = (bindparam(name, type_=BigInteger) for name in ("since", "until"))
     return str(select(Fork(*parameters)).compile(dialect=dialect))
 
 
-def test_sqlite_computes_the_same() -> None:
-    connection = sqlite3.connect(":memory:")
-    query = sql("sqlite://")
-    for since, until in [*INTERVALS, *((s, u) for s in range(1, 20) for u in range(s + 1, 40))]:
-        row = connection.execute(query, {"since": since, "until": until}).fetchone()
-        assert row == (fork(since, until),)
-    connection.close()
+@pytest.fixture(scope="module")
+def sqlite_query() -> Iterator[Compute]:
+    """SQLite's own result."""
+    text = sql("sqlite://")
+    with closing(sqlite3.connect(":memory:", check_same_thread=False)) as connection:
+        yield lambda ends: connection.execute(text, ends).fetchone()[0]
 
 
-@pytest.mark.parametrize(("since", "until"), INTERVALS)
-def test_postgresql_computes_the_same(server: Server, since: int, until: int) -> None:
-    query = sql("postgresql://")
-    url = server.url.render_as_string(hide_password=False)
-    with psycopg.connect(url) as connection:
-        row = connection.execute(query.encode(), {"since": since, "until": until}).fetchone()
-    assert row == (fork(since, until),)
+@pytest.fixture(scope="module")
+def postgresql_query(server: Server) -> Iterator[Compute]:
+    """PostgreSQL's own result."""
+    text = sql("postgresql://").encode()
+    with psycopg.connect(server.url.render_as_string(hide_password=False)) as connection:
+        yield lambda ends: connection.execute(text, ends).fetchall()[0][0]
+
+
+def check_forks(compute: Compute) -> None:
+    """Compare a database's forks with those of the library, for all small and for large ends."""
+
+    @given(_intervals)
+    @example([2**62, LARGEST])
+    @example([1, LARGEST])
+    def check(interval: list[int]) -> None:
+        since, until = interval
+        assert compute({"since": since, "until": until}) == fork(since, until)
+
+    check()
+    for since in range(1, 20):
+        for until in range(since + 1, 40):
+            assert compute({"since": since, "until": until}) == fork(since, until)
+
+
+def test_sqlite_computes_the_same(sqlite_query: Compute) -> None:
+    check_forks(sqlite_query)
+
+
+def test_postgresql_computes_the_same(postgresql_query: Compute) -> None:
+    check_forks(postgresql_query)

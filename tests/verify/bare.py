@@ -14,6 +14,7 @@ from typing_extensions import override
 
 from kant_sql.history.anchors import AnchoredHead
 from kant_sql.history.verify.findings import Finding, Report
+from kant_sql.history.verify.kept import Kept
 from kant_sql.history.verify.verify import verify_session
 from kant_sql.sql.dialects import create_backend
 from kant_sql.sql.dialects.base import Backend, Session
@@ -80,7 +81,10 @@ class Bare(NamedTuple):
         self.run(f"INSERT INTO {table} ({', '.join(row)}) VALUES ({marks})", *row.values())
 
     def findings(
-        self, anchored: AnchoredHead | None = None, report: Report | None = None
+        self,
+        anchored: AnchoredHead | None = None,
+        report: Report | None = None,
+        kept: Kept | None = None,
     ) -> list[Finding]:
         """Verify all knowledge bases, in the open transaction."""
         kbs = self.run("SELECT id, name FROM knowledge_base ORDER BY id, name")
@@ -90,14 +94,14 @@ class Bare(NamedTuple):
             finding
             for kb_id, name in kbs
             for finding in verify_session(
-                self.session, kb_id, name, anchored, report=report
+                self.session, kb_id, name, anchored, report=report, kept=kept
             ).findings
         ]
 
-    def is_intact(self) -> bool:
+    def is_intact(self, kept: Kept | None = None) -> bool:
         """Verify all knowledge bases, in the open transaction, until there is a finding."""
         try:
-            return not self.findings(report=_Impatient())
+            return not self.findings(report=_Impatient(), kept=kept)
         except _Found:
             return False
 

@@ -55,10 +55,16 @@ def samples(rows: list[Row], table: str) -> list[Row]:
     return list(chosen.values())
 
 
+# No hash covers what somebody says to have verified.
+UNCOVERED = {"verification"}
+
+
 def mutations(bare: Bare) -> Iterator[Mutation]:
     """Give all mutations of a store."""
     turn = itertools.count()
     for name, table in TABLES.items():
+        if name in UNCOVERED:
+            continue
         rows = bare.rows(name)
         assert rows, f"the story has no row in {name}"
         chosen = [*samples(rows, name), *_without_version(bare, name, rows)]

@@ -18,6 +18,7 @@ from kant_sql.errors import StoreIntegrityError
 from kant_sql.history.verify.structure import TABLES, recorded
 from kant_sql.sql.dialects import create_backend
 from kant_sql.sql.dialects import postgresql_structure as indexes
+from kant_sql.sql.dialects.postgresql_structure import as_created
 from kant_sql.sql.schema import VERSIONS
 from kant_sql.sql.tables import Base
 from tests.support.pages import opened
@@ -449,3 +450,29 @@ def test_the_records_are_of_the_last_version(dialect_name: str) -> None:
 def dialect_name(request: pytest.FixtureRequest) -> str:
     name: str = request.param
     return name
+
+
+WORDS = "'a''b'::character varying, 'c, d'::character varying"
+CREATED = {
+    "constraint": (
+        f"CHECK (((x)::text = ANY ((ARRAY[{WORDS}])::text[])))",
+        "CHECK (((x)::text = ANY (ARRAY[('a''b'::character varying)::text, "
+        "('c, d'::character varying)::text])))",
+    ),
+    "view": (
+        f"WHEN x::text = ANY (ARRAY[{WORDS}]::text[]) THEN 1",
+        "WHEN x::text = ANY (ARRAY['a''b'::character varying::text, "
+        "'c, d'::character varying::text]) THEN 1",
+    ),
+}
+
+
+@pytest.mark.parametrize("kind", CREATED)
+def test_a_list_of_words_is_one_after_a_restore_with_other_words_another(kind: str) -> None:
+    created, restored = CREATED[kind]
+    assert as_created(created) == created
+    assert as_created(restored) == created
+    assert as_created(restored.replace("c, d", "c, e")) == created.replace("c, d", "c, e")
+    # What is no list of words alone stays.
+    other = restored.replace("'c, d'::character varying", "lower('c')")
+    assert as_created(other) == other

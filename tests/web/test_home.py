@@ -10,6 +10,7 @@ from fastapi.testclient import TestClient
 from kant_sql import KnowledgeBase, UnsupportedConstructError
 from kant_sql.sql import inventory
 from kant_sql.web.application import create_app
+from tests.support.faults import change
 from tests.support.stores import Connect
 from tests.support.worlds.robots import WP2, robot_at
 
@@ -66,3 +67,22 @@ def test_many_knowledge_bases_are_paged_and_searched(
         assert [one["name"] for one in listed(client, "?after=robot+%26+3")] == ["robot & 4"]
         assert [one["name"] for one in listed(client, "?part=%26+3")] == ["robot & 3"]
         assert "has that in its name" in client.get("/?part=nobody").text
+
+
+def test_replicas_and_kept_verifications_are_shown(shared_url: str, connect: Connect) -> None:
+    connect(shared_url, knowledge_base="tiago").propositions.save(robot_at())
+    change(
+        shared_url,
+        "UPDATE head SET origin = 'sqlite:///<b>robot.db', origin_revision = 3,"
+        " origin_committed_at = committed_at, heard_at = committed_at",
+        "INSERT INTO verification (kb_id, revision, hash, verified_at)"
+        " VALUES (1, 1, 'abc', '2026-03-02T15:00:00.000000Z')",
+    )
+    with TestClient(create_app(shared_url), base_url=BASE) as client:
+        [one] = listed(client)
+        assert (one["behind"], one["verified_revision"]) == (2, 1)
+        page = client.get("/").text
+    assert "sqlite:///&lt;b&gt;robot.db" in page
+    assert "<b>robot" not in page
+    assert "2 revisions behind" in page
+    assert '<span class="good">up to 1</span>' in page

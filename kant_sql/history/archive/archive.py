@@ -20,10 +20,12 @@ from ...sql.tables import ArchiveRow
 from ...store.store import Store
 from ...store.transaction import Transaction
 from ..moments import revision_at
+from ..replication.copy import Stores
+from ..replication.target import ReplicationSide, Target, open_target
 from ..revisions import read_archived_revision
 from ..verify.chain import rest_digest
+from .copying import check_archive, replicate
 from .remove import Leaving, compare, count, first_of, refuse_without_right, remove
-from .target import Target, check_same, open_target, replicate
 
 # Versions per transaction, as far as whole revisions allow: other writers wait for it.
 AT_ONCE = 200_000
@@ -70,7 +72,7 @@ def archive(
     if dry_run or not leaving.versions:
         return Archived(upto, leaving.versions, _label(to), None)
     _refuse_without_right(store)
-    with open_target(to, store.name, store.backend) as target:
+    with open_target(to, store.name, store.backend, "an archive") as target:
         _replicate(store, target, upto, progress)
         return Archived(upto, *_move_all(store, target, upto, actor, reason))
 
@@ -106,9 +108,7 @@ def _refuse_without_right(store: Store) -> None:
 
 
 def _replicate(store: Store, target: Target, upto: int, progress: Progress | None) -> None:
-    kb_id = store.query_in_snapshot(lambda _, kb_id: kb_id)
-    assert kb_id is not None
-    replicate(store.backend, kb_id, target, upto, progress)
+    replicate(ReplicationSide(store.backend, store.name), target, upto, progress)
 
 
 def _move_all(
@@ -131,13 +131,14 @@ def _move(
 ) -> tuple[int | None, Leaving]:
     """Remove some copied versions; return the revision, if any was made, and these versions."""
     # The target's lock comes first, and is held until its copy is the only one.
-    with target.locked() as (session, target_kb, head):
+    with target.locked(durable=True) as (session, target_kb, head):
 
         def check(source: Session, kb_id: int | None) -> tuple[Leaving, str]:
             leaving = _count(source, kb_id, upto)
             if kb_id is None or not leaving.versions:
                 return leaving, ""
-            check_same(source, kb_id, session, target_kb, min(head.revision, upto))
+            stores = Stores(source, kb_id, session, target_kb)
+            check_archive(stores, store.name, min(head.revision, upto))
             leaving = first_of(source, kb_id, leaving, AT_ONCE)
             compare(leaving, (source, kb_id), (session, target_kb))
             # Of versions that hold after these revisions, only `until` can still change.

@@ -27,7 +27,7 @@ from ...sql.dialects.base import Session
 from ...sql.query import Query, in_list, in_rows, integer
 from ...sql.rows import KB
 from ...sql.tables import TABLES, HeadRow
-from .copy import (
+from ..replication.copy import (
     ARCHIVED_TABLES,
     ATOMS,
     ArchivedTable,
@@ -175,7 +175,7 @@ _SET = Query(
 )
 _OBJECT, _OBJECT_VERSION = TABLES["object"].c, TABLES["object_version"].c
 _OBJECT_VERSIONS = select(_OBJECT_VERSION.since).where(
-    _OBJECT_VERSION.kb_id == _OBJECT.kb_id, _OBJECT_VERSION.object_id == _OBJECT.id
+    _OBJECT_VERSION.kb_id == KB, _OBJECT_VERSION.object_id == _OBJECT.id
 )
 _GONE_OBJECTS = Query(select(_OBJECT.id).where(_OBJECT.kb_id == KB, ~_OBJECT_VERSIONS.exists()))
 
@@ -194,7 +194,7 @@ def _without_version(part: ArchivedTable, atoms: AtomTables) -> Query:
     (name,) = part.owner
     versions = (
         select(version.since)
-        .where(version.kb_id == argument.kb_id, version[name] == argument[name])
+        .where(version.kb_id == KB, version[name] == argument[name])
         .correlate(atoms.arguments)
     )
     return Query(

@@ -38,7 +38,7 @@ from .identities import (
     is_word,
     parameter_fault,
 )
-from .sides import Check, differing, interval_fault
+from .sides import Check, Touched, began, differing, interval_fault
 
 # At a time, an assignment has the text of an equality.
 _AT_A_TIME = (kinds.PREDICATE, kinds.NOT, ASSIGNMENTS[0])
@@ -215,18 +215,21 @@ def tree_fault(
     return next(_Shape(tree, parameters, object_functions).faults(), None)
 
 
-def _version_query(kind: str) -> Query:
+def _version_query(kind: str, is_narrow: bool) -> Query:
     tables = KIND_TABLES[kind]
-    version = tables.version.table.c
-    _, *own = version
-    return Query(
-        select(*own, tables.name.label("identity_name"))
-        .where(version.kb_id == KB)
-        .order_by(tables.version.owner, version.since)
-    )
+    version = tables.version.table
+    _, *own = version.c
+    rows = select(*own, tables.name.label("identity_name")).where(version.c.kb_id == KB)
+    if is_narrow:
+        rows = rows.where(Touched(version, tables.version.owner.name).versions(version))
+    return Query(rows.order_by(tables.version.owner, version.c.since))
 
 
-_VERSIONS = {kind: _version_query(kind) for kind in KINDS}
+# By whether an earlier verification is continued.
+_VERSIONS = {
+    is_narrow: {kind: _version_query(kind, is_narrow) for kind in KINDS}
+    for is_narrow in (False, True)
+}
 # The rows of each table of one version.
 _Rows = dict[Table, list[Row]]
 
@@ -247,17 +250,21 @@ class DefinitionCheck:
     def _check_kind(self, kind: str) -> None:
         version = KIND_TABLES[kind].version
         sides = {
-            child: self._check.side(child, version.table, width=2) for child in version.children
+            child: self._check.side(child, version.table, narrow=began, width=2)
+            for child in version.children
         }
         position = list(version.table.c.keys()).index("text") - 1
         before: Row | None = None
-        for row in self._check.stream(_VERSIONS[kind]):
+        for row in self._versions(kind):
             *own, name = row
             owner, since, until, *_ = own
             rows = {version.table: [tuple(own)]}
             rows |= {child: [*side.take((owner, since))] for child, side in sides.items()}
             ended = before[2] if before is not None and before[0] == owner else 0
-            for fault in (interval_fault(ended, since, until), self._fault(kind, rows, name)):
+            faults = [interval_fault(ended, since, until)]
+            if since > self._check.after:
+                faults.append(self._fault(kind, rows, name))
+            for fault in faults:
                 if fault is not None:
                     text = " ".join(str(row[position]).split())
                     message = f"'{text:.200}' since revision {since}: {fault}"
@@ -265,6 +272,11 @@ class DefinitionCheck:
             before = row
         for side in sides.values():
             side.end()
+
+    def _versions(self, kind: str) -> Iterator[Row]:
+        check = self._check
+        bounds = {"after": check.after} if check.after else {}
+        return check.session.stream(_VERSIONS[bool(check.after)][kind], kb=check.kb_id, **bounds)
 
     def _fault(self, kind: str, rows: _Rows, name: str | None) -> str | None:
         if name is None:

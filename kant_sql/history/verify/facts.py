@@ -5,19 +5,19 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from hashlib import sha256
 from math import copysign
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-from sqlalchemy import Table, func, select
+from sqlalchemy import ColumnElement, Select, Table, func, select, union
 
 from ...dto.elements import atom_text, value_text
 from ...sql import tables as t
 from ...sql.dialects.base import Row
 from ...sql.intervals import fork
 from ...sql.plans import PlanDefinition, StepDefinition, plan_rows, status_text
-from ...sql.query import Query
-from ...sql.rows import KB, table_of
+from ...sql.query import Query, in_rows
+from ...sql.rows import KB, looked_up, table_of
 from .identities import IdentityNames, ObjectFunctions, doubles, is_decimal
-from .sides import Check, Side, differing, in_order, interval_fault
+from .sides import AFTER, Check, Side, Touched, differing, interval_fault
 
 
 class _Atoms(NamedTuple):
@@ -29,6 +29,7 @@ class _Atoms(NamedTuple):
     said: tuple[str, ...]  # columns of the identity table
     held: tuple[str, ...]  # columns of the version table
     doubles: Query
+    touched: Touched
 
 
 def _atoms(
@@ -44,7 +45,8 @@ def _atoms(
     ends = (f"{tables[0].name}_id", "since", "until", owner, "fork")
     # In the order of the unique index.
     double = doubles(tables[0], *others, owner, "arguments").order_by(func.min(tables[0].c.id))
-    return _Atoms(*tables, said, (*ends, *held), Query(double))
+    touched = Touched(tables[2], ends[0])
+    return _Atoms(*tables, said, (*ends, *held), Query(double), touched)
 
 
 _FACTS = _atoms(
@@ -84,7 +86,8 @@ class FactCheck:
         """Run the checks."""
         self._compare(_FACTS, "predicate", _is_fact_right)
         self._compare(_FLUENTS, "function", self._is_value_right)
-        for atoms in (_FACTS, _FLUENTS):
+        # All are read for it: of new ones, the unique index has none that was there before.
+        for atoms in () if self._check.after else (_FACTS, _FLUENTS):
             table = atoms.identity.name
             for first, second in self._check.rows(atoms.doubles):
                 self._add(None, table, f"rows {first} and {second} of {table} are the same")
@@ -93,10 +96,10 @@ class FactCheck:
         self, atoms: _Atoms, kind: str, is_right: Callable[[Row, Row, Sequence[int]], bool]
     ) -> None:
         """Merge identities, arguments and versions by the id of the identity."""
-        table, owners = atoms.identity, self._names[kind]
-        arguments = self._check.side(atoms.arguments, table)
-        versions = self._check.side(atoms.version, table, *atoms.held)
-        for row in self._check.stream(in_order(table, *atoms.said)):
+        table, owners, touched = atoms.identity, self._names[kind], atoms.touched
+        arguments = self._check.side(atoms.arguments, table, narrow=touched.parts)
+        versions = self._check.side(atoms.version, table, *atoms.held, narrow=touched.versions)
+        for row in self._check.read(table, *atoms.said, narrow=touched.identities):
             own = [*arguments.take(row[0])]
             ids = [argument[2] for argument in own]
             self._check_text(atoms, row, owners[row[1]], own)
@@ -191,20 +194,33 @@ _LINKS = Query(
         _LINK.number,
         _LINK.plan_id,
         _LINK.position,
-        select(_REVISION.number)
-        .where(_REVISION.kb_id == _LINK.kb_id, _REVISION.number == _LINK.number)
-        .scalar_subquery(),
-        select(_STEP.position)
-        .where(
-            _STEP.kb_id == _LINK.kb_id,
-            _STEP.plan_id == _LINK.plan_id,
-            _STEP.position == _LINK.position,
-        )
-        .scalar_subquery(),
+        looked_up(_REVISION.number, _REVISION.number, _LINK.number),
+        looked_up(_STEP.position, _STEP.position, _LINK.position, _STEP.plan_id == _LINK.plan_id),
     )
-    .where(_LINK.kb_id == KB)
+    .where(_LINK.kb_id == KB, _LINK.number > AFTER)
     .order_by(_LINK.number)
 )
+
+
+def _touched_plans() -> Select[Any]:
+    """Select plans that were recorded, or a step of which changed, after a revision."""
+    version, plan = _VERSIONS.c, _PLANS.c
+    found = union(
+        select(plan.id).where(plan.kb_id == KB, plan.since > AFTER),
+        *(
+            select(version.plan_id).where(version.kb_id == KB, end > AFTER)
+            for end in (version.since, version.until)
+        ),
+    ).subquery("touched")
+    return select(found.c.id)
+
+
+def _touched(table: Table) -> ColumnElement[bool]:
+    return in_rows(table.c.id, _touched_plans())
+
+
+def _of_touched(table: Table) -> ColumnElement[bool]:
+    return in_rows(table.c.plan_id, _touched_plans())
 
 
 class PlanCheck:
@@ -217,14 +233,19 @@ class PlanCheck:
 
     def run(self) -> None:
         """Run the checks."""
-        sides = [self._check.side(table, _PLANS) for table in (_STEPS, _ARGUMENTS, _VERSIONS)]
+        sides = [
+            self._check.side(table, _PLANS, narrow=_of_touched)
+            for table in (_STEPS, _ARGUMENTS, _VERSIONS)
+        ]
         steps, arguments, versions = sides
-        for plan in self._check.stream(in_order(_PLANS)):
+        for plan in self._check.read(_PLANS, narrow=_touched):
             count = self._check_plan(plan, steps, arguments)
             self._check_versions(plan, count, versions.take(plan[0]))
         for side in sides:
             side.end()
-        for number, plan_id, position, revision, step in self._check.stream(_LINKS):
+        for number, plan_id, position, revision, step in self._check.session.stream(
+            _LINKS, kb=self._check.kb_id, after=self._check.after
+        ):
             if revision is None or step is None:
                 self._add(
                     number,

@@ -6,8 +6,9 @@ from typing import Any, NamedTuple
 
 from sqlalchemy import Select, func, or_, select, union_all
 
-from ...knowledge.canonical import archive_text
+from ...knowledge.canonical import archive_text, promotion_text
 from ...sql import tables as t
+from ...sql.dialects.base import Session
 from ...sql.query import Query
 from ...sql.rows import KB, KIND_TABLES, table_of
 from .chain import Chain, moment_text
@@ -49,7 +50,7 @@ def _largest(columns: list[Any]) -> Query:
     return Query(union_all(*values))
 
 
-_OTHERS = t.PropositionRow, t.FunctionValueRow, t.PlanRow, t.ArchiveRow
+_OTHERS = t.PropositionRow, t.FunctionValueRow, t.PlanRow, t.ArchiveRow, t.PromotionRow
 _IDENTITIES = [kind.identity for kind in KIND_TABLES.values()] + [*map(table_of, _OTHERS)]
 _IDS = _largest([table.c.id for table in _IDENTITIES])
 _VERSIONS = [kind.version.table.c for kind in KIND_TABLES.values()]
@@ -73,10 +74,25 @@ class Archive(NamedTuple):
         return self.since > self.revision
 
 
+_LAST_ARCHIVE = Query(select(func.max(_ARCHIVE.since)).where(_ARCHIVE.kb_id == KB))
 _READ_ARCHIVES = Query(
     select(*(_ARCHIVE[name] for name in Archive._fields))
     .where(_ARCHIVE.kb_id == KB)
     .order_by(_ARCHIVE.since)
+)
+
+
+_PROMOTION = table_of(t.PromotionRow).c
+_READ_PROMOTIONS = Query(
+    select(
+        _PROMOTION.id,
+        _PROMOTION.since,
+        _PROMOTION.revision,
+        _PROMOTION.origin,
+        _PROMOTION.text,
+    )
+    .where(_PROMOTION.kb_id == KB)
+    .order_by(_PROMOTION.since)
 )
 
 
@@ -101,6 +117,12 @@ def read_archives(check: Check) -> list[Archive]:
 def _archived_upto(head: int, archives: list[Archive]) -> int:
     possible = [archive.revision for archive in archives if archive.is_possible]
     return max(possible, default=0) if head else 0
+
+
+def archived_since(session: Session, kb_id: int) -> int:
+    """Return the revision of the last record of an archive; 0: there is none."""
+    row = session.first(_LAST_ARCHIVE, kb=kb_id)
+    return row[0] if row is not None and isinstance(row[0], int) else 0
 
 
 def read_archived(check: Check, archives: list[Archive]) -> int:
@@ -135,7 +157,7 @@ def check_head(check: Check, chain: Chain, archives: list[Archive]) -> None:
         message = f"archived_revision is {head.archived_revision}, and the last archive is of "
         add(None, "head", f"{message}revision {archived}")
     _check_numbers(check, head, archived)
-    if archived and archives[-1].rest != chain.rest:
+    if archived and not check.after and archives[-1].rest != chain.rest:
         add(
             None,
             "archive",
@@ -143,6 +165,14 @@ def check_head(check: Check, chain: Chain, archives: list[Archive]) -> None:
             f"moved to {archives[-1].target}: a revision, or one of its changes, was altered, "
             "removed or added",
         )
+
+
+def check_promotions(check: Check) -> None:
+    """Compare the columns of promotions with their texts, which the chain covers."""
+    for id_, since, upto, origin, text in check.rows(_READ_PROMOTIONS):
+        if promotion_text(id_, upto, origin) != text or upto != since - 1:
+            message = f"the columns of promotion {id_} differ from its text"
+            check.report.add(since, "promotion", message)
 
 
 def _check_last(check: Check, head: _HeadRow, chain: Chain) -> None:

@@ -31,7 +31,7 @@ from ...knowledge.definitions import (
 )
 from ...knowledge.trees import PREDICATE, ParameterDefinition
 from ...sql.query import Query
-from ...sql.rows import KB, KIND_TABLES
+from ...sql.rows import KB, KIND_TABLES, looked_up
 from ...sql.tables import TABLES
 from .sides import Check
 
@@ -95,11 +95,9 @@ def _document_faults(document: DocumentDefinition) -> Iterator[str]:
 def _identities(kind: str) -> Query:
     tables = KIND_TABLES[kind]
     identity, version = tables.identity.c, tables.version.table.c
-    versions = select(version.since).where(
-        version.kb_id == identity.kb_id, tables.version.owner == identity.id
-    )
+    first = looked_up(version.since, tables.version.owner, identity.id)
     return Query(
-        select(identity.id, identity.name, identity.key, versions.exists())
+        select(identity.id, identity.name, identity.key, first.is_not(None))
         .where(identity.kb_id == KB)
         .order_by(identity.id)
     )
@@ -130,7 +128,7 @@ _FUNCTIONS = Query(
         _FUNCTION.since,
         select(func.count())
         .where(
-            _VALUE_TYPE.kb_id == _FUNCTION.kb_id,
+            _VALUE_TYPE.kb_id == KB,
             _VALUE_TYPE.function_id == _FUNCTION.function_id,
             _VALUE_TYPE.since == _FUNCTION.since,
         )

@@ -9,10 +9,10 @@ from itertools import groupby
 from operator import itemgetter
 from typing import Any, NamedTuple
 
-from sqlalchemy import Table, select
+from sqlalchemy import ColumnElement, Select, Table, and_, or_, select, union
 
 from ...sql.dialects.base import Row, Session
-from ...sql.query import Query
+from ...sql.query import Query, in_rows, integer
 from ...sql.rows import KB
 from .findings import Report
 
@@ -59,20 +59,81 @@ class Side:
         self._key, self._rows = next(self._groups, (_END, iter(())))
 
 
+Narrow = Callable[[Table], ColumnElement[bool]]
+AFTER = integer("after")
+
+
 @cache
-def in_order(table: Table, *names: str) -> Query:
-    """Build the query of the rows of one knowledge base, in the order of the primary key."""
+def in_order(table: Table, *names: str, narrow: Narrow | None = None) -> Query:
+    """Build the query of the rows of one knowledge base, in the order of the primary key.
+
+    `narrow` gives the rows that a verification reads which continues an earlier one. It is a
+    constant, or a method of one: a statement is built once for each.
+    """
     columns = [table.c[name] for name in names or [*table.c.keys()][1:]]
     _, *key = table.primary_key.columns
-    return Query(select(*columns).where(table.c.kb_id == KB).order_by(*key))
+    rows = select(*columns).where(table.c.kb_id == KB)
+    return Query((rows if narrow is None else rows.where(narrow(table))).order_by(*key))
+
+
+def _ends(version: Table, owner: str) -> Select[Any]:
+    """Select what a version began or ended of, after a revision."""
+    began, ended = (
+        select(version.c[owner].label("id")).where(version.c.kb_id == KB, version.c[end] > AFTER)
+        for end in ("since", "until")
+    )
+    either = union(began, ended).subquery("touched")
+    return select(either.c.id)
+
+
+class Touched(NamedTuple):
+    """The rows of one kind that a verification reads which continues an earlier one.
+
+    Of each element with a version that began or ended after its revision, these are all rows but
+    the versions that had ended by then. The other versions of it are read because no two
+    may overlap.
+
+    Attributes:
+        version: the table whose versions began or ended.
+        owner: its column that names the element.
+    """
+
+    version: Table
+    owner: str
+
+    def identities(self, table: Table) -> ColumnElement[bool]:
+        """Narrow the table of identities."""
+        return in_rows(table.c.id, _ends(self.version, self.owner))
+
+    def parts(self, table: Table) -> ColumnElement[bool]:
+        """Narrow a table with a column that names the element."""
+        return in_rows(table.c[self.owner], _ends(self.version, self.owner))
+
+    def versions(self, table: Table) -> ColumnElement[bool]:
+        """Narrow the table of versions."""
+        until = table.c.until
+        return and_(self.parts(table), or_(table.c.since > AFTER, until > AFTER, until.is_(None)))
+
+
+def began(table: Table) -> ColumnElement[bool]:
+    """Narrow a table to versions that began after the revision."""
+    return table.c.since > AFTER
 
 
 class Check(NamedTuple):
-    """A knowledge base under verification, and where findings go."""
+    """A knowledge base under verification, and where findings go.
+
+    Attributes:
+        session: the session, in a read transaction.
+        kb_id: the knowledge base.
+        report: where findings go.
+        after: the revision up to which it was verified before; 0: all of it is verified.
+    """
 
     session: Session
     kb_id: int
     report: Report
+    after: int = 0
 
     def rows(self, query: Query) -> list[Row]:
         """Read the rows of a query."""
@@ -82,7 +143,14 @@ class Check(NamedTuple):
         """Read the rows of a query in constant memory."""
         return self.session.stream(query, kb=self.kb_id)
 
-    def side(self, table: Table, of: Table, *names: str, width: int = 1) -> Side:
+    def read(self, table: Table, *names: str, narrow: Narrow) -> Iterator[Row]:
+        """Read a table in the order of its key: all of it, or where it is narrowed to."""
+        if not self.after:
+            return self.stream(in_order(table, *names))
+        query = in_order(table, *names, narrow=narrow)
+        return self.session.stream(query, kb=self.kb_id, after=self.after)
+
+    def side(self, table: Table, of: Table, *names: str, narrow: Narrow, width: int = 1) -> Side:
         """Begin to read a table; report rows whose key, of one or two columns, `of` lacks."""
 
         def stray(row: Row) -> None:
@@ -95,7 +163,7 @@ class Check(NamedTuple):
                 f"a row of {table.name} is of {owner}, of which {of.name} has no row",
             )
 
-        return Side(self.stream(in_order(table, *names)), width, stray)
+        return Side(self.read(table, *names, narrow=narrow), width, stray)
 
 
 def interval_fault(before: Any, since: Any, until: Any) -> str | None:

@@ -3,22 +3,40 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from datetime import datetime
 from functools import partial
 from typing import NamedTuple
 
 from ... import html
 from ...arguments import flag, optional_call
 from ...dao.interfaces import Progress
-from ...errors import InvalidArgumentError, NotADatabaseError, ReadOnlyError, StoreError
+from ...errors import (
+    InvalidArgumentError,
+    NotADatabaseError,
+    ReadOnlyError,
+    ReadOnlyStoreError,
+    StoreError,
+)
 from ...sql.dialects.base import Session
+from ...store.head import hash_of
 from ...store.store import Store
 from ..anchors import Anchor, AnchoredHead, check_anchor
-from .chain import Chain
+from .chain import Chain, Link
 from .definitions import DefinitionCheck
 from .facts import FactCheck, PlanCheck
 from .findings import Finding, Report
-from .head import Archive, check_head, check_rows_of, read_archived, read_archives, read_next_id
+from .head import (
+    Archive,
+    archived_since,
+    check_head,
+    check_promotions,
+    check_rows_of,
+    read_archived,
+    read_archives,
+    read_next_id,
+)
 from .identities import ObjectFunctions, check_names
+from .kept import Kept, forget, keep, read_kept
 from .sides import Check
 from .structure import check_generated, check_indexes, check_strays, check_structure, check_types
 
@@ -39,6 +57,11 @@ class Verification(NamedTuple):
         findings: the faults, by revision.
         archives: the archives and their contents, in words.
         anchored: the revision that was compared with an anchor; None when none was.
+        continued_from: the revision up to which an earlier verification had found it intact, and
+            which this one continued; None when it began at revision 1.
+        continued_at: when that was, in UTC.
+        complete_at: when a verification that began at revision 1 was last kept before this one.
+        is_kept: whether the next verification can continue this one; None when that was not asked.
     """
 
     knowledge_base: str
@@ -47,6 +70,10 @@ class Verification(NamedTuple):
     findings: tuple[Finding, ...]
     archives: tuple[str, ...] = ()
     anchored: int | None = None
+    continued_from: int | None = None
+    continued_at: datetime | None = None
+    complete_at: datetime | None = None
+    is_kept: bool | None = None
 
     @property
     def is_intact(self) -> bool:
@@ -59,6 +86,7 @@ class Verification(NamedTuple):
             "verdict": "intact" if self.is_intact else "not intact",
             "revisions": self.revisions,
             "changes": self.changes,
+            "continued from revision": self.continued_from,
             "compared with an anchor at revision": self.anchored,
             "archives": self.archives,
         }
@@ -67,7 +95,12 @@ class Verification(NamedTuple):
 
 
 def verify(
-    store: Store, anchor: Anchor | None, progress: Progress | None, structure: bool = True
+    store: Store,
+    anchor: Anchor | None,
+    progress: Progress | None,
+    structure: bool = True,
+    resume: bool = False,
+    keep: bool = False,
 ) -> Verification:
     """Verify a knowledge base; see `History.verify`."""
     if store.current() is not None:
@@ -76,17 +109,28 @@ def verify(
             "committed revisions; end it first"
         )
     optional_call(progress, "progress")
-    flag(structure, "structure", InvalidArgumentError)
+    for name, value in (("structure", structure), ("resume", resume), ("keep", keep)):
+        flag(value, name, InvalidArgumentError)
     anchored = None if anchor is None else check_anchor(anchor).head(store.name)
 
-    def check(session: Session, kb_id: int | None) -> Verification:
-        report = Report()
-        if structure:
-            for common in (check_structure, check_generated, check_indexes):
-                _guarded(session, report, partial(common, session, report))
-        return verify_session(session, kb_id, store.name, anchored, progress, report)
+    def check(session: Session, kb_id: int | None) -> tuple[Verification, End | None]:
+        report, kept, after = Report(), None, 0
 
-    return store.query_in_snapshot(check)
+        def find_start() -> None:
+            nonlocal kept, after
+            if resume and kb_id is not None:
+                kept = read_kept(session, kb_id)
+                after = 0 if kept is None else _first_to_check(session, kb_id, kept)
+
+        _guarded(session, report, find_start)
+        if structure:
+            parts = (check_structure, check_generated, *(() if after else (check_indexes,)))
+            for common in parts:
+                _guarded(session, report, partial(common, session, report))
+        return _verify(session, kb_id, store.name, anchored, progress, report, kept, after)
+
+    done, end = store.query_in_snapshot(check)
+    return _keep(store, done, end) if keep and end is not None else done
 
 
 def verify_session(
@@ -96,15 +140,69 @@ def verify_session(
     anchored: AnchoredHead | None = None,
     progress: Progress | None = None,
     report: Report | None = None,
+    kept: Kept | None = None,
 ) -> Verification:
     """Verify one knowledge base in the transaction of a session."""
-    report = Report() if report is None else report
+    after = 0 if kept is None or kb_id is None else _first_to_check(session, kb_id, kept)
+    return _verify(session, kb_id, name, anchored, progress, report or Report(), kept, after)[0]
+
+
+class End(NamedTuple):
+    """Where a verification ended, and what it continued."""
+
+    kb_id: int
+    revision: int
+    hash: str
+    before: Kept | None
+
+
+def _first_to_check(session: Session, kb_id: int, kept: Kept) -> int:
+    """Return the revision to continue from; 0 to begin at revision 1."""
+    is_there = hash_of(session, kb_id, kept.revision) == kept.hash
+    # An archive changes what is left of earlier revisions.
+    return kept.revision if is_there and archived_since(session, kb_id) <= kept.revision else 0
+
+
+def _keep(store: Store, done: Verification, end: End) -> Verification:
+    """Keep where an intact verification ended, and forget what was kept before another."""
+    try:
+        if done.is_intact:
+            keep(store, *end)
+        else:
+            forget(store, end.kb_id)
+    except (ReadOnlyError, ReadOnlyStoreError):
+        return done._replace(is_kept=False)
+    except StoreError:
+        # The table may be one of the findings.
+        if done.is_intact:
+            raise
+    return done._replace(is_kept=done.is_intact)
+
+
+def _verify(
+    session: Session,
+    kb_id: int | None,
+    name: str,
+    anchored: AnchoredHead | None,
+    progress: Progress | None,
+    report: Report,
+    kept: Kept | None,
+    after: int,
+) -> tuple[Verification, End | None]:
     _guarded(session, report, lambda: check_strays(session, kb_id, report))
     if kb_id is None:
         if anchored is not None:
             report.add(1, "knowledge_base", f"knowledge base {name!r} is missing")
-        return Verification(name, 0, 0, report.findings(), anchored=_number(anchored))
-    return _Verifier(Check(session, kb_id, report), name, progress).run(anchored)
+        return Verification(name, 0, 0, report.findings(), anchored=_number(anchored)), None
+    verifier = _Verifier(Check(session, kb_id, report, after), name, progress)
+    done = verifier.run(anchored, kept)
+    if kept is not None:
+        done = done._replace(complete_at=kept.complete_at)
+    if kept is not None and after:
+        done = done._replace(continued_from=after, continued_at=kept.verified_at)
+    last = verifier.last
+    before = kept if after else None
+    return done, None if last is None else End(kb_id, last.number, last.hash, before)
 
 
 class _Verifier:
@@ -117,19 +215,28 @@ class _Verifier:
         self._archives: list[Archive] = []
         self._chain = Chain(check, self._tell)
 
-    def run(self, anchored: AnchoredHead | None) -> Verification:
+    @property
+    def last(self) -> Link | None:
+        """The last revision."""
+        return self._chain.last
+
+    def run(self, anchored: AnchoredHead | None, kept: Kept | None) -> Verification:
         check, report = self._check, self._check.report
-        wanted = frozenset() if anchored is None else frozenset([anchored.revision])
+        known = [each.revision for each in (anchored, kept) if each is not None]
         for part in (
             partial(check_rows_of, check),
-            partial(check_types, check.session, check.kb_id, report),
-            partial(self._check_chain, wanted),
+            # Only a scan of all tables finds these.
+            *(() if check.after else (partial(check_types, *check[:3]),)),
+            partial(self._check_chain, frozenset(known)),
             self._check_rows,
         ):
             _guarded(check.session, report, part)
         chain = self._chain
         if anchored is not None:
-            _check_anchor(anchored, chain, report)
+            place = f"anchor of {anchored.committed_at}"
+            _check_anchor(check, anchored.revision, anchored.hash, place, chain)
+        if kept is not None:
+            _check_anchor(check, kept.revision, kept.hash, kept.origin, chain)
         self._tell(self._last + self._ids)
         return Verification(
             self._name,
@@ -149,6 +256,7 @@ class _Verifier:
         chain.run()
         self._chain = chain
         check_head(self._check, chain, archives)
+        check_promotions(self._check)
 
     def _check_rows(self) -> None:
         check, names = self._check, check_names(self._check)
@@ -193,24 +301,29 @@ def _number(anchored: AnchoredHead | None) -> int | None:
     return None if anchored is None else anchored.revision
 
 
-def _check_anchor(anchored: AnchoredHead, chain: Chain, report: Report) -> None:
-    number, at = anchored.revision, anchored.committed_at
-    if number in chain.hashes:
-        if chain.hashes[number] != anchored.hash:
-            report.add(
-                number,
-                None,
-                f"revision {number} has another hash than the anchor of {at}: the history up to it "
-                "was rewritten",
-            )
-        return
+def _check_anchor(check: Check, number: int, digest: str, place: str, chain: Chain) -> None:
+    """Compare the history with a hash that was kept, in an anchor or by a verification."""
+    add = check.report.add
+    found = chain.hashes.get(number)
+    if found is None and number < check.after:
+        # Verified before; what is stored has to be what was anchored all the same.
+        found = hash_of(check.session, check.kb_id, number)
+        if found is None:
+            add(number, "revision", f"revision {number} is missing, and is in the {place}")
     last = 0 if chain.last is None else chain.last.number
-    if last < number:
-        report.add(
+    if found is not None and found != digest:
+        add(
+            number,
+            None,
+            f"revision {number} has another hash than the {place}: the history up to it was "
+            "rewritten",
+        )
+    elif found is None and last < number:
+        add(
             last + 1,
             None,
-            f"the history was cut off: it ends at revision {last}, and the anchor of {at} is of "
-            f"revision {number}",
+            f"the history was cut off: it ends at revision {last}, and the {place} is of revision "
+            f"{number}",
         )
 
 

@@ -64,6 +64,7 @@ def backend_class(name: str) -> type[Backend]:
     return found
 
 
-def create_backend(url: str, *, read_only: bool = False) -> Backend:
+def create_backend(url: str, *, read_only: bool = False, connections: int | None = None) -> Backend:
     """Create the backend that a database URL names."""
-    return backend_class(backend_name(url))(parse_url(url), read_only=read_only)
+    made = backend_class(backend_name(url))
+    return made(parse_url(url), read_only=read_only, connections=connections)

@@ -9,7 +9,7 @@ import threading
 import time
 import weakref
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Collection, Hashable, Iterator, Sequence
+from collections.abc import Callable, Collection, Hashable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from datetime import UTC, datetime
 from typing import Any, NamedTuple, Protocol, TypeVar
@@ -71,7 +71,8 @@ class Roles(NamedTuple):
     """Three roles, of which users are made members.
 
     Attributes:
-        writer: the role that adds revisions and cannot change past ones.
+        writer: the role that adds revisions and cannot change past ones; None where the tables are
+            distributed.
         reader: the role that reads tables and views.
         auditor: the role that reads views.
         schema: the schema of the auditor's views, where it is not that of the tables.
@@ -81,13 +82,31 @@ class Roles(NamedTuple):
             more rights than the caller has.
     """
 
-    writer: str
+    writer: str | None
     reader: str
     auditor: str
     schema: str | None
     knowledge_base: str | None
     statements: tuple[str, ...]
     remaining: tuple[str, ...] = ()
+
+
+class Distribution(NamedTuple):
+    """The distribution of a store's tables over the nodes of a Citus cluster.
+
+    Attributes:
+        shards: how many shards each table has; 0 where none is distributed.
+        nodes: host and port of each node that may hold shards.
+        tables: the tables that are moved.
+        statements: the SQL that does it, in one transaction; empty where nothing is to be done.
+        views: the SQL that creates the generated views again, afterwards.
+    """
+
+    shards: int
+    nodes: tuple[str, ...]
+    tables: tuple[str, ...]
+    statements: tuple[str, ...]
+    views: tuple[str, ...] = ()
 
 
 T = TypeVar("T")
@@ -111,6 +130,23 @@ class Listener(ABC):
     @abstractmethod
     def close(self) -> None:
         """Stop listening."""
+
+
+class WriterLock(Protocol):
+    """What a writer of this process waits for before it takes a connection."""
+
+    def acquire(self, blocking: bool = True, timeout: float = -1) -> bool:
+        """Wait for a turn; return whether it came in time."""
+
+    def release(self) -> None:
+        """End a turn, in any thread."""
+
+
+class Shared(Protocol):
+    """What keeps something for the threads of a process."""
+
+    def forked(self) -> None:
+        """Start over in a forked child process."""
 
 
 class Commits:
@@ -296,6 +332,10 @@ class Session(ABC):
         """Read the value of `StoreClock`."""
         return datetime.now(UTC) if raw is None else self.to_time(raw)
 
+    def make_durable(self) -> None:
+        """Make later commits of this session survive a power cut."""
+        self.define(self.backend.durable)
+
     @abstractmethod
     def replan(self) -> None:
         """Discard cached plans before a large write."""
@@ -340,6 +380,13 @@ class Session(ABC):
         """Count values that are not of their column's type: table, column and how many."""
         # A database with strict types has none.
         return iter(())
+
+    def plan_for_all(self) -> None:  # noqa: B027 (only cursors of a server need it)
+        """Plan what this transaction streams for all of its rows, not for the first ones."""
+
+    def query_of_view(self, name: str, kb_id: int) -> str | None:
+        """Return a query of a view's rows of one knowledge base, where the view would not do."""
+        return None
 
     def translate(self, error: Exception) -> StoreError:
         """Translate a driver's error, and say why a statement was ended."""
@@ -404,8 +451,12 @@ class Backend(ABC):
         has_answered: whether a server has answered before, so that it may come back.
         is_closed: whether it was closed for good.
         is_read_only: whether the database refuses all writes of these connections.
+        most_connections: how many connections to a server there may be, besides that of listeners;
+            None where the backend decides.
         has_one_connection: whether all threads take turns on one connection.
-        when_forked: called first in a forked child process.
+        has_nodes: whether its tables may be distributed over several servers.
+        sharers: what is called in a forked child process, while it is in use.
+        when_closed: called when it is closed, to close what was opened for its sake.
         no_roles: why there are no roles, and what to do instead; None where there are.
         revision_comes_last: whether the row of a revision is written last, so that row policies
             take its versions for past.
@@ -417,6 +468,7 @@ class Backend(ABC):
     has_answered = False
     is_closed = False
     has_one_connection = False
+    has_nodes = False
     no_roles: str | None = None
     revision_comes_last = False
     begin_read: str
@@ -425,9 +477,12 @@ class Backend(ABC):
     views: ViewDialect
     words: Words
 
-    def __init__(self, url: URL, *, read_only: bool = False) -> None:
+    def __init__(
+        self, url: URL, *, read_only: bool = False, connections: int | None = None
+    ) -> None:
         self.url = url
         self.is_read_only = read_only
+        self.most_connections = connections
         self.engine = self.create_engine()
         self.driver_errors: tuple[type[Exception], ...] = (
             self.engine.dialect.loaded_dbapi.Error,
@@ -436,7 +491,8 @@ class Backend(ABC):
             OverflowError,
         )
         self.sessions: dict[Session, int] = {}
-        self.when_forked: list[Callable[[], None]] = []
+        self.sharers: weakref.WeakSet[Shared] = weakref.WeakSet()
+        self.when_closed: list[Callable[[], None]] = []
         _BACKENDS.add(self)
 
     @property
@@ -482,9 +538,11 @@ class Backend(ABC):
     def refuse_closed(self) -> None:
         """Raise when it is closed."""
         if self.is_closed:
-            raise ClosedError(
-                f"{self.label}: this knowledge base was closed; connect again to go on"
-            )
+            raise self.closed_error()
+
+    def closed_error(self) -> ClosedError:
+        """Build the error of a call on what was closed."""
+        return ClosedError(f"{self.label}: this knowledge base was closed; connect again to go on")
 
     def take(self, engine: Engine) -> PoolProxiedConnection:
         """Take a connection from a pool."""
@@ -515,6 +573,8 @@ class Backend(ABC):
     def close(self) -> None:
         """Close all connections, for good."""
         self.is_closed = True
+        while self.when_closed:
+            self.when_closed.pop()()
         self.engine.dispose()
 
     def forked(self) -> None:
@@ -523,8 +583,8 @@ class Backend(ABC):
         for session in self.sessions:
             session.abandon()
         self.sessions = {}
-        for call in self.when_forked:
-            call()
+        for sharer in self.sharers:
+            sharer.forked()
 
     def leave_connections(self) -> None:
         """Leave the connections to the parent process, in its child."""
@@ -541,6 +601,31 @@ class Backend(ABC):
     def create_roles(self, knowledge_base: str | None, dry_run: bool) -> Roles:
         """Create the roles of the database, or update them."""
         raise StoreError(f"{self.label}: {self.no_roles}")
+
+    def distribute(
+        self, shards: int | None, *, undo: bool, dry_run: bool, views: Mapping[str, str]
+    ) -> Distribution:
+        """Distribute the tables over the nodes of a cluster, or bring them together.
+
+        Args:
+            shards: how many shards each table has; None for the server's setting.
+            undo: whether to bring them together.
+            dry_run: whether to return the statements without running them.
+            views: the views of auditors, each with its query, in the order of their creation.
+        """
+        raise StoreError(
+            f"{self.label}: nothing was changed: only PostgreSQL with the extension citus "
+            "distributes tables"
+        )
+
+    def layout_fault(self) -> str | None:
+        """Say what is wrong with a store whose tables are on several servers; None for nothing."""
+        return None
+
+    @staticmethod
+    def migrating(connection: Connection, label: str) -> AbstractContextManager[None]:
+        """Let migrations create tables where those of the store are."""
+        return nullcontext()
 
     @staticmethod
     def roles_set_aside(connection: Connection) -> AbstractContextManager[None]:
@@ -572,8 +657,8 @@ class Backend(ABC):
         """Identify the queue of a knowledge base's writers: equal values are one queue."""
 
     @abstractmethod
-    def write_lock(self) -> threading.Lock | None:
-        """Return the lock that this process's writers queue on, where the database has no queue."""
+    def write_lock(self, knowledge_base: str) -> WriterLock | None:
+        """Return what this process's writers of a knowledge base queue on, if on anything."""
 
     @abstractmethod
     def is_empty(self, session: Session) -> bool:

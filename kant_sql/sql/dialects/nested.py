@@ -76,13 +76,13 @@ def _postgresql_last(
 ) -> str:
     # Only the primary key has this order: sorted by revision alone, the planner may go through all
     # versions of the knowledge base, backwards, to find one of the identity.
-    key = f"{alias}.kb_id, {alias}.{column}, {alias}.since"
+    key = f"{alias}.{column}, {alias}.since"
     found = (
-        f"SELECT {alias}.* FROM {table} AS {alias} WHERE ({key}) <= (:kb, {identity}, {revision})"
+        f"SELECT {alias}.* FROM {table} AS {alias} WHERE {alias}.kb_id = :kb"
+        f" AND ({key}) <= ({identity}, {revision})"
         f" ORDER BY {key.replace(',', ' DESC,')} DESC LIMIT 1"
     )
-    own = f"{alias}.kb_id = :kb AND {alias}.{column} = {identity}"
-    return f"(SELECT {wanted} FROM ({found}) AS {alias} WHERE {own})"
+    return f"(SELECT {wanted} FROM ({found}) AS {alias} WHERE {alias}.{column} = {identity})"
 
 
 def _sqlite_part(
@@ -107,10 +107,10 @@ def _sqlite_part(
 def _postgresql_key_range(
     alias: str, table: str, column: str, begin: str, end: str, number: str, wanted: str
 ) -> str:
-    key = f"{alias}.kb_id, {alias}.{column}, {alias}.since"
+    key = f"{alias}.{column}, {alias}.since"
     return (
-        f"SELECT {wanted} FROM {table} AS {alias} WHERE ({key}) {begin} AND ({key}) <= {end}"
-        f" ORDER BY {key} LIMIT {number}"
+        f"SELECT {wanted} FROM {table} AS {alias} WHERE {alias}.kb_id = :kb"
+        f" AND ({key}) {begin} AND ({key}) <= {end} ORDER BY {key} LIMIT {number}"
     )
 
 
@@ -124,7 +124,7 @@ def _postgresql_part(
     number: str,
     wanted: str,
 ) -> str:
-    begin, end = f"> (:kb, {identity}, {after})", f"(:kb, {identity}, {upto})"
+    begin, end = f"> ({identity}, {after})", f"({identity}, {upto})"
     return _postgresql_key_range(alias, table, column, begin, end, number, wanted)
 
 
@@ -139,7 +139,7 @@ def _sqlite_walk(alias: str, table: str, column: str, identity: str, first: str,
 def _postgresql_walk(
     alias: str, table: str, column: str, identity: str, first: str, upto: str
 ) -> str:
-    begin, end = f">= (:kb, {identity}, {first})", f"(:kb, {identity}, {upto})"
+    begin, end = f">= ({identity}, {first})", f"({identity}, {upto})"
     inner = _postgresql_key_range(alias, table, column, begin, end, _ENDLESS, f"{alias}.*")
     return f" CROSS JOIN LATERAL ({inner}) AS {alias}"
 

@@ -26,7 +26,8 @@ from ...errors import KantSqlError
 from ..tables import Base
 from ..tables.base import VERSION_TABLE
 from .base import Roles
-from .postgresql_structure import PostgresqlViews
+from .citus import is_distributed, of_one_shard
+from .postgresql_structure import SCHEMA_OF_TABLES, PostgresqlViews, Qualifier
 
 # The prefix of roles, and of all that is created for them.
 PREFIX = "kant_sql_"
@@ -47,22 +48,6 @@ def safe_part(knowledge_base: str) -> str:
     return f"{plain[: _LONGEST_PART - 13].strip('_') or 'kb'}_{digest}"
 
 
-class Qualifier:
-    """Quotes identifiers, and qualifies them by the schema of the tables."""
-
-    def __init__(self, schema: str) -> None:
-        self.schema = schema
-
-    @staticmethod
-    def quote(identifier: str) -> str:
-        """Quote an identifier."""
-        return str(_VIEWS.preparer.quote(identifier))
-
-    def relation(self, name: str, schema: str | None = None) -> str:
-        """Qualify the name of a table or view."""
-        return f"{self.quote(self.schema if schema is None else schema)}.{self.quote(name)}"
-
-
 class RoleScope(NamedTuple):
     """The knowledge bases of three roles: all, or one by name and id."""
 
@@ -79,10 +64,12 @@ class RoleScope(NamedTuple):
         """The schema of its auditor's views; None for that of the tables."""
         return None if self.knowledge_base is None else f"{PREFIX}{self.suffix[1:]}"
 
-    def roles(self, statements: Iterable[str] = (), remaining: Iterable[str] = ()) -> Roles:
+    def roles(
+        self, *, has_writer: bool, statements: Iterable[str] = (), remaining: Iterable[str] = ()
+    ) -> Roles:
         """Return its roles."""
         return Roles(
-            f"{PREFIX}writer{self.suffix}",
+            f"{PREFIX}writer{self.suffix}" if has_writer else None,
             f"{PREFIX}reader{self.suffix}",
             f"{PREFIX}auditor{self.suffix}",
             self.schema,
@@ -97,10 +84,6 @@ WAIT_FOR_SCHEMA = "10min"
 # All other statements on a table queue behind a waiting lock.
 WAIT_FOR_TABLE = "500ms"
 
-SCHEMA_OF_TABLES = text(
-    "SELECT n.nspname FROM pg_class AS c JOIN pg_namespace AS n ON n.oid = c.relnamespace "
-    f"WHERE c.oid = to_regclass('{VERSION_TABLE}')"
-)
 _TABLES = text("SELECT tablename FROM pg_tables WHERE schemaname = :schema")
 # Without the right to see when another's transaction began, that column is NULL.
 _HOLDERS = text(
@@ -148,10 +131,11 @@ def _shown(pid: int, user: str | None, program: str | None, seconds: int | None)
 
 READ = "read"
 ALWAYS = "true"
-# The columns that each revision moves: not `kb_id`, nor that of archives.
+# The columns that each revision moves: not `kb_id`, nor those of archives and origins.
 HEAD_COLUMNS = ("revision", "definition_revision", "next_id", "hash", "committed_at")
-# Only the tables' owner archives: no other role may delete.
-NOT_WRITTEN = frozenset({"archive"})
+# Only the tables' owner archives: no other role may delete. Nor may another role end a replica, or
+# say that something was verified.
+NOT_WRITTEN = frozenset({"archive", "promotion", "verification"})
 # Times never go back, so a time far ahead would hold for all later revisions. A writer adds the
 # time since its transaction began, during which the server's clock may be adjusted.
 _LATEST = "clock_timestamp() + interval '1 minute'"
@@ -362,7 +346,7 @@ def policies(
     suffix: str,
     kb_id: int | None,
     readers: str,
-    writer: str,
+    writer: str | None,
 ) -> Iterator[str]:
     """Yield the statements that create a table's policies for the roles of one scope."""
     relation, own = names.relation(table.name), own_rows(table, names, kb_id)
@@ -372,6 +356,8 @@ def policies(
         return f"CREATE POLICY {policy} ON {relation} FOR {command} TO {roles} {conditions}"
 
     yield create(READ, "SELECT", readers, f"USING ({own})")
+    if writer is None:
+        return
     for right in writer_rights(table, tables, names):
         if kb_id is not None and table.name in FOR_ALL_ONLY and right.verb == "insert":
             continue
@@ -396,13 +382,13 @@ _COLUMNS = text(
     "JOIN pg_attribute AS a ON a.attrelid = c.oid AND a.attnum > 0 AND NOT a.attisdropped "
     "WHERE n.nspname = :schema AND c.relkind = 'r' GROUP BY c.relname"
 )
-# Found by the view that they select from: their knowledge base may be gone.
+# Found by what they select from: their knowledge base may be gone.
 _OWN_VIEWS = text(
     "SELECT DISTINCT n.nspname, c.relname FROM pg_depend AS d "
-    "JOIN pg_class AS shown ON shown.oid = d.refobjid AND shown.relkind = 'v' "
+    "JOIN pg_class AS shown ON shown.oid = d.refobjid "
     "JOIN pg_namespace AS s ON s.oid = shown.relnamespace "
     "JOIN pg_rewrite AS r ON r.oid = d.objid AND d.classid = 'pg_rewrite'::regclass "
-    "JOIN pg_class AS c ON c.oid = r.ev_class AND c.relname = shown.relname "
+    "JOIN pg_class AS c ON c.oid = r.ev_class AND starts_with(c.relname, 'audit_') "
     "JOIN pg_namespace AS n ON n.oid = c.relnamespace "
     "WHERE d.refclassid = 'pg_class'::regclass AND s.nspname = :schema "
     f"AND n.nspname <> :schema AND starts_with(n.nspname, '{PREFIX}') ORDER BY 1, 2"
@@ -414,6 +400,7 @@ _AUDIT_VIEWS = text(
     "WHERE n.nspname = :schema AND c.relkind = 'v' AND starts_with(c.relname, 'audit_') "
     "ORDER BY c.relname"
 )
+_VIEW_QUERY = text("SELECT pg_get_viewdef(to_regclass(:view), true)")
 _POLICIES = text(
     "SELECT c.relname, p.polname FROM pg_policy AS p JOIN pg_class AS c ON c.oid = p.polrelid "
     "JOIN pg_namespace AS n ON n.oid = c.relnamespace "
@@ -437,7 +424,7 @@ _KNOWLEDGE_BASES = text("SELECT id, name FROM knowledge_base ORDER BY id")
 class RoleMaker:
     """Writes the statements that create roles in a database as it is now."""
 
-    def __init__(self, connection: Connection) -> None:
+    def __init__(self, connection: Connection, *, has_writers: bool | None = None) -> None:
         self._connection = connection
         self._names = Qualifier(connection.scalar(SCHEMA_OF_TABLES) or "public")
         present = {row[0]: row[1] for row in self._query(_COLUMNS)}
@@ -448,6 +435,11 @@ class RoleMaker:
         self._generated = _VIEWS.list_generated(lambda sql: connection.exec_driver_sql(sql).all())
         self._old = [(row[0], row[1]) for row in self._query(_POLICIES)]
         self._own = [(row[0], row[1]) for row in self._query(_OWN_VIEWS)]
+        # Policies of writers have subqueries, which Citus refuses on a distributed table. And a
+        # worker asks for a user's own rights on tables, not for those of a view's owner.
+        if has_writers is None:
+            has_writers = not is_distributed(connection, self._names.schema)
+        self._has_writers = has_writers
 
     @property
     def in_force(self) -> bool:
@@ -507,12 +499,13 @@ class RoleMaker:
         for table in self._tables:
             yield f"ALTER TABLE {self._names.relation(table.name)} ENABLE ROW LEVEL SECURITY"
         for scope in scopes:
-            roles = scope.roles()
+            roles = self.roles_of(scope)
             for role in roles[:3]:
-                if role not in existing:
+                if role is not None and role not in existing:
                     yield f"CREATE ROLE {self._names.quote(role)} NOLOGIN"
             yield from self._grants(scope, roles)
-            writer, reader = map(self._names.quote, roles[:2])
+            writer = None if roles.writer is None else self._names.quote(roles.writer)
+            readers = self._quoted(*self._table_readers(roles))
             for table in self._tables:
                 yield from policies(
                     table,
@@ -520,11 +513,17 @@ class RoleMaker:
                     self._names,
                     scope.suffix,
                     scope.kb_id,
-                    f"{reader}, {writer}",
+                    readers,
                     writer,
                 )
             if scope.schema is not None:
                 yield from self._own_views(scope, roles)
+
+    def roles_of(
+        self, scope: RoleScope, statements: Iterable[str] = (), remaining: Iterable[str] = ()
+    ) -> Roles:
+        """Return the roles of a scope that this database can have."""
+        return scope.roles(has_writer=self._has_writers, statements=statements, remaining=remaining)
 
     def revocations(self, by_caller: bool) -> list[str]:
         """List the statements that revoke temporary tables and large objects from PUBLIC.
@@ -536,13 +535,13 @@ class RoleMaker:
 
     def _grants(self, scope: RoleScope, roles: Roles) -> Iterator[str]:
         quote, listed = self._names.quote, self._listed
-        writer, reader, auditor = map(quote, roles[:3])
-        everyone = f"{writer}, {reader}, {auditor}"
+        everyone = self._quoted(*roles[:3])
         tables = [*(table.name for table in self._tables), *self._version]
         all_views = [*self._views, *sorted(self._generated)]
         yield f"GRANT USAGE ON SCHEMA {quote(self._names.schema)} TO {everyone}"
         yield f"REVOKE ALL ON TABLE {listed(self._relations())} FROM {everyone}"
-        yield f"GRANT SELECT ON TABLE {listed(tables)} TO {writer}, {reader}"
+        readers = self._quoted(*self._table_readers(roles))
+        yield f"GRANT SELECT ON TABLE {listed(tables)} TO {readers}"
         # A view shows what its owner sees: all knowledge bases, or the one that it is of.
         views = all_views if scope.kb_id is None else self._generated_of(scope.kb_id)
         if views:
@@ -551,6 +550,11 @@ class RoleMaker:
             # Otherwise a function of the reader could see rows before the policy filters them.
             relations = map(self._names.relation, views)
             yield from (f"ALTER VIEW {view} SET (security_barrier)" for view in relations)
+        if roles.writer is not None:
+            yield from self._writer_grants(scope, quote(roles.writer))
+
+    def _writer_grants(self, scope: RoleScope, writer: str) -> Iterator[str]:
+        quote, listed = self._names.quote, self._listed
         granted: defaultdict[str, list[str]] = defaultdict(list)
         for table in self._tables:
             for right in writer_rights(table, self._tables, self._names):
@@ -564,17 +568,30 @@ class RoleMaker:
         """Yield the statements that create the audit views of one knowledge base."""
         assert scope.schema is not None
         schema, names = self._names.quote(scope.schema), self._names
-        everyone = ", ".join(map(names.quote, roles[:3]))
+        everyone = self._quoted(*roles[:3])
         yield f"CREATE SCHEMA IF NOT EXISTS {schema}"
         yield f"GRANT USAGE ON SCHEMA {schema} TO {everyone}"
         for view in self._views:
             own = names.relation(view, scope.schema)
-            yield (
-                f"CREATE VIEW {own} WITH (security_barrier) AS SELECT * FROM "
-                f"{names.relation(view)} WHERE knowledge_base = (SELECT k.name FROM "
+            query = (
+                f"SELECT * FROM {names.relation(view)} WHERE knowledge_base = (SELECT k.name FROM "
                 f"{names.relation('knowledge_base')} AS k WHERE k.id = {scope.kb_id})"
             )
+            if not self._has_writers:
+                query = of_one_shard(self._query_of(view), names, int(scope.kb_id or 0))
+            yield f"CREATE VIEW {own} WITH (security_barrier) AS {query}"
             yield f"GRANT SELECT ON TABLE {own} TO {everyone}"
+
+    def _query_of(self, view: str) -> str:
+        named = {"view": self._names.relation(view)}
+        return str(self._connection.scalar(_VIEW_QUERY, named)).rstrip().rstrip(";")
+
+    def _table_readers(self, roles: Roles) -> tuple[str | None, ...]:
+        """Return the roles that read tables: where they are distributed, also the auditor."""
+        return (roles.reader, roles.writer if self._has_writers else roles.auditor)
+
+    def _quoted(self, *roles: str | None) -> str:
+        return ", ".join(self._names.quote(role) for role in roles if role is not None)
 
     def _generated_of(self, kb_id: int) -> list[str]:
         return sorted(name for name, mark in self._generated.items() if mark.kb_id == kb_id)
@@ -620,8 +637,16 @@ def make_roles(connection: Connection, knowledge_base: str | None, dry_run: bool
     statements = [*maker.withdraw(), *maker.make(scopes), *maker.revocations(by_caller=True)]
     if not dry_run:
         lock_tables(connection)
-        _run(connection, statements)
-    return wanted.roles(statements, maker.revocations(by_caller=False))
+        run_all(connection, statements)
+    return maker.roles_of(wanted, statements, maker.revocations(by_caller=False))
+
+
+def around(connection: Connection, has_writers: bool) -> tuple[list[str], list[str]]:
+    """Write what drops policies and auditors' own views, and what creates them again."""
+    maker = RoleMaker(connection, has_writers=has_writers)
+    scopes = maker.scopes() if maker.in_force else []
+    withdrawn = [*maker.withdraw()] if maker.is_in_the_way else []
+    return withdrawn, [*maker.make(scopes)] if scopes else []
 
 
 @contextmanager
@@ -635,14 +660,15 @@ def roles_set_aside(connection: Connection) -> Iterator[None]:
     scopes = maker.scopes() if maker.in_force else []
     lock_tables(connection)
     if maker.is_in_the_way:
-        _run(connection, maker.withdraw())
+        run_all(connection, maker.withdraw())
     yield
     after = RoleMaker(connection)
     if scopes and after.has_tables:
-        _run(connection, after.make(scopes))
+        run_all(connection, after.make(scopes))
 
 
-def _run(connection: Connection, statements: Iterable[str]) -> None:
+def run_all(connection: Connection, statements: Iterable[str]) -> None:
+    """Run statements given as text."""
     for statement in statements:
         # Without parameters, so that a percent sign in a name is not a placeholder.
         connection.exec_driver_sql(statement, execution_options={"no_parameters": True})

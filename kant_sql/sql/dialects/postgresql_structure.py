@@ -6,12 +6,14 @@ has what its table has, it does not matter which of them answers.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from itertools import groupby
 from operator import attrgetter
 from typing import Any, NamedTuple
 
+from sqlalchemy import text
 from sqlalchemy.dialects.postgresql.base import PGDialect
 
 from ...errors import StoreError
@@ -34,6 +36,10 @@ from .structure import (
 _SCHEMA = (
     f"coalesce((SELECT relnamespace FROM pg_class WHERE oid = to_regclass('{VERSION_TABLE}')),"
     " current_schema()::regnamespace)"
+)
+SCHEMA_OF_TABLES = text(
+    "SELECT n.nspname FROM pg_class AS c JOIN pg_namespace AS n ON n.oid = c.relnamespace "
+    f"WHERE c.oid = to_regclass('{VERSION_TABLE}')"
 )
 _RELATIONS = """
 SELECT c.relname, c.relkind::text, quote_literal(obj_description(c.oid, 'pg_class')),
@@ -127,6 +133,18 @@ WHERE c.relnamespace = {_SCHEMA} AND c.relkind NOT IN ('r', 'p', 'i', 'I', 'v')
 UNION ALL SELECT 'function ' || proname FROM pg_proc WHERE pronamespace = {_SCHEMA}
 ORDER BY 1
 """
+_WORD = re.compile(r"'(?:[^']|'')*'::character varying")
+# A list in which each word is converted, as constraints and as views show it, and what stood there.
+_LISTS = (
+    (
+        re.compile(rf"\(ARRAY\[((?:\({_WORD.pattern}\)::text(?:, (?=\())?)+)\]\)"),
+        *("((ARRAY[", "])::text[])"),
+    ),
+    (
+        re.compile(rf"ARRAY\[((?:{_WORD.pattern}::text(?:, (?='))?)+)\]"),
+        *("ARRAY[", "]::text[]"),
+    ),
+)
 _KINDS = {"r": "TABLE", "p": "PARTITIONED TABLE", "m": "MATERIALIZED VIEW", "f": "FOREIGN TABLE"}
 
 
@@ -160,13 +178,28 @@ def describe(rows: Rows, names: Collection[str] | None = None) -> Iterator[State
         )
 
 
+def as_created(definition: str) -> str:
+    """Write lists of words as in what was created by a migration, also after pg_restore.
+
+    What pg_dump writes of `IN ('a', 'b')` converts the list; read again, each word is converted.
+    """
+    for each_word, before, after in _LISTS:
+        definition = each_word.sub(
+            lambda found, before=before, after=after: (  # type: ignore[misc]
+                f"{before}{', '.join(_WORD.findall(found[1]))}{after}"
+            ),
+            definition,
+        )
+    return definition
+
+
 def _view(name: str, columns: list[Row], definition: str, options: str | None) -> str:
     shown = [
         f"{column} {type_}" + (f' COLLATE "{collation}"' if collation else "")
         for column, type_, collation, *_ in columns
     ]
     with_ = f" WITH {options}" if options else ""
-    return f"{parenthesized(f'CREATE VIEW {name}', shown)}{with_} AS\n{definition}"
+    return f"{parenthesized(f'CREATE VIEW {name}', shown)}{with_} AS\n{as_created(definition)}"
 
 
 def _table(
@@ -188,7 +221,7 @@ def _table(
         )
         if column_comment is not None:
             comments.append(f"COMMENT ON COLUMN {table}.{name} IS {column_comment};")
-    parts += [f"CONSTRAINT {name} {definition}" for name, definition in constraints]
+    parts += [f"CONSTRAINT {name} {as_created(definition)}" for name, definition in constraints]
     yield f"{parenthesized(f'CREATE {_KINDS[kind]} {table}', parts)};"
     yield from (f"{definition};" for _, definition in indexes)
     yield from comments
@@ -199,10 +232,15 @@ _TABLES_ONLY = ("enable_indexscan", "enable_indexonlyscan", "enable_bitmapscan")
 _INDEXES_ONLY = ("enable_seqscan", "enable_bitmapscan", "enable_sort", "enable_incremental_sort")
 # The keys of a sorted index are read without its table; a hash index has no keys to read.
 _WAYS = {"btree": (*_INDEXES_ONLY, "enable_indexscan"), "hash": _INDEXES_ONLY}
-_PLAIN = "SET LOCAL jit = off; SET LOCAL max_parallel_workers_per_gather = 0"
+# The first one hands the others on to the nodes of Citus; elsewhere it means nothing.
+_PLAIN = (
+    "SET LOCAL citus.propagate_set_commands = 'local'; SET LOCAL jit = off; "
+    "SET LOCAL max_parallel_workers_per_gather = 0"
+)
 
 _CHECKED_INDEXES = """
 SELECT row_number() OVER (), x.oid, x.relname, c.relname, a.amname,
+    to_regclass('pg_dist_partition') IS NOT NULL,
     pg_get_expr(i.indpred, i.indrelid), ARRAY(
     SELECT pg_get_indexdef(i.indexrelid, n, true)
     FROM generate_series(1, i.indnkeyatts) AS n ORDER BY n
@@ -233,14 +271,15 @@ class _Index(NamedTuple):
     name: str
     table: str
     method: str
+    has_shards: bool
     condition: str | None
     columns: list[str]
 
-    def counts(self) -> str:
+    def counts(self) -> tuple[str, str]:
         """Write the count of the table's rows and the sum of their keys' hashes."""
         where = "" if self.condition is None else f" FILTER (WHERE {self.condition})"
         digest = self.digest() if self.method == "btree" else "NULL::numeric"
-        return f"count(*){where}, {digest}{where if self.method == 'btree' else ''}"
+        return f"count(*){where}", f"{digest}{where if self.method == 'btree' else ''}"
 
     def digest(self) -> str:
         return f"sum(hash_record_extended(ROW({', '.join(self.columns)}), 0))"
@@ -252,12 +291,14 @@ class _Index(NamedTuple):
             where = "" if self.condition is None else f" WHERE {self.condition}"
             keys = f"SELECT {columns} FROM {self.table}{where} ORDER BY {columns}"
             return f"SELECT {self.number}, count(*), {self.digest()} FROM ({keys}) AS keys"
-        # It is not sorted: look up each value and count the rows.
+        # It is not sorted: look up each value and count the rows. Of a distributed table, each
+        # shard does so.
+        key, own = ("kb_id, ", "t.kb_id = wanted.kb_id AND ") if self.has_shards else ("", "")
         return (
             f"SELECT {self.number}, coalesce(sum(found), 0), NULL::numeric "
-            f"FROM (SELECT DISTINCT {columns} AS value FROM {self.table}) AS wanted "
+            f"FROM (SELECT DISTINCT {key}{columns} AS value FROM {self.table}) AS wanted "
             f"CROSS JOIN LATERAL (SELECT count(*) AS found FROM {self.table} AS t "
-            f"WHERE t.{columns} = wanted.value) AS looked_up"
+            f"WHERE {own}t.{columns} = wanted.value) AS looked_up"
         )
 
 
@@ -268,7 +309,7 @@ def index_faults(session: Session, tables: Sequence[str]) -> Iterator[IndexFault
     """Compare the indexes of some tables with the tables, in constant memory."""
     indexes = _indexes_of(session, tables)
     if indexes:
-        had = _numbers(session, _TABLES_ONLY, _by_tables(indexes))
+        had = _numbers_of_tables(session, _by_tables(indexes))
         found = _by_indexes(session, indexes)
         for index in indexes:
             # An index that is not used even now is used by no other query.
@@ -300,13 +341,10 @@ def _by_tables(indexes: list[_Index]) -> str:
     parts = []
     for table, group in groupby(sorted(indexes, key=_TABLE), _TABLE):
         of_table = [*group]
-        counts = ", ".join(index.counts() for index in of_table)
-        names = ", ".join(f"n{n}, s{n}" for n in range(len(of_table)))
-        values = ", ".join(f"({index.number}, n{n}, s{n})" for n, index in enumerate(of_table))
-        parts.append(
-            f"SELECT v.* FROM (SELECT {counts} FROM {table}) AS t ({names}) "
-            f"CROSS JOIN LATERAL (VALUES {values}) AS v"
-        )
+        numbers = [str(index.number) for index in of_table]
+        arrays = (numbers, *zip(*(index.counts() for index in of_table), strict=True))
+        lists = ", ".join(f"ARRAY[{', '.join(values)}]" for values in arrays)
+        parts.append(f"SELECT {lists} FROM {table}")
     return " UNION ALL ".join(parts)
 
 
@@ -324,11 +362,15 @@ def _by_indexes(session: Session, indexes: list[_Index]) -> _Found:
     return numbers
 
 
+# What Citus adds to the name of each part of an index.
+_OF_SHARD = re.compile(r"_\d{6,}$")
+
+
 def _used(plan: Any) -> Iterator[str]:
     """Yield the indexes that a plan uses."""
     if isinstance(plan, dict):
         if "Index Name" in plan:
-            yield plan["Index Name"]
+            yield _OF_SHARD.sub("", plan["Index Name"])
         plan = [*plan.values()]
     if isinstance(plan, list):
         for part in plan:
@@ -338,6 +380,15 @@ def _used(plan: Any) -> Iterator[str]:
 def _numbers(session: Session, off: Iterable[str], query: str) -> _Found:
     with _settings(session, off):
         return {number: (int(count), digest) for number, count, digest in _rows(session, query)}
+
+
+def _numbers_of_tables(session: Session, query: str) -> _Found:
+    with _settings(session, _TABLES_ONLY):
+        return {
+            number: (int(count), digest)
+            for row in _rows(session, query)
+            for number, count, digest in zip(*row, strict=True)
+        }
 
 
 @contextmanager
@@ -417,3 +468,19 @@ class PostgresqlViews(ViewDialect):
     def list_readers(self, rows: Rows) -> list[str]:
         """List who may read the views of all knowledge bases."""
         return [row[0] for row in rows(_READERS)]
+
+
+class Qualifier:
+    """Quotes identifiers, and qualifies them by the schema of the tables."""
+
+    def __init__(self, schema: str) -> None:
+        self.schema = schema
+
+    @staticmethod
+    def quote(identifier: str) -> str:
+        """Quote an identifier."""
+        return str(PostgresqlViews.preparer.quote(identifier))
+
+    def relation(self, name: str, schema: str | None = None) -> str:
+        """Qualify the name of a table or view."""
+        return f"{self.quote(self.schema if schema is None else schema)}.{self.quote(name)}"

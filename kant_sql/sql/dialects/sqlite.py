@@ -48,7 +48,7 @@ from ...errors import (
 )
 from ...knowledge.canonical import time_text
 from ...limits import Limit
-from ..query import InList, InRows, Query, StoreClock, StorePlace, raw
+from ..query import Fork, FoundRows, InList, InRows, Listed, Query, StoreClock, StorePlace, raw
 from ..tables.base import UtcTime, text_time
 from .base import (
     FETCH_SIZE,
@@ -57,6 +57,7 @@ from .base import (
     Listener,
     Row,
     Session,
+    WriterLock,
     log_statement,
     refuse_unknown_options,
     url_label,
@@ -196,6 +197,28 @@ class SqliteViews(ViewDialect):
 def _in_list(element: InList, compiler: Any, **options: Any) -> str:
     column, values = (compiler.process(clause, **options) for clause in element.clauses)
     return f"{column} IN (SELECT value FROM json_each({values}))"
+
+
+@compiles(Listed, "sqlite")
+def _listed(element: Listed, compiler: Any, **options: Any) -> str:
+    (values,) = (compiler.process(clause, **options) for clause in element.clauses)
+    return f"json_each({values})"
+
+
+@compiles(FoundRows, "sqlite")
+def _found_rows(element: FoundRows, compiler: Any, **options: Any) -> str:
+    return f"({compiler.process(element.listed, **options)})"
+
+
+@compiles(Fork, "sqlite")
+def _fork(element: Fork, compiler: Any, **options: Any) -> str:
+    since, until = (compiler.process(clause, **options) for clause in element.clauses)
+    before, last = f"({since} - 1)", f"({until} - 1)"
+    # What differs between them, and all bits below the highest of it: there is no exact logarithm.
+    bits = f"SELECT ({before} | {last}) - ({before} & {last}) AS bits"
+    for shift in (1, 2, 4, 8, 16, 32):
+        bits = f"SELECT bits | (bits >> {shift}) AS bits FROM ({bits}) AS bits_{shift}"
+    return f"(SELECT {last} - ({last} & (bits >> 1)) FROM ({bits}) AS bits)"
 
 
 @compiles(InRows, "sqlite")
@@ -523,7 +546,9 @@ class SqliteBackend(Backend):
         "?mode=ro for reading only"
     )
 
-    def __init__(self, url: URL, *, read_only: bool = False) -> None:
+    def __init__(
+        self, url: URL, *, read_only: bool = False, connections: int | None = None
+    ) -> None:
         refuse_unknown_options(url, OPTIONS)
         if url.host or url.port or url.username or url.password:
             # Most likely two slashes are missing: it must not become a store in memory unnoticed.
@@ -540,7 +565,7 @@ class SqliteBackend(Backend):
         self._idle: list[SqliteSession] = []
         self._is_torn = False
         self.file = StoreFile(str(url.database), url_label(url))
-        super().__init__(url, read_only=read_only)
+        super().__init__(url, read_only=read_only, connections=connections)
 
     def create_engine(self) -> Engine:
         """Create the engine; sessions control transactions."""
@@ -709,7 +734,7 @@ class SqliteBackend(Backend):
         """Identify the file, which has one queue for all; a store in memory has its own."""
         return self if self.in_memory else os.path.realpath(str(self.url.database))
 
-    def write_lock(self) -> threading.Lock | None:
+    def write_lock(self, knowledge_base: str) -> WriterLock | None:
         """Return the queue of this process's writers: SQLite itself only polls."""
         return None if self.in_memory else self._write_lock
 

@@ -18,7 +18,9 @@ from .plans import RevisionPlanStepRow as RevisionPlanStepRow
 from .revisions import ArchiveRow as ArchiveRow
 from .revisions import HeadRow as HeadRow
 from .revisions import KnowledgeBaseRow as KnowledgeBaseRow
+from .revisions import PromotionRow as PromotionRow
 from .revisions import RevisionRow as RevisionRow
+from .revisions import VerificationRow as VerificationRow
 
 # By name. Those of named elements have no class.
 TABLES = Base.metadata.tables

@@ -1,4 +1,4 @@
-"""Knowledge bases, the heads that writers lock, revisions, and archives."""
+"""Knowledge bases, the heads that writers lock, revisions, archives and promotions."""
 
 from __future__ import annotations
 
@@ -47,6 +47,19 @@ class HeadRow(Base):
         server_default=text("0"),
         comment="what ended up to this revision is in an archive; 0: nothing is",
     )
+    origin: Mapped[str | None] = mapped_column(
+        comment="the store that it is replicated from: a URL without its password; "
+        "NULL: written here"
+    )
+    origin_revision: Mapped[int | None] = mapped_column(
+        comment="the origin's last revision, as last heard of"
+    )
+    origin_committed_at: Mapped[datetime | None] = mapped_column(
+        comment="UTC, of the origin's last revision"
+    )
+    heard_at: Mapped[datetime | None] = mapped_column(
+        comment="UTC, when the origin was last heard of"
+    )
 
 
 class RevisionRow(Base):
@@ -87,4 +100,31 @@ class ArchiveRow(Record, Base):
     versions: Mapped[int] = mapped_column(comment="how many were moved")
     rest: Mapped[str] = mapped_column(
         comment="SHA-256 of what this store keeps of the revisions up to there"
+    )
+
+
+class PromotionRow(Record, Base):
+    """A replica that became a knowledge base of its own."""
+
+    __tablename__ = "promotion"
+    __table_args__ = record_args("promotion", "last")
+
+    revision: Mapped[int] = mapped_column(comment="the last one that was replicated")
+    origin: Mapped[str] = mapped_column(
+        comment="where it was replicated from: a URL without its password"
+    )
+
+
+class VerificationRow(Base):
+    """Up to which revision a knowledge base was verified."""
+
+    __tablename__ = "verification"
+    __table_args__ = (ForeignKeyConstraint(["kb_id"], ["knowledge_base.id"]),)
+
+    kb_id: Mapped[int] = kb_column()
+    revision: Mapped[int] = mapped_column(comment="verified up to this revision")
+    hash: Mapped[str] = mapped_column(comment="of that revision, at that time")
+    verified_at: Mapped[datetime] = mapped_column(comment="UTC, when that was")
+    complete_at: Mapped[datetime | None] = mapped_column(
+        comment="UTC, when a verification that began at revision 1 last ended; NULL: none did"
     )

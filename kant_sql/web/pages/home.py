@@ -8,7 +8,7 @@ from fastapi import Query
 from typing_extensions import TypedDict
 
 from ...errors import KantSqlError, QuestionCancelledError
-from ...knowledge.canonical import time_text
+from ...json_documents import InventoryDocument, inventory_document
 from ...limits import limited
 from ...sql.inventory import Inventory
 from ..registry import Pages
@@ -26,23 +26,13 @@ After = Annotated[str | None, Query(description="The last name of the page befor
 Part = Annotated[str | None, Query(description="What the names contain.")]
 
 
-class InventoryDocument(TypedDict):
-    """A knowledge base, its head and who made it, and how many facts and goals it has.
+class OverviewDocument(InventoryDocument):
+    """A knowledge base of the home page.
 
-    `goals` are atoms; `reached` says how many of them are facts, or is null where a goal is another
-    condition or may follow from a rule. `is_goal_reached` is about all goals; null: not asked.
-    `has_more_facts` says that there are more facts than were counted.
+    `is_goal_reached` is about all goals; null: not asked. `verification` is what this server has
+    verified.
     """
 
-    name: str
-    revision: int
-    committed_at: str
-    actor: str | None
-    reason: str | None
-    facts: int
-    has_more_facts: bool
-    goals: int
-    reached: int | None
     is_goal_reached: bool | None
     verification: VerifyDocument
 
@@ -50,7 +40,7 @@ class InventoryDocument(TypedDict):
 class HomeDocument(TypedDict):
     """Knowledge bases of a store; `next` is the parameter `after` of the next page."""
 
-    knowledge_bases: list[InventoryDocument]
+    knowledge_bases: list[OverviewDocument]
     part: str | None
     next: str | None
 
@@ -58,7 +48,7 @@ class HomeDocument(TypedDict):
 @PAGES.page("/", "home.html")
 def knowledge_bases(store: OpenStore, after: After = None, part: Part = None) -> HomeDocument:
     """List the knowledge bases with their heads, oldest first, 50 at a time."""
-    found, has_more = store.catalog.overview(after=after, part=part)
+    found, has_more = store.read_catalog(lambda catalog: catalog.overview(after=after, part=part))
     asked = [one.name for one in found if one.reached is None][:MOST_ASKED]
     return {
         "knowledge_bases": [_document(store, one, one.name in asked) for one in found],
@@ -80,20 +70,12 @@ def _is_goal_reached(store: OpenStore, name: str) -> bool | None:
         return None
 
 
-def _document(store: OpenStore, one: Inventory, is_asked: bool) -> InventoryDocument:
+def _document(store: OpenStore, one: Inventory, is_asked: bool) -> OverviewDocument:
     is_reached = None if one.reached is None else one.reached == one.goals
     if is_asked:
         is_reached = _is_goal_reached(store, one.name)
     return {
-        "name": one.name,
-        "revision": one.revision,
-        "committed_at": time_text(one.committed_at),
-        "actor": one.actor,
-        "reason": one.reason,
-        "facts": one.facts,
-        "has_more_facts": one.has_more_facts,
-        "goals": one.goals,
-        "reached": one.reached,
+        **inventory_document(one),
         "is_goal_reached": is_reached,
         "verification": store.verifier.state(one.name),
     }

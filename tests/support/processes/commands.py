@@ -75,7 +75,9 @@ def one_line(error: str) -> str:
     return lines[0]
 
 
-def run_example(name: str, *arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:
+def run_example(
+    name: str, *arguments: str, timeout: float = 120, **environment: str
+) -> subprocess.CompletedProcess[str]:
     """Run an example to its end, away from the repository's root."""
     return subprocess.run(
         [python(*MODULES), str(EXAMPLES / name), *arguments],
@@ -84,6 +86,6 @@ def run_example(name: str, *arguments: str, **environment: str) -> subprocess.Co
         encoding="utf-8",
         cwd=EXAMPLES,
         env={**os.environ, **environment},
-        timeout=120,
+        timeout=timeout,
         check=False,
     )

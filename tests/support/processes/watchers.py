@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import threading
+import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
@@ -20,6 +21,21 @@ from tests.support.worlds.robots import waypoint
 LAST = "last"
 
 
+_thread = threading.local()
+
+
+def _announced(made: Listener) -> Listener:
+    """Let a listener of this thread say when it listens."""
+    wait, listens = made.wait, getattr(_thread, "listens", threading.Event())
+
+    def told(kb_id: int | None, seconds: float) -> None:
+        wait(kb_id, seconds)
+        listens.set()
+
+    made.wait = told  # type: ignore[method-assign]
+    return made
+
+
 class Waiting:
     """A call of `kb.watch` in a thread of its own, which waits already."""
 
@@ -31,25 +47,18 @@ class Waiting:
 
     def _watch(self, kb: KnowledgeBase, after: int | None, timeout: float | None) -> int | None:
         backend = kb.factory._store.backend  # type: ignore[attr-defined]
-        make = type(backend).listener
-
-        def listener() -> Listener:
-            made: Listener = make(backend)
-            wait = made.wait
-
-            def told(kb_id: int | None, seconds: float) -> None:
-                wait(kb_id, seconds)
-                self._listens.set()
-
-            made.wait = told  # type: ignore[method-assign]
-            return made
-
-        backend.listener = listener
+        _thread.listens = self._listens
+        # Of several threads, any may have put it there: each finds its own event.
+        backend.listener = lambda: _announced(type(backend).listener(backend))
         return kb.watch(after, timeout=timeout)
 
     def listens(self) -> None:
-        """Wait until it has begun to listen."""
-        assert self._listens.wait(PATIENCE)
+        """Wait until it has begun to listen, or raise the error that it ended with."""
+        end = time.monotonic() + PATIENCE
+        while not self._listens.wait(0.1):
+            if self._call.done():
+                raise AssertionError(f"it ended before it listened: {self._call.result()}")
+            assert time.monotonic() < end
 
     def result(self) -> int | None:
         """Give what the call gave."""

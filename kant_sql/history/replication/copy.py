@@ -21,12 +21,12 @@ from sqlalchemy import (
 )
 
 from ...dao.base import batches
-from ...errors import ConflictError, StoreIntegrityError
+from ...errors import UNREADABLE, ConflictError, StoreIntegrityError, reading_rows
 from ...sql import tables as t
 from ...sql.changes import LOW, in_range
 from ...sql.dialects.base import Row, Session
 from ...sql.intervals import fork
-from ...sql.query import Query, in_list, in_rows, integer, whole_rows
+from ...sql.query import Query, found_rows, in_rows, integer, whole_rows
 from ...sql.rows import KB, KIND_TABLES, is_of_version, table_of
 from ...sql.tables.base import UtcTime
 
@@ -104,7 +104,9 @@ ARCHIVED_TABLES = (
     ArchivedTable(table_of(t.PlanStepVersionRow), ("plan_id", "position")),
 )
 IDENTITIES = {*(kind.identity for kind in KIND_TABLES.values()), *ATOMS}
-PLAN, ARCHIVE = table_of(t.PlanRow), table_of(t.ArchiveRow)
+PLAN = table_of(t.PlanRow)
+# What is recorded once, beside plans.
+RECORDS = table_of(t.ArchiveRow), table_of(t.PromotionRow)
 BELOW_PLANS = table_of(t.PlanStepRow), table_of(t.PlanStepArgumentRow)
 
 
@@ -153,32 +155,31 @@ class Stores(NamedTuple):
 
 @cache
 def _by_ids(table: Table) -> Query:
-    return Query(select(*columns_of(table)).where(table.c.kb_id == KB, in_list(table.c.id, "ids")))
+    rows = select(*columns_of(table)).where(table.c.kb_id == KB)
+    return Query(select(*found_rows(rows, table.c.id, "ids").c))
 
 
 @cache
 def _which_are_there(table: Table) -> Query:
-    return Query(select(table.c.id).where(table.c.kb_id == KB, in_list(table.c.id, "ids")))
+    rows = select(table.c.id).where(table.c.kb_id == KB)
+    return Query(select(*found_rows(rows, table.c.id, "ids").c))
 
 
 @cache
 def _arguments(atoms: AtomTables) -> Query:
     table = atoms.arguments
     owner = table.primary_key.columns.values()[1]
-    return Query(select(*table.columns).where(table.c.kb_id == KB, in_list(owner, "ids")))
+    rows = select(*table.columns).where(table.c.kb_id == KB)
+    return Query(select(*found_rows(rows, owner, "ids").c))
 
 
 @cache
 def _by_key(atoms: AtomTables) -> Query:
     columns = atoms.identity.c
     *exact, last = atoms.key
-    return Query(
-        select(columns.id, columns[last]).where(
-            columns.kb_id == KB,
-            *(columns[name] == bindparam(name) for name in exact),
-            in_list(columns[last], "keys"),
-        )
-    )
+    own = (columns[name] == bindparam(name) for name in exact)
+    rows = select(columns.id, columns[last]).where(columns.kb_id == KB, *own)
+    return Query(select(*found_rows(rows, columns[last], "keys").c))
 
 
 class Identities:
@@ -231,7 +232,7 @@ class Identities:
             lost = min(set(missing) - {row[1] for row in rows})
             raise StoreIntegrityError(
                 f"{source.backend.label}: {table.name} {lost} is referred to and not there; "
-                "verify the store; nothing of these revisions was archived"
+                "verify the store; nothing of these revisions was written"
             )
         if table in ATOMS and self._may_return:
             rows = self._recognise(ATOMS[table], rows)
@@ -275,6 +276,20 @@ class Identities:
             arguments = source.rows(_arguments(atoms), kb=source_kb, ids=source.list_value(ids))
             self.bring(atoms.arguments, arguments)
             target.insert(whole_rows(atoms.arguments), [(target_kb, *row[1:]) for row in arguments])
+
+
+def _adapted(
+    table: Table, rows: list[Row], adapt: Callable[[Row], Row], target_kb: int
+) -> list[Row]:
+    """Convert rows for the target; name the one that cannot be read."""
+    try:
+        return [(target_kb, *adapt(row)[1:]) for row in rows]
+    except UNREADABLE:
+        name = table.columns[1].name
+        for row in rows:
+            with reading_rows(table.name, f"{name.removesuffix('_id')} {row[1]!r}"):
+                adapt(row)
+        raise
 
 
 class Copied(NamedTuple):
@@ -342,11 +357,15 @@ _STEPS = _all_of(_PLAN_STEP, in_range(_PLAN_STEP.c.number))
 class Copy:
     """Copies one range of revisions."""
 
-    def __init__(self, stores: Stores, low: int, high: int, may_return: bool) -> None:
+    def __init__(
+        self, stores: Stores, low: int, high: int, may_return: bool, redefined: bool
+    ) -> None:
         self._reader = stores.source
         self._stores = stores
         self._range = {"kb": stores.source_kb, "low": low, "high": high}
         self._high = high
+        # Whether the range may change definitions.
+        self._redefined = redefined
         self._identities = Identities(stores, may_return)
         self._rows = 0
         self._definition_revision = 0
@@ -356,13 +375,15 @@ class Copy:
         """Copy the range."""
         self._insert(_REVISION, _REVISIONS)
         for part in ARCHIVED_TABLES[:-1]:
-            self._copy_part(part)
+            if self._redefined or not part.is_definition:
+                self._copy_part(part)
         if self._insert(PLAN, _asserted(PLAN)):
             for table in BELOW_PLANS:
                 self._insert(table, _below_plans(table))
         self._copy_part(ARCHIVED_TABLES[-1])
         self._insert(_PLAN_STEP, _STEPS)
-        self._insert(ARCHIVE, _asserted(ARCHIVE))
+        for table in RECORDS:
+            self._insert(table, _asserted(table))
         largest = max(self._largest, self._identities.largest)
         return Copied(self._rows, self._definition_revision, largest)
 
@@ -382,12 +403,12 @@ class Copy:
         for rows in batches(self._reader.stream(query, **self._range)):
             self._identities.trim()
             self._identities.bring(table, rows)
-            target.insert(whole_rows(table), [(target_kb, *adapt(row)[1:]) for row in rows])
+            target.insert(whole_rows(table), _adapted(table, rows, adapt, target_kb))
             count += len(rows)
             if part is not None and part.is_definition:
                 ends = (end for row in rows for end in row[2:4] if end is not None)
                 self._see(end for end in ends if end <= self._high)
-            elif table in (PLAN, ARCHIVE):
+            elif table in (PLAN, *RECORDS):
                 self._largest = max(self._largest, *(row[1] for row in rows))
         return count
 
@@ -429,7 +450,7 @@ class Copy:
             if target.run_many(_close(part), closing) != len(closing):
                 raise ConflictError(
                     f"{target.backend.label}: rows of {part.version.name} are missing that an "
-                    "earlier archive wrote; archive into a complete copy"
+                    "earlier call wrote; verify that store, and replicate into a complete copy"
                 )
             count += len(rows)
             if part.is_definition:

@@ -1,0 +1,257 @@
+"""`kant-sql push` and `promote`: replicas in other stores."""
+
+from __future__ import annotations
+
+import json
+import re
+import signal
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from datetime import UTC, datetime
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from ..errors import (
+    AuthenticationError,
+    InvalidUrlError,
+    KantSqlError,
+    ReadOnlyStoreError,
+    SchemaError,
+    printable,
+)
+from ..knowledge.canonical import time_text
+from .common import (
+    URL_VARIABLE,
+    Actor,
+    AsJson,
+    Name,
+    Reason,
+    Url,
+    choose,
+    json_lines,
+    leaving_nothing,
+    open_to_read,
+    option,
+)
+from .output import FAILED, Document, Printer, bar, plural, write_json
+
+if TYPE_CHECKING:
+    from ..history.replication.push import Pushed
+    from ..history.replication.service import PushEvent, PushService
+
+# As in sysexits.h: what a service manager decides by whether to start it again.
+REFUSED, TRY_AGAIN, NO_PERMISSION, WRONG_CONFIGURATION = 65, 75, 77, 78
+_INTERRUPTED = 130
+_INTERVAL = 1.0
+# Other users of the machine can read arguments, in which a password would stand.
+_TARGET_VARIABLE = "KANT_SQL_TARGET"
+_PLAIN = re.compile(r"[^\s\"=]+")
+
+
+class ServiceError(Exception):
+    """An error with the exit code that a service manager decides by."""
+
+    def __init__(self, error: KantSqlError) -> None:
+        super().__init__(str(error))
+        self.error = error
+        self.code = _code(error)
+
+
+def _code(error: KantSqlError) -> int:
+    from ..history.replication.service import PASSING
+    from ..history.replication.service import REFUSED as REFUSALS
+
+    if isinstance(error, PASSING):
+        return TRY_AGAIN
+    if isinstance(error, (AuthenticationError, ReadOnlyStoreError)):
+        return NO_PERMISSION
+    if isinstance(error, (SchemaError, InvalidUrlError)):
+        return WRONG_CONFIGURATION
+    return REFUSED if isinstance(error, REFUSALS) else FAILED
+
+
+def push(
+    source: Annotated[
+        str,
+        typer.Argument(
+            metavar="SOURCE",
+            envvar=URL_VARIABLE,
+            show_default=False,
+            help="The URL of the store to read.",
+        ),
+    ],
+    target: Annotated[
+        str,
+        typer.Argument(
+            metavar="TARGET",
+            envvar=_TARGET_VARIABLE,
+            show_default=False,
+            help="The URL of the other store; a missing SQLite file is created.",
+        ),
+    ],
+    kb: Annotated[
+        str | None, option("Only this knowledge base; default: all.", "--kb", metavar="NAME")
+    ] = None,
+    follow: Annotated[
+        bool, option("Stay, and push each new revision until SIGTERM or Ctrl-C.", "--follow")
+    ] = False,
+    interval: Annotated[
+        float,
+        option(
+            f"With --follow: at least this long between two pushes; default: {_INTERVAL:g}.",
+            metavar="SECONDS",
+            min=0,
+        ),
+    ] = _INTERVAL,
+    archive: Annotated[
+        str | None,
+        option(
+            "The archive of what SOURCE no longer has; default: the one that it names.",
+            metavar="URL",
+        ),
+    ] = None,
+    adopt: Annotated[
+        bool,
+        option("Make a replica of a knowledge base in TARGET that is none, if it fits.", "--adopt"),
+    ] = False,
+    as_json: Annotated[bool, json_lines("push")] = False,
+) -> int:
+    """Send the revisions that another store lacks.
+
+    What arrives is the same history, in a replica that refuses local writes. Exits with 65 if a
+    history is refused, 75 if a store cannot be reached, 77 without permission, and 78 if a URL or
+    the tables' version is wrong.
+    """
+    from ..history.replication.push import Terms
+    from ..history.replication.service import PushService
+
+    terms = Terms(archive, adopt, is_patient=not follow)
+    stop = _Stop()
+    report = _reporter(as_json, follow)
+    service = PushService(
+        source, target, name=kb, terms=terms, report=report, is_stopped=lambda: stop.number != 0
+    )
+    try:
+        errors = _follow(service, interval, stop) if follow else _once(service, source, target, kb)
+    except KantSqlError as error:
+        raise ServiceError(error) from error
+    if errors:
+        raise ServiceError(errors[0])
+    return _INTERRUPTED if stop.number == signal.SIGINT else 0
+
+
+def _once(service: PushService, source: str, target: str, name: str | None) -> list[KantSqlError]:
+    from ..sql.catalog import written_names
+
+    names = written_names(source)
+    if name is not None or not names:
+        choose(name, names)
+    with leaving_nothing(target):
+        return service.once(bar)
+
+
+def _follow(service: PushService, interval: float, stop: _Stop) -> list[KantSqlError]:
+    with stop.on_signals():
+        return service.follow(interval)
+
+
+class _Stop:
+    """The signal that asks a service to end after its batch."""
+
+    def __init__(self) -> None:
+        self.number = 0
+
+    @contextmanager
+    def on_signals(self) -> Iterator[None]:
+        """Note the first signal; a second one ends the process."""
+
+        def stop(number: int, frame: object) -> None:
+            self.number = number
+            signal.signal(number, before[signal.Signals(number)])
+
+        before = {number: signal.signal(number, stop) for number in (signal.SIGTERM, signal.SIGINT)}
+        try:
+            yield
+        finally:
+            for number, handler in before.items():
+                signal.signal(number, handler)
+
+
+def _reporter(as_json: bool, follow: bool) -> Callable[[PushEvent], None]:
+    printer = Printer()
+
+    def report(event: PushEvent) -> None:
+        if as_json:
+            write_json(_document(event))
+        elif follow:
+            sys.stdout.write(f"{_log_line(_document(event))}\n")
+        elif event.pushed is not None:
+            printer.line(f"{printable(event.knowledge_base or '')}: {_said(event.pushed)}")
+        # Whoever reads a log gets each line at once.
+        sys.stdout.flush()
+
+    return report
+
+
+def _document(event: PushEvent) -> Document:
+    document: Document = {"time": time_text(datetime.now(UTC)), "event": event.event}
+    if event.knowledge_base is not None:
+        document["knowledge_base"] = event.knowledge_base
+    if event.pushed is not None:
+        document |= {**event.pushed._asdict(), "revisions": event.pushed.revisions}
+    if event.seconds is not None:
+        document["seconds"] = round(event.seconds, 3)
+    if event.error is not None:
+        document |= {"type": type(event.error).__name__, "error": str(event.error)}
+    if event.retry_in is not None:
+        document["retry_in"] = round(event.retry_in, 3)
+    return document
+
+
+def _log_line(document: Document) -> str:
+    """Write a document as key=value pairs."""
+    return " ".join(f"{key}={_value(value)}" for key, value in document.items())
+
+
+def _value(value: object) -> str:
+    text = str(value)
+    return text if _PLAIN.fullmatch(text) else printable(json.dumps(text, ensure_ascii=False))
+
+
+def _said(pushed: Pushed) -> str:
+    target = printable(pushed.target)
+    if pushed.revision > pushed.source_revision:
+        return (
+            f"nothing new; {target} is ahead, at revision {pushed.revision}, and the source is "
+            f"at {pushed.source_revision}"
+        )
+    if not pushed.revisions:
+        return f"nothing new, at revision {pushed.revision}"
+    first, last = pushed.before + 1, pushed.revision
+    sent = f"revision {last}" if first == last else f"revisions {first} to {last}"
+    return f"{sent} sent to {target} ({plural(pushed.versions, 'version')})"
+
+
+def promote(
+    url: Url,
+    kb: Name = None,
+    actor: Actor = None,
+    reason: Reason = None,
+    as_json: AsJson = False,
+) -> None:
+    """Make a knowledge base of its own of a replica.
+
+    It can be written to from then on, and its origin's later revisions are refused.
+    """
+    with open_to_read(url, kb) as (name, knowledge_base):
+        made = knowledge_base.promote(reason=reason, actor=actor)
+    if as_json:
+        write_json({"knowledge_base": name, "revision": made})
+    elif made is None:
+        Printer().line(f"knowledge base {printable(name)} is no replica; nothing was changed")
+    else:
+        Printer().line(
+            f"knowledge base {printable(name)}, revision {made}: no longer a replica", "bold"
+        )

@@ -1,0 +1,296 @@
+"""`kant-sql verify`: one knowledge base or all of them, in several processes."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import closing, contextmanager
+from datetime import datetime
+from typing import TYPE_CHECKING, Annotated, NamedTuple
+
+import typer
+
+from ..errors import InvalidMetadataError, KantSqlError, printable
+from ..json_documents import verification_document
+from ..knowledge.canonical import time_text
+from .common import AnchorFile, Name, Url, choose, json_lines, option, parse_when
+from .output import FAILED, Printer, bar, plural, write_json
+
+if TYPE_CHECKING:
+    from ..history.anchors import Anchor
+    from ..history.verify.findings import Finding
+    from ..history.verify.verify import Verification
+    from ..knowledge_store import KnowledgeStore
+
+    Progress = Callable[[int, int], None] | None
+
+# Connections of a process: one verifies, one keeps where it ended.
+CONNECTIONS = 2
+
+
+class VerificationTask(NamedTuple):
+    """What is verified of one knowledge base."""
+
+    name: str
+    anchor: Anchor | None
+    structure: bool
+    resume: bool
+
+
+def verify(
+    url: Url,
+    kb: Name = None,
+    verify_all: Annotated[
+        bool, option("All knowledge bases, each from where it was last verified.", "--all")
+    ] = False,
+    jobs: Annotated[
+        int, option("With --all: in so many processes.", "--jobs", metavar="N", min=1)
+    ] = 1,
+    is_continued: Annotated[
+        bool | None,
+        option(
+            "Begin where the last verification ended, or at revision 1; default: at revision 1, "
+            "with --all where the last one ended.",
+            "--continue/--complete",
+        ),
+    ] = None,
+    complete_since: Annotated[
+        str | None,
+        option(
+            "Begin at revision 1 where no verification has done so since this time, such as "
+            "'7 days ago'.",
+            metavar="TIME",
+        ),
+    ] = None,
+    anchor: AnchorFile = None,
+    as_json: Annotated[bool, json_lines("knowledge base")] = False,
+) -> int:
+    """Verify that the history is intact.
+
+    Recomputes every hash from the tables, compares columns with texts, indexes with their tables,
+    and the structure with what the migrations create. Reports findings by revision. Exits with 0
+    if there are none, and 1 otherwise. Where an intact one ended is kept in the store, and the
+    next one can continue there: it checks what was written since, and does not find what was
+    altered in earlier revisions. A run with --all that was ended goes on in the next one.
+    """
+    from ..history.anchors import parse_anchor
+
+    if kb is not None and verify_all:
+        raise typer.BadParameter("give --kb or --all, not both", param_hint="--all")
+    if jobs > 1 and not verify_all:
+        raise typer.BadParameter("give --all with it", param_hint="--jobs")
+    since = _parse_since(complete_since, is_continued)
+    anchored = None if anchor is None else parse_anchor(anchor.read_bytes())
+    wants = verify_all or since is not None if is_continued is None else is_continued
+    names = _chosen(url, kb, verify_all, anchored)
+    tasks = _tasks(url, names, anchored, wants, since)
+    report = _Report(Printer(), as_json, anchored is not None, verify_all or wants)
+    for done in run_tasks(url, tasks, jobs):
+        report.add(done)
+    if verify_all and not as_json:
+        report.end()
+    return 0 if report.is_intact else FAILED
+
+
+def _parse_since(text: str | None, is_continued: bool | None) -> datetime | None:
+    if text is None:
+        return None
+    if is_continued is False:
+        raise typer.BadParameter("not with --complete", param_hint="--complete-since")
+    moment = parse_when(text, "--complete-since")
+    if not isinstance(moment, datetime):
+        raise typer.BadParameter("expected a time", param_hint="--complete-since")
+    return moment
+
+
+def _chosen(url: str, name: str | None, verify_all: bool, anchor: Anchor | None) -> list[str]:
+    """Choose the knowledge bases to verify, with those that are anchored and gone."""
+    from ..sql.catalog import every_name
+
+    names = every_name(url)
+    heads = () if anchor is None else anchor.heads
+    gone = [head.knowledge_base for head in heads if head.knowledge_base not in names]
+    if verify_all:
+        return [*names, *gone]
+    if gone and (name in gone or (name is None and not names)):
+        return gone
+    return [choose(name, names), *gone]
+
+
+def _tasks(
+    url: str, names: list[str], anchor: Anchor | None, wants: bool, since: datetime | None
+) -> list[VerificationTask]:
+    """Say for each knowledge base where to begin, and for one to check the structure as well."""
+    from ..sql.catalog import complete_verifications
+
+    known = complete_verifications(url) if wants else {}
+
+    def is_continued(name: str) -> bool:
+        at = known.get(name)
+        return at is not None and (since is None or at >= since)
+
+    # All share the structure. Its indexes are compared when that one is verified completely.
+    first = next((name for name in names if not is_continued(name)), names[0] if names else None)
+    return [VerificationTask(name, anchor, name == first, is_continued(name)) for name in names]
+
+
+def run_tasks(url: str, tasks: list[VerificationTask], jobs: int) -> Iterator[Verification]:
+    """Verify knowledge bases, in the order of their tasks."""
+    jobs = min(jobs, len(tasks))
+    if jobs > 1:
+        yield from _run_in_processes(url, tasks, jobs)
+    elif tasks:
+        from ..knowledge_store import open_store
+
+        with open_store(url, connections=CONNECTIONS) as store:
+            for task in tasks:
+                with bar(task.name) as progress:
+                    done = _verify(store, task, progress)
+                # After the bar, which would take the output.
+                yield done
+
+
+def _run_in_processes(url: str, tasks: list[VerificationTask], jobs: int) -> Iterator[Verification]:
+    # A fork would copy locks that threads of this process hold.
+    context = multiprocessing.get_context("spawn")
+    with _ended(ProcessPoolExecutor(jobs, context, initializer=_begin, initargs=(url,))) as pool:
+        try:
+            yield from pool.map(_verify_in_process, tasks)
+        except BrokenProcessPool as error:
+            raise KantSqlError(
+                "a process that verified was ended from outside, or could not begin; what was "
+                "verified before is kept: run the command again to go on"
+            ) from error
+
+
+@contextmanager
+def _ended(pool: ProcessPoolExecutor) -> Iterator[ProcessPoolExecutor]:
+    """Begin nothing more when the block fails, and wait for what runs."""
+    try:
+        yield pool
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+# The store of this process, where it is one of several.
+_STORES: list[KnowledgeStore] = []
+
+
+def _begin(url: str) -> None:
+    """Open the store in a process that verifies."""
+    from ..knowledge_store import open_store
+
+    # Ctrl-C ends all processes: the first one reports it.
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+    _STORES.append(open_store(url, connections=CONNECTIONS))
+
+
+def _end_with_parent() -> None:
+    """End this process when its parent was killed: nobody would read what it finds."""
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
+
+
+def _verify_in_process(task: VerificationTask) -> Verification:
+    return _verify(_STORES[0], task, None)
+
+
+def _verify(store: KnowledgeStore, task: VerificationTask, progress: Progress) -> Verification:
+    from ..history.verify.findings import Finding
+    from ..history.verify.verify import Verification
+
+    try:
+        with closing(store.knowledge_base(task.name)) as knowledge_base:
+            return knowledge_base.verify(
+                task.anchor,
+                progress=progress,
+                structure=task.structure,
+                resume=task.resume,
+                keep=True,
+            )
+    except InvalidMetadataError as error:
+        # A name that the library never writes; the others are verified all the same.
+        return Verification(task.name, 0, 0, (Finding(None, "knowledge_base", str(error)),))
+
+
+class _Report:
+    """Writes what was found of each knowledge base, and of all together."""
+
+    def __init__(self, printer: Printer, as_json: bool, has_anchor: bool, is_resumable: bool):
+        self._printer = printer
+        self._as_json = as_json
+        self._has_anchor = has_anchor
+        self._is_resumable = is_resumable
+        self._count = self._intact = self._continued = self._revisions = 0
+
+    @property
+    def is_intact(self) -> bool:
+        """Whether nothing was found of any."""
+        return self._intact == self._count
+
+    def add(self, done: Verification) -> None:
+        """Write what was found of one."""
+        self._count += 1
+        self._intact += done.is_intact
+        self._continued += done.continued_from is not None
+        self._revisions += done.revisions
+        if self._as_json:
+            write_json(verification_document(done))
+        else:
+            self._write(done)
+        # Whoever follows a long run reads it as it comes.
+        sys.stdout.flush()
+
+    def end(self) -> None:
+        """Write what was found of all."""
+        kbs = plural(self._count, "knowledge base")
+        wrong = self._count - self._intact
+        found = f"{wrong} not intact" if wrong else "all intact"
+        self._printer.line(
+            f"{kbs}: {found}; {plural(self._revisions, 'revision')} verified, "
+            f"{self._continued} continued",
+            "bold red" if wrong else "bold",
+        )
+
+    def _write(self, done: Verification) -> None:
+        line, name = self._printer.line, printable(done.knowledge_base)
+        counts = f"{done.revisions} revisions, {done.changes} changes"
+        for finding in done.findings:
+            line(f"{name}: {printable(_finding_text(finding))}", "red")
+        if done.is_intact:
+            line(f"{name}: intact ({counts})", "green")
+        else:
+            line(f"{name}: {plural(len(done.findings), 'finding')} ({counts})", "bold red")
+        if done.continued_at is not None:
+            line(f"{name}: {_continued(done)}")
+        if self._is_resumable and done.is_intact and done.is_kept is False:
+            line(f"{name}: where this ended is not kept: this user may only read", "yellow")
+        for archive in done.archives:
+            line(f"{name}: {printable(archive)}")
+        if self._has_anchor and done.anchored is None:
+            line(f"{name}: the anchor says nothing of it", "yellow")
+
+
+def _continued(done: Verification) -> str:
+    assert done.continued_at is not None
+    complete = done.complete_at
+    whole = "" if complete is None else f", all of it last at {time_text(complete)}"
+    return (
+        f"revisions 1 to {done.continued_from} verified at {time_text(done.continued_at)}, "
+        f"continued from there{whole}"
+    )
+
+
+def _finding_text(finding: Finding) -> str:
+    place = "" if finding.revision is None else f"revision {finding.revision}: "
+    table = "" if finding.table is None else f"{finding.table}: "
+    return f"{place}{table}{finding.message}"

@@ -1,0 +1,1 @@
+"""Replication: the same revisions in another store."""

@@ -1,0 +1,185 @@
+"""One batch of revisions: copied, checked against its hashes, and committed with the head."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from datetime import datetime
+from typing import NamedTuple
+
+from sqlalchemy import bindparam, update
+
+from ...errors import StoreIntegrityError, reading_rows
+from ...knowledge.canonical import FORM, time_text
+from ...sql.changes import FEW, few_change_rows
+from ...sql.dialects.base import Row, Session
+from ...sql.query import Query, integer
+from ...sql.tables import HeadRow
+from ...sql.tables.base import text_time
+from ...store.head import Head
+from ..verify.chain import Link, Step, stream_chain
+from .copy import Copied, Copy, Stores
+
+# Versions per transaction, as far as whole revisions allow.
+ROWS = 20_000
+FIRST_REVISIONS = 50
+
+
+class BatchSize:
+    """How many revisions the next batch has, learnt from those before it."""
+
+    def __init__(self) -> None:
+        self.revisions = FIRST_REVISIONS
+
+    def learn(self, rows: int) -> None:
+        """Adapt to how many versions a batch had."""
+        if rows < ROWS // 2:
+            self.revisions *= 2
+        elif rows > ROWS:
+            self.revisions = max(1, self.revisions * ROWS // rows)
+
+
+class OriginHead(NamedTuple):
+    """What the head of a replica says of the store that it is replicated from.
+
+    Attributes:
+        label: its URL without a password.
+        revision: its last revision.
+        committed_at: the time of that one.
+        next_id: the id that its next element gets.
+    """
+
+    label: str
+    revision: int
+    committed_at: datetime | None
+    next_id: int
+
+
+class CopyRange(NamedTuple):
+    """The revisions to copy.
+
+    Attributes:
+        low: the first.
+        high: the last.
+        may_return: whether atoms may have other ids in the target, because of an archive.
+        redefined: whether they may change definitions.
+    """
+
+    low: int
+    high: int
+    may_return: bool
+    redefined: bool
+
+
+_MOVE = Query(
+    update(HeadRow)
+    .where(HeadRow.kb_id == bindparam("kb"))
+    .values(
+        revision=integer("number"),
+        definition_revision=integer("definitions"),
+        next_id=integer("next"),
+        hash=bindparam("digest"),
+        committed_at=bindparam("time"),
+        origin=bindparam("label"),
+        origin_revision=integer("last"),
+        origin_committed_at=bindparam("last_time"),
+        heard_at=bindparam("now"),
+    )
+)
+
+
+def copy_batch(
+    stores: Stores, name: str, head: Head, bounds: CopyRange, origin: OriginHead
+) -> Copied:
+    """Copy some revisions into a locked target, check their hashes there, and commit.
+
+    A batch with a wrong hash raises, and nothing of it is written.
+    """
+    with reading_rows("revision", f"revisions {bounds.low} to {bounds.high} of {name!r}"):
+        copied = Copy(stores, *bounds).run()
+        last = _check(stores, name, head, bounds, copied)
+    _, _, target, target_kb = stores
+    # No id of the origin is given out again by a replica that was promoted.
+    given_out = origin.next_id if bounds.high == origin.revision else 0
+    next_id = max(head.next_id, copied.largest_id + 1, given_out)
+    definitions = max(head.definition_revision, copied.definition_revision)
+    move(target, target_kb, head, last, definitions, next_id, origin)
+    target.commit(target_kb)
+    return copied
+
+
+def move(
+    target: Session,
+    kb_id: int,
+    head: Head,
+    last: Link | None,
+    definition_revision: int,
+    next_id: int,
+    origin: OriginHead,
+) -> None:
+    """Move the head of a replica and what it says of its origin; without `last`, the latter."""
+    number, digest = (head.revision, head.hash) if last is None else (last.number, last.hash)
+    at = head.committed_at if last is None else text_time(last.committed_at)
+    moments = (at, origin.committed_at, head.clock)
+    time, last_time, now = (
+        None if moment is None else target.from_time(moment, time_text(moment))
+        for moment in moments
+    )
+    target.run(
+        _MOVE,
+        kb=kb_id,
+        number=number,
+        definitions=definition_revision,
+        next=next_id,
+        digest=digest,
+        time=time,
+        label=origin.label,
+        last=origin.revision,
+        last_time=last_time,
+        now=now,
+    )
+
+
+def _check(stores: Stores, name: str, head: Head, bounds: CopyRange, copied: Copied) -> Link:
+    """Recompute the hashes of what was copied, from the target; return the last revision."""
+    previous = head.hash
+    earliest = "" if head.committed_at is None else time_text(head.committed_at)
+    expected, last = bounds.low, None
+    for step in _steps(stores, bounds, copied):
+        link = step.link
+        if link is None or link.number != expected or link.number > bounds.high:
+            raise _wrong(stores, name, bounds, expected, "is missing")
+        if link.form != FORM:
+            raise _wrong(stores, name, bounds, expected, f"is of form {link.form!r}, not {FORM}")
+        if not link.is_readable or link.committed_at < earliest:
+            raise _wrong(stores, name, bounds, expected, "has a time that is none, or goes back")
+        digest = link.digest(name, previous, step.changes)
+        if digest != link.hash:
+            what = f"has the hash {link.hash}, and its contents have {digest}"
+            raise _wrong(stores, name, bounds, expected, what)
+        previous, earliest, expected, last = link.hash, link.committed_at, expected + 1, link
+    if last is None or last.number != bounds.high:
+        raise _wrong(stores, name, bounds, expected, "is missing")
+    return last
+
+
+def _steps(stores: Stores, bounds: CopyRange, copied: Copied) -> Iterable[Step]:
+    _, _, target, target_kb = stores
+    low, high = bounds.low, bounds.high
+    changes: Iterable[Row] | None = None
+    if copied.rows <= FEW // 2:
+        # Sorting them here takes less time than in the database.
+        changes = few_change_rows(target, target_kb, low, high, bounds.redefined)
+    return stream_chain(target, target_kb, low, high, changes)
+
+
+def _wrong(
+    stores: Stores, name: str, bounds: CopyRange, number: int, what: str
+) -> StoreIntegrityError:
+    source, target = stores.source.backend.label, stores.target.backend.label
+    several = f"revisions {bounds.low} to {bounds.high}"
+    these = several if bounds.high > bounds.low else f"revision {number}"
+    return StoreIntegrityError(
+        f"{source}: revision {number} of knowledge base {name!r} {what}; nothing of {these} was "
+        f"written to {target}: 'kant-sql verify' shows what was altered; restore {source} from a "
+        "copy"
+    )

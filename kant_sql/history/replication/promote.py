@@ -1,0 +1,35 @@
+"""Makes a knowledge base of its own of a replica."""
+
+from __future__ import annotations
+
+from sqlalchemy import bindparam, null, update
+
+from ...knowledge.canonical import promotion_text
+from ...sql.changes import ASSERTED, PROMOTION, Change
+from ...sql.query import Insert, Query
+from ...sql.rows import table_of
+from ...sql.tables import HeadRow, PromotionRow
+from ...store.store import Store
+
+_NEW_PROMOTION = Insert(
+    table_of(PromotionRow), "kb_id", "id", "since", "revision", "origin", "text"
+)
+_FORGET_ORIGIN = Query(
+    update(HeadRow)
+    .where(HeadRow.kb_id == bindparam("kb"))
+    .values(origin=null(), origin_revision=null(), origin_committed_at=null(), heard_at=null())
+)
+
+
+def promote(store: Store, actor: str | None = None, reason: str | None = None) -> int | None:
+    """End the replication of a knowledge base; see `History.promote`."""
+    with store.transaction(actor, reason, promotes=True) as transaction:
+        head, number = transaction.head, transaction.number
+        if head.origin is None:
+            return None
+        id_ = transaction.allocate()
+        text = promotion_text(id_, head.revision, head.origin)
+        row = (transaction.kb_id, id_, number, head.revision, head.origin, text)
+        transaction.records.add(Change(ASSERTED, PROMOTION, text), [(_NEW_PROMOTION, row)])
+        transaction.session.run(_FORGET_ORIGIN, kb=transaction.kb_id)
+    return number

@@ -1,0 +1,254 @@
+"""Pushes a knowledge base to another store: what is missing there, revision by revision."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from typing import NamedTuple, TypeVar
+
+from ...errors import (
+    ArchivedError,
+    AuthenticationError,
+    ConnectionLostError,
+    InvalidUrlError,
+    ReplicaError,
+    SchemaError,
+)
+from ...sql.dialects import create_backend
+from ...sql.dialects.base import Session, retrying
+from ...sql.schema import ensure_schema
+from ...store.head import Head, hash_of
+from .batch import BatchSize, CopyRange, OriginHead, copy_batch, move
+from .copy import Stores
+from .histories import HeadState, diverged, last_archive, read_state
+from .target import ReplicationSide, Target, reading
+
+T = TypeVar("T")
+
+Progress = Callable[[int, int], None]
+
+
+class Pushed(NamedTuple):
+    """The result of a push.
+
+    Attributes:
+        target: where to: the URL without a password.
+        before: the last revision that the target had before.
+        revision: the last revision that it has now.
+        source_revision: the last revision of the source.
+        versions: how many versions were written or ended there.
+    """
+
+    target: str
+    before: int
+    revision: int
+    source_revision: int
+    versions: int
+
+    @property
+    def revisions(self) -> int:
+        """How many revisions were sent."""
+        return self.revision - self.before
+
+
+class Terms(NamedTuple):
+    """What a push may do.
+
+    Attributes:
+        archive: the URL of the archive that has what the source no longer has; None for the one
+            that the source names.
+        adopt: whether a knowledge base that is no replica becomes one, if its history fits.
+        is_patient: whether to retry for some seconds while a store is busy or unreachable.
+    """
+
+    archive: str | None = None
+    adopt: bool = False
+    is_patient: bool = True
+
+
+def push(
+    source: ReplicationSide,
+    target: Target,
+    terms: Terms,
+    progress: Progress | None = None,
+    is_stopped: Callable[[], bool] = lambda: False,
+) -> Pushed:
+    """Send what a target lacks; see `History.push`.
+
+    Each of several transactions leaves the target complete at some revision. `is_stopped` is asked
+    between them.
+    """
+    with ExitStack() as stack:
+        return _Push(source, target, terms, stack).run(progress, is_stopped)
+
+
+class _Push:
+    def __init__(
+        self, source: ReplicationSide, target: Target, terms: Terms, stack: ExitStack
+    ) -> None:
+        self._source = source
+        self._target = target
+        self._terms = terms
+        self._stack = stack
+        self._archive: ReplicationSide | None = None
+        self._size = BatchSize()
+        self._versions = 0
+
+    def run(self, progress: Progress | None, is_stopped: Callable[[], bool]) -> Pushed:
+        """Compare the heads, and send batches until the target has all of the source."""
+        here, there = self._retrying(self._read_heads)
+        before, at = there.revision, there.revision
+        is_over = here.revision == 0 or _is_current(here, there)
+        while not is_over and not is_stopped():
+            here, at, is_over = self._retrying(self._advance)
+            if progress is not None:
+                progress(min(at, here.revision), here.revision)
+        label = self._target.backend.label
+        return Pushed(label, before, at, here.revision, self._versions)
+
+    def _retrying(self, work: Callable[[], T]) -> T:
+        def once() -> T:
+            try:
+                return work()
+            except ConnectionLostError:
+                for side in (self._source, self._archive):
+                    if side is not None:
+                        side.backend.renew()
+                raise
+
+        return retrying(self._target.backend, once) if self._terms.is_patient else once()
+
+    def _read_heads(self) -> tuple[HeadState, HeadState]:
+        """Read where both stand: one statement on each side, once the ids are known."""
+        here, there = (_read_head(side) for side in (self._source, self._target))
+        return here, there
+
+    def _advance(self) -> tuple[HeadState, int, bool]:
+        """Send a batch; return the source's head, the target's last revision, and if it is all."""
+        with (
+            self._target.locked() as (session, target_kb, head),
+            reading(self._source.backend) as reader,
+        ):
+            here = read_state(reader, self._source.find(reader))
+            stores = Stores(reader, self._source.kb_id or 0, session, target_kb)
+            self._check(stores, here, head)
+            if head.revision >= here.revision:
+                self._adopt(stores, here, head)
+                return here, head.revision, True
+            with self._complete(stores, here, head) as (whole, state):
+                high = min(state.revision, head.revision + self._size.revisions)
+                bounds = CopyRange(
+                    head.revision + 1,
+                    high,
+                    max(here.archived_revision, head.archived_revision) > 0,
+                    state.definition_revision > head.revision,
+                )
+                copied = copy_batch(whole, self._source.name, head, bounds, self._origin(here))
+        self._size.learn(copied.rows)
+        self._versions += copied.rows
+        return here, high, high == here.revision
+
+    def _origin(self, here: HeadState) -> OriginHead:
+        label = self._source.backend.label
+        return OriginHead(label, here.revision, here.committed_at, here.next_id)
+
+    def _check(self, stores: Stores, here: HeadState, head: Head) -> None:
+        """Refuse a target with another history, or one that somebody else may write to."""
+        name, label = self._source.name, self._target.backend.label
+        at = min(here.revision, head.revision)
+        if at and _hash(stores.source, stores.source_kb, at, here) != _hash(
+            stores.target, stores.target_kb, at, head
+        ):
+            raise diverged(stores, name, at)
+        if not head.revision or head.origin is not None:
+            return
+        if head.revision > here.revision:
+            raise ReplicaError(
+                f"{label}: knowledge base {name!r} is no replica, and is at revision "
+                f"{head.revision}, ahead of {here.revision} in {self._source.backend.label}; "
+                "nothing was written: push the other way, or into another store"
+            )
+        if not self._terms.adopt:
+            raise ReplicaError(
+                f"{label}: knowledge base {name!r} is no replica: others may write to it; nothing "
+                f"was written. It has the same history up to revision {head.revision}: to make it "
+                "a replica, which refuses local writes, push with adopt=True (--adopt)"
+            )
+
+    def _adopt(self, stores: Stores, here: HeadState, head: Head) -> None:
+        """Make a replica of a target that has all revisions already."""
+        if head.origin is None and head.revision == here.revision:
+            session, kb_id = stores.target, stores.target_kb
+            next_id = max(head.next_id, here.next_id)
+            definitions = head.definition_revision
+            move(session, kb_id, head, None, definitions, next_id, self._origin(here))
+            session.commit(kb_id)
+
+    @contextmanager
+    def _complete(
+        self, stores: Stores, here: HeadState, head: Head
+    ) -> Iterator[tuple[Stores, HeadState]]:
+        """Find the store that has the next revisions complete: the source, or its archive."""
+        if head.revision >= here.archived_revision:
+            yield stores, here
+            return
+        archive = self._find_archive(stores, here, head)
+        with reading(archive.backend) as reader:
+            state = read_state(reader, archive.find(reader))
+            whole = stores._replace(source=reader, source_kb=archive.kb_id or 0)
+            self._check_archive(stores, whole, here, head, state)
+            # Beyond these revisions, the source is newer.
+            yield whole, state._replace(revision=min(state.revision, here.archived_revision))
+
+    def _find_archive(self, stores: Stores, here: HeadState, head: Head) -> ReplicationSide:
+        if self._archive is None:
+            said = last_archive(stores.source, stores.source_kb) or ""
+            url = said if self._terms.archive is None else self._terms.archive
+            try:
+                backend = create_backend(url, read_only=True)
+                self._stack.callback(backend.close)
+                ensure_schema(backend)
+            except (AuthenticationError, InvalidUrlError, SchemaError) as error:
+                raise _lacking(self._source, here, head, said, f": {error}") from error
+            self._archive = ReplicationSide(backend, self._source.name)
+        return self._archive
+
+    def _check_archive(
+        self, stores: Stores, whole: Stores, here: HeadState, head: Head, state: HeadState
+    ) -> None:
+        """Refuse an archive that is not this knowledge base's, or has not all of it."""
+        upto = here.archived_revision
+        is_it = state.revision >= upto and hash_of(whole.source, whole.source_kb, upto) == hash_of(
+            stores.source, stores.source_kb, upto
+        )
+        if not is_it or state.archived_revision > head.revision:
+            said = last_archive(stores.source, stores.source_kb) or ""
+            label = whole.source.backend.label
+            raise _lacking(self._source, here, head, said, f", and {label} does not have them")
+
+
+def _lacking(
+    source: ReplicationSide, here: HeadState, head: Head, said: str, why: str
+) -> ArchivedError:
+    """Build the error for revisions that only an archive has."""
+    low, high = head.revision + 1, here.archived_revision
+    return ArchivedError(
+        f"{source.backend.label}: a part of revisions {low} to {high} of knowledge base "
+        f"{source.name!r} was moved to the archive {said}{why}; nothing of these was written: give "
+        "the URL of that archive, with its password, as archive= (--archive URL)"
+    )
+
+
+def _is_current(here: HeadState, there: HeadState) -> bool:
+    """Whether a replica has all of its source, and the same."""
+    is_replica = there.origin is not None
+    return is_replica and (there.revision, there.hash) == (here.revision, here.hash)
+
+
+def _hash(session: Session, kb_id: int, at: int, head: HeadState | Head) -> str | None:
+    return head.hash if head.revision == at else hash_of(session, kb_id, at)
+
+
+def _read_head(side: ReplicationSide) -> HeadState:
+    with side.backend.open_session() as session:
+        return read_state(session, side.find(session))

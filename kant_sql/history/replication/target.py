@@ -1,0 +1,117 @@
+"""The store that revisions are replicated into."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
+
+from sqlalchemy import bindparam, select
+
+from ...errors import ConflictError
+from ...sql.dialects import create_backend
+from ...sql.dialects.base import Backend, Session
+from ...sql.query import Query, StorePlace
+from ...sql.schema import ensure_schema
+from ...sql.tables import KnowledgeBaseRow
+from ...store.head import Head, create_knowledge_base, lock_head
+from ...store.snapshot import vanished
+from ...store.store import end_session
+
+_FIND = Query(select(KnowledgeBaseRow.id).where(KnowledgeBaseRow.name == bindparam("name")))
+_PLACE = Query(select(StorePlace()))
+
+
+def find(session: Session, name: str) -> int | None:
+    """Find a knowledge base by its name."""
+    row = session.first(_FIND, name=name)
+    return None if row is None else int(row[0])
+
+
+class ReplicationSide:
+    """A knowledge base in one of the two stores.
+
+    Attributes:
+        backend: the database.
+        name: the knowledge base's name.
+        kb_id: its id, once it was found.
+    """
+
+    def __init__(self, backend: Backend, name: str) -> None:
+        self.backend = backend
+        self.name = name
+        self.kb_id: int | None = None
+
+    def find(self, session: Session) -> int | None:
+        """Return its id; None before its first revision."""
+        if self.kb_id is None:
+            self.kb_id = find(session, self.name)
+        return self.kb_id
+
+
+class Target(ReplicationSide):
+    """A knowledge base in the store that is written to."""
+
+    @contextmanager
+    def locked(self, durable: bool = False) -> Iterator[tuple[Session, int, Head]]:
+        """Lock it against other writers for the length of a `with` block; create it if missing.
+
+        With `durable`, what is committed survives a power cut.
+        """
+        session = self.backend.session()
+        try:
+            if durable:
+                session.make_durable()
+            session.begin(write=True)
+            kb_id = self.find(session)
+            if kb_id is None:
+                kb_id = self.kb_id = create_knowledge_base(session, self.name)
+            head = lock_head(session, kb_id)
+            if head is None:
+                raise vanished(session)
+            yield session, kb_id, head
+        finally:
+            end_session(session)
+
+
+@contextmanager
+def reading(backend: Backend) -> Iterator[Session]:
+    """Open a read transaction for the length of a `with` block."""
+    session = backend.session()
+    try:
+        session.begin(write=False)
+        yield session
+    finally:
+        end_session(session)
+
+
+def open_store(url: str, source: Backend, noun: str) -> Backend:
+    """Open the store that a source is replicated into; a new SQLite file is created."""
+    backend = create_backend(url)
+    try:
+        place = _place(backend)
+        if not place:
+            raise ConflictError(
+                f"{backend.label}: {noun} in memory ends with this process; name a file or a server"
+            )
+        if place == _place(source):
+            raise ConflictError(
+                f"{backend.label}: this is the store itself that is to be copied; name another one"
+            )
+        ensure_schema(backend)
+    except BaseException:
+        backend.close()
+        raise
+    return backend
+
+
+@contextmanager
+def open_target(url: str, name: str, source: Backend, noun: str) -> Iterator[Target]:
+    """Open a knowledge base of another store for the length of a `with` block."""
+    with closing(open_store(url, source, noun)) as backend:
+        yield Target(backend, name)
+
+
+def _place(backend: Backend) -> str:
+    with backend.open_session() as session:
+        row = session.first(_PLACE)
+        return f"{backend.dialect.name} {row[0]}" if row and row[0] else ""

@@ -1,0 +1,183 @@
+"""`kill -9` of who pushes, of who writes and of the servers: both stores end up the same."""
+
+from __future__ import annotations
+
+import itertools
+import os
+import random
+import signal
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+import pytest
+
+import kant_sql
+from kant_sql import StoreError
+from kant_sql.history.replication import batch
+from kant_sql.sql.dialects.base import Session
+from tests.support.archives import intact, rows_of, target_url
+from tests.support.chain import check_chain
+from tests.support.processes.commands import PROGRAM, start
+from tests.support.processes.crashes import all_told, write_for_ever
+from tests.support.processes.workers import PATIENCE, PROCESSES, killed_later
+from tests.support.replicas import equal_histories
+from tests.support.servers import MortalServer
+from tests.support.stores import CITUS, Connect, make_store_url
+from tests.support.worlds import counter
+from tests.support.worlds.story import write_whole_story
+
+# Enough statements for several batches; a push of all of them takes more.
+MOST = 150
+KILLS, SERVER_KILLS = 3, 2
+
+
+@pytest.fixture(params=["sqlite-file", "postgresql", *CITUS])
+def target(request: pytest.FixtureRequest, tmp_path: Path) -> str:
+    """The URL of an empty store to push to, on each backend in turn."""
+    folder = tmp_path / "target"
+    folder.mkdir()
+    return make_store_url(request, request.param, folder)
+
+
+def push_and_die(source: str, target: str, statements: int) -> None:
+    """Push in small batches, and be killed behind so many statements."""
+    left = itertools.count(statements, -1)
+
+    def counting(execute: Callable[..., None]) -> Callable[..., None]:
+        def execute_and_die(*arguments: object) -> None:
+            execute(*arguments)
+            if next(left) == 0:
+                os.kill(os.getpid(), signal.SIGKILL)
+
+        return execute_and_die
+
+    setattr(Session, "_execute", counting(Session._execute))  # noqa: B010
+    batch.ROWS, batch.FIRST_REVISIONS = 30, 2
+    with kant_sql.connect(source, knowledge_base="tiago", read_only=True) as kb:
+        kb.push(target)
+
+
+def check_prefix(source: str, target: str) -> int:
+    """Check that the target is its source at some revision; give that one."""
+    (upto,) = check_chain(target).values() or (0,)
+    with (
+        kant_sql.connect(source, knowledge_base="tiago") as kb,
+        kant_sql.connect(target, knowledge_base="tiago") as replica,
+    ):
+        assert replica.revisions() == kb.revisions(limit=upto)
+    return upto
+
+
+def check_same(source: str, target: str) -> None:
+    """Check that both have the same rows, and that both verify with the same anchor."""
+    equal_histories(source, target)
+    with (
+        kant_sql.connect(source, knowledge_base="tiago") as kb,
+        kant_sql.connect(target, knowledge_base="tiago") as replica,
+    ):
+        assert replica.anchor().heads == kb.anchor().heads
+        assert replica.verify(kb.anchor()).findings == ()
+    intact(source)
+
+
+@pytest.mark.slow
+def test_a_killed_push_is_gone_on_with(shared_url: str, target: str) -> None:
+    write_whole_story(shared_url)
+    before, kills, last = rows_of(shared_url), 0, 0
+    while True:
+        arguments = (shared_url, target, random.randrange(MOST))
+        process = PROCESSES.Process(target=push_and_die, args=arguments, daemon=True)
+        process.start()
+        process.join(PATIENCE)
+        assert process.exitcode in (0, -signal.SIGKILL)
+        upto = check_prefix(shared_url, target)
+        assert upto >= last
+        last = upto
+        if process.exitcode == 0:
+            break
+        kills += 1
+    assert kills > 0
+    check_same(shared_url, target)
+    assert rows_of(shared_url) == before
+
+
+@contextmanager
+def following(source: str, target: str, said: Path) -> Iterator[None]:
+    """Follow in a process of its own, until the end of the block; then it is killed."""
+    words = "push", source, target, "--follow", "--interval", "0"
+    with said.open("wb") as output:
+        # Not one that another process has forked: that one would be killed in its place.
+        process = start(*words, program=PROGRAM, stdout=output, stderr=output)
+    try:
+        end = time.monotonic() + PATIENCE
+        while b"event=pushed" not in said.read_bytes() and time.monotonic() < end:
+            time.sleep(0.01)
+        yield
+        assert process.poll() is None, said.read_text()
+    finally:
+        process.kill()
+        process.wait(PATIENCE)
+
+
+@pytest.mark.slow
+def test_killed_followers_and_writers(
+    shared_url: str, target: str, connect: Connect, tmp_path: Path
+) -> None:
+    kb = connect(shared_url, knowledge_base="tiago")
+    counter.start(kb)
+    written = 0
+    for number in range(KILLS):
+        said = tmp_path / f"{number}.log"
+        with killed_later(write_for_ever, shared_url) as told:
+            assert told.poll(PATIENCE)
+            with following(shared_url, target, said):
+                time.sleep(random.uniform(0, 1.0))
+        written += len(all_told(told))
+        assert check_prefix(shared_url, target) <= check_chain(shared_url)["tiago"]
+    assert written > KILLS
+    kb.push(target)
+    check_same(shared_url, target)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("is_target", [True, False])
+def test_killed_servers(
+    mortal_server: MortalServer,
+    mortal_url: str,
+    tmp_path: Path,
+    connect: Connect,
+    is_target: bool,
+) -> None:
+    file = target_url(tmp_path, "file.db")
+    kant_sql.upgrade(file)
+    source, target = (file, mortal_url) if is_target else (mortal_url, file)
+    kb = connect(source, knowledge_base="tiago")
+    counter.start(kb)
+    with following(source, target, tmp_path / "follow.log"):
+        for _ in range(SERVER_KILLS):
+            _write_for(kb, random.uniform(0.5, 1.5))
+            mortal_server.kill()
+            _write_for(kb, 0.3 if is_target else 0)
+            mortal_server.restart()
+        _write_for(kb, 0.5)
+        _wait_until_same(kb, target)
+    check_same(source, target)
+
+
+def _write_for(kb: kant_sql.KnowledgeBase, duration: float) -> None:
+    end = time.monotonic() + duration
+    while time.monotonic() < end:
+        counter.increment(kb, 1)
+
+
+def _wait_until_same(kb: kant_sql.KnowledgeBase, target: str) -> None:
+    """Wait for the follower, which comes back by itself."""
+    end = time.monotonic() + PATIENCE
+    while time.monotonic() < end:
+        with suppress(StoreError), kant_sql.connect(target, knowledge_base="tiago") as replica:
+            if replica.revision == kb.revision:
+                return
+        time.sleep(0.1)
+    pytest.fail("the follower did not come back")

@@ -1,0 +1,154 @@
+"""Databases of a Citus cluster, of which each test has its own.
+
+The extension, 48 tables and their shards take seconds to make. A database is a copy instead, made
+on every node at once: Citus knows nodes by their addresses and tables by their numbers, which are
+the same in a copy.
+"""
+
+from __future__ import annotations
+
+import itertools
+import os
+import time
+from typing import Any
+
+import psycopg
+from sqlalchemy import URL, make_url
+
+import kant_sql
+
+VARIABLE = "KANT_SQL_TEST_CITUS_URL"
+MISSING = f"no Citus: set {VARIABLE} to the URL of an empty database on a coordinator"
+# Enough for two knowledge bases to be on different nodes, few enough to be copied.
+SHARDS = 4
+TRIES = 6
+_NODES = "SELECT groupid, nodename, nodeport FROM pg_dist_node WHERE noderole = 'primary'"
+_numbers = itertools.count(1)
+
+
+def citus_url() -> str | None:
+    """The URL of the database that names the cluster, if there is one for tests."""
+    return os.environ.get(VARIABLE)
+
+
+class Cluster:
+    """A Citus cluster, whose user may create databases on each node.
+
+    Attributes:
+        url: the URL of a database on the coordinator.
+        nodes: number of the group, host and port of each node; the coordinator's group is 0.
+    """
+
+    def __init__(self, url: str) -> None:
+        self.url: URL = make_url(url)
+        self.nodes: list[tuple[int, str, int]] = [
+            (row[0], row[1], row[2]) for row in self.run(_NODES)
+        ]
+        self._templates: dict[int | None, str] = {}
+        self._made: set[str] = set()
+
+    def run(self, sql: str, url: str | URL | None = None) -> list[tuple[Any, ...]]:
+        """Run a statement on the coordinator."""
+        address = make_url(url or self.url).render_as_string(hide_password=False)
+        with psycopg.connect(address, autocommit=True) as connection:
+            cursor = connection.execute(sql.encode())
+            return cursor.fetchall() if cursor.description else []
+
+    def run_everywhere(self, sql: str, url: str | URL | None = None) -> None:
+        """Run a statement on each node."""
+        quoted = sql.replace("'", "''")
+        for node, success, result in self.run(
+            f"SELECT * FROM run_command_on_all_nodes('{quoted}')", url
+        ):
+            assert success, (node, result)
+
+    def at_node(self, url: str, group: int) -> str:
+        """The URL of the same database on another node."""
+        (host, port), *_ = [(host, port) for number, host, port in self.nodes if number == group]
+        return make_url(url).set(host=host, port=port).render_as_string(hide_password=False)
+
+    def new_database(self) -> str:
+        """Create a database with the extension and without tables, and give its URL."""
+        if None not in self._templates:
+            self._templates[None] = self._make_template()
+        return self._copy(self._templates[None])
+
+    def new_store(self, shards: int = SHARDS) -> str:
+        """Create a database with tables, distributed unless `shards` is 0, and give its URL."""
+        if shards not in self._templates:
+            url = self.new_database() if shards == 0 else self.new_store(0)
+            if shards == 0:
+                kant_sql.upgrade(url)
+            else:
+                kant_sql.distribute(url, shards=shards)
+            self._templates[shards] = self._close(url)
+        return self._copy(self._templates[shards])
+
+    def copy(self, url: str) -> str:
+        """Create a copy of a database that nobody is connected to."""
+        name = self._close(url)
+        try:
+            return self._copy(name)
+        finally:
+            self.run_everywhere(f'ALTER DATABASE "{name}" ALLOW_CONNECTIONS true')
+
+    def drop_database(self, url: str) -> None:
+        """Drop what a test has used."""
+        self._drop(str(make_url(url).database))
+
+    def drop(self) -> None:
+        """Drop all that was created."""
+        for name in [*self._made]:
+            self._drop(name)
+
+    def _drop(self, name: str) -> None:
+        self._made.discard(name)
+        self._retried(f'DROP DATABASE IF EXISTS "{name}" WITH (FORCE)')
+
+    def _make_template(self) -> str:
+        name = self._new_name()
+        self.run_everywhere(f'CREATE DATABASE "{name}"')
+        url = self.url.set(database=name)
+        for _, host, port in self.nodes:
+            self.run("CREATE EXTENSION citus", url.set(host=host, port=port))
+        for group, host, port in sorted(self.nodes):
+            add = "citus_add_node" if group else "citus_set_coordinator_host"
+            self.run(f"SELECT {add}('{host}', {port})", url)
+        return self._close(url)
+
+    def _close(self, url: str | URL) -> str:
+        """Shut a database to all, also to what Citus itself runs in it: only then it is copied."""
+        name = str(make_url(url).database)
+        self.run_everywhere(f'ALTER DATABASE "{name}" ALLOW_CONNECTIONS false')
+        self.run_everywhere(
+            "SELECT count(pg_terminate_backend(pid)) FROM pg_stat_activity "
+            f"WHERE datname = '{name}'"
+        )
+        return name
+
+    def _copy(self, template: str) -> str:
+        name = self._new_name()
+        self._retried(
+            f'CREATE DATABASE "{name}" TEMPLATE "{template}" STRATEGY wal_log',
+            undo=f'DROP DATABASE IF EXISTS "{name}"',
+        )
+        return self.url.set(database=name).render_as_string(hide_password=False)
+
+    def _retried(self, sql: str, undo: str | None = None) -> None:
+        """Run a statement on each node, again when Citus still runs something in the database."""
+        for attempt in itertools.count(1):
+            try:
+                self.run_everywhere(sql)
+                return
+            except AssertionError:
+                # It ends a moment after it was told to.
+                if undo is not None:
+                    self.run_everywhere(undo)
+                if attempt == TRIES:
+                    raise
+                time.sleep(0.5)
+
+    def _new_name(self) -> str:
+        name = f"kant_sql_test_{os.getpid()}_{next(_numbers)}"
+        self._made.add(name)
+        return name
