@@ -13,9 +13,9 @@ from tests.support.servers import Server
 from tests.support.stores import new_file_store
 from tests.support.worlds.long_history import write_long_history
 
-SHORT, LONG = 20_000, 120_000
-# Megabytes. A row takes about 2 kB as Python objects, so that all of them would take 200 and more.
-MORE = 60
+SHORT, LONG = 10_000, 70_000
+# Megabytes. A row takes about 2 kB as Python objects, so that all of them would take 120 and more.
+MORE = 50
 
 EXPORT = """
 import sys

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import itertools
-
 import pytest
 
 from tests.browser.addresses import ADDRESSES, ALL, FIRST, address
 from tests.browser.conftest import Visit
-from tests.support.browsing import NARROW, PAPER, SCHEMES, WIDTHS, Serving
+from tests.support.browsing import LOOKS, NARROW, PAPER, Serving
 from tests.support.crawling import PATHS
 
 
@@ -16,7 +14,7 @@ def test_every_page_is_visited() -> None:
     assert set(PATHS) == set(ADDRESSES), "say in addresses.py at which address a page is tested"
 
 
-@pytest.mark.parametrize("path", ALL)
+@pytest.mark.parametrize("path", FIRST)
 def test_a_page_opens_and_is_the_same_when_loaded_again_and_gone_back_to(
     served: Serving, visit: Visit, path: str
 ) -> None:
@@ -42,9 +40,7 @@ def test_a_page_opens_and_is_the_same_when_loaded_again_and_gone_back_to(
 def test_a_page_is_for_everybody(sqlite_served: Serving, visit: Visit, path: str) -> None:
     visitor = visit(sqlite_served.address)
     visitor.open(path)
-    every = list(itertools.product(WIDTHS, SCHEMES))
-    # Of a page's further addresses, each width and each scheme once: axe takes a second.
-    for width, scheme in every if path in FIRST else every[::3]:
+    for width, scheme in LOOKS:
         visitor.look(width, scheme)
         assert (width, scheme, visitor.violations()) == (width, scheme, [])
         assert (width, visitor.overflow()) == (width, [])
@@ -63,7 +59,7 @@ def test_a_page_is_used_by_keyboard(sqlite_served: Serving, visit: Visit, path: 
     assert visited == expected
 
 
-@pytest.mark.parametrize("path", ALL)
+@pytest.mark.parametrize("path", FIRST)
 def test_a_page_can_be_printed(sqlite_served: Serving, visit: Visit, path: str) -> None:
     visitor = visit(sqlite_served.address, width=PAPER, scheme="dark")
     visitor.open(path)

@@ -10,7 +10,7 @@ import pytest
 import kant_sql
 from kant_sql.web.report import write_report
 from tests.browser.conftest import Visit
-from tests.support.browsing import NARROW, SCHEMES, WIDE, WIDTHS, Scheme, Visitor
+from tests.support.browsing import LOOKS, NARROW, WIDE, WIDTHS, Scheme, Visitor
 from tests.support.worlds.hostile import KNOWLEDGE_BASE, NAMES, record_hostile
 
 Open = Callable[..., Visitor]
@@ -51,8 +51,7 @@ def test_it_opens_from_disk_with_its_chart(report: Path, visit: Visit) -> None:
     assert visitor.page.url.endswith("#log")
 
 
-@pytest.mark.parametrize("scheme", SCHEMES)
-@pytest.mark.parametrize("width", WIDTHS)
+@pytest.mark.parametrize(("width", "scheme"), LOOKS)
 def test_it_is_for_everybody(report: Path, visit: Visit, width: int, scheme: Scheme) -> None:
     visitor = opened(visit, report, width=width, scheme=scheme)
     assert visitor.violations() == []

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from tests.browser.addresses import address
 from tests.browser.conftest import Visit
-from tests.support.browsing import NARROW, SCHEMES, WIDTHS, Serving
+from tests.support.browsing import LOOKS, NARROW, Serving
 
 
 def test_a_reader_gives_the_token_once(sqlite_story: str, tmp_path: Path, visit: Visit) -> None:
@@ -15,13 +15,12 @@ def test_a_reader_gives_the_token_once(sqlite_story: str, tmp_path: Path, visit:
         assert running.token is not None
         wanted = address("/revision", number=9)
         place = running.address.replace("0.0.0.0", "127.0.0.1")
-        for scheme in SCHEMES:
-            for width in WIDTHS:
-                other = visit(place, width=width, scheme=scheme)
-                other.open(wanted, status=401)
-                assert other.violations() == []
-                assert other.overflow() == []
-                assert "robot_at" not in other.page.content()
+        for width, scheme in LOOKS:
+            other = visit(place, width=width, scheme=scheme)
+            other.open(wanted, status=401)
+            assert other.violations() == []
+            assert other.overflow() == []
+            assert "robot_at" not in other.page.content()
         visitor = visit(place, width=NARROW)
         visitor.open(wanted, status=401)
         box = visitor.page.get_by_label("The token that the server printed")

@@ -25,7 +25,8 @@ NARROW, WIDE = 400, 1600
 PAPER = 794
 WIDTHS = (NARROW, WIDE)
 Scheme = Literal["light", "dark"]
-SCHEMES: tuple[Scheme, ...] = ("light", "dark")
+# Contrast depends on the scheme, space on the width: each of both once shows as much as all pairs.
+LOOKS: tuple[tuple[int, Scheme], ...] = ((NARROW, "light"), (WIDE, "dark"))
 # A name that leads elsewhere leads nowhere: nothing leaves the machine, whatever a page asks for.
 ARGUMENTS = (
     "--host-resolver-rules=MAP * ~NOTFOUND , EXCLUDE 127.0.0.1 , EXCLUDE localhost",
@@ -43,6 +44,7 @@ _FOCUSED = """() => {
     const style = getComputedStyle(each), box = each.getBoundingClientRect();
     each.dataset.visited = '1';
     return {
+        visited: document.querySelectorAll('main [data-visited]').length,
         name: each.outerHTML.slice(0, 200),
         inMain: !!each.closest('main') && each.id !== 'content',
         isSeen: (style.outlineStyle !== 'none' || style.boxShadow !== 'none') && box.width > 0,
@@ -225,7 +227,7 @@ class Visitor:
             if focused is None:
                 break
             assert focused["isSeen"], f"the focus is not seen: {focused['name']}"
-            if self.page.evaluate(_VISITED) >= expected:
+            if focused["visited"] >= expected:
                 break
         visited: int = self.page.evaluate(_VISITED)
         return visited, expected
