@@ -16,13 +16,22 @@ from tests.support.worlds.hostile import KNOWLEDGE_BASE, NAMES, record_hostile
 Open = Callable[..., Visitor]
 
 
-@pytest.fixture(scope="session", params=["sqlite", "postgresql"])
-def report(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The report of the story, on each dialect in turn."""
-    url = request.getfixturevalue(f"{request.param}_story")
-    folder = tmp_path_factory.mktemp("report")
+def reported(url: str, folder: Path) -> Path:
     with kant_sql.connect(url, knowledge_base="courier", read_only=True) as kb:
         return write_report(kb, folder / "day.html", objects=["rb1"])
+
+
+@pytest.fixture(scope="session")
+def report(sqlite_story: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The report of the story."""
+    return reported(sqlite_story, tmp_path_factory.mktemp("report"))
+
+
+@pytest.fixture(scope="session", params=["sqlite", "postgresql"])
+def each_report(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The report of the story, on each dialect in turn."""
+    url = request.getfixturevalue(f"{request.param}_story")
+    return reported(url, tmp_path_factory.mktemp("report"))
 
 
 @pytest.fixture(scope="session")
@@ -41,8 +50,8 @@ def opened(visit: Visit, path: Path, **options: object) -> Visitor:
     return visitor
 
 
-def test_it_opens_from_disk_with_its_chart(report: Path, visit: Visit) -> None:
-    visitor = opened(visit, report)
+def test_it_opens_from_disk_with_its_chart(each_report: Path, visit: Visit) -> None:
+    visitor = opened(visit, each_report)
     visitor.page.wait_for_selector("#chart .main-svg")
     assert visitor.page.title() == "Report of courier · kant_sql"
     assert not visitor.page.locator("#periods").evaluate("each => each.open")

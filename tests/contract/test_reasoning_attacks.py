@@ -340,7 +340,7 @@ def test_answers_are_of_one_state_while_others_write(shared_url: str, connect: C
     for writer in writers:
         writer.start()
     try:
-        for _ in range(8):
+        for _ in range(4):
             answers = kb.query("(at ?w)")
             assert len(list(iter(answers))) == len(answers) == 1
             assert len(kb.query("(reach w0 ?y)")) == 59

@@ -27,6 +27,7 @@ from tests.audit.story import at, record_store
 from tests.support.crawling import Markup
 from tests.support.notebooks import UNSEEN
 from tests.support.processes.commands import run
+from tests.support.profile import PROFILE
 from tests.support.statements import count, fact, fill
 from tests.support.stores import Connect, new_file_store
 from tests.support.worlds.hostile import (
@@ -309,7 +310,7 @@ def test_a_store_that_was_written_over_is_reported(tmp_path: Path) -> None:
     record_hostile(f"sqlite:///{sound}")
     columns = set(text_columns(str(sound))) - {("knowledge_base", "name")}
     told = set()
-    for table, column in sorted(columns):
+    for table, column in sorted(columns)[:: 1 if PROFILE.is_whole else 3]:
         shutil.copy(sound, path)
         if overwrite(str(path), table, column):
             with kant_sql.connect(f"sqlite:///{path}", knowledge_base=KNOWLEDGE_BASE) as kb:
