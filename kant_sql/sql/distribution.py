@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from contextlib import closing
 
 from ..arguments import flag, whole_number
-from ..errors import InvalidArgumentError, SchemaError
+from ..errors import InvalidArgumentError, SchemaError, StoreError
 from .dialects import create_backend
 from .dialects.base import Distribution, retrying
 from .predicate_views import CHANGES_AT_ONCE, recreated_views, update_views
@@ -44,9 +44,8 @@ def distribute(
     flag(undo, "undo", InvalidArgumentError)
     flag(dry_run, "dry_run", InvalidArgumentError)
     with closing(create_backend(url)) as backend:
-        if not backend.has_nodes:
-            # Raises: it has one server.
-            backend.distribute(shards, undo=undo, dry_run=dry_run, views={})
+        if backend.no_nodes is not None:
+            raise StoreError(f"{backend.label}: nothing was changed: {backend.no_nodes}")
         check(url)
         views = view_queries(url)
         generated = recreated_views(url)

@@ -454,9 +454,9 @@ class Backend(ABC):
         most_connections: how many connections to a server there may be, besides that of listeners;
             None where the backend decides.
         has_one_connection: whether all threads take turns on one connection.
-        has_nodes: whether its tables may be distributed over several servers.
         sharers: what is called in a forked child process, while it is in use.
         when_closed: called when it is closed, to close what was opened for its sake.
+        no_nodes: why tables cannot be distributed over servers; None where they can.
         no_roles: why there are no roles, and what to do instead; None where there are.
         revision_comes_last: whether the row of a revision is written last, so that row policies
             take its versions for past.
@@ -468,7 +468,7 @@ class Backend(ABC):
     has_answered = False
     is_closed = False
     has_one_connection = False
-    has_nodes = False
+    no_nodes: str | None = "only PostgreSQL with the extension citus distributes tables"
     no_roles: str | None = None
     revision_comes_last = False
     begin_read: str
@@ -613,10 +613,7 @@ class Backend(ABC):
             dry_run: whether to return the statements without running them.
             views: the views of auditors, each with its query, in the order of their creation.
         """
-        raise StoreError(
-            f"{self.label}: nothing was changed: only PostgreSQL with the extension citus "
-            "distributes tables"
-        )
+        raise NotImplementedError(self.no_nodes)
 
     def layout_fault(self) -> str | None:
         """Say what is wrong with a store whose tables are on several servers; None for nothing."""

@@ -678,7 +678,7 @@ class PostgresqlBackend(Backend):
     durable = _DURABLE.format("false")
     # Row policies let a writer change only versions without it.
     revision_comes_last = True
-    has_nodes = True
+    no_nodes = None
     views = PostgresqlViews()
     words = POSTGRESQL_WORDS
     _lost_at = 0.0
