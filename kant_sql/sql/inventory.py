@@ -13,6 +13,7 @@ from typing import Any, NamedTuple, TypeVar
 
 from sqlalchemy import ColumnElement, Select, and_, bindparam, func, literal_column, select
 
+from ..errors import UNREADABLE, StoreIntegrityError, reading_rows
 from ..knowledge.definitions import DERIVED_PREDICATE, GOAL
 from .dialects import create_backend
 from .dialects.base import Backend, Session, retrying
@@ -43,6 +44,7 @@ _COLUMNS: tuple[Any, ...] = (
     KnowledgeBaseRow.id,
     KnowledgeBaseRow.name,
     HeadRow.revision,
+    RevisionRow.number,
     RevisionRow.committed_at,
     RevisionRow.actor,
     RevisionRow.reason,
@@ -61,12 +63,13 @@ def _rows(*conditions: ColumnElement[bool]) -> Select[Any]:
         select(*_COLUMNS)
         .select_from(KnowledgeBaseRow)
         .join(HeadRow, HeadRow.kb_id == KnowledgeBaseRow.id)
-        .join(
+        # A head whose revision is missing is named, not passed over.
+        .outerjoin(
             RevisionRow,
             and_(RevisionRow.kb_id == HeadRow.kb_id, RevisionRow.number == HeadRow.revision),
         )
         .outerjoin(VerificationRow, VerificationRow.kb_id == HeadRow.kb_id)
-        .where(*conditions)
+        .where(HeadRow.revision.is_distinct_from(_ZERO), *conditions)
         .order_by(KnowledgeBaseRow.id)
     )
 
@@ -159,6 +162,8 @@ _COUNTS = Query(
 
 class Inventory(NamedTuple):
     """A knowledge base: its last revision, what it has, its origin, and how far it is verified.
+
+    What cannot be read of its origin and its verifications is None.
 
     Attributes:
         name: its name.
@@ -262,7 +267,9 @@ class Catalog:
     def first_names(self, limit: int) -> list[str]:
         """Return the first names, oldest first."""
         return self._read(
-            lambda session: [row[1] for row in session.rows(_PAGE, after=None, number=limit)]
+            lambda session: [
+                _name(session, row) for row in session.rows(_PAGE, after=None, number=limit)
+            ]
         )
 
     def has(self, name: str) -> bool:
@@ -272,7 +279,8 @@ class Catalog:
     def total(self) -> tuple[int, int]:
         """Count the knowledge bases, and the revisions of all: any change changes this."""
         row = self._read(lambda session: session.rows(_TOTAL))[0]
-        return int(row[0]), int(row[1])
+        with reading_rows("head", f"column revision of {self._backend.label}"):
+            return int(row[0]), int(row[1])
 
     def _read(self, work: Callable[[Session], T]) -> T:
         def once() -> T:
@@ -297,6 +305,7 @@ def knowledge_bases(url: str) -> list[Inventory]:
     Raises:
         InvalidUrlError: the URL is not valid.
         SchemaMissingError: the database has no kant_sql tables.
+        StoreIntegrityError: a name or a last revision is damaged; the message says whose.
         StoreError: the database cannot be opened.
     """
     with closing(create_backend(url, read_only=True)) as backend:
@@ -319,27 +328,69 @@ def _counted(session: Session, rows: list[tuple[Any, ...]]) -> list[Inventory]:
 def _inventory(
     session: Session, row: tuple[Any, ...], counts: tuple[int, ...], most: int
 ) -> Inventory:
-    _, name, revision, committed_at, actor, reason, origin, at_origin, *rest = row
-    said_at, heard_at, verified, *verified_at = rest
+    revision, committed_at, actor, reason = _last_revision(session, row)
+    origin, at_origin, said_at, heard_at, verified, verified_at, complete_at = row[7:]
     facts, goals, reached, formulas = counts
-    moment = session.to_time
-    said_at, heard_at, *verified_at = (
-        None if raw is None else moment(raw) for raw in (said_at, heard_at, *verified_at)
-    )
     return Inventory(
-        name,
+        _name(session, row),
         revision,
-        moment(committed_at),
+        committed_at,
         actor,
         reason,
         min(facts, most),
         facts > most,
         goals,
         None if formulas else reached,
-        origin,
-        at_origin,
-        said_at,
-        heard_at,
-        verified,
-        *verified_at,
+        origin if isinstance(origin, str) else None,
+        _number(at_origin),
+        _moment(session, said_at),
+        _moment(session, heard_at),
+        _number(verified),
+        _moment(session, verified_at),
+        _moment(session, complete_at),
     )
+
+
+def _name(session: Session, row: tuple[Any, ...]) -> str:
+    """Return the name: SQLite keeps anything in any column."""
+    name = row[1]
+    with reading_rows("knowledge_base", f"id {row[0]!r} of {session.backend.label}"):
+        if not isinstance(name, str):
+            raise TypeError(f"column name has {name!r}, no text")
+    return name
+
+
+def _last_revision(
+    session: Session, row: tuple[Any, ...]
+) -> tuple[int, datetime, str | None, str | None]:
+    """Return number, time, actor and reason of the last revision."""
+    name, label = _name(session, row), session.backend.label
+    revision, number, committed_at, actor, reason = row[2:7]
+    if number is None or type(revision) is not int:
+        raise StoreIntegrityError(
+            f"{label}: table head says that knowledge base {name!r} is at revision {revision!r}, "
+            "which table revision does not have; rows were removed, or changed by hand: "
+            "'kant-sql verify --all' shows what else was; restore the store from a copy"
+        )
+    with reading_rows("revision", f"revision {revision} of knowledge base {name!r} of {label}"):
+        for column, text in (("actor", actor), ("reason", reason)):
+            if text is not None and not isinstance(text, str):
+                raise TypeError(f"column {column} has {text!r}, no text")
+        return revision, session.to_time(committed_at), actor, reason
+
+
+# No history depends on where a replica comes from, and on what was verified: what cannot be read of
+# these is not known, and hides nothing else.
+
+
+def _number(value: Any) -> int | None:
+    return value if type(value) is int and value >= 0 else None
+
+
+def _moment(session: Session, raw: Any) -> datetime | None:
+    if raw is None:
+        return None
+    try:
+        return session.to_time(raw)
+    except UNREADABLE:
+        return None

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import json
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from datetime import UTC, datetime, timedelta
 
@@ -11,14 +12,16 @@ import pytest
 from kant_sql import (
     QuestionCancelledError,
     SchemaMissingError,
+    StoreIntegrityError,
     knowledge_bases,
     limited,
     open_store,
 )
+from kant_sql.json_documents import inventory_document
 from kant_sql.knowledge.canonical import time_text
 from kant_sql.sql import inventory
 from kant_sql.sql.inventory import Catalog
-from tests.support.faults import change
+from tests.support.faults import change, on_file, on_server
 from tests.support.statements import count, fill
 from tests.support.stores import Connect
 from tests.support.worlds.robots import RB1, WP2, robot_at, waypoint
@@ -168,3 +171,107 @@ def test_it_obeys_limits_and_creates_nothing(shared_url: str, connect: Connect) 
         assert catalog.total() == (0, 0)
     with pytest.raises(SchemaMissingError):
         knowledge_bases("sqlite:///none.db")
+
+
+UNKNOWN = {
+    "head": ["heard_at='x'", "origin_committed_at='9999'", "origin_revision='x'", "origin=x'00ff'"],
+    "verification": ["verified_at='x'", "complete_at='x'", "revision=9e999", "revision='x'"],
+}
+UNREADABLE = [(table, sql) for table, statements in UNKNOWN.items() for sql in statements]
+UNREADABLE_TIMES = [
+    ("head", "heard_at='infinity'"),
+    ("head", "origin_committed_at='-infinity'"),
+    ("verification", "verified_at='infinity'"),
+    ("verification", "complete_at='4713-01-01 00:00:00 BC'"),
+]
+
+
+def make_fleet(url: str, connect: Connect) -> None:
+    """Write two knowledge bases: a verified replica, and another one."""
+    for name in ("tiago", "pepper"):
+        connect(url, knowledge_base=name).propositions.save(robot_at())
+    change(
+        url,
+        REPLICA.format(at="2026-03-02T15:00:00.000000Z"),
+        "INSERT INTO verification (kb_id, revision, hash, verified_at, complete_at)"
+        " VALUES (1, 1, 'abc', '2026-03-02T15:00:00.000000Z', '2026-03-02T15:00:00.000000Z')",
+    )
+
+
+def _is_unknown(url: str, table: str, sql: str) -> None:
+    change(url, f"UPDATE {table} SET {sql} WHERE kb_id = 1")
+    one, other = knowledge_bases(url)
+    assert (one.name, one.revision, other.name, other.revision) == ("tiago", 1, "pepper", 1)
+    column = sql.partition("=")[0]
+    told = {"revision": "verified_revision"}.get(column, column)
+    assert getattr(one, told) is None
+    # What is shown is counted with, and written as JSON.
+    assert one.behind in (None, 4)
+    assert one.lag is None or one.lag >= 0
+    json.dumps(inventory_document(one), allow_nan=False)
+
+
+@on_file
+@pytest.mark.parametrize(("table", "sql"), UNREADABLE)
+def test_an_unreadable_origin_or_verification_is_not_known_and_hides_nothing(
+    shared_url: str, connect: Connect, table: str, sql: str
+) -> None:
+    make_fleet(shared_url, connect)
+    _is_unknown(shared_url, table, sql)
+
+
+@on_server
+@pytest.mark.parametrize(("table", "sql"), UNREADABLE_TIMES)
+def test_times_that_python_does_not_have_are_not_known(
+    shared_url: str, connect: Connect, table: str, sql: str
+) -> None:
+    make_fleet(shared_url, connect)
+    _is_unknown(shared_url, table, sql)
+
+
+DAMAGED = {
+    "a time": ("UPDATE revision SET committed_at = 'x' WHERE kb_id = 1", "table revision, .*tiago"),
+    "an actor": ("UPDATE revision SET actor = x'00ff' WHERE kb_id = 1", "table revision, .*tiago"),
+    "a name": ("UPDATE knowledge_base SET name = x'00ff' WHERE id = 1", "table knowledge_base, id"),
+    "a number": ("UPDATE head SET revision = 'x' WHERE kb_id = 1", "table head .*tiago"),
+}
+
+
+@on_file
+@pytest.mark.parametrize(("sql", "said"), DAMAGED.values(), ids=DAMAGED)
+def test_a_damaged_name_or_last_revision_is_named(
+    shared_url: str, connect: Connect, sql: str, said: str
+) -> None:
+    make_fleet(shared_url, connect)
+    change(shared_url, "PRAGMA ignore_check_constraints = ON", sql)
+    with pytest.raises(StoreIntegrityError, match=said) as caught:
+        knowledge_bases(shared_url)
+    for part in (shared_url, "kant-sql verify", "restore the store from a copy"):
+        assert part in str(caught.value)
+
+
+def test_a_last_revision_that_is_missing_is_named(shared_url: str, connect: Connect) -> None:
+    for name in ("tiago", "pepper"):
+        connect(shared_url, knowledge_base=name).propositions.save(robot_at())
+    change(shared_url, "UPDATE head SET revision = 999 WHERE kb_id = 2")
+    with catalog_of(shared_url) as catalog:
+        reads: list[Callable[[], object]] = [
+            catalog.every,
+            catalog.overview,
+            lambda: catalog.overview(part="PEP"),
+            lambda: catalog.find("pepper"),
+        ]
+        for read in reads:
+            with pytest.raises(StoreIntegrityError, match=r"table head says .*'pepper'"):
+                read()
+        found = catalog.find("tiago")
+        assert found is not None
+        assert found.revision == 1
+
+
+@on_file
+def test_a_count_that_is_none_is_an_error_of_the_store(shared_url: str, connect: Connect) -> None:
+    make_fleet(shared_url, connect)
+    change(shared_url, "UPDATE head SET revision = 9e999 WHERE kb_id = 1")
+    with catalog_of(shared_url) as catalog, pytest.raises(StoreIntegrityError, match="table head"):
+        catalog.total()
