@@ -272,8 +272,8 @@ class _Report:
             line(f"{name}: {plural(len(done.findings), 'finding')} ({counts})", "bold red")
         if done.continued_at is not None:
             line(f"{name}: {_continued(done)}")
-        if self._is_resumable and done.is_intact and done.is_kept is False:
-            line(f"{name}: where this ended is not kept: this user may only read", "yellow")
+        if self._is_resumable and done.keep_error is not None:
+            line(f"{name}: where this ended is not kept: {printable(done.keep_error)}", "yellow")
         for archive in done.archives:
             line(f"{name}: {printable(archive)}")
         if self._has_anchor and done.anchored is None:

@@ -267,11 +267,13 @@ class Store:
 
         return self._outside(begun)
 
-    def _outside(self, work: Callable[[Session], T]) -> T:
-        """Use a session outside the thread's transaction."""
+    def _outside(
+        self, work: Callable[[Session], T], take: Callable[[], Session] | None = None
+    ) -> T:
+        """Use a session outside the thread's transaction: one to read, or what `take` returns."""
 
         def once() -> T:
-            session = self._take_session()
+            session = self._take_session() if take is None else take()
             try:
                 return work(session)
             finally:
@@ -302,7 +304,10 @@ class Store:
         return self._retrying(once)
 
     def write_beside(self, work: Callable[[Session], None]) -> None:
-        """Write what is no part of the history, in a transaction of its own without a revision."""
+        """Write what is no part of the history, in a transaction of its own without a revision.
+
+        As for all writes, no limit of questions concerns it.
+        """
 
         def begun(session: Session) -> None:
             session.begin(write=True)
@@ -311,7 +316,7 @@ class Store:
 
         lock = self.queue_up()
         try:
-            self._outside(begun)
+            self._outside(begun, self.backend.session)
         finally:
             if lock is not None:
                 lock.release()
@@ -532,7 +537,8 @@ class Store:
             return is_stored(session, kb_id, made)
 
         try:
-            return self._outside(check)
+            # A question that was cancelled, or takes too long, is not asked here.
+            return self._outside(check, self.backend.session)
         except StoreError as error:
             raise OutcomeUnknownError(
                 f"{self.backend.label}: the connection was lost while revision {made.number} of "

@@ -11,13 +11,24 @@ from typing import Any
 import pytest
 
 import kant_sql
-from kant_sql import InvalidArgumentError, KnowledgeBase, PddlTypeDto, knowledge_bases
+from kant_sql import (
+    ConnectionLostError,
+    InvalidArgumentError,
+    KnowledgeBase,
+    PddlTypeDto,
+    StatementTimeoutError,
+    StoreError,
+    StoreUnreachableError,
+    TransactionOpenError,
+    knowledge_bases,
+    limited,
+)
 from kant_sql.history.verify import verify as verifying
 from kant_sql.history.verify.kept import Kept, keep
 from kant_sql.history.verify.sides import in_order
 from kant_sql.knowledge.canonical import time_text
 from kant_sql.sql.dialects.base import Session
-from tests.support.faults import change, on_file
+from tests.support.faults import be_impatient, change, held, on_file
 from tests.support.profile import PROFILE
 from tests.support.stores import Connect
 from tests.support.worlds.missions import TOUR, begin
@@ -341,10 +352,53 @@ def test_who_may_only_read_verifies_and_keeps_nothing(shared_url: str, connect: 
     with kant_sql.connect(shared_url, knowledge_base="tiago", read_only=True) as kb:
         done = kb.verify(resume=True, keep=True)
         assert (done.is_intact, done.is_kept) == (True, False)
+        assert "read_only" in str(done.keep_error)
     rewrite(shared_url, "proposition_version SET fork = 5")
     with kant_sql.connect(shared_url, knowledge_base="tiago", read_only=True) as kb:
         done = kb.verify(resume=True, keep=True)
-        assert (done.is_intact, done.is_kept) == (False, False)
+        assert (done.is_intact, done.is_kept, done.keep_error) == (False, False, None)
+
+
+@on_file
+def test_an_intact_one_is_told_though_another_writer_holds_the_store(
+    shared_url: str, connect: Connect, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    be_impatient(monkeypatch)
+    connect(shared_url, knowledge_base="tiago").propositions.save(robot_at())
+    kb = connect(f"{shared_url}?timeout=0.1", knowledge_base="tiago")
+    with held(shared_url):
+        done = kb.verify(keep=True)
+    assert (done.is_intact, done.revisions, done.is_kept) == (True, 1, False)
+    assert "another process held the store" in str(done.keep_error)
+    again = kb.verify(keep=True)
+    assert (again.is_kept, again.keep_error) == (True, None)
+
+
+NOT_KEPT = [StatementTimeoutError, ConnectionLostError, StoreUnreachableError, TransactionOpenError]
+
+
+@pytest.mark.parametrize("error", NOT_KEPT)
+def test_what_prevents_keeping_takes_no_verdict_away(
+    kb: KnowledgeBase, monkeypatch: pytest.MonkeyPatch, error: type[StoreError]
+) -> None:
+    kb.propositions.save(robot_at())
+
+    def fail(*given: Any) -> None:
+        raise error("a fault")
+
+    monkeypatch.setattr(verifying, "keep", fail)
+    monkeypatch.setattr(verifying, "forget", fail)
+    done = kb.verify(keep=True)
+    assert (done.is_intact, done.is_kept, done.keep_error) == (True, False, "a fault")
+
+
+def test_no_limit_of_questions_concerns_what_is_kept(written: Written) -> None:
+    url, kb = written
+    store = kb.factory._store  # type: ignore[attr-defined]
+    with limited() as limit:
+        limit.cancel()
+        keep(store, 1, 3, "0" * 64, None)
+    assert knowledge_bases(url)[0].verified_revision == 3
 
 
 def test_two_at_once_keep_the_later_end(written: Written, connect: Connect) -> None:

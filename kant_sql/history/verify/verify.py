@@ -11,11 +11,15 @@ from ... import html
 from ...arguments import flag, optional_call
 from ...dao.interfaces import Progress
 from ...errors import (
+    ConnectionLostError,
     InvalidArgumentError,
     NotADatabaseError,
     ReadOnlyError,
-    ReadOnlyStoreError,
+    StatementTimeoutError,
+    StoreBusyError,
     StoreError,
+    StoreUnreachableError,
+    TransactionOpenError,
 )
 from ...sql.dialects.base import Session
 from ...store.head import hash_of
@@ -43,6 +47,15 @@ from .structure import check_generated, check_indexes, check_strays, check_struc
 __all__ = ["Finding", "Progress", "Verification", "verify", "verify_session"]
 
 _WRONG_VALUES = (ArithmeticError, AttributeError, LookupError, TypeError, ValueError)
+# What is kept saves time, and proves nothing: these take no verdict away.
+_NOT_KEPT = (
+    ReadOnlyError,
+    StoreBusyError,
+    StatementTimeoutError,
+    ConnectionLostError,
+    StoreUnreachableError,
+    TransactionOpenError,
+)
 # How often progress is reported.
 _REPORTS = 200
 
@@ -62,6 +75,7 @@ class Verification(NamedTuple):
         continued_at: when that was, in UTC.
         complete_at: when a verification that began at revision 1 was last kept before this one.
         is_kept: whether the next verification can continue this one; None when that was not asked.
+        keep_error: why an intact one could not be kept.
     """
 
     knowledge_base: str
@@ -74,6 +88,7 @@ class Verification(NamedTuple):
     continued_at: datetime | None = None
     complete_at: datetime | None = None
     is_kept: bool | None = None
+    keep_error: str | None = None
 
     @property
     def is_intact(self) -> bool:
@@ -170,8 +185,8 @@ def _keep(store: Store, done: Verification, end: End) -> Verification:
             keep(store, *end)
         else:
             forget(store, end.kb_id)
-    except (ReadOnlyError, ReadOnlyStoreError):
-        return done._replace(is_kept=False)
+    except _NOT_KEPT as error:
+        return done._replace(is_kept=False, keep_error=str(error) if done.is_intact else None)
     except StoreError:
         # The table may be one of the findings.
         if done.is_intact:
