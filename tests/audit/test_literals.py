@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from tests.support.citus import view_of
 from tests.support.pages import ask
 from tests.support.stores import Connect
 
@@ -78,12 +79,14 @@ EFFECTS = {
 
 
 def literals(connect: Connect, url: str, domain: str, section: str) -> list[str]:
-    kb = connect(url, knowledge_base=f"{section} {hash(domain)}")
+    name = f"{section} {hash(domain)}"
+    kb = connect(url, knowledge_base=name)
     kb.load_domain(domain)
     return ask(
         url,
-        "SELECT role, literal, is_conditional FROM audit_action_literal "
-        f"WHERE knowledge_base = '{section} {hash(domain)}' AND action = 'act' "
+        "SELECT role, literal, is_conditional "
+        f"FROM {view_of(url, 'audit_action_literal', name)} "
+        f"WHERE knowledge_base = '{name}' AND action = 'act' "
         f"AND section = '{section}' AND until IS NULL ORDER BY position",
     )
 
@@ -107,7 +110,8 @@ def test_when_a_durative_action_needs_and_does_it(scratch_url: str, connect: Con
     kb.load_domain(DURATIVE.format(name="act", condition=condition, effect=effect))
     lines = ask(
         scratch_url,
-        "SELECT kind, section, role, literal, time, is_conditional FROM audit_action_literal "
+        "SELECT kind, section, role, literal, time, is_conditional "
+        f"FROM {view_of(scratch_url, 'audit_action_literal', 'durative')} "
         "WHERE knowledge_base = 'durative' ORDER BY section, position",
     )
     assert lines == [

@@ -22,6 +22,7 @@ from kant_sql.sql.audit_views import AUDIT_VIEWS, ColumnType
 from tests.audit.duck import install_sqlite_extension
 from tests.audit.test_literals import CONDITIONS, DOMAIN, DURATIVE, EFFECTS
 from tests.audit.test_views import VIEWS, columns_of
+from tests.support.citus import view_of
 from tests.support.pages import rows_of
 
 OF_COURIER = "WHERE knowledge_base = 'courier'"
@@ -189,7 +190,7 @@ def test_polars_looks_at_all_rows(sqlite_story: str) -> None:
 
 @pytest.mark.parametrize("view", VIEWS)
 def test_polars_reads_every_view(story_url: str, view: str) -> None:
-    question = f"SELECT * FROM {view} {OF_COURIER}"
+    question = f"SELECT * FROM {view_of(story_url, view, 'courier')} {OF_COURIER}"
     file = str(make_url(story_url).database)
     is_sqlite = story_url.startswith("sqlite")
     with closing(sqlite3.connect(file) if is_sqlite else psycopg.connect(story_url)) as store:

@@ -25,6 +25,7 @@ from kant_sql import (
 )
 from kant_sql.sql.arrow import arrow_schema
 from kant_sql.sql.audit_views import AUDIT_VIEWS
+from tests.support.citus import is_distributed
 from tests.support.pages import opened
 from tests.support.reading import beside
 from tests.support.statements import count
@@ -125,13 +126,14 @@ def test_what_was_archived_is_in_the_tables_of_the_archive(
     assert moved.slice(0, 1).drop(["proposition_id"]) == before.slice(0, 1).drop(["proposition_id"])
 
 
-def test_two_statements_however_many_rows(kb: KnowledgeBase) -> None:
+def test_two_statements_however_many_rows(kb: KnowledgeBase, url: str) -> None:
     fill(kb)
     few = count(lambda: kb.to_arrow("change"))
     for _ in range(5):
         kb.propositions.delete_all()
         kb.propositions.save(robot_at())
-    assert count(lambda: kb.to_arrow("change")) == few <= 2
+    # On a cluster, one more reads what the view is.
+    assert count(lambda: kb.to_arrow("change")) == few <= (3 if is_distributed(url) else 2)
 
 
 def test_the_past_and_pending_changes_are_refused(kb: KnowledgeBase) -> None:

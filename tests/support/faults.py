@@ -45,7 +45,9 @@ def held(url: str) -> Iterator[Callable[[], None]]:
         connection.execute("BEGIN IMMEDIATE")
     else:
         connection = psycopg.connect(url)
-        connection.execute("SELECT * FROM head FOR UPDATE")
+        for (kb_id,) in connection.execute("SELECT kb_id FROM head").fetchall():
+            # Of one shard of a cluster.
+            connection.execute(f"SELECT * FROM head WHERE kb_id = {kb_id:d} FOR UPDATE")
     with closing(connection):
         yield connection.rollback
 

@@ -21,6 +21,7 @@ from kant_sql.sql.dialects import postgresql_structure as indexes
 from kant_sql.sql.dialects.postgresql_structure import as_created
 from kant_sql.sql.schema import VERSIONS
 from kant_sql.sql.tables import Base
+from tests.support.citus import is_distributed
 from tests.support.pages import opened
 from tests.support.processes.commands import run
 from tests.support.reading import findings
@@ -64,8 +65,14 @@ def facts(url: str) -> list[str]:
         return sorted(str(fact) for fact in kb.propositions.get_all())
 
 
+def skip_on_a_cluster(url: str) -> None:
+    if is_distributed(url):
+        pytest.skip("shards have their indexes on their nodes, where amcheck compares them")
+
+
 def hide_a_fact(url: str) -> None:
     """Make an index that leaves a fact out, and put the text of the old one back."""
+    skip_on_a_cluster(url)
     with opened(url) as store:
         ((hidden,),) = store.execute(
             "SELECT id FROM proposition WHERE NOT is_goal ORDER BY id LIMIT 1", {}
@@ -123,6 +130,7 @@ def test_an_index_for_looking_up_texts_is_compared_too(filled: str) -> None:
     """It is a hash on PostgreSQL, which cannot be read in order."""
     if is_sqlite(filled):
         pytest.skip("SQLite has one kind of index")
+    skip_on_a_cluster(filled)
     tamper(
         filled,
         "DROP INDEX ix_proposition_text",
@@ -338,7 +346,7 @@ def test_what_others_keep_in_the_same_database_is_theirs(filled: str) -> None:
         "FOREIGN KEY (kb_id, proposition_id) REFERENCES proposition (kb_id, id))",
         "CREATE INDEX mission_of ON mission (kb_id)",
         "CREATE VIEW overview AS SELECT * FROM audit_fact WHERE predicate = 'robot_at'",
-        "INSERT INTO mission VALUES (1, 1, (SELECT min(id) FROM proposition))",
+        "INSERT INTO mission SELECT 1, kb_id, min(id) FROM proposition GROUP BY kb_id",
     )
     if is_sqlite(filled):
         tamper(filled, "CREATE TRIGGER m AFTER INSERT ON mission BEGIN SELECT 1; END")
@@ -362,9 +370,10 @@ def test_a_story_with_views_an_archive_and_an_earlier_version_is_intact(
     with kant_sql.connect(shared_url, knowledge_base=NAME) as kb:
         kb.restore(20)
     assert findings(shared_url) == []
-    kant_sql.downgrade(shared_url, revision=VERSIONS[-2])
-    kant_sql.upgrade(shared_url)
-    assert findings(shared_url) == []
+    if not is_distributed(shared_url):
+        kant_sql.downgrade(shared_url, revision=VERSIONS[-2])
+        kant_sql.upgrade(shared_url)
+        assert findings(shared_url) == []
 
 
 def test_a_store_with_roles_is_intact_for_its_owner_and_for_who_reads(server: Any) -> None:
