@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import socket
+import sqlite3
+from contextlib import closing
 from pathlib import Path
 
 import pytest
+from sqlalchemy import make_url
 
 import kant_sql
 from kant_sql import KnowledgeBase
 from kant_sql.errors import ArchivedError
 from tests.support.archives import count, intact, rows_of, states, target_url
+from tests.support.servers import Server
 from tests.support.stores import Connect, new_file_store
 from tests.support.worlds import counter
 from tests.support.worlds.robots import WP2, robot_at
@@ -94,6 +99,26 @@ def test_an_archive_that_is_elsewhere_is_named_and_can_be_given(
         assert replica.revision == 0
     assert file_kb.push(target, archive=f"sqlite:///{moved}").revision == 10
     intact(target)
+
+
+def test_no_server_that_only_the_source_names_is_connected_to(
+    file_kb: KnowledgeBase, file_url: str, target: str, tmp_path: Path, server: Server
+) -> None:
+    count(file_kb, 9)
+    there = server.new_store()
+    file_kb.archive(5, to=there)
+    with socket.create_server(("127.0.0.1", 0)) as collector:
+        port = collector.getsockname()[1]
+        for named in (there, f"postgresql://robots@127.0.0.1:{port}/fleet"):
+            with closing(sqlite3.connect(str(make_url(file_url).database))) as file:
+                file.execute("UPDATE archive SET target = ?", (named,))
+                file.commit()
+            with pytest.raises(ArchivedError, match=r"a server.*--archive URL"):
+                file_kb.push(target)
+        collector.settimeout(0)
+        with pytest.raises(BlockingIOError):
+            collector.accept()
+    assert file_kb.push(target, archive=there).revision == 10
 
 
 def test_a_target_that_needs_nothing_of_it_needs_no_archive(

@@ -234,6 +234,33 @@ def test_the_past_and_an_open_transaction_are_not_pushed(
     assert not (tmp_path / "archive.db").exists()
 
 
+def test_two_stores_never_become_replicas_of_each_other(
+    file_kb: KnowledgeBase, file_url: str, replica_url: str, connect: Connect
+) -> None:
+    count(file_kb, 4)
+    file_kb.push(replica_url)
+    replica = connect(replica_url, knowledge_base="tiago")
+    with pytest.raises(ReplicaError, match=r"is itself a replica.*push from the one"):
+        replica.push(file_url, adopt=True)
+    count(file_kb, 5)
+    assert file_kb.push(replica_url).revisions == 1
+    replica.promote()
+    counter.increment(replica, 1)
+    assert replica.push(file_url, adopt=True).revisions == 2
+
+
+def test_nothing_is_added_to_a_target_that_lacks_its_last_revision(
+    file_kb: KnowledgeBase, replica_url: str
+) -> None:
+    count(file_kb, 4)
+    file_kb.push(replica_url)
+    damage(replica_url, "UPDATE revision SET number = 999 WHERE number = 4")
+    count(file_kb, 6)
+    with pytest.raises(DivergedError, match="is 4") as caught:
+        file_kb.push(replica_url)
+    assert (caught.value.revision, caught.value.target_hash) == (4, None)
+
+
 def test_names_are_pushed_one_by_one(
     file_kb: KnowledgeBase, file_url: str, replica_url: str, connect: Connect
 ) -> None:

@@ -156,10 +156,13 @@ class _Push:
         """Refuse a target with another history, or one that somebody else may write to."""
         name, label = self._source.name, self._target.backend.label
         at = min(here.revision, head.revision)
-        if at and _hash(stores.source, stores.source_kb, at, here) != _hash(
-            stores.target, stores.target_kb, at, head
-        ):
-            raise diverged(stores, name, at)
+        if at:
+            hashes = {
+                _hash(stores.source, stores.source_kb, at, here),
+                _hash(stores.target, stores.target_kb, at, head),
+            }
+            if None in hashes or len(hashes) > 1:
+                raise diverged(stores, name, at)
         if not head.revision or head.origin is not None:
             return
         if head.revision > here.revision:
@@ -167,6 +170,13 @@ class _Push:
                 f"{label}: knowledge base {name!r} is no replica, and is at revision "
                 f"{head.revision}, ahead of {here.revision} in {self._source.backend.label}; "
                 "nothing was written: push the other way, or into another store"
+            )
+        if self._terms.adopt and here.origin is not None:
+            raise ReplicaError(
+                f"{self._source.backend.label}: knowledge base {name!r} is itself a replica, of "
+                f"the one in {here.origin}; nothing was written: {label} may be that one, and "
+                "then nobody could write to either; push from the one that is written to, or "
+                "promote this source"
             )
         if not self._terms.adopt:
             raise ReplicaError(
@@ -207,6 +217,10 @@ class _Push:
             try:
                 backend = create_backend(url, read_only=True)
                 self._stack.callback(backend.close)
+                if backend.is_server and self._terms.archive is None:
+                    # Who wrote the source's file may name any server, which would get a password.
+                    why = ", a server, which only who pushes may name"
+                    raise _lacking(self._source, here, head, said, why)
                 ensure_schema(backend)
             except (AuthenticationError, InvalidUrlError, SchemaError) as error:
                 raise _lacking(self._source, here, head, said, f": {error}") from error
@@ -246,7 +260,9 @@ def _is_current(here: HeadState, there: HeadState) -> bool:
 
 
 def _hash(session: Session, kb_id: int, at: int, head: HeadState | Head) -> str | None:
-    return head.hash if head.revision == at else hash_of(session, kb_id, at)
+    """Read the hash of a revision; None if it is missing, or if the head has another."""
+    found = hash_of(session, kb_id, at)
+    return found if head.revision != at or head.hash == found else None
 
 
 def _read_head(side: ReplicationSide) -> HeadState:

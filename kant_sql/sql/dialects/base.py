@@ -456,6 +456,7 @@ class Backend(ABC):
         has_one_connection: whether all threads take turns on one connection.
         sharers: what is called in a forked child process, while it is in use.
         when_closed: called when it is closed, to close what was opened for its sake.
+        is_server: whether it is a server, which is shown credentials.
         no_nodes: why tables cannot be distributed over servers; None where they can.
         no_roles: why there are no roles, and what to do instead; None where there are.
         revision_comes_last: whether the row of a revision is written last, so that row policies
@@ -468,6 +469,7 @@ class Backend(ABC):
     has_answered = False
     is_closed = False
     has_one_connection = False
+    is_server = False
     no_nodes: str | None = "only PostgreSQL with the extension citus distributes tables"
     no_roles: str | None = None
     revision_comes_last = False

@@ -678,6 +678,7 @@ class PostgresqlBackend(Backend):
     durable = _DURABLE.format("false")
     # Row policies let a writer change only versions without it.
     revision_comes_last = True
+    is_server = True
     no_nodes = None
     views = PostgresqlViews()
     words = POSTGRESQL_WORDS
