@@ -8,7 +8,6 @@ from __future__ import annotations
 import io
 import logging
 import re
-import threading
 from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
@@ -27,7 +26,7 @@ from ..errors import (
     TableMissingError,
 )
 from .dialects import backend_name, create_backend
-from .dialects.base import Backend, Roles, Session, retrying
+from .dialects.base import Backend, Roles, Session, retrying, unforked
 from .dialects.structure import ViewDialect
 from .query import Query
 from .tables.base import VERSION_TABLE
@@ -46,7 +45,9 @@ _VERSION = Query(select(column("version_num")).select_from(table(VERSION_TABLE))
 _VIEW_CHANGES = re.compile(
     r"^(CREATE|CREATE OR REPLACE|DROP) VIEW (\w+)(?: AS(.*?))?;$", re.MULTILINE | re.DOTALL
 )
-_MIGRATING = threading.Lock()
+# Alembic's context is a module global: one migration at a time in a process. What a migration has
+# open is not for a child process, either.
+_MIGRATING = unforked()
 logger = logging.getLogger(__name__)
 
 
@@ -299,7 +300,6 @@ def _migrate_once(backend: Backend, run: Callable[[Config], None]) -> None:
 
     config = alembic_config()
     try:
-        # Alembic's context is a module global: one migration at a time in a process.
         with _MIGRATING, backend.migration_connection() as connection:
             config.attributes["connection"] = connection
             config.attributes["label"] = backend.label

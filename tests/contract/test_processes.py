@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 
 import pytest
 
@@ -74,6 +75,24 @@ def test_an_open_knowledge_base_survives_a_fork(
 ) -> None:
     in_processes((scenario, shared_url))
     check_chain(shared_url)
+
+
+@pytest.mark.parametrize("other", ["sqlite:///{}/other.db", "sqlite://"])
+@pytest.mark.parametrize(
+    "scenario", [forks.beside_a_thread_in_another_store, forks.beside_reading_threads]
+)
+def test_no_child_waits_for_a_mutex_of_sqlite(
+    tmp_path: Path, scenario: Callable[[str, str], None], other: str
+) -> None:
+    in_processes((scenario, f"sqlite:///{tmp_path}/robot.db", other.format(tmp_path)))
+
+
+def test_a_child_is_not_forked_while_a_connection_is_opened(tmp_path: Path) -> None:
+    in_processes((forks.beside_a_thread_that_connects, f"sqlite:///{tmp_path}/robot.db"))
+
+
+def test_a_fork_waits_for_a_migration(tmp_path: Path) -> None:
+    in_processes((forks.beside_a_first_open, str(tmp_path)))
 
 
 def test_a_child_has_a_copy_of_a_store_in_memory() -> None:

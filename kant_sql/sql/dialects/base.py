@@ -579,6 +579,14 @@ class Backend(ABC):
             self.when_closed.pop()()
         self.engine.dispose()
 
+    def is_used_elsewhere(self) -> bool:
+        """Return whether another thread than this one has a session."""
+        here = threading.get_ident()
+        return any(thread != here for thread in self.sessions.values())
+
+    def look_for_threads(self) -> None:  # noqa: B027 (only some drivers have locks of their own)
+        """Note, in a child process, which threads of the parent used the database."""
+
     def forked(self) -> None:
         """Start over in a child process: the connections belong to the parent."""
         self.leave_connections()
@@ -676,12 +684,30 @@ _BACKENDS: weakref.WeakSet[Backend] = weakref.WeakSet()
 
 
 def _in_child() -> None:
-    for backend in list(_BACKENDS):
+    backends = list(_BACKENDS)
+    # All of them, before the first closes anything: they may share locks of the process.
+    for backend in backends:
+        backend.look_for_threads()
+    for backend in backends:
         backend.forked()
 
 
 if hasattr(os, "register_at_fork"):
     os.register_at_fork(after_in_child=_in_child)
+
+
+def unforked() -> threading.RLock:
+    """Make a lock that a fork of this process waits for, so that no child finds it held."""
+    lock = threading.RLock()
+    if hasattr(os, "register_at_fork"):
+        os.register_at_fork(
+            before=lock.acquire, after_in_parent=lock.release, after_in_child=lock.release
+        )
+    return lock
+
+
+# While it is held, connections are opened or closed, and sessions have none of them.
+NO_FORK = unforked()
 
 
 def url_label(url: URL) -> str:

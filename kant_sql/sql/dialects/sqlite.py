@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import json
 import os
 import re
@@ -13,7 +14,7 @@ from contextlib import contextmanager, suppress
 from datetime import datetime
 from functools import cache
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, ClassVar, TypeVar
 from urllib.parse import quote
 
 from sqlalchemy import (
@@ -31,8 +32,9 @@ from sqlalchemy import (
     text,
 )
 from sqlalchemy.dialects.sqlite.base import SQLiteDialect
+from sqlalchemy.engine.interfaces import DBAPIConnection
 from sqlalchemy.ext.compiler import compiles
-from sqlalchemy.pool import QueuePool, StaticPool
+from sqlalchemy.pool import ConnectionPoolEntry, Pool, QueuePool, StaticPool
 
 from ...errors import (
     ForkedError,
@@ -52,6 +54,7 @@ from ..query import Fork, FoundRows, InList, InRows, Listed, Query, StoreClock, 
 from ..tables.base import UtcTime, text_time
 from .base import (
     FETCH_SIZE,
+    NO_FORK,
     Backend,
     Commits,
     Listener,
@@ -448,16 +451,6 @@ T = TypeVar("T")
 
 FIRST_PAUSE, LONGEST_PAUSE = 0.001, 0.05
 
-# A fork during a read would leave the child a connection that it can neither use nor close.
-_NO_FORK = threading.RLock()
-
-if hasattr(os, "register_at_fork"):
-    os.register_at_fork(
-        before=_NO_FORK.acquire,
-        after_in_parent=_NO_FORK.release,
-        after_in_child=_NO_FORK.release,
-    )
-
 
 class FileListener(Listener):
     """Polls a file's data version on a connection of its own."""
@@ -484,11 +477,11 @@ class FileListener(Listener):
 
     def guarded(self, work: Callable[[], T]) -> T:
         """Run a read; a fork of this process waits for its end."""
-        with _NO_FORK:
+        with NO_FORK:
             return work()
 
     def _version_now(self) -> int:
-        with _NO_FORK:
+        with NO_FORK:
             self._backend.file.check()
             if self._connection is None:
                 self._connection = self._backend.connect()
@@ -502,7 +495,7 @@ class FileListener(Listener):
         """Stop polling."""
         connection, self._connection, self._version = self._connection, None, None
         if connection is not None:
-            with _NO_FORK:
+            with NO_FORK:
                 self._backend.connections.discard(connection)
                 connection.close()
 
@@ -522,6 +515,31 @@ class MemoryListener(Listener):
         """Do nothing: there is no connection."""
 
 
+class _Pool(Pool):
+    """A pool that opens and closes connections while this process is not forked."""
+
+    def _create_connection(self) -> ConnectionPoolEntry:
+        with NO_FORK:
+            return super()._create_connection()
+
+    def _close_connection(self, connection: DBAPIConnection, *, terminate: bool = False) -> None:
+        with NO_FORK:
+            super()._close_connection(connection, terminate=terminate)
+
+
+class _FilePool(_Pool, QueuePool):
+    """The connections to a file."""
+
+
+class _MemoryPool(_Pool, StaticPool):
+    """The only connection to a store in memory."""
+
+
+def _keep_for_ever(kept: object) -> None:
+    """Keep something until this process ends, beyond the end of the interpreter."""
+    ctypes.pythonapi.Py_IncRef(ctypes.py_object(kept))
+
+
 OPTIONS = {"synchronous", "timeout", "mode"}
 # Steps of SQLite's machine, about a millisecond, between questions whether a statement must end.
 STEPS = 50_000
@@ -536,6 +554,8 @@ POOL_SIZE = 8
 class SqliteBackend(Backend):
     """An SQLite file, or a store in memory that lives as long as this object."""
 
+    # Whether this process was forked while a thread of its parent used SQLite.
+    _is_torn: ClassVar[bool] = False
     begin_read = "BEGIN"
     begin_write = "BEGIN IMMEDIATE"
     durable = "PRAGMA synchronous=FULL"
@@ -563,7 +583,6 @@ class SqliteBackend(Backend):
         self._write_lock = threading.Lock()
         self.connections: set[sqlite3.Connection] = set()
         self._idle: list[SqliteSession] = []
-        self._is_torn = False
         self.file = StoreFile(str(url.database), url_label(url))
         super().__init__(url, read_only=read_only, connections=connections)
 
@@ -577,7 +596,7 @@ class SqliteBackend(Backend):
             URL.create("sqlite"),
             creator=self.connect,
             paramstyle="named",
-            poolclass=StaticPool if self.in_memory else QueuePool,
+            poolclass=_MemoryPool if self.in_memory else _FilePool,
             pool_reset_on_return=None,
             **(
                 {}
@@ -601,6 +620,15 @@ class SqliteBackend(Backend):
 
         return engine
 
+    def look_for_threads(self) -> None:
+        """Note that a thread of the parent used SQLite, whichever database it was.
+
+        SQLite's mutexes are of the process: whoever held one does not exist in a child, where
+        opening and closing any connection would wait for it for ever.
+        """
+        if self.is_used_elsewhere():
+            SqliteBackend._is_torn = True
+
     def leave_connections(self) -> None:
         """Leave the connections to the parent process, in its child.
 
@@ -608,17 +636,21 @@ class SqliteBackend(Backend):
         child must close all of the parent's connections before it opens one: otherwise it writes
         without a lock and loses what it writes. Of a store in memory, it has a copy.
         """
-        self._is_torn |= any(thread != threading.get_ident() for thread in self.sessions.values())
         self.turns, self._write_lock = Turns(), threading.Lock()
         self.commits = Commits()
-        connections = [] if self._is_torn else [*self.connections]
-        for connection in connections:
-            if not self.in_memory:
+        if self._is_torn:
+            # Python would close what nobody refers to.
+            cursors = [session._cursor for session in self.sessions]
+            _keep_for_ever([*self.connections, *self._idle, *self.sessions, *cursors])
+        elif self.in_memory:
+            for connection in self.connections:
+                if connection.in_transaction:
+                    connection.rollback()
+        else:
+            for connection in [*self.connections]:
                 connection.close()
-            elif connection.in_transaction:
-                connection.rollback()
         self._idle.clear()
-        if not self.in_memory:
+        if self._is_torn or not self.in_memory:
             self.connections.clear()
             self.file.forget()
             super().leave_connections()
@@ -643,12 +675,14 @@ class SqliteBackend(Backend):
             name, is_uri = f"file:{quote(name)}?{option}", True
 
         def make() -> sqlite3.Connection:
+            self._refuse_torn()
             # Without an isolation level the driver issues no BEGIN of its own.
             return sqlite3.connect(
                 name, timeout=timeout, isolation_level=None, check_same_thread=False, uri=is_uri
             )
 
-        return make() if self.in_memory else self.file.open(make)
+        with NO_FORK:
+            return make() if self.in_memory else self.file.open(make)
 
     def wrap(self, connection: Any) -> Session:
         """Wrap a connection of the pool."""
@@ -693,11 +727,7 @@ class SqliteBackend(Backend):
 
     def connected(self) -> Session:
         """Take a connection; in memory, wait for this thread's turn."""
-        if self._is_torn:
-            raise ForkedError(
-                f"{self.label}: this process was forked while another thread used the store, which "
-                "SQLite does not survive; fork at another moment, or use 'spawn' or 'forkserver'"
-            )
+        self._refuse_torn()
         if not self.in_memory:
             if self.is_closed:
                 self.refuse_closed()
@@ -709,6 +739,14 @@ class SqliteBackend(Backend):
         except BaseException:
             self.turns.end()
             raise
+
+    def _refuse_torn(self) -> None:
+        if self._is_torn:
+            raise ForkedError(
+                f"{self.label}: this process was forked while another thread used this store or "
+                "another one, which SQLite does not survive; fork at another moment, or use "
+                "'spawn' or 'forkserver'"
+            )
 
     def _resumed(self) -> SqliteSession | None:
         """Take a kept session, if there is one."""
@@ -758,6 +796,10 @@ class SqliteBackend(Backend):
         """Remove the file unless it is in use, or `mark` finds a row in it."""
         if self.in_memory or not self.exists():
             return False
+        with NO_FORK:
+            return self._remove(mark)
+
+    def _remove(self, mark: Query) -> bool:
         connection = self.connect()
         try:
             connection.execute("PRAGMA busy_timeout=0")

@@ -17,6 +17,7 @@ from urllib.parse import quote
 from weakref import WeakValueDictionary
 
 from ...errors import StoreReplacedError
+from .base import NO_FORK
 
 logger = logging.getLogger("kant_sql.sqlite")
 
@@ -96,7 +97,7 @@ class Contents:
         try:
             # With `immutable`, SQLite reads the file alone and takes no lock.
             name = f"file:{quote(path)}?immutable=1"
-            with closing(sqlite3.connect(name, uri=True)) as connection:
+            with NO_FORK, closing(sqlite3.connect(name, uri=True)) as connection:
                 if mark is not None:
                     row = connection.execute(_HASH, (mark.kb_id, mark.revision)).fetchone()
                     if row is None or row[0] != mark.hash:
@@ -306,7 +307,7 @@ class StoreFile:
 
     def _is_whole(self, size: int) -> bool:
         """Return whether SQLite itself shortened the file, as VACUUM does."""
-        with closing(sqlite3.connect(self.path, isolation_level=None)) as connection:
+        with NO_FORK, closing(sqlite3.connect(self.path, isolation_level=None)) as connection:
             try:
                 pages, page = (
                     connection.execute(f"PRAGMA {name}").fetchone()[0]

@@ -5,6 +5,13 @@ from __future__ import annotations
 import os
 import threading
 import time
+from collections.abc import Callable
+from contextlib import suppress
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from alembic import command
 
 import kant_sql
 from kant_sql import ForkedError, KnowledgeBase
@@ -176,3 +183,123 @@ def fork_beside_a_watching_thread(url: str) -> None:
             Child(lambda: None).join()
             kb.objects.save(waypoint(3))
             assert call.result() == 3
+
+
+def _refused(work: Callable[[], object]) -> None:
+    try:
+        work()
+    except ForkedError:
+        return
+    raise AssertionError("SQLite would not survive this")
+
+
+def beside_a_thread_in_another_store(url: str, other_url: str) -> None:
+    """Fork while a thread is in a transaction of another SQLite store: the child says so."""
+    with kant_sql.connect(url) as kb, kant_sql.connect(other_url) as other:
+        _save(kb, 1)
+        entered, leave = threading.Event(), threading.Event()
+
+        def work() -> None:
+            with other.transaction():
+                _save(other, 1)
+                entered.set()
+                leave.wait(30)
+
+        thread = threading.Thread(target=work)
+        thread.start()
+        entered.wait(30)
+
+        def child() -> None:
+            _refused(kb.propositions.get_all)
+            _refused(other.propositions.get_all)
+            _refused(partial(kant_sql.connect, f"{url}.new"))
+            kb.close()
+
+        forked = Child(child)
+        leave.set()
+        thread.join()
+        forked.join()
+        _save(kb, 2)
+        assert len(kb.propositions.get_all()) == 2
+        Child(partial(_save, kb, 3)).join()
+        assert len(kb.propositions.get_all()) == 3
+
+
+def beside_reading_threads(url: str, other_url: str) -> None:
+    """Fork again and again while threads read another store: no child waits for ever."""
+    with kant_sql.connect(url) as kb, kant_sql.connect(other_url) as other:
+        _save(kb, 1)
+        _save(other, 1)
+        is_over = threading.Event()
+
+        def read() -> None:
+            while not is_over.is_set():
+                other.propositions.get_all()
+
+        threads = [threading.Thread(target=read) for _ in range(2)]
+        for thread in threads:
+            thread.start()
+        try:
+            for _ in range(60):
+                Child(lambda: None).join()
+        finally:
+            is_over.set()
+            for thread in threads:
+                thread.join()
+        assert len(kb.propositions.get_all()) == 1
+
+
+def beside_a_first_open(folder: str) -> None:
+    """Fork while a thread creates the tables of a new store: the child does not wait for it."""
+    begun = threading.Event()
+    upgrade = command.upgrade
+
+    def slowly(*args: Any, **options: Any) -> None:
+        begun.set()
+        time.sleep(0.3)
+        upgrade(*args, **options)
+
+    def create(name: str) -> None:
+        with kant_sql.connect(f"sqlite:///{Path(folder, name)}") as kb:
+            _save(kb, 1)
+            assert kb.revision == 1
+
+    command.upgrade = slowly
+    thread = threading.Thread(target=create, args=("parents.db",))
+    thread.start()
+    begun.wait(30)
+    command.upgrade = upgrade
+
+    def child() -> None:
+        # After the migration, the thread may use its store already.
+        with suppress(ForkedError):
+            create("childs.db")
+
+    forked = Child(child)
+    thread.join()
+    forked.join()
+
+
+def beside_a_thread_that_connects(url: str) -> None:
+    """Fork again and again while a thread opens and closes the store: children go on or say why."""
+    with kant_sql.connect(url) as kb:
+        _save(kb, 1)
+        is_over = threading.Event()
+
+        def connect() -> None:
+            while not is_over.is_set():
+                kant_sql.connect(url).close()
+
+        def child() -> None:
+            with suppress(ForkedError):
+                assert len(kb.propositions.get_all()) == 1
+
+        thread = threading.Thread(target=connect)
+        thread.start()
+        try:
+            for _ in range(40):
+                Child(child).join()
+        finally:
+            is_over.set()
+            thread.join()
+        assert len(kb.propositions.get_all()) == 1

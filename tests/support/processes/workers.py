@@ -6,9 +6,11 @@ threads and open connections.
 
 from __future__ import annotations
 
+import math
 import multiprocessing
 import os
 import signal
+import time
 import traceback
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -106,7 +108,14 @@ class Child:
 
     def join(self) -> None:
         """Wait until it has come to its end, and check that it is a good one."""
-        _, status = os.waitpid(self._pid, 0)
+        deadline = time.monotonic() + PATIENCE / 2
+        ended, status = os.waitpid(self._pid, os.WNOHANG)
+        while not ended:
+            if time.monotonic() > deadline:
+                os.kill(self._pid, signal.SIGKILL)
+                deadline = math.inf
+            time.sleep(0.002)
+            ended, status = os.waitpid(self._pid, os.WNOHANG)
         assert status == 0, f"the child ended with {status}"
 
 
