@@ -62,7 +62,9 @@ class Questions:
                 # The lock is held: a question that ends now waits with its connection, which the
                 # next one is to get in peace.
                 for question in running:
-                    question.stop()
+                    # A server that does not answer makes each request wait.
+                    if time.monotonic() < deadline:
+                        question.stop()
                 self._changed.wait_for(lambda: not self._running(), pause)
                 pause *= 2
 

@@ -21,7 +21,9 @@ from kant_sql import (
     StatementTimeoutError,
     aio,
     limited,
+    limits,
 )
+from kant_sql.limits import questions_of
 from kant_sql.sql.dialects.base import Session
 from kant_sql.sql.dialects.guard import GuardedCursor
 from kant_sql.sql.query import raw
@@ -328,6 +330,29 @@ def wait_for(is_so: Callable[[], bool]) -> None:
     while not is_so():
         assert time.monotonic() < deadline
         time.sleep(0.01)
+
+
+class Deaf:
+    """A statement whose server takes its time over each request to end it, and does not obey."""
+
+    is_running = True
+    asked = 0
+
+    def stop(self) -> None:
+        self.asked += 1
+        time.sleep(0.1)
+
+
+def test_cancelling_takes_no_longer_for_many_statements(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(limits, "CANCEL_WITHIN", 0.25)
+    limit, deaf = Limit(), [Deaf() for _ in range(30)]
+    for question in deaf:
+        questions_of(limit).join(question)
+    started = time.monotonic()
+    limit.cancel()
+    assert time.monotonic() - started < 2
+    assert 1 <= sum(question.asked for question in deaf) <= 3
+    assert limit.is_cancelled
 
 
 @pytest.mark.parametrize("shared_url", ["postgresql"], indirect=True)
