@@ -123,8 +123,8 @@ def open_store(url: str, *, connections: int = 8, read_only: bool = False) -> Kn
     """Open a store to work with many of its knowledge bases over a few connections.
 
     A transaction holds a connection until its block ends. One connection is kept for those who
-    only read, so one fewer than `connections` can write at once; further writers wait, for up to
-    20 s, without a connection. All who watch share one further connection.
+    only read, so one fewer than `connections` can write at once; further writers wait without a
+    connection, for up to 20 s, as those do who read. All who watch share one further connection.
 
     Args:
         url: the database URL, as for `kant_sql.connect`.

@@ -16,11 +16,11 @@ from ..errors import (
     ClosedError,
     ConnectionLostError,
     ReadOnlyError,
-    StoreBusyError,
     StoreError,
     StoreUnreachableError,
 )
-from ..sql.dialects.base import FIRST_PAUSE, LONGEST_PAUSE, Listener, Session
+from ..sql.dialects import base as retry
+from ..sql.dialects.base import FIRST_PAUSE, LONGEST_PAUSE, PASSING, Listener, Session
 from ..sql.query import Query
 from ..sql.rows import KB
 from ..sql.tables import HeadRow
@@ -97,7 +97,6 @@ def read_position(session: Session, kb_id: int | None) -> FeedPosition:
 
 # Seconds between polls: a writer killed right after its commit has notified nobody.
 LOOK_EVERY = 1.0
-_PASSING = (StoreBusyError, ConnectionLostError, StoreUnreachableError)
 
 
 def watch(
@@ -136,6 +135,7 @@ class _Watch:
         self._after = after
         self._deadline = deadline
         self._pause = FIRST_PAUSE
+        self._unknown_since: float | None = None
 
     def wait(self) -> int | None:
         """Wait for a new revision, or until the deadline."""
@@ -152,13 +152,13 @@ class _Watch:
                 self._pause = FIRST_PAUSE
             except StoreError as error:
                 self._refuse_closed()
-                if not isinstance(error, _PASSING):
+                if not isinstance(error, PASSING):
                     raise
-                if position is None and self._left() <= 0:
-                    # The state is unknown: retry for a while, as any other call does.
-                    position = self._store.query_in_snapshot(read_position)
-                    return position.head if self._is_news(position) else None
-                self._recover(error)
+                if position is None:
+                    self._distrust(error)
+                    if self._left() <= 0:
+                        return self._ask_at_last(error)
+                self._pause_after_failure()
 
     def _refuse_closed(self) -> None:
         store = self._store
@@ -169,7 +169,20 @@ class _Watch:
             )
 
     def _read(self) -> FeedPosition:
-        return self._store.query_once(read_position)
+        if self._unknown_since is None:
+            self._unknown_since = time.monotonic()
+        position = self._store.query_once(read_position)
+        self._unknown_since = None
+        return position
+
+    def _ask_at_last(self, error: StoreError) -> int | None:
+        """Retry for a while, as any other call does: the state is unknown."""
+        since = self._unknown_since
+        if since is not None and time.monotonic() - since > retry.RETRY_FOR:
+            # That was done already, or one attempt has waited as long for a connection.
+            raise error
+        position = self._store.query_in_snapshot(read_position)
+        return position.head if self._is_news(position) else None
 
     def _is_news(self, position: FeedPosition) -> bool:
         if self._after is None:
@@ -180,12 +193,15 @@ class _Watch:
     def _left(self) -> float:
         return self._deadline - time.monotonic()
 
-    def _recover(self, error: Exception) -> None:
+    def _distrust(self, error: Exception) -> None:
+        """Note what failed a read; a listener itself does so where many share it."""
         backend = self._store.backend
         if isinstance(error, StoreUnreachableError) and not backend.has_answered:
             raise error
         if isinstance(error, ConnectionLostError):
             # The other connections of the pool are most likely lost, too.
             backend.renew()
+
+    def _pause_after_failure(self) -> None:
         time.sleep(max(0.0, min(self._pause, self._left())))
         self._pause = min(2 * self._pause, LONGEST_PAUSE)

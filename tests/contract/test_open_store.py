@@ -12,9 +12,11 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from typing import Any
+from unittest import mock
 
 import psycopg
 import pytest
+from sqlalchemy import event
 
 import kant_sql
 from kant_sql import (
@@ -32,6 +34,9 @@ from kant_sql import (
 )
 from kant_sql.history import follow
 from kant_sql.sql.dialects import base as dialect_base
+from kant_sql.sql.dialects import postgresql
+from kant_sql.sql.dialects.postgresql import PostgresqlListener
+from kant_sql.sql.dialects.postgresql_sharing import Ears
 from kant_sql.store import store as single
 from tests.support.faults import on_server, terminate
 from tests.support.processes.workers import PATIENCE
@@ -53,6 +58,16 @@ def only_told(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(follow, "LOOK_EVERY", 10 * PATIENCE)
 
 
+def count_others(connection: psycopg.Connection[Any]) -> int:
+    """Count the other connections to a database."""
+    [(found,)] = connection.execute(
+        "SELECT count(*) FROM pg_stat_activity"
+        " WHERE datname = current_database() AND pid <> pg_backend_pid()"
+        " AND backend_type = 'client backend'"
+    ).fetchall()
+    return int(found)
+
+
 class Census:
     """The most connections to a database that were there at a time, besides its own."""
 
@@ -65,12 +80,7 @@ class Census:
     def _run(self) -> None:
         with psycopg.connect(self._url, autocommit=True) as connection:
             while not self._ended.is_set():
-                [(found,)] = connection.execute(
-                    "SELECT count(*) FROM pg_stat_activity"
-                    " WHERE datname = current_database() AND pid <> pg_backend_pid()"
-                    " AND backend_type = 'client backend'"
-                ).fetchall()
-                self.most = max(self.most, found)
+                self.most = max(self.most, count_others(connection))
                 self.looks += 1
                 self._ended.wait(0.005)
 
@@ -411,6 +421,101 @@ def test_closing_ends_those_who_watch(url: str) -> None:
     with pytest.raises(ClosedError):
         second.result(PATIENCE)
     pool.shutdown()
+
+
+@on_server
+def test_watching_waits_once_for_a_connection(
+    shared_url: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert postgresql.POOL_TIMEOUT == single.WRITE_LOCK_TIMEOUT
+    monkeypatch.setattr(postgresql, "POOL_TIMEOUT", 1.0)
+    monkeypatch.setattr(dialect_base, "RETRY_FOR", 0.5)
+    with kant_sql.open_store(shared_url, connections=2) as store:
+        kb = store.knowledge_base("tiago")
+        kb.objects.save(RB1)
+        with store._backend.open_session(), store._backend.open_session():
+            began = time.monotonic()
+            with pytest.raises(StoreBusyError, match="all connections of this process are in use"):
+                kb.watch(1, timeout=0.1)
+            assert 1.0 <= time.monotonic() - began < 1.9
+        assert kb.watch(1, timeout=0.1) is None
+
+
+@on_server
+def test_a_lost_listener_does_not_replace_the_connections_again_and_again(
+    shared_url: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with kant_sql.open_store(shared_url, connections=3) as store:
+        kbs = [store.knowledge_base(f"robot {number}") for number in range(12)]
+        for kb in kbs:
+            kb.objects.save(RB1)
+        renewed = mock.Mock(wraps=store._backend.renew)
+        monkeypatch.setattr(store._backend, "renew", renewed)
+        pool, waiting = started([lambda kb=kb: kb.watch(1) for kb in kbs])  # type: ignore[misc]
+        time.sleep(0.5)
+        with psycopg.connect(shared_url, autocommit=True) as elsewhere:
+            ended = elsewhere.execute(
+                "SELECT pg_terminate_backend(pid, 5000) FROM pg_stat_activity"
+                " WHERE datname = current_database() AND query LIKE 'LISTEN%'"
+            ).fetchall()
+        assert len(ended) == 1
+        for kb in kbs:
+            kb.objects.save(WP2)
+        assert [each.result(PATIENCE) for each in waiting] == [2] * 12
+        pool.shutdown()
+    assert renewed.call_count == 1
+
+
+@pytest.mark.parametrize("shares", [True, False])
+@on_server
+def test_closing_leaves_no_listener_that_begins_meanwhile(
+    shared_url: str, shares: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    owner: Any = Ears if shares else PostgresqlListener
+    method = "join" if shares else "_listen"
+    original = getattr(owner, method)
+
+    def closed_just_before(listener: Any, kb_id: int) -> Any:
+        closing.close()
+        return original(listener, kb_id)
+
+    closing = kant_sql.open_store(shared_url) if shares else kant_sql.connect(shared_url)
+    kb = closing.knowledge_base("tiago") if isinstance(closing, KnowledgeStore) else closing
+    kb.objects.save(RB1)
+    monkeypatch.setattr(owner, method, closed_just_before)
+    with pytest.raises(ClosedError):
+        kb.watch(timeout=PATIENCE)
+    with psycopg.connect(shared_url, autocommit=True) as look:
+        deadline = time.monotonic() + PATIENCE
+        while count_others(look):
+            assert time.monotonic() < deadline
+            time.sleep(0.01)
+    assert not [t for t in threading.enumerate() if t.name == "kant_sql listener"]
+
+
+def test_closing_goes_on_when_something_cannot_be_closed(
+    shared_url: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    store = kant_sql.open_store(shared_url)
+    store.knowledge_base("tiago").watch(timeout=0.01)
+    backend, closed = store._backend, []
+
+    def fail() -> None:
+        raise ZeroDivisionError
+
+    backend.when_closed += [lambda: closed.append("first"), fail]
+    engines = [backend.engine]
+    if isinstance(backend, postgresql.PostgresqlBackend):
+        engines.append(backend.listening)
+        monkeypatch.setattr(backend._ears, "close", fail)
+    for engine in engines:
+        event.listen(engine, "engine_disposed", lambda _: closed.append("engine"))
+    with pytest.raises(ZeroDivisionError):
+        store.close()
+    assert closed == ["first"] + ["engine"] * len(engines)
+    monkeypatch.undo()
+    if isinstance(backend, postgresql.PostgresqlBackend):
+        backend.close()
 
 
 @pytest.mark.slow

@@ -1,36 +1,147 @@
-"""One listener for all watchers of a process: what ends it reaches each of them, once."""
+"""One listener for all watchers of a process: when it begins, what it forgets, and how it ends."""
 
 from __future__ import annotations
 
 import logging
+import socket
+import threading
 import time
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from typing import ClassVar, NamedTuple
 
 import pytest
 
+from kant_sql.sql.dialects import postgresql_sharing as sharing
 from kant_sql.sql.dialects.postgresql_sharing import (
     POLL_PAUSE,
     CannotListenError,
+    Deafness,
+    Ear,
     Ears,
     SharedListener,
+    channel,
 )
 from tests.support.processes.workers import PATIENCE
 
-
-def deaf() -> object:
-    raise CannotListenError("on the moon")
+MOMENT = 0.1
 
 
-def lost() -> object:
-    raise ConnectionError("gone")
+@pytest.fixture(autouse=True)
+def no_open_sockets() -> Iterator[None]:
+    yield
+    while Connection.sockets:
+        Connection.sockets.pop().close()
+
+
+class Notice(NamedTuple):
+    """A notification."""
+
+    channel: str
+
+
+class Connection:
+    """A driver's connection that only listens, in a pool of one."""
+
+    sockets: ClassVar[list[socket.socket]] = []
+
+    def __init__(self) -> None:
+        self.statements: list[str] = []
+        self.returned: list[str] = []
+        self._told, self._tell = socket.socketpair()
+        self._told.setblocking(False)
+        self.sockets.extend((self._told, self._tell))
+
+    @property
+    def driver_connection(self) -> Connection:
+        return self
+
+    def fileno(self) -> int:
+        return self._told.fileno()
+
+    def execute(self, statement: str) -> None:
+        self.statements += statement.split("; ")
+
+    def notify(self, kb_id: int) -> None:
+        self._tell.send(bytes([kb_id]))
+
+    def notifies(self, timeout: float) -> Iterator[Notice]:
+        try:
+            yield from (Notice(channel(kb_id)) for kb_id in self._told.recv(100))
+        except BlockingIOError:
+            return
+
+    def close(self) -> None:
+        self.returned.append("close")
+
+    def invalidate(self) -> None:
+        self.returned.append("invalidate")
+
+
+class Line:
+    """What gives listeners their connections, or an error."""
+
+    label = "here"
+
+    def __init__(self, *errors: Exception) -> None:
+        self.is_closed = False
+        self.connection = Connection()
+        self.taken = 0
+        self.failures: list[Exception] = []
+        self._errors = list(errors)
+
+    def refuse_closed(self) -> None:
+        if self.is_closed:
+            raise ValueError("it was closed")
+
+    def take_listening(self) -> Connection:
+        self.taken += 1
+        if self._errors:
+            raise self._errors.pop(0)
+        return self.connection
+
+    def listening_failed(self, error: Exception) -> None:
+        self.failures.append(error)
+
+    def heard(self, error: Exception) -> Exception:
+        return LookupError(f"translated: {error}")
+
+
+class Standby(Exception):
+    """What the driver raises on a standby."""
+
+    sqlstate = "25006"
+
+
+def pooled() -> CannotListenError:
+    return CannotListenError("on the moon")
+
+
+def listeners_on(line: Line, number: int = 1) -> tuple[Ears, list[SharedListener]]:
+    ears, deafness = Ears(line), Deafness(line)
+    return ears, [SharedListener(ears, line, deafness) for _ in range(number)]
+
+
+def ear_of(ears: Ears) -> Ear:
+    assert ears._ear is not None
+    return ears._ear
+
+
+def wait_for(is_so: Callable[[], bool]) -> None:
+    deadline = time.monotonic() + PATIENCE
+    while not is_so():
+        assert time.monotonic() < deadline
+        time.sleep(0.005)
+
+
+# Where it cannot listen.
 
 
 def test_a_listener_that_ends_at_once_keeps_nobody_waiting(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     # The thread often ends before the one that has started it goes on.
-    ears = Ears(deaf)
-    listeners = [SharedListener(ears, "here", RuntimeError) for _ in range(50)]
+    ears, listeners = listeners_on(Line(*[pooled() for _ in range(50)]), 50)
     with ThreadPoolExecutor(len(listeners)) as pool:
         for call in [pool.submit(each.wait, 1, PATIENCE) for each in listeners]:
             assert call.result(PATIENCE / 4) is None
@@ -44,12 +155,163 @@ def test_a_listener_that_ends_at_once_keeps_nobody_waiting(
     ears.close()
 
 
+@pytest.mark.parametrize(("error", "attempts"), [(Standby(), 3), (pooled(), 1)])
+def test_a_standby_is_tried_again_and_a_pooler_is_not(
+    error: Exception,
+    attempts: int,
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    monkeypatch.setattr(sharing, "STANDBY_FOR", MOMENT)
+    line = Line(error, error)
+    ears, [listener] = listeners_on(line)
+    for _ in range(3):
+        listener.wait(1, MOMENT)
+        listener.wait(1, MOMENT)
+        time.sleep(MOMENT)
+    assert line.taken == attempts
+    assert (f"LISTEN {channel(1)}" in line.connection.statements) == (attempts == 3)
+    assert caplog.text.count("LISTEN is not possible") == 1
+    ears.close()
+
+
 def test_the_error_of_a_listener_is_raised_by_each_call() -> None:
-    ears = Ears(lost)
-    listener = SharedListener(ears, "here", lambda error: RuntimeError(f"translated: {error}"))
+    line = Line(*[ConnectionError("gone") for _ in range(200)])
+    ears, [listener] = listeners_on(line)
     started = time.monotonic()
     for _ in range(200):
-        with pytest.raises(RuntimeError, match="translated: gone"):
+        with pytest.raises(LookupError, match="translated: gone"):
             listener.wait(1, PATIENCE)
     assert time.monotonic() - started < PATIENCE
     ears.close()
+
+
+def test_a_lost_connection_is_distrusted_once_for_all_who_wait() -> None:
+    line = Line()
+    ears, listeners = listeners_on(line, 20)
+    for listener in listeners:
+        listener.wait(1, PATIENCE)
+    with ThreadPoolExecutor(len(listeners)) as pool:
+        calls = [pool.submit(each.wait, 1, PATIENCE) for each in listeners]
+        line.connection.notifies = lambda timeout: iter([Notice("nonsense")])  # type: ignore[method-assign]
+        line.connection.notify(1)
+        for call in calls:
+            with pytest.raises(LookupError, match="translated: "):
+                call.result(PATIENCE)
+    assert len(line.failures) == 1
+    assert line.connection.returned == ["invalidate"]
+    ears.close()
+
+
+# When nobody watches.
+
+
+def test_what_nobody_watches_is_forgotten_while_others_are_busy(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(sharing, "LINGER", MOMENT)
+    line = Line()
+    ears, [busy, left] = listeners_on(line, 2)
+    for kb_id, listener in enumerate((busy, left), 1):
+        listener.wait(kb_id, PATIENCE)
+    ear = ear_of(ears)
+    over = threading.Event()
+
+    def keep_busy() -> None:
+        while not over.wait(MOMENT / 10):
+            line.connection.notify(1)
+
+    thread = threading.Thread(target=keep_busy)
+    thread.start()
+    try:
+        left.close()
+        wait_for(lambda: f"UNLISTEN {channel(2)}" in line.connection.statements)
+        assert f"UNLISTEN {channel(1)}" not in line.connection.statements
+        busy.close()
+        wait_for(lambda: not ear._thread.is_alive())
+    finally:
+        over.set()
+        thread.join()
+    assert line.connection.returned == ["close"]
+    # Who comes back is heard.
+    busy.wait(1, PATIENCE)
+    assert ear_of(ears) is not ear
+    ears.close()
+
+
+def test_what_somebody_watches_again_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sharing, "LINGER", MOMENT)
+    line = Line()
+    ears, [listener] = listeners_on(line)
+    for _ in range(30):
+        listener.wait(1, PATIENCE)
+        listener.close()
+        time.sleep(MOMENT / 10)
+    assert line.connection.statements == [f"LISTEN {channel(1)}"]
+    ears.close()
+
+
+# Beginning and end.
+
+
+def test_a_thread_that_cannot_be_started_leaves_nothing_behind(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    line = Line()
+    ears, [first, second] = listeners_on(line, 2)
+    made: list[Ear] = []
+
+    class Noted(Ear):
+        def __init__(self, line: sharing.Line) -> None:
+            super().__init__(line)
+            made.append(self)
+
+    def refuse(thread: threading.Thread) -> None:
+        raise RuntimeError("can't start new thread")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(sharing, "Ear", Noted)
+        patch.setattr(threading.Thread, "start", refuse)
+        with pytest.raises(LookupError, match="translated: can't start new thread"):
+            first.wait(1, PATIENCE)
+    assert [end.fileno() for end in (made[0]._waking, made[0]._woken)] == [-1, -1]
+    ears.close()
+    second.wait(1, PATIENCE)
+    assert line.connection.statements == [f"LISTEN {channel(1)}"]
+    ears.close()
+
+
+def test_closing_just_when_it_looks_whom_to_forget_ends_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(sharing, "LINGER", MOMENT)
+    line = Line()
+    ears, [listener] = listeners_on(line)
+    looking, forget = threading.Event(), Ear._forget_unwatched
+
+    def closed_meanwhile(ear: Ear, connection: object) -> None:
+        looking.set()
+        wait_for(lambda: ear._is_over)
+        forget(ear, connection)
+
+    monkeypatch.setattr(Ear, "_forget_unwatched", closed_meanwhile)
+    listener.wait(1, PATIENCE)
+    ear = ear_of(ears)
+    assert looking.wait(PATIENCE)
+    line.is_closed = True
+    ears.close()
+    assert not ear._thread.is_alive()
+    # The pool is closed, and would keep it.
+    assert line.connection.returned == ["invalidate"]
+
+
+def test_nobody_begins_to_listen_after_the_end() -> None:
+    line = Line()
+    ears, [first, second] = listeners_on(line, 2)
+    first.wait(1, PATIENCE)
+    line.is_closed = True
+    for _ in range(2):
+        with pytest.raises(ValueError, match="it was closed"):
+            second.wait(1, PATIENCE)
+        ears.close()
+    assert line.taken == 1

@@ -7,20 +7,15 @@ from weakref import WeakKeyDictionary
 
 from ...arguments import expect, flag, optional_call, optional_text
 from ...errors import (
-    ConnectionLostError,
     InvalidArgumentError,
     InvalidUrlError,
     ReadOnlyError,
-    StoreBusyError,
     StoreError,
-    StoreUnreachableError,
 )
-from ...sql.dialects.base import Backend
+from ...sql.dialects.base import PASSING, Backend
 from ...store.store import Store
 from .push import Progress, Pushed, Terms, push
 from .target import ReplicationSide, Target, open_store
-
-_PASSING = StoreBusyError, ConnectionLostError, StoreUnreachableError
 
 
 class _Targets:
@@ -92,7 +87,7 @@ def push_from(
         sides = targets.open(url, store.name, source)
         return push(*sides, Terms(archive, adopt), progress)
     except StoreError as error:
-        if not isinstance(error, _PASSING):
+        if not isinstance(error, PASSING):
             # It may have been replaced, or be of another version by now.
             targets.forget(url)
         raise

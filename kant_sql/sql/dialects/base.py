@@ -10,7 +10,7 @@ import time
 import weakref
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Hashable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 from datetime import UTC, datetime
 from typing import Any, NamedTuple, Protocol, TypeVar
 
@@ -135,7 +135,7 @@ class Listener(ABC):
 class WriterLock(Protocol):
     """What a writer of this process waits for before it takes a connection."""
 
-    def acquire(self, blocking: bool = True, timeout: float = -1) -> bool:
+    def acquire(self, *, timeout: float) -> bool:
         """Wait for a turn; return whether it came in time."""
 
     def release(self) -> None:
@@ -573,11 +573,13 @@ class Backend(ABC):
             session.close()
 
     def close(self) -> None:
-        """Close all connections, for good."""
+        """Close all connections, for good, whatever one of them raises."""
         self.is_closed = True
-        while self.when_closed:
-            self.when_closed.pop()()
-        self.engine.dispose()
+        closers, self.when_closed = self.when_closed, []
+        with ExitStack() as steps:
+            # The last one comes first.
+            for step in (self.engine.dispose, *closers):
+                steps.callback(step)
 
     def is_used_elsewhere(self) -> bool:
         """Return whether another thread than this one has a session."""
@@ -728,6 +730,8 @@ def refuse_unknown_options(url: URL, known: set[str]) -> None:
 
 _retry_logger = logging.getLogger("kant_sql.retry")
 
+# Errors after which the same call may succeed.
+PASSING = StoreBusyError, ConnectionLostError, StoreUnreachableError
 RETRY_FOR = 10.0
 FIRST_PAUSE, LONGEST_PAUSE = 0.02, 0.5
 
@@ -741,7 +745,7 @@ def retrying(backend: Backend, work: Callable[[], T]) -> T:
         attempt += 1
         try:
             return work()
-        except (StoreBusyError, ConnectionLostError, StoreUnreachableError) as error:
+        except PASSING as error:
             if isinstance(error, ConnectionLostError):
                 # The other connections of the pool are most likely lost, too.
                 backend.renew()

@@ -13,7 +13,7 @@ import selectors
 import threading
 import time
 from collections.abc import Collection, Hashable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, contextmanager, suppress
+from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
 from datetime import UTC, datetime
 from functools import cache
 from typing import Any
@@ -98,13 +98,12 @@ from .postgresql_roles import (
 from .postgresql_sharing import (
     POLL_PAUSE,
     CannotListenError,
+    Deafness,
     Ears,
     Selector,
     SharedListener,
     WriterTurns,
     channel,
-    warn_of_polling,
-    why_deaf,
 )
 from .postgresql_structure import PostgresqlViews, Qualifier, describe, index_faults
 from .structure import IndexFault, Statement
@@ -120,11 +119,11 @@ class PostgresqlListener(Listener):
         self._backend = backend
         self._pooled: Any = None
         self._pool: Any = None
-        self._is_deaf = False
+        self._deafness = backend.deafness
 
     def wait(self, kb_id: int | None, seconds: float) -> None:
         """Wait for a notification; the first call begins to listen."""
-        if kb_id is None or self._is_deaf:
+        if kb_id is None or not self._deafness.is_over:
             # There is no channel yet, or LISTEN is not possible.
             time.sleep(min(POLL_PAUSE, seconds))
             return
@@ -140,11 +139,9 @@ class PostgresqlListener(Listener):
 
     def _fail(self, error: Exception) -> None:
         self._drop()
-        reason = why_deaf(error)
-        if reason is None:
+        if not self._deafness.explains(error):
+            self._backend.listening_failed(error)
             raise self._backend.translate(error) from error
-        self._is_deaf = True
-        warn_of_polling(self._backend.label, reason)
 
     def _listen(self, kb_id: int) -> None:
         self._pool, self._pooled = self._backend.listening.pool, self._backend.take_listening()
@@ -167,7 +164,7 @@ class PostgresqlListener(Listener):
         """Stop listening, and keep the connection for the next listener."""
         if self._pooled is None:
             return
-        if self._pool is not self._backend.listening.pool:
+        if self._backend.is_closed or self._pool is not self._backend.listening.pool:
             self._drop()  # The pool was closed while this was in use.
             return
         try:
@@ -631,6 +628,8 @@ _VIEW = Query(
     )
 )
 LOCK_TIMEOUT = "20s"
+# Seconds that a thread waits for a connection of the pool: as long as for a lock.
+POOL_TIMEOUT = 20.0
 # The number of libpq's state of a transaction in which a statement has failed.
 _FAILED = 3
 _DURABLE = (
@@ -670,9 +669,11 @@ class PostgresqlBackend(Backend):
 
     Attributes:
         listening: the engine of listeners' connections.
+        deafness: whether LISTEN is not possible.
     """
 
     listening: Engine
+    deafness: Deafness
     begin_read = "BEGIN ISOLATION LEVEL REPEATABLE READ READ ONLY"
     begin_write = "BEGIN ISOLATION LEVEL READ COMMITTED"
     durable = _DURABLE.format("false")
@@ -691,12 +692,13 @@ class PostgresqlBackend(Backend):
         """Create the engines; sessions control transactions."""
         # Listeners must not exhaust the pool of sessions.
         self.listening = self._create_pool(1, -1)
+        self.deafness = Deafness(self)
         most = self.most_connections
         if most is None:
             return self._create_pool(POOL_SIZE, MAX_CONNECTIONS - POOL_SIZE)
         made = self._create_pool(most, 0)
         self._turns = WriterTurns(most)
-        self._ears = Ears(self.take_listening)
+        self._ears = Ears(self)
         return made
 
     def _create_pool(self, size: int, overflow: int) -> Engine:
@@ -706,6 +708,7 @@ class PostgresqlBackend(Backend):
             pool_reset_on_return=None,
             pool_size=size,
             max_overflow=overflow,
+            pool_timeout=POOL_TIMEOUT,
             # As in `create_pool_from_url`: without the five statements of SQLAlchemy's first
             # connection, which only reflection and literals need.
             _initialize=False,
@@ -730,16 +733,19 @@ class PostgresqlBackend(Backend):
         return engine
 
     def close(self) -> None:
-        """Close all connections."""
-        super().close()
-        if self._ears is not None:
-            self._ears.close()
-        self.listening.dispose()
+        """Close all connections, whatever one of them raises."""
+        with ExitStack() as steps:
+            # The last one comes first.
+            steps.callback(self.listening.dispose)
+            if self._ears is not None:
+                steps.callback(self._ears.close)
+            steps.callback(super().close)
 
     def leave_connections(self) -> None:
         """Leave the connections to the parent process, in its child."""
         super().leave_connections()
         self.listening.dispose(close=False)
+        self.deafness = Deafness(self)
         if self.most_connections is not None:
             self._turns = WriterTurns(self.most_connections)
         if self._ears is not None:
@@ -748,6 +754,10 @@ class PostgresqlBackend(Backend):
     def take_listening(self) -> PoolProxiedConnection:
         """Take a connection that listens, unless a pooler answers."""
         pooled = self.take(self.listening)
+        if self.is_closed:
+            # Meanwhile: what is taken now would stay open.
+            pooled.invalidate()
+            raise self.closed_error()
         if pooled.info[IS_POOLED]:
             pooled.close()
             raise CannotListenError("through a pooler; watch by the server's own address")
@@ -757,9 +767,14 @@ class PostgresqlBackend(Backend):
         """Create a listener."""
         if self._ears is None:
             return PostgresqlListener(self)
-        return SharedListener(self._ears, self.label, self._heard)
+        return SharedListener(self._ears, self, self.deafness)
 
-    def _heard(self, error: Exception) -> StoreError:
+    def listening_failed(self, error: Exception) -> None:
+        """Distrust the other connections, if the one that listened was lost."""
+        if isinstance(self.heard(error), ConnectionLostError):
+            self.renew()
+
+    def heard(self, error: Exception) -> StoreError:
         """Translate the error of a listening thread, for one of those who wait."""
         return type(error)(*error.args) if isinstance(error, StoreError) else self.translate(error)
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import logging
+import math
 import selectors
 import socket
 import threading
 import time
-from collections.abc import Callable
 from contextlib import suppress
-from typing import Any
+from typing import Any, Protocol
 from weakref import WeakValueDictionary
 
 from .base import Listener, WriterLock
@@ -22,6 +22,8 @@ POLL_PAUSE = 0.1
 _STANDBY = "25006"
 # Seconds for which channels without a watcher stay open: most who watch come back at once.
 LINGER = 5.0
+# Seconds until LISTEN is tried again on a standby, which may have been promoted meanwhile.
+STANDBY_FOR = 60.0
 # Seconds that closing waits for the thread of a listener.
 _END_TIMEOUT = 5.0
 # It has no file descriptor that the child of a fork would keep open.
@@ -39,16 +41,63 @@ class CannotListenError(Exception):
     """LISTEN is not possible, where or why the text says."""
 
 
-def why_deaf(error: Exception) -> str | None:
-    """Return where LISTEN is not possible, if that is what an error says."""
-    if isinstance(error, CannotListenError):
-        return str(error)
-    return "on a standby" if getattr(error, "sqlstate", None) == _STANDBY else None
+class Line(Protocol):
+    """Where listeners get their connections.
+
+    Attributes:
+        is_closed: whether it was closed for good.
+    """
+
+    is_closed: bool
+
+    @property
+    def label(self) -> str:
+        """What messages call it."""
+
+    def refuse_closed(self) -> None:
+        """Raise when it is closed."""
+
+    def take_listening(self) -> Any:
+        """Take a connection that can listen."""
+
+    def listening_failed(self, error: Exception) -> None:
+        """Distrust the other connections, if the one that listened was lost."""
+
+    def heard(self, error: Exception) -> Exception:
+        """Translate the error of a listener, for one of those who wait."""
 
 
-def warn_of_polling(label: str, reason: str) -> None:
-    """Log that who watches polls."""
-    logger.warning("%s: LISTEN is not possible %s; polling every %g s", label, reason, POLL_PAUSE)
+class Deafness:
+    """Whether LISTEN is not possible: for how long it is not tried."""
+
+    def __init__(self, line: Line) -> None:
+        self._line = line
+        self._until = -math.inf
+        self._is_known = False
+        self._lock = threading.Lock()
+
+    @property
+    def is_over(self) -> bool:
+        """Whether to try LISTEN."""
+        return time.monotonic() >= self._until
+
+    def explains(self, error: Exception) -> bool:
+        """Return whether an error says that LISTEN is not possible, and note it."""
+        if isinstance(error, CannotListenError):
+            reason, seconds = str(error), math.inf
+        elif getattr(error, "sqlstate", None) == _STANDBY:
+            reason, seconds = "on a standby", STANDBY_FOR
+        else:
+            return False
+        with self._lock:
+            is_new, self._is_known = not self._is_known, True
+            self._until = time.monotonic() + seconds
+        if is_new:
+            label = self._line.label
+            logger.warning(
+                "%s: LISTEN is not possible %s; polling every %g s", label, reason, POLL_PAUSE
+            )
+        return True
 
 
 class WriterTurns:
@@ -80,13 +129,12 @@ class _Turn:
         self._lock = lock
         self._slots = slots
 
-    def acquire(self, blocking: bool = True, timeout: float = -1) -> bool:
+    def acquire(self, *, timeout: float) -> bool:
         """Wait for both; return whether they came in time."""
         deadline = time.monotonic() + timeout
-        if not self._lock.acquire(blocking, timeout):
+        if not self._lock.acquire(timeout=timeout):
             return False
-        left = max(0.0, deadline - time.monotonic()) if timeout >= 0 else None
-        if self._slots.acquire(blocking, left):
+        if self._slots.acquire(timeout=max(0.0, deadline - time.monotonic())):
             return True
         self._lock.release()
         return False
@@ -104,14 +152,20 @@ class _Channel:
         watchers: how many wait for it.
         is_heard: whether the server notifies of it already.
         error: the driver's error that ended it.
+        left_at: when the last watcher left.
     """
 
     def __init__(self) -> None:
         self.watchers = 0
+        self.left_at = math.inf
         self.is_heard = False
         self.error: Exception | None = None
         self._number = 0
         self._changed = threading.Condition()
+
+    def is_left(self, now: float) -> bool:
+        """Whether nobody has watched it for a while."""
+        return not self.watchers and now - self.left_at >= LINGER
 
     def tell(self) -> None:
         """Note a notification, and wake all watchers."""
@@ -150,11 +204,12 @@ class Ear:
     It ends when nobody has watched for a while, or when the connection is lost.
     """
 
-    def __init__(self, connect: Callable[[], Any]) -> None:
-        self._connect = connect
+    def __init__(self, line: Line) -> None:
+        self._line = line
         self._channels: dict[int, _Channel] = {}
         self._lock = threading.Lock()
         self._is_over = False
+        self._look_at = time.monotonic() + LINGER
         self._waking, self._woken = socket.socketpair()
         for end in (self._waking, self._woken):
             end.setblocking(False)
@@ -165,7 +220,11 @@ class Ear:
         # There before the thread, which may end at once: the channel says why.
         first = self._channels[kb_id] = _Channel()
         first.watchers = 1
-        self._thread.start()
+        try:
+            self._thread.start()
+        except BaseException:
+            self.close_sockets()
+            raise
         return first
 
     def join(self, kb_id: int) -> _Channel | None:
@@ -184,6 +243,7 @@ class Ear:
         """Stop watching."""
         with self._lock:
             watched.watchers -= 1
+            watched.left_at = time.monotonic()
 
     def close(self) -> None:
         """End it, and wait for its thread."""
@@ -193,8 +253,8 @@ class Ear:
         if self._thread is not threading.current_thread():
             self._thread.join(_END_TIMEOUT)
 
-    def forget(self) -> None:
-        """Leave it to the parent process, in its child."""
+    def close_sockets(self) -> None:
+        """Close the sockets that wake it, when it has ended or is the parent process's."""
         self._waking.close()
         self._woken.close()
 
@@ -207,17 +267,19 @@ class Ear:
         error: Exception | None = None
         pooled: Any = None
         try:
-            pooled = self._connect()
+            pooled = self._line.take_listening()
             self._serve(pooled.driver_connection)
             # Otherwise the server queues notifications for it.
             pooled.driver_connection.execute("UNLISTEN *")
         except Exception as failure:
             # Those who wait raise it.
             error = failure
+            self._line.listening_failed(failure)
         finally:
             self._end(error)
             if pooled is not None:
-                (pooled.close if error is None else pooled.invalidate)()
+                is_of_use = error is None and not self._line.is_closed
+                (pooled.close if is_of_use else pooled.invalidate)()
 
     def _end(self, error: Exception | None) -> None:
         with self._lock:
@@ -225,7 +287,7 @@ class Ear:
             channels = [*self._channels.values()]
         for each in channels:
             each.fail(error)
-        self.forget()
+        self.close_sockets()
 
     def _serve(self, connection: Any) -> None:
         with Selector() as selector:
@@ -235,7 +297,8 @@ class Ear:
                 # Before waiting: some may have come with the answer to LISTEN.
                 for notice in connection.notifies(timeout=0):
                     self._tell(notice.channel)
-                if not selector.select(LINGER):
+                selector.select(max(0.0, self._look_at - time.monotonic()))
+                if time.monotonic() >= self._look_at:
                     self._forget_unwatched(connection)
                 with suppress(BlockingIOError):
                     self._woken.recv(4096)
@@ -253,11 +316,18 @@ class Ear:
         return True
 
     def _forget_unwatched(self, connection: Any) -> None:
+        """Stop listening to channels whose last watcher left a while ago, however busy others are.
+
+        With none left, it ends.
+        """
+        now = time.monotonic()
+        self._look_at = now + LINGER
         with self._lock:
-            unwatched = [id_ for id_, each in self._channels.items() if not each.watchers]
+            unwatched = [id_ for id_, each in self._channels.items() if each.is_left(now)]
             for id_ in unwatched:
                 del self._channels[id_]
-            self._is_over = not self._channels
+            # It may have been closed just before.
+            self._is_over = self._is_over or not self._channels
         if unwatched:
             connection.execute("; ".join(f"UNLISTEN {channel(id_)}" for id_ in unwatched))
 
@@ -271,29 +341,28 @@ class Ear:
 class Ears:
     """The ear of a process: it is made when somebody watches, and again after it has ended."""
 
-    def __init__(self, connect: Callable[[], Any]) -> None:
-        self._connect = connect
+    def __init__(self, line: Line) -> None:
+        self._line = line
         self._ear: Ear | None = None
         self._lock = threading.Lock()
-        self.is_deaf = False
 
     def join(self, kb_id: int) -> tuple[Ear, _Channel]:
         """Begin to watch a knowledge base."""
         with self._lock:
-            found = None if self._ear is None else self._ear.join(kb_id)
-            if self._ear is None or found is None:
-                self._ear = Ear(self._connect)
-                found = self._ear.start(kb_id)
-            return self._ear, found
-
-    def become_deaf(self) -> bool:
-        """Note that LISTEN is not possible; return whether that is new."""
-        with self._lock:
-            is_new, self.is_deaf = not self.is_deaf, True
-        return is_new
+            # A closed line ends the ear afterwards, under this lock: it leaves no later one behind.
+            self._line.refuse_closed()
+            if self._ear is not None:
+                found = self._ear.join(kb_id)
+                if found is not None:
+                    return self._ear, found
+            ear = Ear(self._line)
+            first = ear.start(kb_id)
+            # Only now: nobody may join one whose thread could not be started.
+            self._ear = ear
+            return ear, first
 
     def close(self) -> None:
-        """End the thread."""
+        """End the thread, after the line was closed."""
         with self._lock:
             ear, self._ear = self._ear, None
         if ear is not None:
@@ -304,39 +373,43 @@ class Ears:
         self._lock = threading.Lock()
         ear, self._ear = self._ear, None
         if ear is not None:
-            ear.forget()
+            ear.close_sockets()
 
 
 class SharedListener(Listener):
     """Waits for what the ear of the process hears of one knowledge base."""
 
-    def __init__(self, ears: Ears, label: str, raising: Callable[[Exception], Exception]) -> None:
+    def __init__(self, ears: Ears, line: Line, deafness: Deafness) -> None:
         self._ears = ears
-        self._label = label
-        self._raising = raising
+        self._line = line
+        self._deafness = deafness
         self._joined: tuple[Ear, _Channel] | None = None
         self._seen: int | None = None
 
     def wait(self, kb_id: int | None, seconds: float) -> None:
         """Wait for a notification; the first call begins to listen."""
-        if kb_id is None or self._ears.is_deaf:
+        if kb_id is None or not self._deafness.is_over:
             # There is no channel yet, or LISTEN is not possible.
             time.sleep(min(POLL_PAUSE, seconds))
             return
         if self._joined is None:
-            self._joined = self._ears.join(kb_id)
+            self._joined = self._join(kb_id)
         watched = self._joined[1]
         self._seen = watched.wait(self._seen, seconds)
         if self._seen is None and watched.error is not None:
             self._fail(watched.error)
 
+    def _join(self, kb_id: int) -> tuple[Ear, _Channel]:
+        try:
+            return self._ears.join(kb_id)
+        except RuntimeError as error:
+            # No further thread can be started.
+            raise self._line.heard(error) from error
+
     def _fail(self, error: Exception) -> None:
         self.close()
-        reason = why_deaf(error)
-        if reason is None:
-            raise self._raising(error) from error
-        if self._ears.become_deaf():
-            warn_of_polling(self._label, reason)
+        if not self._deafness.explains(error):
+            raise self._line.heard(error) from error
 
     def close(self) -> None:
         """Stop watching; the ear listens on for a while."""
