@@ -406,6 +406,15 @@ def unreadable(table: str, key: object, error: Exception) -> StoreIntegrityError
     )
 
 
+def missing_revision(label: str, name: object, number: object) -> StoreIntegrityError:
+    """Make the error for a revision that is missing, though the head is at it or at a later one."""
+    return StoreIntegrityError(
+        f"{label}: table head says that knowledge base {name!r} has revision {number!r}, which is "
+        "missing in table revision: the head was altered, or revisions were removed: 'kant-sql "
+        "verify' shows what else was; restore the store from a copy"
+    )
+
+
 @contextmanager
 def reading_rows(table: str, key: object) -> Iterator[None]:
     """Raise `StoreIntegrityError`, which names the rows, when the block fails on their content."""

@@ -150,7 +150,7 @@ def run_tasks(url: str, tasks: list[VerificationTask], jobs: int) -> Iterator[Ve
 
         with open_store(url, connections=CONNECTIONS) as store:
             for task in tasks:
-                with bar(task.name) as progress:
+                with bar(_text(task.name)) as progress:
                     done = _verify(store, task, progress)
                 # After the bar, which would take the output.
                 yield done
@@ -219,7 +219,12 @@ def _verify(store: KnowledgeStore, task: VerificationTask, progress: Progress) -
             )
     except InvalidMetadataError as error:
         # A name that the library never writes; the others are verified all the same.
-        return Verification(task.name, 0, 0, (Finding(None, "knowledge_base", str(error)),))
+        return Verification(_text(task.name), 0, 0, (Finding(None, "knowledge_base", str(error)),))
+
+
+def _text(name: object) -> str:
+    """Write a name: SQLite keeps anything in any column."""
+    return name if isinstance(name, str) else repr(name)
 
 
 class _Report:

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple, TypeVar
 
 from sqlalchemy import ColumnElement, Select, and_, bindparam, func, literal_column, select
 
-from ..errors import UNREADABLE, StoreIntegrityError, reading_rows
+from ..errors import UNREADABLE, missing_revision, reading_rows
 from ..knowledge.definitions import DERIVED_PREDICATE, GOAL
 from .dialects import create_backend
 from .dialects.base import Backend, Session, retrying
@@ -367,11 +367,7 @@ def _last_revision(
     name, label = _name(session, row), session.backend.label
     revision, number, committed_at, actor, reason = row[2:7]
     if number is None or type(revision) is not int:
-        raise StoreIntegrityError(
-            f"{label}: table head says that knowledge base {name!r} is at revision {revision!r}, "
-            "which table revision does not have; rows were removed, or changed by hand: "
-            "'kant-sql verify --all' shows what else was; restore the store from a copy"
-        )
+        raise missing_revision(label, name, revision)
     with reading_rows("revision", f"revision {revision} of knowledge base {name!r} of {label}"):
         for column, text in (("actor", actor), ("reason", reason)):
             if text is not None and not isinstance(text, str):

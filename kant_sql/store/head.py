@@ -8,7 +8,14 @@ from typing import Any, NamedTuple
 
 from sqlalchemy import bindparam, func, select, update
 
-from ..errors import UNREADABLE, StoreBusyError, StoreIntegrityError, unreadable
+from ..errors import (
+    UNREADABLE,
+    StoreBusyError,
+    StoreIntegrityError,
+    check_integer,
+    missing_revision,
+    unreadable,
+)
 from ..sql.dialects.base import Session
 from ..sql.query import Insert, Query, StoreClock
 from ..sql.rows import KB, table_of
@@ -38,6 +45,7 @@ _HASH = Query(
     select(RevisionRow.hash).where(RevisionRow.kb_id == KB, RevisionRow.number == bindparam("at"))
 )
 _LAST_KB = Query(select(func.max(KnowledgeBaseRow.id)))
+_NAME = Query(select(KnowledgeBaseRow.name).where(KnowledgeBaseRow.id == KB))
 _MOVE = Query(
     update(HeadRow)
     .where(HeadRow.kb_id == bindparam("kb"))
@@ -93,10 +101,23 @@ class Committed(NamedTuple):
     moment: Any
 
 
+def read_name(session: Session, kb_id: int) -> str:
+    """Read the name of a knowledge base."""
+    row = session.first(_NAME, kb=kb_id)
+    return "" if row is None else str(row[0])
+
+
+def whose(session: Session, kb_id: int) -> str:
+    """Name a knowledge base and its store in a message."""
+    return f"knowledge base {read_name(session, kb_id)!r} of {session.backend.label}"
+
+
 def create_knowledge_base(session: Session, name: str) -> int:
     """Create a knowledge base, before its first revision."""
     row = session.first(_LAST_KB)
-    kb_id: int = 1 + (row[0] or 0 if row else 0)
+    last = row[0] or 0 if row else 0
+    check_integer("knowledge_base", f"the largest id of {session.backend.label}", "id", last)
+    kb_id: int = 1 + last
     try:
         session.insert(_NEW_KB, [(kb_id, name)])
     except StoreIntegrityError as error:
@@ -123,11 +144,11 @@ def lock_head(session: Session, kb_id: int) -> Head | None:
     # The next hash is chained to this one.
     if revision and (not isinstance(digest, str) or len(digest) != HASH_LENGTH):
         error = ValueError(f"column hash has {digest!r}, which is no hash")
-        raise unreadable("head", f"knowledge base {kb_id!r}", error) from error
+        raise unreadable("head", whose(session, kb_id), error) from error
     try:
         committed_at = None if moment is None else session.to_time(moment)
     except UNREADABLE as error:
-        raise unreadable("head", f"knowledge base {kb_id!r}", error) from error
+        raise unreadable("head", whose(session, kb_id), error) from error
     now = session.now(clock)
     return Head(revision, definition_revision, next_id, digest, committed_at, archived, origin, now)
 
@@ -138,8 +159,8 @@ def check_numbers(session: Session, kb_id: int, numbers: Iterable[tuple[str, Any
         if not isinstance(value, int) or value < 0:
             raise StoreIntegrityError(
                 f"{session.backend.label}: column {name} of table head has {value!r} for knowledge "
-                f"base {kb_id}, which is no integer from 0 on; nothing was written; 'kant-sql "
-                "verify' shows what else was changed by hand"
+                f"base {read_name(session, kb_id)!r}, which is no integer from 0 on; nothing was "
+                "written; 'kant-sql verify' shows what else was changed by hand"
             )
 
 
@@ -152,6 +173,13 @@ def hash_of(session: Session, kb_id: int, number: int) -> str | None:
     """Read the hash of a revision."""
     row = session.first(_HASH, kb=kb_id, at=number)
     return None if row is None else str(row[0])
+
+
+def check_last(session: Session, kb_id: int, head: Head) -> None:
+    """Check that the revision exists that a locked head is at."""
+    if head.revision and hash_of(session, kb_id, head.revision) is None:
+        name = read_name(session, kb_id)
+        raise missing_revision(session.backend.label, name, head.revision)
 
 
 def move_head(

@@ -169,6 +169,19 @@ def test_what_cannot_be_a_name_is_a_finding_and_the_others_are_verified(own_file
     assert last.startswith("newer: intact")
 
 
+def test_a_name_that_is_no_text_is_a_finding(own_file: str) -> None:
+    with kant_sql.connect(own_file, knowledge_base="newer") as kb:
+        kb.types.save(PddlTypeDto("late"))
+    with sqlite3.connect(str(make_url(own_file).database)) as driver:
+        driver.execute("UPDATE knowledge_base SET name = x'00ff' WHERE name = 'tiago'")
+    driver.close()
+    for words in ([], ["--json"]):
+        result = run("verify", own_file, "--all", *words)
+        assert result.exit_code == 1
+        assert "cannot name a knowledge base" in result.stdout
+        assert "newer" in result.stdout
+
+
 def test_an_empty_store_has_an_empty_anchor(new_url: str, tmp_path: Path) -> None:
     kant_sql.upgrade(new_url)
     file = anchor_file(new_url, tmp_path)

@@ -130,6 +130,106 @@ def test_a_head_without_the_hash_of_its_revision_is_no_other_history(
         file_kb.push(replica_url)
 
 
+def alter(url: str, statement: str) -> None:
+    """Change a file by hand, past its constraints."""
+    with closing(sqlite3.connect(url.removeprefix("sqlite:///"))) as bare:
+        bare.execute("PRAGMA ignore_check_constraints = ON")
+        assert bare.execute(statement).rowcount > 0
+        bare.commit()
+
+
+MORE = (
+    "INSERT INTO revision (kb_id, number, committed_at, form, hash)"
+    " SELECT kb_id, 5, committed_at, form, hash FROM revision WHERE number = 4"
+)
+CONTRADICTIONS = {
+    "a revision that the target has already": (False, MORE, "UNIQUE"),
+    "a version that ends before it begins": (
+        True,
+        "UPDATE proposition_version SET since = 6, until = 5 WHERE since = 5 AND until = 6",
+        "since_before_until",
+    ),
+}
+
+
+@pytest.mark.parametrize(("is_source", "sql", "said"), CONTRADICTIONS.values(), ids=CONTRADICTIONS)
+def test_rows_that_a_constraint_refuses_are_told_of_both_stores(
+    file_kb: KnowledgeBase, file_url: str, replica_url: str, is_source: bool, sql: str, said: str
+) -> None:
+    count(file_kb, 4)
+    file_kb.push(replica_url)
+    count(file_kb, 6)
+    alter(file_url if is_source else replica_url, sql)
+    before = rows_of(replica_url)
+    with pytest.raises(StoreIntegrityError, match=said) as caught:
+        file_kb.push(replica_url)
+    assert rows_of(replica_url) == before
+    assert isinstance(caught.value.__cause__, StoreIntegrityError)
+    for part in (
+        "revisions 5 to 6 of knowledge base 'tiago'",
+        f"'kant-sql verify {file_url} --kb tiago'",
+        f"'kant-sql verify {replica_url} --kb tiago'",
+    ):
+        assert part in str(caught.value)
+
+
+@pytest.mark.parametrize("is_source", [True, False])
+def test_a_head_that_cannot_be_read_is_named_with_its_store(
+    file_kb: KnowledgeBase, file_url: str, replica_url: str, is_source: bool
+) -> None:
+    count(file_kb, 4)
+    file_kb.push(replica_url)
+    url = file_url if is_source else replica_url
+    for sql in ("committed_at = 'x'", "next_id = 'x'"):
+        damage(url, f"UPDATE head SET {sql}")
+        with pytest.raises(StoreIntegrityError, match="knowledge base 'tiago'") as caught:
+            kant_sql.connect(file_url, knowledge_base="tiago").push(replica_url)
+        assert url in str(caught.value)
+
+
+def test_a_revision_that_is_missing_is_no_other_history(
+    file_kb: KnowledgeBase, replica_url: str
+) -> None:
+    count(file_kb, 4)
+    file_kb.push(replica_url)
+    damage(replica_url, "DELETE FROM revision WHERE number = 4")
+    damage(replica_url, f"UPDATE head SET hash = '{64 * '0'}'")
+    said = f"{replica_url}: .*'tiago' has revision 4, which is missing"
+    with pytest.raises(StoreIntegrityError, match=said):
+        file_kb.push(replica_url)
+
+
+def test_a_source_that_is_behind_its_archive_lacks_no_revision(
+    file_kb: KnowledgeBase, tmp_path: Path, connect: Connect
+) -> None:
+    count(file_kb, 4)
+    behind, archive = (target_url(tmp_path, f"{name}.db") for name in ("behind", "archive"))
+    file_kb.push(behind)
+    count(file_kb, 6)
+    file_kb.push(archive)
+    with connect(behind, knowledge_base="tiago") as old:
+        old.promote()
+        count(old, 6)
+        with pytest.raises(DivergedError, match="revision that differs is 5"):
+            old.archive(3, to=archive)
+
+
+@pytest.mark.parametrize("id_", ["'x'", "9e999", "1.5"])
+def test_an_id_that_is_none_is_an_error_of_the_store(
+    file_kb: KnowledgeBase, file_url: str, replica_url: str, connect: Connect, id_: str
+) -> None:
+    count(file_kb, 4)
+    file_kb.push(replica_url)
+    damage(replica_url, f"UPDATE knowledge_base SET id = {id_}")
+    with pytest.raises(StoreIntegrityError, match=f"'tiago' of {replica_url}.* no integer"):
+        kant_sql.connect(file_url, knowledge_base="tiago").push(replica_url)
+    with (
+        connect(replica_url, knowledge_base="newer") as other,
+        pytest.raises(StoreIntegrityError, match=r"the largest id .* no integer"),
+    ):
+        other.objects.save(PddlObjectDto(RB1.type, "rb7"))
+
+
 def test_a_writer_s_role_is_not_enough(
     server: Server, file_kb: KnowledgeBase, connect: Connect
 ) -> None:

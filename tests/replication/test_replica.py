@@ -11,8 +11,9 @@ import pytest
 
 import kant_sql
 from kant_sql import KnowledgeBase, PddlObjectDto, PddlTypeDto, aio
-from kant_sql.errors import DivergedError, ReplicaError
+from kant_sql.errors import DivergedError, ReplicaError, StoreIntegrityError
 from tests.support.archives import count, intact, rows_of, target_url
+from tests.support.faults import change
 from tests.support.replicas import equal_histories
 from tests.support.statements import READS, recorded
 from tests.support.stores import Connect
@@ -158,3 +159,11 @@ def test_tasks_push_and_promote(file_url: str, replica_url: str) -> None:
             assert await replica.promote() == 2
 
     asyncio.run(work())
+
+
+def test_an_altered_head_is_not_promoted(replica: KnowledgeBase, shared_url: str) -> None:
+    change(shared_url, "UPDATE head SET revision = 999")
+    with pytest.raises(StoreIntegrityError, match="'tiago' has revision 999, which is missing"):
+        replica.promote()
+    change(shared_url, "UPDATE head SET revision = 5")
+    assert replica.promote() == 6

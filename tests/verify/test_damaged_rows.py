@@ -142,7 +142,7 @@ KNOWN: list[tuple[str, str, Any, Callable[[KnowledgeBase], object], str]] = [
         "committed_at",
         "\0",
         lambda kb: kb.propositions.delete_all(),
-        "table head, knowledge base 1",
+        "table head, knowledge base 'depot' of ",
     ),
     ("revision", "committed_at", "noon", lambda kb: kb.anchor(), r"revision \d+ of"),
     ("head", "archived_revision", "1/3", lambda kb: list(kb.changes(9)), "table head"),

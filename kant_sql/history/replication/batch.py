@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import shlex
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from datetime import datetime
 from typing import NamedTuple
 
@@ -94,17 +96,37 @@ def copy_batch(
 
     A batch with a wrong hash raises, and nothing of it is written.
     """
-    with reading_rows("revision", f"revisions {bounds.low} to {bounds.high} of {name!r}"):
+    place = f"{_several(bounds)} of knowledge base {name!r} of {stores.source.backend.label}"
+    with _naming_both(stores, name, bounds), reading_rows("revision", place):
         copied = Copy(stores, *bounds).run()
+    with reading_rows("revision", place):
         last = _check(stores, name, head, bounds, copied)
     _, _, target, target_kb = stores
     # No id of the origin is given out again by a replica that was promoted.
     given_out = origin.next_id if bounds.high == origin.revision else 0
     next_id = max(head.next_id, copied.largest_id + 1, given_out)
     definitions = max(head.definition_revision, copied.definition_revision)
-    move(target, target_kb, head, last, definitions, next_id, origin)
-    target.commit(target_kb)
+    with _naming_both(stores, name, bounds):
+        move(target, target_kb, head, last, definitions, next_id, origin)
+        target.commit(target_kb)
     return copied
+
+
+@contextmanager
+def _naming_both(stores: Stores, name: str, bounds: CopyRange) -> Iterator[None]:
+    """Name both stores when rows are refused: a constraint does not say whose were altered."""
+    try:
+        yield
+    except StoreIntegrityError as error:
+        labels = stores.source.backend.label, stores.target.backend.label
+        here, there = (
+            f"'kant-sql verify {label} --kb {shlex.quote(str(name))}'" for label in labels
+        )
+        raise StoreIntegrityError(
+            f"{_several(bounds)} of knowledge base {name!r} cannot be copied from {labels[0]} to "
+            f"{labels[1]}, and nothing of these was written: {error}. One of the stores was "
+            f"changed by hand: {here} and {there} show which; restore that one from a copy"
+        ) from error
 
 
 def move(
@@ -172,14 +194,17 @@ def _steps(stores: Stores, bounds: CopyRange, copied: Copied) -> Iterable[Step]:
     return stream_chain(target, target_kb, low, high, changes)
 
 
+def _several(bounds: CopyRange) -> str:
+    low, high = bounds.low, bounds.high
+    return f"revisions {low} to {high}" if high > low else f"revision {low}"
+
+
 def _wrong(
     stores: Stores, name: str, bounds: CopyRange, number: int, what: str
 ) -> StoreIntegrityError:
     source, target = stores.source.backend.label, stores.target.backend.label
-    several = f"revisions {bounds.low} to {bounds.high}"
-    these = several if bounds.high > bounds.low else f"revision {number}"
     return StoreIntegrityError(
-        f"{source}: revision {number} of knowledge base {name!r} {what}; nothing of {these} was "
-        f"written to {target}: 'kant-sql verify' shows what was altered; restore {source} from a "
-        "copy"
+        f"{source}: revision {number} of knowledge base {name!r} {what}; nothing of "
+        f"{_several(bounds)} was written to {target}: 'kant-sql verify' shows what was altered; "
+        f"restore {source} from a copy"
     )

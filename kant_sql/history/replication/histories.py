@@ -7,12 +7,19 @@ from typing import Any, NamedTuple
 
 from sqlalchemy import select
 
-from ...errors import DivergedError, KantSqlError, StoreIntegrityError, reading_rows
+from ...errors import (
+    UNREADABLE,
+    DivergedError,
+    KantSqlError,
+    StoreIntegrityError,
+    missing_revision,
+    unreadable,
+)
 from ...sql.dialects.base import Session
 from ...sql.query import Query
 from ...sql.rows import KB
 from ...sql.tables import ArchiveRow, HeadRow
-from ...store.head import check_numbers, hash_of
+from ...store.head import check_numbers, hash_of, whose
 from ...store.snapshot import vanished
 from .copy import Stores
 
@@ -63,8 +70,10 @@ def read_state(session: Session, kb_id: int | None) -> HeadState:
     if row is None:
         raise vanished(session)
     check_numbers(session, kb_id, zip(_NUMBERS, row[:4], strict=True))
-    with reading_rows("head", f"knowledge base {kb_id!r}"):
+    try:
         committed_at = None if row[5] is None else session.to_time(row[5])
+    except UNREADABLE as error:
+        raise unreadable("head", whose(session, kb_id), error) from error
     return HeadState._make((*row[:5], committed_at, row[6]))
 
 
@@ -99,6 +108,10 @@ def diverged(stores: Stores, name: str, upto: int) -> KantSqlError:
     source, source_kb, target, target_kb = stores
     number = first_difference(stores, upto)
     here, there = hash_of(source, source_kb, number), hash_of(target, target_kb, number)
+    for found, side, kb_id in ((there, target, target_kb), (here, source, source_kb)):
+        # An archive may have more revisions than the source.
+        if found is None and read_state(side, kb_id).revision >= number:
+            return missing_revision(side.backend.label, name, number)
     if here == there:
         # Only heads differ: one of them does not have the hash of its last revision.
         return StoreIntegrityError(
@@ -106,11 +119,12 @@ def diverged(stores: Stores, name: str, upto: int) -> KantSqlError:
             f"{name!r} differ at revision {upto}, and all revisions up to there are the same; "
             "nothing was written: 'kant-sql verify' shows which head was changed by hand"
         )
+    label, there_is, here_is = target.backend.label, there or "missing", here or "missing"
     return DivergedError(
-        f"{target.backend.label}: it has another knowledge base {name!r}, or one that was written "
-        f"to: the first revision that differs is {number}, whose hash is {there} there and {here} "
-        f"in {source.backend.label}; nothing was written: name another store, or a copy that was "
-        "not written to",
+        f"{label}: it has another knowledge base {name!r}, or one that was written to: the first "
+        f"revision that differs is {number}, whose hash is {there_is} there and {here_is} in "
+        f"{source.backend.label}; nothing was written: name another store, or a copy that was not "
+        "written to",
         number,
         here,
         there,

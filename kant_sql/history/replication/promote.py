@@ -9,6 +9,7 @@ from ...sql.changes import ASSERTED, PROMOTION, Change
 from ...sql.query import Insert, Query
 from ...sql.rows import table_of
 from ...sql.tables import HeadRow, PromotionRow
+from ...store.head import check_last
 from ...store.store import Store
 
 _NEW_PROMOTION = Insert(
@@ -27,6 +28,7 @@ def promote(store: Store, actor: str | None = None, reason: str | None = None) -
         head, number = transaction.head, transaction.number
         if head.origin is None:
             return None
+        check_last(transaction.session, transaction.kb_id, head)
         id_ = transaction.allocate()
         text = promotion_text(id_, head.revision, head.origin)
         row = (transaction.kb_id, id_, number, head.revision, head.origin, text)

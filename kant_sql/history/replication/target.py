@@ -7,7 +7,7 @@ from contextlib import closing, contextmanager
 
 from sqlalchemy import bindparam, select
 
-from ...errors import ConflictError
+from ...errors import ConflictError, check_integer
 from ...sql.dialects import create_backend
 from ...sql.dialects.base import Backend, Session
 from ...sql.query import Query, StorePlace
@@ -24,7 +24,11 @@ _PLACE = Query(select(StorePlace()))
 def find(session: Session, name: str) -> int | None:
     """Find a knowledge base by its name."""
     row = session.first(_FIND, name=name)
-    return None if row is None else int(row[0])
+    if row is None:
+        return None
+    check_integer("knowledge_base", f"{name!r} of {session.backend.label}", "id", row[0])
+    kb_id: int = row[0]
+    return kb_id
 
 
 class ReplicationSide:

@@ -13,8 +13,6 @@ from itertools import chain, groupby, islice
 from operator import itemgetter
 from typing import Any, NamedTuple
 
-from sqlalchemy import select
-
 from ...knowledge.canonical import FORM, Metadata, revision_hash, time_text
 from ...sql.changes import (
     ASSERTED,
@@ -26,8 +24,8 @@ from ...sql.changes import (
 )
 from ...sql.dialects.base import Row, Session
 from ...sql.query import Query
-from ...sql.rows import KB
-from ...sql.tables import KnowledgeBaseRow, RevisionRow
+from ...sql.tables import RevisionRow
+from ...store.head import read_name
 from ..revisions import LARGEST
 from .sides import Check
 
@@ -36,7 +34,6 @@ SMALLEST = -(2**63)
 _SIGNS = ASSERTED, RETRACTED
 _DATE, _CLOCK = r"[0-9]{4}-[0-9]{2}-[0-9]{2}", r"(?:[01][0-9]|2[0-3]):[0-9]{2}:[0-9]{2}\.[0-9]{6}"
 _TIME = re.compile(f"{_DATE}T{_CLOCK}Z")
-_NAME = Query(select(KnowledgeBaseRow.name).where(KnowledgeBaseRow.id == KB))
 _REVISIONS = Query(
     REVISIONS.add_columns(RevisionRow.form)
     .where(in_range(RevisionRow.number))
@@ -70,12 +67,6 @@ class Step(NamedTuple):
     number: int
     link: Link | None
     changes: Iterator[_Line]  # to be read before the next step
-
-
-def read_name(session: Session, kb_id: int) -> str:
-    """Read the name of a knowledge base."""
-    row = session.first(_NAME, kb=kb_id)
-    return "" if row is None else str(row[0])
 
 
 def stream_chain(
