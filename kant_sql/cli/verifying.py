@@ -278,7 +278,7 @@ class _Report:
         if done.continued_at is not None:
             line(f"{name}: {_continued(done)}")
         if self._is_resumable and done.keep_error is not None:
-            line(f"{name}: where this ended is not kept: {printable(done.keep_error)}", "yellow")
+            line(f"{name}: {_not_kept(done.is_intact, printable(done.keep_error))}", "yellow")
         for archive in done.archives:
             line(f"{name}: {printable(archive)}")
         if self._has_anchor and done.anchored is None:
@@ -293,6 +293,12 @@ def _continued(done: Verification) -> str:
         f"revisions 1 to {done.continued_from} verified at {time_text(done.continued_at)}, "
         f"continued from there{whole}"
     )
+
+
+def _not_kept(is_intact: bool, why: str) -> str:
+    if is_intact:
+        return f"where this ended is not kept: {why}"
+    return f"where an earlier one ended may still be kept, so verify with --complete next: {why}"
 
 
 def _finding_text(finding: Finding) -> str:

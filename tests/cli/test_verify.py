@@ -406,6 +406,11 @@ def test_a_store_that_another_writer_holds_is_verified_to_the_end(
     assert done.exit_code == 0
     assert done.stdout.count("is not kept") == done.stdout.count("held the store for too long") == 2
     assert done.stdout.splitlines()[-1].startswith("2 knowledge bases: all intact; ")
+    tamper(own_file, ALTER)
+    with held(own_file):
+        done = run("verify", f"{own_file}?timeout=0.1", "--kb", "tiago", "--continue")
+    assert done.exit_code == 1
+    assert "may still be kept, so verify with --complete next: " in done.stdout.splitlines()[-1]
 
 
 @pytest.mark.parametrize(

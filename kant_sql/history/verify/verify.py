@@ -75,7 +75,8 @@ class Verification(NamedTuple):
         continued_at: when that was, in UTC.
         complete_at: when a verification that began at revision 1 was last kept before this one.
         is_kept: whether the next verification can continue this one; None when that was not asked.
-        keep_error: why an intact one could not be kept.
+        keep_error: why that could not be kept; of one that is not intact, why the end of an earlier
+            one could not be forgotten.
     """
 
     knowledge_base: str
@@ -185,12 +186,11 @@ def _keep(store: Store, done: Verification, end: End) -> Verification:
             keep(store, *end)
         else:
             forget(store, end.kb_id)
-    except _NOT_KEPT as error:
-        return done._replace(is_kept=False, keep_error=str(error) if done.is_intact else None)
-    except StoreError:
+    except (ReadOnlyError, StoreError) as error:
         # The table may be one of the findings.
-        if done.is_intact:
+        if done.is_intact and not isinstance(error, _NOT_KEPT):
             raise
+        return done._replace(is_kept=False, keep_error=str(error))
     return done._replace(is_kept=done.is_intact)
 
 
