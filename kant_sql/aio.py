@@ -9,7 +9,6 @@ from __future__ import annotations
 import asyncio
 import contextvars
 import threading
-import time
 import weakref
 from collections import deque
 from collections.abc import AsyncIterator, Callable, Coroutine, Generator, Iterable, Iterator
@@ -23,7 +22,6 @@ from typing import Any, Concatenate, Generic, ParamSpec, TypeVar
 
 from . import knowledge_base as sync
 from . import knowledge_store as sync_store
-from .arguments import seconds
 from .dao.interfaces import (
     Dao,
     FormulaDao,
@@ -76,8 +74,8 @@ C = TypeVar("C", KnowledgeBase, KnowledgeStore)
 POOL_SIZE = 8
 # Seconds that writers of one event loop queue, as threads do.
 QUEUE_TIMEOUT = 20.0
-# Seconds between checks whether a waiting call was cancelled.
-WATCH_SLICE = 0.5
+# Seconds for which a waiting call may take a thread of the pool.
+SHORT_WATCH = 0.5
 BATCH = 100
 
 
@@ -794,36 +792,20 @@ class AsyncKnowledgeBase(_Part):
         Each waiting call has a thread of its own, which ends within half a second after the call
         is cancelled.
         """
-        is_plain = isinstance(timeout, int | float) and timeout <= WATCH_SLICE
+        is_plain = isinstance(timeout, int | float) and timeout <= SHORT_WATCH
         if self._door.own_block() is not None or is_plain:
             return await self._door.read(partial(self._kb.watch, after, timeout=timeout))
         if self._door.has_one_connection:
             self._door.refuse_inherited()
         self._door.refuse_closed()
-        lane, is_cancelled = _Lane(), threading.Event()
+        lane, cancelled = _Lane(), threading.Event()
         try:
             return await asyncio.wrap_future(
-                lane.submit(partial(self._watch, after, timeout, is_cancelled))
+                lane.submit(partial(self._kb._watch, after, timeout, cancelled.is_set))
             )
         finally:
-            is_cancelled.set()
+            cancelled.set()
             lane.end()
-
-    def _watch(
-        self, after: int | None, timeout: float | None, is_cancelled: threading.Event
-    ) -> int | None:
-        """Wait in slices, until the call is cancelled."""
-        deadline = None if timeout is None else time.monotonic() + seconds(timeout)
-        if after is None:
-            # Refuse at once what cannot be watched.
-            self._kb.watch(None, timeout=0)
-            after = self._kb.revision
-        while not is_cancelled.is_set():
-            left = WATCH_SLICE if deadline is None else deadline - time.monotonic()
-            found = self._kb.watch(after, timeout=min(max(left, 0), WATCH_SLICE))
-            if found is not None or left <= 0:
-                return found
-        return None
 
     async def close(self) -> None:
         """Close the connections and end the threads, as `KnowledgeBase.close`."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import closing
 from functools import partial
 from typing import NamedTuple
@@ -97,18 +97,24 @@ def read_position(session: Session, kb_id: int | None) -> FeedPosition:
 
 # Seconds between polls: a writer killed right after its commit has notified nobody.
 LOOK_EVERY = 1.0
+# Seconds between looks whether the caller still waits, where it may stop to.
+SLICE = 0.5
 
 
 def watch(
-    store: Store, after: int | None, timeout: float | None, upto: int | None = None
+    store: Store,
+    after: int | None,
+    timeout: float | None,
+    upto: int | None = None,
+    is_ended: Callable[[], bool] | None = None,
 ) -> int | None:
-    """Wait for a new revision; see `History.watch`."""
+    """Wait for a new revision, or until `is_ended`; see `History.watch`."""
     _refuse_unwatchable(store, upto)
     if after is not None:
         check_after(after)
     deadline = time.monotonic() + seconds(timeout)
     with closing(store.backend.listener()) as listener:
-        return _Watch(store, listener, after, deadline).wait()
+        return _Watch(store, listener, after, deadline, is_ended).wait()
 
 
 def _refuse_unwatchable(store: Store, upto: int | None) -> None:
@@ -128,18 +134,25 @@ class _Watch:
     """A waiting call, which survives a temporary loss of the store."""
 
     def __init__(
-        self, store: Store, listener: Listener, after: int | None, deadline: float
+        self,
+        store: Store,
+        listener: Listener,
+        after: int | None,
+        deadline: float,
+        is_ended: Callable[[], bool] | None,
     ) -> None:
         self._store = store
         self._listener = listener
         self._after = after
         self._deadline = deadline
+        self._is_ended = is_ended
         self._pause = FIRST_PAUSE
         self._unknown_since: float | None = None
 
     def wait(self) -> int | None:
         """Wait for a new revision, or until the deadline."""
-        while True:
+        most = LOOK_EVERY if self._is_ended is None else min(LOOK_EVERY, SLICE)
+        while self._is_ended is None or not self._is_ended():
             self._refuse_closed()
             position = None
             try:
@@ -148,7 +161,7 @@ class _Watch:
                     return position.head
                 if self._left() <= 0:
                     return None
-                self._listener.wait(position.kb_id, min(self._left(), LOOK_EVERY))
+                self._listener.wait(position.kb_id, min(self._left(), most))
                 self._pause = FIRST_PAUSE
             except StoreError as error:
                 self._refuse_closed()
@@ -159,6 +172,7 @@ class _Watch:
                     if self._left() <= 0:
                         return self._ask_at_last(error)
                 self._pause_after_failure()
+        return None
 
     def _refuse_closed(self) -> None:
         store = self._store

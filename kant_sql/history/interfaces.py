@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from datetime import datetime
 from typing import TYPE_CHECKING
 
@@ -189,6 +189,12 @@ class History(Interface):
             + fact (robot_at rb1 wp2)
             + object wp2 - wp
         """
+
+    @required
+    def _watch(
+        self, after: int | None, timeout: float | None, is_ended: Callable[[], bool]
+    ) -> int | None:
+        """Wait as `watch` does, or until somebody ends the wait; this is seen after a while."""
 
     @required
     def _state_lines(self) -> list[tuple[str, str]]:

@@ -84,6 +84,12 @@ class SqlHistory(SqlDao, History):
         return watch(self._store, after, timeout, self._at)
 
     @override
+    def _watch(
+        self, after: int | None, timeout: float | None, is_ended: Callable[[], bool]
+    ) -> int | None:
+        return watch(self._store, after, timeout, self._at, is_ended)
+
+    @override
     def diff(self, a: When, b: When) -> list[Change]:
         return diff(self._store, a, b, self._at)
 

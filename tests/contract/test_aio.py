@@ -22,6 +22,7 @@ from hypothesis import strategies as st
 import kant_sql
 from kant_sql import (
     ClosedError,
+    ConnectionLostError,
     InvalidKnowledgeError,
     KnowledgeBase,
     LogEntry,
@@ -35,6 +36,8 @@ from kant_sql import (
 )
 from kant_sql.aio import AsyncKnowledgeBase
 from kant_sql.factory import Daos
+from kant_sql.sql.dialects import base as retry
+from kant_sql.sql.dialects.base import Session
 from kant_sql.store.store import Store
 from tests.contract.test_closed import arguments, fill
 from tests.support.profile import PROFILE, hunting
@@ -380,6 +383,36 @@ def test_watch_hears_of_others_and_can_be_cancelled(url: str) -> None:
         await kb.close()
         with pytest.raises(ClosedError):
             await last
+
+    run(url, test)
+
+
+def test_a_watch_outlasts_what_other_calls_do_not(
+    url: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(retry, "RETRY_FOR", 0.1)
+    take, is_lost = Store._take_session, threading.Event()
+
+    def lost(self: Store) -> Session:
+        if is_lost.is_set():
+            raise ConnectionLostError("the server restarts")
+        return take(self)
+
+    monkeypatch.setattr(Store, "_take_session", lost)
+
+    async def test(kb: AsyncKnowledgeBase) -> None:
+        await kb.propositions.save(robot_at())
+        endless, long = (asyncio.create_task(kb.watch(1, timeout=most)) for most in (None, 30))
+        cancelled = asyncio.create_task(kb.watch(1))
+        await asyncio.sleep(0.2)
+        is_lost.set()
+        await asyncio.sleep(1.5)
+        cancelled.cancel()
+        is_lost.clear()
+        await kb.propositions.save(robot_at(place=WP2))
+        assert [await endless, await long] == [2, 2]
+        with pytest.raises(asyncio.CancelledError):
+            await cancelled
 
     run(url, test)
 
