@@ -103,8 +103,13 @@ class _Lane:
         self._thread.shutdown(wait=wait)
 
 
-async def _finish(future: Future[R]) -> asyncio.CancelledError | None:
-    """Wait for a call's end even when cancelled; return that cancellation, if any."""
+async def _finish(
+    future: Future[R], *, is_droppable: bool = False
+) -> asyncio.CancelledError | None:
+    """Wait for a call's end even when cancelled; return that cancellation, if any.
+
+    A cancelled call that has not begun, and may be dropped, never begins.
+    """
     waiter = asyncio.ensure_future(asyncio.wrap_future(future))
     cancelled = None
     while not waiter.done():
@@ -112,6 +117,8 @@ async def _finish(future: Future[R]) -> asyncio.CancelledError | None:
             await asyncio.wait([waiter])
         except asyncio.CancelledError as error:
             cancelled = error
+            if is_droppable:
+                future.cancel()
     if not waiter.cancelled():
         waiter.exception()  # Retrieved; the caller reads it from the future.
     return cancelled
@@ -138,6 +145,17 @@ class _Block:
         except asyncio.CancelledError:
             self.is_broken = True
             raise
+
+    def run_in_thread(self, call: Callable[[], R]) -> R:
+        """Run a call within the transaction, from a thread that waits for it."""
+        try:
+            future = self.lane.submit(call)
+        except RuntimeError as error:
+            raise ClosedError(
+                f"{self.door.kb.factory.label}: this was begun within a transaction that has ended "
+                "since; call it again, and await it within the block or outside of any"
+            ) from error
+        return future.result()
 
     def leave(
         self, error: BaseException | None, traceback: TracebackType | None = None
@@ -219,9 +237,10 @@ class _Door:
 
     def _is_behind(self, block: _Block) -> bool:
         """Return whether this door would wait for the end of a block."""
-        door = block.door
-        is_alone = self.has_one_connection or self._crew.writers == 1
-        return door is self or (is_alone and door._crew is self._crew)
+        door, queue = block.door, self.kb.factory.queue
+        # Two front doors may be of one knowledge base, or of one file.
+        is_same = door is self or (queue is not None and door.kb.factory.queue == queue)
+        return is_same or (self._crew.writers == 1 and door._crew is self._crew)
 
     def own_block(self) -> _Block | None:
         """Find the open block of the running task."""
@@ -238,8 +257,9 @@ class _Door:
                 name = "a task" if block.task is None else f"task {block.task.get_name()!r}"
                 if block.task is asyncio.current_task():
                     raise TransactionOpenError(
-                        f"{name} has a transaction of another knowledge base of this store open, "
-                        "and one can be open at a time: end it first"
+                        f"{name} has a transaction open by another object of this knowledge base, "
+                        "or of a store with one writer at a time, and would wait for itself: end "
+                        "it first, or write by the object that opened it"
                     )
                 raise TransactionOpenError(
                     f"this task was started within a transaction of {name} that is still open: "
@@ -287,7 +307,7 @@ class _Door:
         self.refuse_closed()
         with await self.enter_queue():
             future = self._submit(call)
-            cancelled = await _finish(future)
+            cancelled = await _finish(future, is_droppable=True)
         if cancelled is not None:
             # A running commit cannot be undone.
             raise cancelled
@@ -751,8 +771,7 @@ class AsyncKnowledgeBase(_Part):
         call = partial(self._kb.branch, name, at=at, url=url)
         block = self._door.own_block()
         if block is not None:
-            lane = block.lane
-            return Connecting(lambda: lane.submit(call).result())
+            return Connecting(partial(block.run_in_thread, call))
         if self._door.has_one_connection:
             self._door.refuse_inherited()
         return Connecting(call)

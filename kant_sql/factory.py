@@ -10,7 +10,7 @@ name of the URL's dialect and refers to a `DaoFactory` class.
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Hashable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from datetime import datetime
 from importlib.metadata import entry_points
@@ -190,12 +190,14 @@ class DaoFactory(Connection):
     Attributes:
         has_one_connection: whether threads take turns on one connection, so that a read waits for
             a transaction that another thread has open.
+        queue: what its writers wait in: equal values are one queue; None where it is unknown.
         name: the name of the knowledge base.
         address: the URL of the store for people to read, without a password.
         label: both, and which state it is.
     """
 
     has_one_connection: bool = False
+    queue: Hashable = None
     name: str = ""
     address: str = ""
     label: str = ""
@@ -386,6 +388,7 @@ class SqlDaoFactory(DaoFactory):
         backend = create_backend(url, read_only=read_only)
         try:
             self._open_store = Store(backend, knowledge_base, actor)
+            self.queue = self._open_store.queue
             self.has_one_connection = backend.has_one_connection
         except BaseException:
             backend.close()
@@ -397,6 +400,7 @@ class SqlDaoFactory(DaoFactory):
         made = object.__new__(cls)
         made._at = None
         made._open_store = Store(backend, knowledge_base, actor, is_one_of_many=True)
+        made.queue = made._open_store.queue
         made.has_one_connection = backend.has_one_connection
         return made
 

@@ -99,6 +99,7 @@ class Store:
         backend: the database.
         name: the knowledge base's name.
         actor: who writes, when a transaction does not say.
+        queue: what its writers wait in: equal values are one queue.
         is_one_of_many: whether others share the backend, which this one then does not close, and
             which was checked before.
     """
@@ -123,7 +124,7 @@ class Store:
         self._archived_revision = 0
         self._last: Committed | None = None
         self._clock_warned_at: float | None = None
-        self._queue = backend.queue(name)
+        self.queue = backend.queue(name)
         backend.sharers.add(self)
         if not is_one_of_many:
             ensure_schema(backend)
@@ -171,7 +172,7 @@ class Store:
         if self._is_closed:
             self.refuse_closed()
         if self.backend.has_one_connection:
-            ahead = block_ahead(self._queue)
+            ahead = block_ahead(self.queue)
             if ahead is not None and not ahead.is_mine():
                 raise ahead.refuse("to read a store in memory, whose one connection it holds,")
         return self.backend.reader()
@@ -377,7 +378,7 @@ class Store:
         if self._is_closed:
             self.refuse_closed()
         self.refuse_read_only()
-        ahead = block_ahead(self._queue)
+        ahead = block_ahead(self.queue)
         if ahead is not None:
             raise ahead.refuse("to write")
         lock = self.backend.write_lock(self.name)
@@ -391,7 +392,7 @@ class Store:
     def open_block(self, transaction: Transaction) -> Block:
         """Make a transaction belong to this thread, task and context."""
         try:
-            return Block(self, self._queue, transaction)
+            return Block(self, self.queue, transaction)
         except BaseException:
             end_session(transaction.session)
             raise

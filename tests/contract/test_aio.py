@@ -13,6 +13,7 @@ import time
 import typing
 from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import asynccontextmanager, suppress
+from functools import partial
 from typing import Any, assert_type
 
 import pytest
@@ -344,6 +345,80 @@ def test_cancelled_anywhere_nothing_acknowledged_is_lost(seed: int) -> None:
             await kb.propositions.delete_all()
 
     run("sqlite://", test)
+
+
+def test_a_write_that_has_not_begun_is_dropped_when_cancelled(shared_url: str) -> None:
+    async def main() -> None:
+        is_over, begun = threading.Event(), threading.Barrier(3)
+
+        def busy(_: object) -> bool:
+            begun.wait(20)
+            return is_over.wait(20)
+
+        async with aio.open_store(shared_url, connections=2) as store:
+            kb, other = store.knowledge_base("tiago"), store.knowledge_base("pepper")
+            await kb.objects.save(RB1)
+            slow = [
+                asyncio.create_task(other._door.read(partial(busy, number))) for number in range(2)
+            ]
+            await asyncio.to_thread(begun.wait, 20)
+            late = asyncio.create_task(kb.propositions.save(robot_at()))
+            await asyncio.sleep(0.05)
+            late.cancel()
+            done, _ = await asyncio.wait([late], timeout=5)
+            is_over.set()
+            assert done == {late}
+            assert late.cancelled()
+            await asyncio.gather(*slow)
+            assert await kb.propositions.get_all() == []
+            # Its place and its turn are free.
+            await kb.propositions.save(robot_at(place=WP2))
+            assert await kb.revision() == 2
+
+    asyncio.run(main())
+
+
+def test_no_task_waits_for_a_block_of_its_own_by_another_door(shared_url: str) -> None:
+    async def check(one: AsyncKnowledgeBase, other: AsyncKnowledgeBase) -> None:
+        await one.objects.save(RB1)
+        began = time.monotonic()
+        async with one.transaction():
+            await one.propositions.save(robot_at())
+            with pytest.raises(TransactionOpenError, match="by another object"):
+                await other.propositions.save(robot_at(place=WP2))
+            with pytest.raises(TransactionOpenError, match="by another object"):
+                async with other.transaction():
+                    raise AssertionError
+            with pytest.raises(TransactionOpenError, match="started within a transaction"):
+                await asyncio.create_task(other.propositions.delete_all())
+            assert await other.propositions.get_all() == []
+        assert time.monotonic() - began < 10
+        await other.propositions.save(robot_at(place=WP2))
+        assert len(await one.propositions.get_all()) == 2
+
+    async def main() -> None:
+        async with aio.open_store(shared_url, connections=3) as store:
+            await check(store.knowledge_base("tiago"), store.knowledge_base("tiago"))
+        async with (
+            aio.connect(shared_url, knowledge_base="pepper") as one,
+            aio.connect(shared_url, knowledge_base="pepper") as other,
+        ):
+            await check(one, other)
+
+    asyncio.run(main())
+
+
+def test_a_branch_begun_in_a_block_is_refused_after_it(url: str) -> None:
+    async def test(kb: AsyncKnowledgeBase) -> None:
+        async with kb.transaction():
+            await kb.propositions.save(robot_at())
+            late = kb.branch(url="sqlite://")
+        with pytest.raises(ClosedError, match="a transaction that has ended"):
+            await late
+        async with kb.branch(url="sqlite://") as trial:
+            assert await trial.propositions.get_all() == [robot_at()]
+
+    run(url, test)
 
 
 def test_changes_and_log_are_followed(url: str) -> None:
