@@ -52,6 +52,7 @@ __all__ = [
     "StatementTimeoutError",
     "StoreBusyError",
     "StoreError",
+    "StoreFullError",
     "StoreIntegrityError",
     "StoreReplacedError",
     "StoreUnreachableError",
@@ -293,6 +294,10 @@ class NotADatabaseError(StoreError):
 
 class StoreBusyError(StoreError):
     """Another writer held the lock for longer than the timeout; nothing was written."""
+
+
+class StoreFullError(StoreError):
+    """The disk of the store is full; nothing of the open transaction was written."""
 
 
 class ConnectionLostError(StoreError):

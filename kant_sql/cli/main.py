@@ -17,14 +17,23 @@ import typer
 from typer.core import TyperArgument, TyperGroup
 
 from .. import __version__
-from ..errors import KantSqlError, printable
+from ..errors import KantSqlError
 from .check import check
 from .common import JSON_OPTION
 from .conditions import goals, holds, query, rules, when
 from .documents import dump, load
 from .export import export
 from .history import blame, branch, diff, history, log, restore, watch
-from .output import FAILED, drop_output, json_text, paged, want_pager
+from .output import (
+    FAILED,
+    complain,
+    drop_output,
+    json_text,
+    paged,
+    to_the_end,
+    want_pager,
+    write_error,
+)
 from .plans import plan, plans
 from .replication import ServiceError, promote, push
 from .report import report
@@ -100,9 +109,9 @@ def _complain(error: Exception, message: str, words: Sequence[str], code: int) -
     if _wants_json(words):
         name = _WRONG_USAGE if code == WRONG_USAGE else type(error).__name__
         document = {"error": line, "type": name, "exit_code": code}
-        sys.stderr.write(f"{json_text(document, sys.stderr)}\n")
+        write_error(json_text(document, sys.stderr))
     else:
-        sys.stderr.write(f"kant-sql: {printable(line)}\n")
+        complain(line)
     return code
 
 
@@ -169,6 +178,17 @@ def _in_pager(command: Callable[..., object]) -> Callable[..., object]:
     return run_in_pager
 
 
+def _with_all_work(command: Callable[..., object]) -> Callable[..., object]:
+    """Finish a command whose output nobody reads any more, and keep its exit code."""
+
+    @functools.wraps(command)
+    def run_to_the_end(*words: Any, **options: Any) -> object:
+        with to_the_end():
+            return command(*words, **options)
+
+    return run_to_the_end
+
+
 # Help is plain text: URLs in it would be read as markup.
 app = typer.Typer(
     cls=Commands,
@@ -207,8 +227,11 @@ _COMMANDS = (
     serve,
     report,
 )
+# Their exit code says what became of the store.
+_FINISHED = verify, push, promote
 for _command in (*_COMMANDS, verify, anchor, archive, push, promote):
-    app.command()(_in_pager(_command) if _command in _PAGED else _command)
+    _run = _in_pager(_command) if _command in _PAGED else _command
+    app.command()(_with_all_work(_run) if _command in _FINISHED else _run)
 
 
 def _version(wanted: bool) -> None:

@@ -13,7 +13,7 @@ import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
-from typing import TextIO
+from typing import Any, TextIO, cast
 
 from rich.cells import cell_len
 from rich.console import Console
@@ -144,12 +144,66 @@ def _wait_for(pager: subprocess.Popen[bytes]) -> None:
             signal.signal(signal.SIGINT, before)
 
 
-def drop_output() -> None:
+def drop_output(stream: TextIO | None = None) -> None:
     """Discard buffered output, so that flushing it at exit cannot fail."""
+    stream = stream or sys.stdout
     nowhere = os.open(os.devnull, os.O_WRONLY)
-    os.dup2(nowhere, sys.stdout.fileno())
+    os.dup2(nowhere, stream.fileno())
     os.close(nowhere)
-    sys.stdout.flush()
+    stream.flush()
+
+
+def complain(message: str) -> None:
+    """Write a line to standard error, whether or not somebody reads it."""
+    write_error(f"kant-sql: {printable(' '.join(message.split()))}")
+
+
+def write_error(line: str) -> None:
+    """Write a line that is printable to standard error, if somebody reads it."""
+    try:
+        sys.stderr.write(f"{line}\n")
+        sys.stderr.flush()
+    except BrokenPipeError:
+        drop_output(sys.stderr)
+
+
+class _Deaf:
+    """A stream whose text is dropped once its reader is gone."""
+
+    def __init__(self, stream: TextIO) -> None:
+        self._stream = stream
+
+    def write(self, text: str) -> int:
+        """Write some text."""
+        with self._dropping():
+            self._stream.write(text)
+        return len(text)
+
+    def flush(self) -> None:
+        """Write what is buffered."""
+        with self._dropping():
+            self._stream.flush()
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)
+
+    @contextmanager
+    def _dropping(self) -> Iterator[None]:
+        try:
+            yield
+        except BrokenPipeError:
+            drop_output(self._stream)
+
+
+@contextmanager
+def to_the_end() -> Iterator[None]:
+    """Let the block do all of its work, even if nobody reads the output any more."""
+    stream, sys.stdout = sys.stdout, cast(TextIO, _Deaf(sys.stdout))
+    try:
+        yield
+    finally:
+        sys.stdout.flush()
+        sys.stdout = stream
 
 
 class _Console(Console):

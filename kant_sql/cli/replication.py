@@ -9,7 +9,7 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from datetime import UTC, datetime
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -35,7 +35,7 @@ from .common import (
     open_to_read,
     option,
 )
-from .output import FAILED, Document, Printer, bar, plural, write_json
+from .output import FAILED, Document, Printer, bar, complain, plural, write_json
 
 if TYPE_CHECKING:
     from ..history.replication.push import Pushed
@@ -44,19 +44,27 @@ if TYPE_CHECKING:
 # As in sysexits.h: what a service manager decides by whether to start it again.
 REFUSED, TRY_AGAIN, NO_PERMISSION, WRONG_CONFIGURATION = 65, 75, 77, 78
 _INTERRUPTED = 130
-_INTERVAL = 1.0
+# In seconds: the default, and a day.
+_INTERVAL, _LONGEST_INTERVAL = 1.0, 86_400.0
 # Other users of the machine can read arguments, in which a password would stand.
 _TARGET_VARIABLE = "KANT_SQL_TARGET"
 _PLAIN = re.compile(r"[^\s\"=]+")
 
 
 class ServiceError(Exception):
-    """An error with the exit code that a service manager decides by."""
+    """An error with the exit code that a service manager decides by.
 
-    def __init__(self, error: KantSqlError) -> None:
+    Attributes:
+        error: what happened.
+        code: the exit code.
+        is_said: whether standard error has it already.
+    """
+
+    def __init__(self, error: KantSqlError, is_said: bool = False) -> None:
         super().__init__(str(error))
         self.error = error
         self.code = _code(error)
+        self.is_said = is_said
 
 
 def _code(error: KantSqlError) -> int:
@@ -102,7 +110,6 @@ def push(
         option(
             f"With --follow: at least this long between two pushes; default: {_INTERVAL:g}.",
             metavar="SECONDS",
-            min=0,
         ),
     ] = _INTERVAL,
     archive: Annotated[
@@ -127,6 +134,11 @@ def push(
     from ..history.replication.push import Terms
     from ..history.replication.service import PushService
 
+    # What is no number is not within them, either.
+    if not 0 <= interval <= _LONGEST_INTERVAL:
+        raise typer.BadParameter(
+            f"expected 0 to {_LONGEST_INTERVAL:g} seconds", param_hint="--interval"
+        )
     terms = Terms(archive, adopt, is_patient=not follow)
     stop = _Stop()
     report = _reporter(as_json, follow)
@@ -134,27 +146,39 @@ def push(
         source, target, name=kb, terms=terms, report=report, is_stopped=lambda: stop.number != 0
     )
     try:
-        errors = _follow(service, interval, stop) if follow else _once(service, source, target, kb)
+        if follow:
+            _follow(service, interval, stop)
+        else:
+            _once(service, source, target, kb, is_said=not as_json)
+    except ServiceError as error:
+        if not error.is_said:
+            raise
+        return error.code
     except KantSqlError as error:
         raise ServiceError(error) from error
-    if errors:
-        raise ServiceError(errors[0])
     return _INTERRUPTED if stop.number == signal.SIGINT else 0
 
 
-def _once(service: PushService, source: str, target: str, name: str | None) -> list[KantSqlError]:
+def _once(service: PushService, source: str, target: str, name: str | None, is_said: bool) -> None:
+    from ..history.replication.service import PASSING
     from ..sql.catalog import written_names
 
     names = written_names(source)
     if name is not None or not names:
         choose(name, names)
     with leaving_nothing(target):
-        return service.once(bar)
+        errors = service.once(bar)
+        if errors:
+            # Another attempt is worth it as long as one of them may pass.
+            passing = (error for error in errors if isinstance(error, PASSING))
+            raise ServiceError(next(passing, errors[0]), is_said)
 
 
-def _follow(service: PushService, interval: float, stop: _Stop) -> list[KantSqlError]:
+def _follow(service: PushService, interval: float, stop: _Stop) -> None:
     with stop.on_signals():
-        return service.follow(interval)
+        errors = service.follow(interval)
+    if errors:
+        raise ServiceError(errors[0])
 
 
 class _Stop:
@@ -171,12 +195,22 @@ class _Stop:
             self.number = number
             signal.signal(number, before[signal.Signals(number)])
 
-        before = {number: signal.signal(number, stop) for number in (signal.SIGTERM, signal.SIGINT)}
+        before = {number: _handler(number) for number in (signal.SIGTERM, signal.SIGINT)}
+        # What is ignored stays so, as below nohup.
+        before = {number: then for number, then in before.items() if then is not signal.SIG_IGN}
+        for number in before:
+            signal.signal(number, stop)
         try:
             yield
         finally:
             for number, handler in before.items():
                 signal.signal(number, handler)
+
+
+def _handler(number: signal.Signals) -> Any:
+    """Return what handles a signal now; the default where that is no function of Python's."""
+    handler = signal.getsignal(number)
+    return signal.SIG_DFL if handler is None else handler
 
 
 def _reporter(as_json: bool, follow: bool) -> Callable[[PushEvent], None]:
@@ -189,10 +223,18 @@ def _reporter(as_json: bool, follow: bool) -> Callable[[PushEvent], None]:
             sys.stdout.write(f"{_log_line(_document(event))}\n")
         elif event.pushed is not None:
             printer.line(f"{printable(event.knowledge_base or '')}: {_said(event.pushed)}")
+        elif event.error is not None:
+            complain(_reason(event.knowledge_base or "", event.error))
         # Whoever reads a log gets each line at once.
         sys.stdout.flush()
 
     return report
+
+
+def _reason(name: str, error: KantSqlError) -> str:
+    """Say why a knowledge base was not sent, with its name."""
+    text = str(error)
+    return text if repr(name) in text else f"{name}: {text}"
 
 
 def _document(event: PushEvent) -> Document:

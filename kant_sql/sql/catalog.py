@@ -23,7 +23,7 @@ _REVISIONS = Query(
     .where(HeadRow.revision > literal_column("0"))
     .order_by(KnowledgeBaseRow.id)
 )
-_ANY_REVISION = Query(first_rows(select(RevisionRow.number), literal_column("1")))
+ANY_REVISION = Query(first_rows(select(RevisionRow.number), literal_column("1")))
 
 _STATES = Query(
     select(
@@ -84,7 +84,7 @@ def removed_on_failure(url: str) -> Iterator[None]:
             yield
         except BaseException:
             if is_new:
-                backend.remove(_ANY_REVISION)
+                backend.remove(ANY_REVISION)
             raise
 
 

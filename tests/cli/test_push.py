@@ -3,24 +3,32 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 import signal
+import sqlite3
 import subprocess
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
 
+import psycopg
 import pytest
 
 import kant_sql
-from kant_sql.history.replication import service
+from kant_sql.cli.replication import _Stop
+from kant_sql.history.replication import service, target
+from kant_sql.history.replication.push import Terms, push
+from kant_sql.sql.dialects import create_backend, postgresql
+from kant_sql.sql.dialects.base import Backend
+from kant_sql.sql.dialects.sqlite import FileListener, SqliteBackend
 from tests.cli.conftest import write_history
-from tests.support.archives import target_url
+from tests.support.archives import damage, target_url
 from tests.support.processes.commands import CHILD_TIMEOUT, PROGRAM, one_line, run, start
 from tests.support.replicas import equal_histories
-from tests.support.servers import MortalServer
+from tests.support.servers import MortalServer, Server
 from tests.support.stores import new_file_store
 from tests.support.worlds.robots import waypoint
 
@@ -120,6 +128,113 @@ def test_one_that_is_refused_does_not_keep_the_others(source: str, replica: str)
     equal_histories(source, replica, "b")
 
 
+def test_each_that_is_refused_is_named_once(source: str, replica: str) -> None:
+    for name in ("a", "b"):
+        save(source, 1, name)
+    run("push", source, replica)
+    for name in ("tiago", "b"):
+        run("promote", replica, "--kb", name)
+    save(source, 12, "a")
+    result = run("push", source, replica)
+    assert result.exit_code == 65
+    assert result.stdout.startswith("a: revision 2 sent to ")
+    refused = result.stderr.splitlines()
+    assert [line.count("knowledge base") for line in refused] == [1, 1]
+    for line, name in zip(refused, ("tiago", "b"), strict=True):
+        assert f"knowledge base {name!r} is no replica" in one_line(line)
+
+
+def test_a_damaged_one_does_not_keep_the_others(source: str, replica: str) -> None:
+    save(source, 1, "other")
+    damage(source, "UPDATE revision SET reason = CAST(x'ff41' AS TEXT) WHERE kb_id = 1")
+    result = run("push", source, replica)
+    assert result.exit_code == 65
+    assert result.stdout.startswith("other: revision 1 sent to ")
+    line = one_line(result.stderr)
+    assert "'tiago'" in line
+    assert f"'kant-sql verify' shows what is damaged in {source}" in line
+    with following(source, replica) as process:
+        assert next_event(process, "refused")["knowledge_base"] == "tiago"
+        save(source, 2, "other")
+        assert next_event(process, "pushed")["knowledge_base"] == "other"
+
+
+@pytest.fixture
+def archived(source: str, tmp_path: Path) -> str:
+    """A source whose first knowledge base needs an archive, and whose second one does not."""
+    with kant_sql.connect(source, knowledge_base="tiago") as kb:
+        kb.archive(3, to=target_url(tmp_path))
+    save(source, 1, "other")
+    return source
+
+
+def test_an_archive_that_is_away_does_not_keep_the_others(
+    archived: str, replica: str, tmp_path: Path
+) -> None:
+    words = (archived, replica, "--archive", "postgresql://localhost:1/x")
+    result = run("push", *words)
+    assert result.exit_code == 75, result.stderr
+    assert result.stdout.startswith("other: revision 1 sent to ")
+    assert one_line(result.stderr).startswith("kant-sql: tiago: postgresql://localhost:1/x: ")
+    events = [json.loads(line) for line in run("push", *words, "--json").stdout.splitlines()]
+    assert [(each["knowledge_base"], each["event"]) for each in events] == [
+        ("tiago", "waiting"),
+        ("other", "current"),
+    ]
+    with following(*words) as process:
+        waiting = next_event(process, "waiting")
+        assert (waiting["knowledge_base"], waiting["type"]) == ("tiago", "StoreUnreachableError")
+        assert 0.5 <= waiting["retry_in"] <= 1
+        save(archived, 2, "other")
+        assert next_event(process, "pushed")["knowledge_base"] == "other"
+        assert next_event(process, "waiting")["knowledge_base"] == "tiago"
+    assert run("push", archived, replica).exit_code == 0
+    equal_histories(archived, replica, "other")
+
+
+def test_a_store_that_is_locked_as_a_whole_ends_it(source: str, replica: str) -> None:
+    save(source, 1, "other")
+    kant_sql.upgrade(replica)
+    with closing(sqlite3.connect(replica.removeprefix("sqlite:///"))) as holder:
+        holder.execute("BEGIN IMMEDIATE")
+        with following(source, f"{replica}?timeout=0.1") as process:
+            waiting = next_event(process, "waiting")
+            assert waiting["type"] == "StoreBusyError"
+            assert "knowledge_base" not in waiting
+            holder.rollback()
+            assert next_event(process, "pushed")["revision"] == 3
+
+
+@pytest.mark.parametrize("command", ["push", "verify", "promote"])
+def test_work_is_finished_when_nobody_reads(source: str, replica: str, command: str) -> None:
+    for name in ("a", "b"):
+        save(source, 1, name)
+    words, code = {
+        "push": ((source, replica, "--kb", "tiago"), 0),
+        "verify": (("--all", source), 1),
+        "promote": ((replica, "--kb", "a"), 0),
+    }[command]
+    run("push", source, replica, *(("--kb", "a") if command == "push" else ()))
+    if command == "verify":
+        damage(source, "UPDATE revision SET actor = 'x' WHERE kb_id = 1 AND number = 2")
+    reads, writes = os.pipe()
+    os.close(reads)
+    with os.fdopen(writes, "wb") as unread:
+        process = start(command, *words, program=PROGRAM, stdout=unread, stderr=unread)
+    assert process.wait(CHILD_TIMEOUT) == code
+    if command == "push":
+        equal_histories(source, replica)
+    if command == "promote":
+        assert run("promote", replica, "--kb", "a").stdout.endswith("nothing was changed\n")
+
+
+@pytest.mark.parametrize("interval", ["inf", "nan", "-1", "86401"])
+def test_an_interval_has_bounds(source: str, replica: str, interval: str) -> None:
+    result = run("push", source, replica, "--follow", f"--interval={interval}")
+    assert result.exit_code == 2
+    assert "0 to 86400 seconds" in one_line(result.stderr)
+
+
 def test_exit_codes_say_whether_to_try_again(source: str, replica: str, tmp_path: Path) -> None:
     expected = {
         ("postgresql://localhost:1/x",): 75,
@@ -142,6 +257,9 @@ def test_exit_codes_say_whether_to_try_again(source: str, replica: str, tmp_path
 def test_nothing_is_left_of_a_target_that_nothing_was_sent_to(tmp_path: Path, source: str) -> None:
     url = target_url(tmp_path, "nothing.db")
     assert run("push", source, url, "--kb", "nobody").exit_code == 1
+    assert not (tmp_path / "nothing.db").exists()
+    damage(source, "UPDATE revision SET actor = 'x' WHERE number = 2")
+    assert run("push", source, url).exit_code == 65
     assert not (tmp_path / "nothing.db").exists()
 
 
@@ -264,6 +382,207 @@ def test_delays_grow_at_random_up_to_a_bound() -> None:
     assert len({*delays}) == len(delays)
     backoff.reset()
     assert backoff.delay() <= service.FIRST_DELAY
+
+
+Report = list[service.PushEvent]
+
+
+def followed(source: str, target: str, act: Callable[[Report], bool]) -> Report:
+    """Follow in this process; `act` is asked after each event whether that was all."""
+    events: Report = []
+    over: list[bool] = []
+
+    def report(event: service.PushEvent) -> None:
+        events.append(event)
+        if act(events):
+            over.append(True)
+
+    pushes = service.PushService(
+        source,
+        target,
+        name=None,
+        terms=Terms(is_patient=False),
+        report=report,
+        is_stopped=lambda: bool(over),
+    )
+    pushes.follow(0)
+    return events
+
+
+def names_of(events: Report) -> list[str]:
+    return [each.event for each in events if each.event not in ("following", "stopped")]
+
+
+@pytest.fixture
+def short_delays(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let a service try again at once."""
+    monkeypatch.setattr(service, "FIRST_DELAY", 0.02)
+    monkeypatch.setattr(service, "LONGEST_DELAY", 0.1)
+
+
+@pytest.mark.usefixtures("short_delays")
+def test_one_that_is_locked_does_not_keep_the_others(
+    source: str, server: Server, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(postgresql, "LOCK_TIMEOUT", "200ms")
+    url = server.new_store()
+    save(source, 1, "other")
+    run("push", source, url)
+    for name in ("tiago", "other"):
+        save(source, 12, name)
+    lock = "SELECT 1 FROM head JOIN knowledge_base ON id = kb_id WHERE name = 'tiago' FOR UPDATE"
+    with psycopg.connect(url) as holder:
+        holder.execute(lock)
+        result = run("push", source, url)
+        assert result.exit_code == 75
+        assert result.stdout.startswith("other: revision 2 sent to ")
+        assert one_line(result.stderr).startswith("kant-sql: tiago: ")
+        save(source, 13, "other")
+
+        def act(events: Report) -> bool:
+            if len(names_of(events)) == 2:
+                holder.rollback()
+            return events[-1].event == "pushed" and events[-1].knowledge_base == "tiago"
+
+        events = followed(source, url, act)
+    assert [(each.event, each.knowledge_base) for each in events[1:3]] == [
+        ("waiting", "tiago"),
+        ("pushed", "other"),
+    ]
+    assert isinstance(events[1].error, kant_sql.StoreBusyError)
+
+
+@pytest.mark.usefixtures("short_delays")
+@pytest.mark.parametrize("is_source", [True, False])
+@pytest.mark.parametrize("version", ["0005", "9999"])
+def test_it_waits_for_upgrades(source: str, replica: str, is_source: bool, version: str) -> None:
+    url = source if is_source else replica
+    kant_sql.upgrade(replica)
+    damage(url, f"UPDATE kant_sql_version SET version_num = '{version}'")
+
+    def act(events: Report) -> bool:
+        if len(names_of(events)) == 2:
+            damage(url, "UPDATE kant_sql_version SET version_num = '0006'")
+        return events[-1].event == "pushed"
+
+    events = followed(source, replica, act)
+    assert names_of(events) == ["waiting", "waiting", "pushed"]
+    assert isinstance(events[1].error, kant_sql.SchemaError)
+    # Somebody has to do something first.
+    assert events[1].retry_in is not None
+    assert events[1].retry_in >= 0.05
+
+
+@pytest.mark.usefixtures("short_delays")
+@pytest.mark.parametrize("is_there", [True, False])
+def test_it_waits_for_a_file_that_was_there(
+    source: str, replica: str, tmp_path: Path, is_there: bool
+) -> None:
+    path, aside = tmp_path / "source.db", tmp_path / "aside.db"
+    if not is_there:
+        path.rename(aside)
+        with pytest.raises(kant_sql.SchemaMissingError):
+            followed(source, replica, lambda events: False)
+        return
+
+    def act(events: Report) -> bool:
+        kind = names_of(events)[-1:]
+        if kind == ["pushed"]:
+            path.rename(aside)
+        if kind == ["waiting"] and isinstance(events[-1].error, kant_sql.SchemaMissingError):
+            aside.rename(path)
+        return kind == ["current"]
+
+    assert names_of(followed(source, replica, act))[0::4] == ["pushed"]
+
+
+@pytest.mark.usefixtures("short_delays")
+def test_it_waits_for_space(source: str, replica: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    failures = iter([kant_sql.StoreFullError("full")])
+
+    def full(*arguments: Any) -> Any:
+        for failure in failures:
+            raise failure
+        return push(*arguments)
+
+    monkeypatch.setattr(service, "push", full)
+    events = followed(source, replica, lambda events: events[-1].event == "pushed")
+    assert names_of(events) == ["waiting", "pushed"]
+    assert events[1].knowledge_base == "tiago"
+
+
+def test_it_listens_for_one_that_is_not_refused(
+    source: str, replica: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    save(source, 1, "other")
+    run("push", source, replica)
+    run("promote", replica, "--kb", "tiago")
+    heard: list[int | None] = []
+    wait = FileListener.wait
+
+    def listen(listener: FileListener, kb_id: int | None, seconds: float) -> None:
+        heard.append(kb_id)
+        wait(listener, kb_id, 0)
+
+    monkeypatch.setattr(FileListener, "wait", listen)
+    save(source, 2, "other")
+
+    def act(events: Report) -> bool:
+        if names_of(events) == ["refused", "pushed"]:
+            save(source, 3, "other")
+        return names_of(events) == ["refused", "pushed", "pushed"]
+
+    followed(source, replica, act)
+    assert {*heard} == {2}
+
+
+def test_nothing_stays_open_where_nobody_can_listen(
+    source: str, replica: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    opened: list[Backend] = []
+
+    def no_listener(backend: Backend) -> None:
+        opened.append(backend)
+        raise kant_sql.StoreUnreachableError("nobody listens")
+
+    def create(*arguments: Any, **settings: Any) -> Backend:
+        opened.append(create_backend(*arguments, **settings))
+        return opened[-1]
+
+    monkeypatch.setattr(target, "create_backend", create)
+    monkeypatch.setattr(service, "create_backend", create)
+    monkeypatch.setattr(SqliteBackend, "listener", no_listener)
+    with pytest.raises(kant_sql.StoreUnreachableError):
+        service._Connection(source, replica)
+    assert len(opened) == 3
+    assert all(backend.is_closed for backend in opened)
+
+
+def test_ignored_signals_stay_ignored() -> None:
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    stop = _Stop()
+    try:
+        with stop.on_signals():
+            os.kill(os.getpid(), signal.SIGINT)
+            os.kill(os.getpid(), signal.SIGTERM)
+            assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
+        assert stop.number == signal.SIGTERM
+        assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def test_a_handler_that_is_not_python_s_does_no_harm(monkeypatch: pytest.MonkeyPatch) -> None:
+    before = {one: signal.getsignal(one) for one in (signal.SIGINT, signal.SIGTERM)}
+    monkeypatch.setattr(signal, "getsignal", lambda number: None)
+    stop = _Stop()
+    try:
+        with stop.on_signals():
+            os.kill(os.getpid(), signal.SIGTERM)
+        assert stop.number == signal.SIGTERM
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 def test_log_lines_are_pairs(source: str, replica: str) -> None:

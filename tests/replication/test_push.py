@@ -10,18 +10,23 @@ from sqlalchemy import make_url
 
 import kant_sql
 from kant_sql import KnowledgeBase
-from kant_sql.errors import ClosedError, ReplicaError, StoreReplacedError
+from kant_sql.errors import ClosedError, ReplicaError, StoreIntegrityError
 from kant_sql.history.replication import batch
 from kant_sql.history.replication.calls import _TARGETS
 from kant_sql.history.replication.push import Terms, push
 from kant_sql.history.replication.target import ReplicationSide, open_target
-from tests.support.archives import count, intact, rows_of
+from kant_sql.sql.dialects.base import Backend
+from tests.support.archives import count, damage, intact, rows_of
 from tests.support.replicas import equal_histories
 from tests.support.servers import Server
 from tests.support.statements import recorded
 from tests.support.stores import Connect
 from tests.support.worlds.robots import RB1, robot_at, waypoint
 from tests.support.worlds.story import write_whole_story
+
+
+def backend_of(kb: KnowledgeBase) -> Backend:
+    return kb.factory._store.backend  # type: ignore[attr-defined, no-any-return]
 
 
 def test_a_replica_has_every_row_of_its_source(
@@ -181,10 +186,65 @@ def test_a_replaced_target_is_opened_again(
     count(file_kb, 3)
     file_kb.push(f"sqlite:///{path}")
     path.unlink()
-    with pytest.raises(StoreReplacedError):
-        file_kb.push(f"sqlite:///{path}")
     assert file_kb.push(f"sqlite:///{path}").revisions == 3
     equal_histories(file_url, f"sqlite:///{path}")
+
+
+def test_a_target_whose_tables_are_gone_is_looked_at_again(
+    file_kb: KnowledgeBase, file_url: str, replica_url: str
+) -> None:
+    count(file_kb, 3)
+    file_kb.push(replica_url)
+    kant_sql.downgrade(replica_url, revision="base")
+    count(file_kb, 4)
+    assert file_kb.push(replica_url).revisions == 4
+    equal_histories(file_url, replica_url)
+
+
+def test_one_that_fails_leaves_the_others_their_connection(
+    file_url: str, replica_url: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(batch, "FIRST_REVISIONS", 4)
+    with kant_sql.open_store(file_url) as store:
+        bad, good = store.knowledge_base("bad"), store.knowledge_base("good")
+        for kb in (bad, good):
+            count(kb, 30)
+        damage(file_url, "UPDATE revision SET actor = 'x' WHERE kb_id = 1 AND number = 3")
+        failed: list[Exception] = []
+
+        def meanwhile(at: int, upto: int) -> None:
+            if not failed:
+                with pytest.raises(StoreIntegrityError) as caught:
+                    bad.push(replica_url)
+                failed.append(caught.value)
+
+        assert good.push(replica_url, progress=meanwhile).revisions == 30
+        assert failed
+        (opened,) = _TARGETS[backend_of(good)]._open.values()
+        assert not opened.backend.is_closed
+    equal_histories(file_url, replica_url, "good")
+
+
+def test_a_forgotten_target_is_closed_after_its_last_push(
+    file_kb: KnowledgeBase, replica_url: str
+) -> None:
+    count(file_kb, 3)
+    file_kb.push(replica_url)
+    count(file_kb, 4)
+    targets = _TARGETS[backend_of(file_kb)]
+    (opened,) = targets._open.values()
+
+    def forget(at: int, upto: int) -> None:
+        targets.forget(replica_url, opened)
+        targets.forget(replica_url, opened)
+        assert not opened.backend.is_closed
+
+    file_kb.push(replica_url, progress=forget)
+    assert opened.backend.is_closed
+    count(file_kb, 5)
+    file_kb.push(replica_url)
+    targets.forget(replica_url, opened)
+    assert targets.is_open(replica_url)
 
 
 def test_knowledge_bases_of_one_store_share_the_connection(file_url: str, replica_url: str) -> None:
@@ -202,9 +262,8 @@ def test_knowledge_bases_of_one_store_share_the_connection(file_url: str, replic
 def test_closing_closes_the_targets(file_kb: KnowledgeBase, replica_url: str) -> None:
     count(file_kb, 3)
     file_kb.push(replica_url)
-    source = file_kb.factory._store.backend  # type: ignore[attr-defined]
-    (target,) = _TARGETS[source]._backends.values()
+    (target,) = _TARGETS[backend_of(file_kb)]._open.values()
     file_kb.close()
-    assert target.is_closed
+    assert target.backend.is_closed
     with pytest.raises(ClosedError):
         file_kb.push(replica_url)

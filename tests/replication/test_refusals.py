@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import sqlite3
-from contextlib import closing
+import os
 from pathlib import Path
 
 import pytest
@@ -21,7 +20,7 @@ from kant_sql.errors import (
     StoreIntegrityError,
 )
 from kant_sql.history.replication import batch
-from tests.support.archives import count, intact, rows_of, target_url
+from tests.support.archives import count, damage, intact, rows_of, target_url
 from tests.support.replicas import equal_histories
 from tests.support.roles import members
 from tests.support.servers import Server
@@ -29,14 +28,6 @@ from tests.support.statements import recorded
 from tests.support.stores import Connect
 from tests.support.worlds import counter
 from tests.support.worlds.robots import RB1
-
-
-def damage(url: str, *statements: str) -> None:
-    """Change a file by hand."""
-    with closing(sqlite3.connect(url.removeprefix("sqlite:///"))) as bare:
-        for statement in statements:
-            assert bare.execute(statement).rowcount > 0
-        bare.commit()
 
 
 def test_another_history_is_refused_with_the_first_difference(
@@ -310,6 +301,32 @@ def test_stores_that_cannot_be_targets(
         file_kb.push(server.new_database())
     with pytest.raises(InvalidUrlError):
         file_kb.push("server")
+
+
+def test_another_name_of_the_source_s_file_is_no_target(
+    file_kb: KnowledgeBase, file_url: str, replica_url: str
+) -> None:
+    count(file_kb, 2)
+    os.link(*(url.removeprefix("sqlite:///") for url in (file_url, replica_url)))
+    with pytest.raises(ConflictError, match="name another"):
+        file_kb.push(replica_url)
+
+
+def test_nothing_is_left_of_a_file_that_gets_no_revision(
+    file_kb: KnowledgeBase, file_url: str, replica_url: str, connect: Connect
+) -> None:
+    path = Path(replica_url.removeprefix("sqlite:///"))
+    assert connect(file_url, knowledge_base="nobody").push(replica_url).revision == 0
+    assert not path.exists()
+    count(file_kb, 4)
+    damage(file_url, "UPDATE revision SET actor = 'somebody' WHERE number = 3")
+    with pytest.raises(StoreIntegrityError):
+        file_kb.push(replica_url)
+    assert not path.exists()
+    kant_sql.upgrade(replica_url)
+    with pytest.raises(StoreIntegrityError):
+        file_kb.push(replica_url)
+    assert path.exists()
 
 
 def test_tables_of_another_version_are_refused(file_kb: KnowledgeBase, replica_url: str) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sqlite3
 from collections import Counter
 from collections.abc import Iterable
 from contextlib import closing
@@ -36,6 +37,14 @@ _KB = Query(select(KnowledgeBaseRow.id).where(KnowledgeBaseRow.name == bindparam
 
 def target_url(folder: Path, name: str = "archive.db") -> str:
     return f"sqlite:///{folder / name}"
+
+
+def damage(url: str, *statements: str) -> None:
+    """Change a file by hand."""
+    with closing(sqlite3.connect(url.removeprefix("sqlite:///"))) as bare:
+        for statement in statements:
+            assert bare.execute(statement).rowcount > 0
+        bare.commit()
 
 
 def rows_of(url: str, name: str = "tiago") -> Rows:

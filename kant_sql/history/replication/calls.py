@@ -3,63 +3,105 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
+from typing import NamedTuple
 from weakref import WeakKeyDictionary
 
 from ...arguments import expect, flag, optional_call, optional_text
 from ...errors import (
+    ClosedError,
     InvalidArgumentError,
     InvalidUrlError,
     ReadOnlyError,
-    StoreError,
+    SchemaError,
+    StoreReplacedError,
+    TableMissingError,
 )
-from ...sql.dialects.base import PASSING, Backend
+from ...sql.catalog import ANY_REVISION
+from ...sql.dialects import create_backend
+from ...sql.dialects.base import Backend
 from ...store.store import Store
 from .push import Progress, Pushed, Terms, push
 from .target import ReplicationSide, Target, open_store
+
+# What another connection may not meet: the store was replaced, or is of another version by now.
+_STALE = ClosedError, SchemaError, StoreReplacedError, TableMissingError
+
+
+class _OpenTarget:
+    """A store that is kept open; it is closed when it is forgotten, after its last push.
+
+    Attributes:
+        backend: the database.
+        pushes: how many run.
+        is_forgotten: whether no further push begins here.
+        ids: of each knowledge base, its id in the source and in here, once they are known.
+    """
+
+    def __init__(self, backend: Backend) -> None:
+        self.backend = backend
+        self.pushes = 0
+        self.is_forgotten = False
+        self.ids: dict[str, tuple[int | None, int | None]] = {}
 
 
 class _Targets:
     """The stores that the knowledge bases of one store were pushed to.
 
-    A robot pushes every few seconds; connecting anew would take longer than what it sends.
+    A robot pushes every few seconds; another connection would take longer than what it sends.
     """
 
     def __init__(self, source: Backend) -> None:
         self._lock = threading.Lock()
-        self._backends: dict[str, Backend] = {}
-        self._pairs: dict[tuple[str, str], tuple[ReplicationSide, Target]] = {}
+        self._open: dict[str, _OpenTarget] = {}
         source.when_closed.append(self.close)
 
-    def open(self, url: str, name: str, source: Backend) -> tuple[ReplicationSide, Target]:
-        """Return a knowledge base in both stores; the target is opened if it is not yet."""
+    @contextmanager
+    def using(self, url: str, source: Backend) -> Iterator[_OpenTarget]:
+        """Keep a store open for the length of a `with` block; it is opened if it is not yet."""
         with self._lock:
-            found = self._pairs.get((url, name))
-            backend = self._backends.get(url)
-        if found is not None:
-            return found
-        made = open_store(url, source, "a replica") if backend is None else backend
-        with self._lock:
-            kept = self._backends.setdefault(url, made)
-            sides = ReplicationSide(source, name), Target(kept, name)
-            pair = self._pairs.setdefault((url, name), sides)
-        if kept is not made and made is not backend:
-            # Another thread was first.
-            made.close()
-        return pair
+            target = self._open.get(url)
+            if target is not None:
+                target.pushes += 1
+        if target is None:
+            made = open_store(url, source, "a replica")
+            with self._lock:
+                target = self._open.setdefault(url, _OpenTarget(made))
+                target.pushes += 1
+            if target.backend is not made:
+                # Another thread was first.
+                made.close()
+        try:
+            yield target
+        finally:
+            with self._lock:
+                target.pushes -= 1
+                is_over = target.is_forgotten and not target.pushes
+            if is_over:
+                target.backend.close()
 
-    def forget(self, url: str) -> None:
-        """Close a store that is no longer what it was."""
+    def is_open(self, url: str) -> bool:
+        """Whether a store is kept open."""
+        return url in self._open
+
+    def forget(self, url: str, target: _OpenTarget | None = None) -> None:
+        """Keep a store open no longer; with `target`, unless it was opened again since."""
         with self._lock:
-            backend = self._backends.pop(url, None)
-            for key in [key for key in self._pairs if key[0] == url]:
-                del self._pairs[key]
-        if backend is not None:
-            backend.close()
+            found = self._open.get(url)
+            if found is None or target not in (None, found):
+                return
+            del self._open[url]
+            found.is_forgotten = True
+            is_idle = not found.pushes
+        if is_idle:
+            found.backend.close()
 
     def close(self) -> None:
-        """Close all of them."""
-        for url in [*self._backends]:
+        """Close all of them, even below their pushes."""
+        for url, target in [*self._open.items()]:
             self.forget(url)
+            target.backend.close()
 
 
 _GUARD = threading.Lock()
@@ -83,11 +125,48 @@ def push_from(
     source = store.backend
     with _GUARD:
         targets = _TARGETS.get(source) or _TARGETS.setdefault(source, _Targets(source))
-    try:
-        sides = targets.open(url, store.name, source)
-        return push(*sides, Terms(archive, adopt), progress)
-    except StoreError as error:
-        if not isinstance(error, PASSING):
-            # It may have been replaced, or be of another version by now.
-            targets.forget(url)
-        raise
+    call = _Call(targets, store, url, Terms(archive, adopt), progress)
+    if targets.is_open(url):
+        try:
+            return call.run()
+        except _STALE:
+            if source.is_closed:
+                raise
+            # An earlier call opened it; what has this URL by now may be fit.
+    return call.run_first()
+
+
+class _Call(NamedTuple):
+    """One call of `push`."""
+
+    targets: _Targets
+    store: Store
+    url: str
+    terms: Terms
+    progress: Progress | None
+
+    def run(self) -> Pushed:
+        """Push to a store that is kept open."""
+        source, name = self.store.backend, self.store.name
+        with self.targets.using(self.url, source) as opened:
+            here, there = ReplicationSide(source, name), Target(opened.backend, name)
+            here.kb_id, there.kb_id = opened.ids.get(name, (None, None))
+            try:
+                done = push(here, there, self.terms, self.progress)
+            except _STALE:
+                self.targets.forget(self.url, opened)
+                raise
+            opened.ids[name] = here.kb_id, there.kb_id
+        return done
+
+    def run_first(self) -> Pushed:
+        """Push to a store that is not open; a file that gets no revision is not left behind."""
+        with closing(create_backend(self.url)) as file:
+            is_new, done = not file.exists(), None
+            try:
+                done = self.run()
+            finally:
+                if is_new and (done is None or not done.revision):
+                    self.targets.forget(self.url)
+                    file.remove(ANY_REVISION)
+        return done

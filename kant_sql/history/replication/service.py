@@ -4,43 +4,58 @@ from __future__ import annotations
 
 import random
 import time
-from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager, closing
+from collections.abc import Callable
+from contextlib import AbstractContextManager, ExitStack, closing
 from typing import NamedTuple
 
 from sqlalchemy import literal_column, select
 
 from ...errors import (
     ArchivedError,
+    AuthenticationError,
+    ClosedError,
     ConflictError,
     ConnectionLostError,
+    ForkedError,
     KantSqlError,
+    ReadOnlyStoreError,
     ReplicaError,
+    SchemaError,
+    SchemaMissingError,
     StatementTimeoutError,
     StoreBusyError,
+    StoreError,
+    StoreFullError,
     StoreIntegrityError,
     StoreReplacedError,
     StoreUnreachableError,
+    TableMissingError,
 )
 from ...sql.dialects import create_backend
 from ...sql.dialects.base import Backend, Listener
 from ...sql.query import Query
-from ...sql.schema import ensure_schema
+from ...sql.schema import check_session, ensure_schema
 from ...sql.tables import HeadRow, KnowledgeBaseRow
+from ...store.store import end_session
 from .histories import read_state
 from .push import Progress, Pushed, Terms, push
-from .target import ReplicationSide, Target, open_store
+from .target import ReplicationSide, Target, open_store, reading
 
 # What may be over at the next attempt.
 PASSING = (
     ConnectionLostError,
     StatementTimeoutError,
     StoreBusyError,
+    StoreFullError,
     StoreReplacedError,
     StoreUnreachableError,
 )
 # What concerns one knowledge base, and stays until somebody decides.
 REFUSED = ArchivedError, ConflictError, ReplicaError, StoreIntegrityError
+# What concerns all of them, and stays.
+_ENDING = AuthenticationError, ClosedError, ForkedError, ReadOnlyStoreError
+# What an upgrade, or a file that comes back, ends.
+_REBUILT = SchemaError, TableMissingError
 
 # Seconds before the first further attempt, and at most, while a store cannot be reached.
 FIRST_DELAY, LONGEST_DELAY = 1.0, 60.0
@@ -88,6 +103,11 @@ class Backoff:
         delay, self._next = self._next, min(2 * self._next, LONGEST_DELAY)
         return delay * random.uniform(0.5, 1.0)
 
+    def longest(self) -> float:
+        """Return the seconds to wait for what somebody has to do."""
+        self._next = LONGEST_DELAY
+        return self.delay()
+
     def reset(self) -> None:
         """Begin with short delays again."""
         self._next = FIRST_DELAY
@@ -103,43 +123,55 @@ class _Followed:
         self.sent = -1  # the last revision that is known to be in the target
         self.due_at = 0.0
         self.is_refused = False
+        self.backoff = Backoff()
 
     @property
     def has_news(self) -> bool:
-        """Whether the target lacks something."""
-        return self.head > self.sent and not self.is_refused
+        """Whether the target may lack something."""
+        # Of a damaged source, the head may be anything.
+        return self.head != self.sent and not self.is_refused
 
 
 class _Connection:
     """Both stores, open; after an error that may pass, a service opens them again."""
 
     def __init__(self, source_url: str, target_url: str) -> None:
-        self.source = create_backend(source_url, read_only=True)
-        try:
+        with ExitStack() as opened:
+            self.source = create_backend(source_url, read_only=True)
+            opened.callback(self.source.close)
             ensure_schema(self.source)
             self.target: Backend = open_store(target_url, self.source, "a replica")
-        except BaseException:
-            self.source.close()
-            raise
-        self.listener: Listener = self.source.listener()
+            opened.callback(self.target.close)
+            self.listener: Listener = self.source.listener()
+            opened.callback(self.listener.close)
+            self._opened = opened.pop_all()
 
-    def heads(self, names: Sequence[str] | None) -> list[tuple[str, int, int]]:
-        """Read name, id and last revision: of all knowledge bases, or of the named ones."""
+    def heads(self, name: str | None) -> list[tuple[str, int, int]]:
+        """Read name, id and last revision: of all knowledge bases, or of the named one."""
         with self.source.open_session() as session:
-            if names is None:
-                return [(name, id_, number) for name, id_, number in session.rows(_HEADS)]
-            found = []
-            for name in names:
-                kb_id = ReplicationSide(self.source, name).find(session)
-                if kb_id is not None:
-                    found.append((name, kb_id, read_state(session, kb_id).revision))
-            return found
+            if name is None:
+                return [(each, id_, number) for each, id_, number in session.rows(_HEADS)]
+            kb_id = ReplicationSide(self.source, name).find(session)
+            return [] if kb_id is None else [(name, kb_id, read_state(session, kb_id).revision)]
+
+    def check(self) -> None:
+        """Raise what concerns all knowledge bases: a store is gone, locked or another by now."""
+        for backend in (self.source, self.target):
+            # What the pool holds may be lost, too.
+            backend.renew()
+        with reading(self.source) as session:
+            check_session(session)
+        session = self.target.session()
+        try:
+            # Where writers lock the whole store, this waits for them.
+            session.begin(write=True)
+            check_session(session)
+        finally:
+            end_session(session)
 
     def close(self) -> None:
         """Close both."""
-        self.listener.close()
-        self.target.close()
-        self.source.close()
+        self._opened.close()
 
 
 class PushService:
@@ -174,23 +206,28 @@ class PushService:
         self._report = report
         self._is_stopped = is_stopped
         self._connection: _Connection | None = None
+        self._was_connected = False
         self._followed: dict[str, _Followed] = {}
         self._backoff = Backoff()
 
     def once(
         self, bar: Callable[[str], AbstractContextManager[Progress | None]]
     ) -> list[KantSqlError]:
-        """Push each knowledge base once; return the errors of those that were refused."""
+        """Push each knowledge base once; return the errors of those that were not sent."""
         errors: list[KantSqlError] = []
         with closing(_Connection(*self._urls)) as connection:
-            for name, kb_id, _ in connection.heads(self._names):
+            for name, kb_id, _ in connection.heads(self._name):
                 followed = self._make(connection, name, kb_id)
-                try:
-                    with bar(name) as progress:
-                        self._push(followed, progress)
-                except REFUSED as error:
-                    self._report(PushEvent("refused", name, error=error))
-                    errors.append(error)
+                with bar(name) as progress:
+                    error = self._attempt(connection, followed, progress)
+                if error is None:
+                    continue
+                errors.append(error)
+                may_pass = isinstance(error, PASSING)
+                self._report(PushEvent("waiting" if may_pass else "refused", name, error=error))
+                if may_pass:
+                    # What one waits for in vain, such as an archive, is not waited for again.
+                    self._terms = self._terms._replace(is_patient=False)
         return errors
 
     def follow(self, interval: float) -> list[KantSqlError]:
@@ -212,10 +249,6 @@ class PushService:
         self._report(PushEvent("stopped"))
         return [] if self._is_stopped() else [*errors.values()]
 
-    @property
-    def _names(self) -> list[str] | None:
-        return None if self._name is None else [self._name]
-
     def _is_refused(self) -> bool:
         """Whether nothing is left that may be pushed."""
         return bool(self._followed) and all(one.is_refused for one in self._followed.values())
@@ -223,29 +256,69 @@ class PushService:
     def _try_round(self, interval: float, errors: dict[str, KantSqlError]) -> None:
         try:
             self._round(interval, errors)
+        except _REBUILT as error:
+            is_missing = isinstance(error, (SchemaMissingError, TableMissingError))
+            if is_missing and not self._was_connected:
+                raise
+            self._wait_after(
+                error, self._backoff.delay() if is_missing else self._backoff.longest()
+            )
         except PASSING as error:
-            self._disconnect()
-            delay = self._backoff.delay()
-            self._report(PushEvent("waiting", error=error, retry_in=delay))
-            self._sleep(delay)
+            self._wait_after(error, self._backoff.delay())
+
+    def _wait_after(self, error: KantSqlError, delay: float) -> None:
+        """Close both stores, and wait before they are opened again."""
+        self._disconnect()
+        self._report(PushEvent("waiting", error=error, retry_in=delay))
+        self._sleep(delay)
 
     def _round(self, interval: float, errors: dict[str, KantSqlError]) -> None:
         """Look at the source, push what is due, and wait for more."""
         connection = self._connect()
-        for name, kb_id, revision in connection.heads(self._names):
+        for name, kb_id, revision in connection.heads(self._name):
             if name not in self._followed:
                 self._followed[name] = self._make(connection, name, kb_id)
             self._followed[name].head = revision
-        for name, one in self._followed.items():
+        for one in self._followed.values():
             if one.has_news and one.due_at <= time.monotonic() and not self._is_stopped():
-                try:
-                    self._push(one, None)
-                    self._backoff.reset()
-                except REFUSED as error:
-                    one.is_refused, errors[name] = True, error
-                    self._report(PushEvent("refused", name, error=error))
-                one.due_at = time.monotonic() + interval
+                self._push_due(connection, one, interval, errors)
         self._wait(connection)
+
+    def _push_due(
+        self,
+        connection: _Connection,
+        one: _Followed,
+        interval: float,
+        errors: dict[str, KantSqlError],
+    ) -> None:
+        name, error = one.source.name, self._attempt(connection, one, None)
+        delay = interval
+        if error is None:
+            self._backoff.reset()
+            one.backoff.reset()
+        elif isinstance(error, PASSING):
+            delay = max(interval, one.backoff.delay())
+            self._report(PushEvent("waiting", name, error=error, retry_in=delay))
+        else:
+            one.is_refused, errors[name] = True, error
+            self._report(PushEvent("refused", name, error=error))
+        one.due_at = time.monotonic() + delay
+
+    def _attempt(
+        self, connection: _Connection, one: _Followed, progress: Progress | None
+    ) -> KantSqlError | None:
+        """Push a knowledge base; return what concerns it alone, and raise what concerns all."""
+        try:
+            self._push(one, progress)
+        except REFUSED as error:
+            return error
+        except _ENDING:
+            raise
+        except StoreError as error:
+            # The store that failed may be an archive, which only some knowledge bases need.
+            connection.check()
+            return error if isinstance(error, PASSING) else _unreadable(one, error)
+        return None
 
     def _push(self, one: _Followed, progress: Progress | None) -> None:
         started = time.monotonic()
@@ -264,8 +337,8 @@ class PushService:
             self._sleep(min(max(0.0, min(due) - time.monotonic()), LOOK_EVERY))
         else:
             # SQLite notifies of any knowledge base, PostgreSQL of one.
-            first = next((one.source.kb_id for one in self._followed.values()), None)
-            connection.listener.wait(first, LOOK_EVERY)
+            kept = (one.source.kb_id for one in self._followed.values() if not one.is_refused)
+            connection.listener.wait(next(kept, None), LOOK_EVERY)
 
     def _sleep(self, seconds: float) -> None:
         end = time.monotonic() + seconds
@@ -275,6 +348,7 @@ class PushService:
     def _connect(self) -> _Connection:
         if self._connection is None:
             self._connection = _Connection(*self._urls)
+            self._was_connected = True
             # They belong to the connections that were lost.
             refused = [name for name, one in self._followed.items() if one.is_refused]
             self._followed = {name: self._followed[name] for name in refused}
@@ -290,3 +364,14 @@ class PushService:
         source = ReplicationSide(connection.source, name)
         source.kb_id = kb_id
         return _Followed(source, Target(connection.target, name))
+
+
+def _unreadable(one: _Followed, error: StoreError) -> StoreIntegrityError:
+    """Build the error for a knowledge base that a database cannot read or take."""
+    source, name = one.source.backend.label, one.source.name
+    made = StoreIntegrityError(
+        f"{source}: knowledge base {name!r} was not sent, or only its first revisions: {error}; "
+        f"'kant-sql verify' shows what is damaged in {source}; restore it from a copy"
+    )
+    made.__cause__ = error
+    return made

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
-from contextlib import closing, contextmanager
+from contextlib import closing, contextmanager, suppress
 
 from sqlalchemy import bindparam, select
 
@@ -93,11 +94,11 @@ def open_store(url: str, source: Backend, noun: str) -> Backend:
     backend = create_backend(url)
     try:
         place = _place(backend)
-        if not place:
+        if not place[1]:
             raise ConflictError(
                 f"{backend.label}: {noun} in memory ends with this process; name a file or a server"
             )
-        if place == _place(source):
+        if _is_same(place, _place(source)):
             raise ConflictError(
                 f"{backend.label}: this is the store itself that is to be copied; name another one"
             )
@@ -115,7 +116,18 @@ def open_target(url: str, name: str, source: Backend, noun: str) -> Iterator[Tar
         yield Target(backend, name)
 
 
-def _place(backend: Backend) -> str:
+def _place(backend: Backend) -> tuple[str, str]:
+    """Return what identifies a database among those of its kind, or nothing for one in memory."""
     with backend.open_session() as session:
         row = session.first(_PLACE)
-        return f"{backend.dialect.name} {row[0]}" if row and row[0] else ""
+        return backend.dialect.name, str(row[0] or "") if row else ""
+
+
+def _is_same(place: tuple[str, str], other: tuple[str, str]) -> bool:
+    """Whether two places are one; a file may have several names."""
+    if place[0] != other[0]:
+        return False
+    with suppress(OSError):
+        return place[1] == other[1] or os.path.samefile(place[1], other[1])
+    # Of a server, a place is no file.
+    return False

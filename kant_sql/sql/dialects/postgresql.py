@@ -44,6 +44,7 @@ from ...errors import (
     StatementTimeoutError,
     StoreBusyError,
     StoreError,
+    StoreFullError,
     StoreIntegrityError,
     StoreUnreachableError,
     TableMissingError,
@@ -924,6 +925,11 @@ class PostgresqlBackend(Backend):
                 f"{self.label}: the server ended the statement ({text}): it took longer than "
                 "statement_timeout allows, or somebody cancelled it; nothing of the open "
                 "transaction was written"
+            )
+        if state == "53100":
+            return StoreFullError(
+                f"{self.label}: {text}; nothing of these was written: free space on the server's "
+                "disk, and try again"
             )
         if _CROWDED.search(text):
             return self._is_crowded(text)

@@ -44,6 +44,7 @@ from ...errors import (
     StatementTimeoutError,
     StoreBusyError,
     StoreError,
+    StoreFullError,
     StoreIntegrityError,
     StoreUnreachableError,
     TableMissingError,
@@ -859,6 +860,11 @@ class SqliteBackend(Backend):
             return StoreBusyError(
                 f"{label}: another process held the store for too long ({text}); nothing was "
                 "written, try again, or give ?timeout= in seconds"
+            )
+        if code == sqlite3.SQLITE_FULL:
+            return StoreFullError(
+                f"{label}: {text}; nothing of these was written: free space on its disk, or on "
+                "that of temporary files, and try again"
             )
         if code == sqlite3.SQLITE_INTERRUPT:
             return StatementTimeoutError(f"{label}: the statement was ended ({text})")
