@@ -11,7 +11,7 @@ from sqlalchemy import literal_column, select
 
 from .. import html
 from ..arguments import expect, shown
-from ..errors import AnchorError, StoreIntegrityError, reading_rows
+from ..errors import AnchorError, missing_revision, reading_rows
 from ..knowledge.canonical import time_text
 from ..sql.dialects.base import Session
 from ..sql.query import Query
@@ -22,7 +22,13 @@ FORMAT = 1
 _HASH = re.compile(r"[0-9a-f]{64}")
 # Of the revision, not of the head: verification compares with the former.
 _HEADS = Query(
-    select(KnowledgeBaseRow.name, RevisionRow.number, RevisionRow.hash, RevisionRow.committed_at)
+    select(
+        KnowledgeBaseRow.name,
+        HeadRow.revision,
+        RevisionRow.number,
+        RevisionRow.hash,
+        RevisionRow.committed_at,
+    )
     .join(HeadRow, HeadRow.kb_id == KnowledgeBaseRow.id)
     .outerjoin(
         RevisionRow, (RevisionRow.kb_id == HeadRow.kb_id) & (RevisionRow.number == HeadRow.revision)
@@ -90,12 +96,9 @@ def read_anchor(store: Store) -> Anchor:
 
     def work(session: Session, _: int | None) -> Anchor:
         heads = []
-        for name, number, digest, moment in session.rows(_HEADS):
+        for name, last, number, digest, moment in session.rows(_HEADS):
             if number is None:
-                raise StoreIntegrityError(
-                    f"{session.backend.label}: the head of knowledge base {name!r} is at a "
-                    "revision that does not exist; run verify for more"
-                )
+                raise missing_revision(session.backend.label, name, last)
             with reading_rows("revision", f"revision {number!r} of {name!r}"):
                 time = time_text(session.to_time(moment))
             heads.append(AnchoredHead(name, number, digest, time))
