@@ -7,13 +7,20 @@ import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
+from pathlib import Path
 from typing import Any
 
 import psycopg
 import pytest
 
-from kant_sql import ConnectionLostError, KnowledgeBase, StoreBusyError, StoreError
-from kant_sql.sql.dialects import postgresql
+from kant_sql import (
+    ConnectionLostError,
+    KnowledgeBase,
+    StoreBusyError,
+    StoreError,
+    StoreFullError,
+)
+from kant_sql.sql.dialects import create_backend, postgresql
 from kant_sql.sql.dialects.base import Session
 from tests.support.chain import check_chain
 from tests.support.faults import (
@@ -26,7 +33,7 @@ from tests.support.faults import (
     on_server,
     one_call,
 )
-from tests.support.stores import Connect
+from tests.support.stores import Connect, new_file_store
 from tests.support.worlds.robots import WP2, robot_at, waypoint
 
 
@@ -115,6 +122,35 @@ def test_a_call_that_the_server_gave_up_is_made_again(
     monkeypatch.setattr(Session, "run", run)
     assert one_call(kb) is True
     assert check_chain(shared_url) == {"default": 2}
+
+
+# Disks that are full.
+
+
+def test_a_full_disk_is_said_and_nothing_is_written(
+    tmp_path: Path, connect: Connect, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kb = connect(new_file_store(tmp_path / "store.db"))
+    kb.propositions.save(robot_at())
+    begin = Session.begin
+
+    def on_full_disk(session: Session, write: bool) -> None:
+        session.define("PRAGMA max_page_count = 1")
+        begin(session, write)
+
+    monkeypatch.setattr(Session, "begin", on_full_disk)
+    with pytest.raises(StoreFullError, match="full; nothing of these was written: free space"):
+        kb.objects.save_all([waypoint(number) for number in range(20_000)])
+    assert kb.revision == 1
+
+
+def test_a_server_s_full_disk_is_told_by_its_state(shared_url: str, connect: Connect) -> None:
+    if shared_url.startswith("sqlite"):
+        pytest.skip("psycopg's error")
+    with closing(create_backend(shared_url)) as backend:
+        error = backend.translate(psycopg.errors.DiskFull("could not extend file"))
+    assert isinstance(error, StoreFullError)
+    assert "free space on the server's disk" in str(error)
 
 
 # Answers that do not come.

@@ -42,8 +42,9 @@ class _Recorder(logging.Handler):
         self.statements: list[str] = []
 
     def emit(self, record: logging.LogRecord) -> None:
-        sql: str = record.sql  # type: ignore[attr-defined]
-        if not is_bracket(sql):
+        # Pools of connections log below the same name.
+        sql: str | None = getattr(record, "sql", None)
+        if sql is not None and not is_bracket(sql):
             self.statements.append(sql)
 
 
