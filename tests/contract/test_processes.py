@@ -91,6 +91,10 @@ def test_a_child_is_not_forked_while_a_connection_is_opened(tmp_path: Path) -> N
     in_processes((forks.beside_a_thread_that_connects, f"sqlite:///{tmp_path}/robot.db"))
 
 
+def test_a_child_does_not_undo_what_its_parent_has_written(tmp_path: Path) -> None:
+    in_processes((forks.within_a_large_transaction, f"sqlite:///{tmp_path}/robot.db"))
+
+
 def test_a_fork_waits_for_a_migration(tmp_path: Path) -> None:
     in_processes((forks.beside_a_first_open, str(tmp_path)))
 

@@ -586,8 +586,8 @@ class Backend(ABC):
         here = threading.get_ident()
         return any(thread != here for thread in self.sessions.values())
 
-    def look_for_threads(self) -> None:  # noqa: B027 (only some drivers have locks of their own)
-        """Note, in a child process, which threads of the parent used the database."""
+    def examine_fork(self) -> None:  # noqa: B027 (only some drivers do not survive every fork)
+        """Note, in a child process, whether the parent left the database in a usable state."""
 
     def forked(self) -> None:
         """Start over in a child process: the connections belong to the parent."""
@@ -689,7 +689,7 @@ def _in_child() -> None:
     backends = list(_BACKENDS)
     # All of them, before the first closes anything: they may share locks of the process.
     for backend in backends:
-        backend.look_for_threads()
+        backend.examine_fork()
     for backend in backends:
         backend.forked()
 

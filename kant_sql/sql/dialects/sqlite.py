@@ -555,7 +555,7 @@ POOL_SIZE = 8
 class SqliteBackend(Backend):
     """An SQLite file, or a store in memory that lives as long as this object."""
 
-    # Whether this process was forked while a thread of its parent used SQLite.
+    # Whether this process was forked at a moment that SQLite does not survive.
     _is_torn: ClassVar[bool] = False
     begin_read = "BEGIN"
     begin_write = "BEGIN IMMEDIATE"
@@ -621,13 +621,16 @@ class SqliteBackend(Backend):
 
         return engine
 
-    def look_for_threads(self) -> None:
-        """Note that a thread of the parent used SQLite, whichever database it was.
+    def examine_fork(self) -> None:
+        """Note what makes SQLite unusable in this child process, whichever database it is.
 
-        SQLite's mutexes are of the process: whoever held one does not exist in a child, where
-        opening and closing any connection would wait for it for ever.
+        SQLite's mutexes are of the process: whoever of the parent's threads held one does not exist
+        here, where opening and closing any connection would wait for it for ever. And to close a
+        connection whose transaction has spilled would remove the parent's pages from the log.
         """
-        if self.is_used_elsewhere():
+        in_transaction = any(connection.in_transaction for connection in self.connections)
+        has_spilled = not self.in_memory and in_transaction and self.file.has_spilled()
+        if has_spilled or self.is_used_elsewhere():
             SqliteBackend._is_torn = True
 
     def leave_connections(self) -> None:
@@ -745,8 +748,8 @@ class SqliteBackend(Backend):
         if self._is_torn:
             raise ForkedError(
                 f"{self.label}: this process was forked while another thread used this store or "
-                "another one, which SQLite does not survive; fork at another moment, or use "
-                "'spawn' or 'forkserver'"
+                "another one, or within a large transaction, which SQLite does not survive; fork "
+                "at another moment, or use 'spawn' or 'forkserver'"
             )
 
     def _resumed(self) -> SqliteSession | None:

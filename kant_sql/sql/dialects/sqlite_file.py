@@ -9,6 +9,7 @@ from __future__ import annotations
 import logging
 import os
 import sqlite3
+import struct
 import time
 from collections.abc import Callable
 from contextlib import closing, suppress
@@ -41,6 +42,11 @@ _HASH = "SELECT hash FROM revision WHERE kb_id = ? AND number = ?"
 # A write-ahead log begins with a magic number, and a salt that changes whenever the log restarts.
 WAL_MAGIC = (b"\x37\x7f\x06\x82", b"\x37\x7f\x06\x83")
 WAL_HEADER, WAL_SALT = 32, slice(16, 24)
+# Each of its frames is a page after a header, which has the salt that the log had then. The header
+# of the log's index has the page size, the number of frames that are committed, and the salt.
+FRAME_HEADER, FRAME_SALT = 24, slice(8, 16)
+INDEX_HEADER, INDEX_SALT = 48, slice(32, 40)
+INDEX_STATE, INDEX_STATE_AT = struct.Struct("=HI"), 14
 
 
 class Landmark(NamedTuple):
@@ -129,6 +135,18 @@ def contents_of(path: str, found: os.stat_result) -> Contents:
             contents.compare(path)
     contents.confirm(found)
     return contents
+
+
+def _read(path: str, start: int, size: int) -> bytes:
+    """Read a part of a file, as far as there is one."""
+    with suppress(OSError):
+        handle = os.open(path, os.O_RDONLY | getattr(os, "O_CLOEXEC", 0))
+        try:
+            os.lseek(handle, start, os.SEEK_SET)
+            return os.read(handle, size)
+        finally:
+            os.close(handle)
+    return b""
 
 
 class StoreFile:
@@ -335,13 +353,20 @@ class StoreFile:
 
     def _read_header(self) -> bytes:
         # SQLite has no locks on this file, which closing it would release.
-        with suppress(OSError):
-            handle = os.open(self._wal, os.O_RDONLY | getattr(os, "O_CLOEXEC", 0))
-            try:
-                return os.read(handle, WAL_HEADER)
-            finally:
-                os.close(handle)
-        return b""
+        return _read(self._wal, 0, WAL_HEADER)
+
+    def has_spilled(self) -> bool:
+        """Return whether the log has pages of an open transaction, of which the cache was full.
+
+        Only for a forked child: this closes a file on which its parent has locks.
+        """
+        index = _read(self._shm, 0, INDEX_HEADER)
+        if len(index) < INDEX_HEADER:
+            return False
+        page, committed = INDEX_STATE.unpack_from(index, INDEX_STATE_AT)
+        frame = FRAME_HEADER + (page if page > 1 else 1 << 16)
+        header = _read(self._wal, WAL_HEADER + committed * frame, FRAME_HEADER)
+        return header[FRAME_SALT] == index[INDEX_SALT]
 
     def _companion(self, path: str) -> int:
         """Check a file that SQLite keeps beside the store's; return its size, 0 without one."""

@@ -19,6 +19,9 @@ from tests.support.processes.watchers import waiting
 from tests.support.processes.workers import Child
 from tests.support.worlds.robots import robot_at, waypoint
 
+# Enough facts for more pages than SQLite's cache takes.
+MANY = 20_000
+
 
 def _save(kb: KnowledgeBase, number: int) -> None:
     assert kb.propositions.insert(robot_at(place=waypoint(number)))
@@ -223,6 +226,21 @@ def beside_a_thread_in_another_store(url: str, other_url: str) -> None:
         assert len(kb.propositions.get_all()) == 2
         Child(partial(_save, kb, 3)).join()
         assert len(kb.propositions.get_all()) == 3
+
+
+def within_a_large_transaction(url: str) -> None:
+    """Fork when SQLite has written pages of an open transaction: they stay, the child says so."""
+    many = [robot_at(place=waypoint(number)) for number in range(MANY)]
+    with kant_sql.connect(url) as kb:
+        _save(kb, MANY)
+        with kb.transaction():
+            kb.propositions.save_all(many)
+            Child(lambda: _refused(kb.propositions.get_all)).join()
+            assert len(kb.propositions.get_all()) == MANY + 1
+            kb.propositions.delete(many[0])
+        assert len(kb.propositions.get_all()) == MANY
+        assert kb.verify().is_intact
+        Child(lambda: _save(kb, MANY + 1)).join()
 
 
 def beside_reading_threads(url: str, other_url: str) -> None:
