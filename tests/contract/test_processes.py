@@ -95,6 +95,11 @@ def test_a_child_does_not_undo_what_its_parent_has_written(tmp_path: Path) -> No
     in_processes((forks.within_a_large_transaction, f"sqlite:///{tmp_path}/robot.db"))
 
 
+def test_a_child_can_push_whatever_a_thread_of_its_parent_did(tmp_path: Path) -> None:
+    urls = (f"sqlite:///{tmp_path}/{name}.db" for name in ("robot", "server"))
+    in_processes((forks.beside_a_thread_that_pushes, *urls))
+
+
 def test_a_fork_waits_for_a_migration(tmp_path: Path) -> None:
     in_processes((forks.beside_a_first_open, str(tmp_path)))
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from typing import NamedTuple
@@ -20,13 +19,15 @@ from ...errors import (
 )
 from ...sql.catalog import ANY_REVISION
 from ...sql.dialects import create_backend
-from ...sql.dialects.base import Backend
+from ...sql.dialects.base import Backend, unforked
 from ...store.store import Store
 from .push import Progress, Pushed, Terms, push
 from .target import ReplicationSide, Target, open_store
 
 # What another connection may not meet: the store was replaced, or is of another version by now.
 _STALE = ClosedError, SchemaError, StoreReplacedError, TableMissingError
+# What all of this module's objects share is changed under it.
+_GUARD = unforked()
 
 
 class _OpenTarget:
@@ -53,20 +54,19 @@ class _Targets:
     """
 
     def __init__(self, source: Backend) -> None:
-        self._lock = threading.Lock()
         self._open: dict[str, _OpenTarget] = {}
         source.when_closed.append(self.close)
 
     @contextmanager
     def using(self, url: str, source: Backend) -> Iterator[_OpenTarget]:
         """Keep a store open for the length of a `with` block; it is opened if it is not yet."""
-        with self._lock:
+        with _GUARD:
             target = self._open.get(url)
             if target is not None:
                 target.pushes += 1
         if target is None:
             made = open_store(url, source, "a replica")
-            with self._lock:
+            with _GUARD:
                 target = self._open.setdefault(url, _OpenTarget(made))
                 target.pushes += 1
             if target.backend is not made:
@@ -75,7 +75,7 @@ class _Targets:
         try:
             yield target
         finally:
-            with self._lock:
+            with _GUARD:
                 target.pushes -= 1
                 is_over = target.is_forgotten and not target.pushes
             if is_over:
@@ -87,7 +87,7 @@ class _Targets:
 
     def forget(self, url: str, target: _OpenTarget | None = None) -> None:
         """Keep a store open no longer; with `target`, unless it was opened again since."""
-        with self._lock:
+        with _GUARD:
             found = self._open.get(url)
             if found is None or target not in (None, found):
                 return
@@ -104,7 +104,6 @@ class _Targets:
             target.backend.close()
 
 
-_GUARD = threading.Lock()
 _TARGETS: WeakKeyDictionary[Backend, _Targets] = WeakKeyDictionary()
 
 

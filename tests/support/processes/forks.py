@@ -15,6 +15,7 @@ from alembic import command
 
 import kant_sql
 from kant_sql import ForkedError, KnowledgeBase
+from kant_sql.history.replication import calls
 from tests.support.processes.watchers import waiting
 from tests.support.processes.workers import Child
 from tests.support.worlds.robots import robot_at, waypoint
@@ -296,6 +297,31 @@ def beside_a_first_open(folder: str) -> None:
     forked = Child(child)
     thread.join()
     forked.join()
+
+
+def beside_a_thread_that_pushes(url: str, target: str) -> None:
+    """Fork while a thread holds what all pushes of the process share: the child can push."""
+    with kant_sql.connect(url) as kb:
+        _save(kb, 1)
+        kb.push(target)
+        _save(kb, 2)
+        held = threading.Event()
+
+        def hold() -> None:
+            with calls._GUARD:
+                held.set()
+                time.sleep(0.3)
+
+        def child() -> None:
+            kb.push(target)
+
+        thread = threading.Thread(target=hold)
+        thread.start()
+        held.wait(30)
+        Child(child).join()
+        thread.join()
+    with kant_sql.connect(target) as replica:
+        assert replica.revision == 2
 
 
 def beside_a_thread_that_connects(url: str) -> None:
