@@ -493,7 +493,7 @@ def test_it_waits_for_a_file_that_was_there(
             aside.rename(path)
         return kind == ["current"]
 
-    assert names_of(followed(source, replica, act))[0::4] == ["pushed"]
+    assert names_of(followed(source, replica, act)) == ["pushed", "waiting", "waiting", "current"]
 
 
 @pytest.mark.usefixtures("short_delays")
