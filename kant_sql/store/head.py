@@ -116,7 +116,9 @@ def create_knowledge_base(session: Session, name: str) -> int:
     """Create a knowledge base, before its first revision."""
     row = session.first(_LAST_KB)
     last = row[0] or 0 if row else 0
-    check_integer("knowledge_base", "the largest id", "id", last)
+    if not isinstance(last, int):
+        # A label is formatted only for its message.
+        check_integer("knowledge_base", f"the largest id of {session.backend.label}", "id", last)
     kb_id: int = 1 + last
     try:
         session.insert(_NEW_KB, [(kb_id, name)])
