@@ -147,12 +147,17 @@ def lock_head(session: Session, kb_id: int) -> Head | None:
     if revision and (not isinstance(digest, str) or len(digest) != HASH_LENGTH):
         error = ValueError(f"column hash has {digest!r}, which is no hash")
         raise unreadable("head", whose(session, kb_id), error) from error
-    try:
-        committed_at = None if moment is None else session.to_time(moment)
-    except UNREADABLE as error:
-        raise unreadable("head", whose(session, kb_id), error) from error
+    committed_at = to_time_of_head(session, kb_id, moment)
     now = session.now(clock)
     return Head(revision, definition_revision, next_id, digest, committed_at, archived, origin, now)
+
+
+def to_time_of_head(session: Session, kb_id: int, moment: Any) -> datetime | None:
+    """Convert the time of the last revision, or name whose cannot be read."""
+    try:
+        return None if moment is None else session.to_time(moment)
+    except UNREADABLE as error:
+        raise unreadable("head", whose(session, kb_id), error) from error
 
 
 def check_numbers(session: Session, kb_id: int, numbers: Iterable[tuple[str, Any]]) -> None:

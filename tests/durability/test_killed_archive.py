@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import itertools
-import os
 import random
 import signal
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -14,7 +11,6 @@ import pytest
 import kant_sql
 from kant_sql import KnowledgeBase
 from kant_sql.history.replication import batch as replicating
-from kant_sql.sql.dialects.base import Session
 from tests.support.archives import (
     Rows,
     intact,
@@ -25,6 +21,7 @@ from tests.support.archives import (
     versions_of,
     versions_upto,
 )
+from tests.support.processes.crashes import die_after
 from tests.support.processes.workers import PATIENCE, PROCESSES
 from tests.support.stores import Connect
 from tests.support.worlds import counter
@@ -52,17 +49,7 @@ def live(kb: KnowledgeBase) -> int:
 
 def archive_and_die(here: str, there: str, before: int, statements: int) -> None:
     """Archive in small steps, and be killed behind so many statements."""
-    left = itertools.count(statements, -1)
-
-    def counting(execute: Callable[..., None]) -> Callable[..., None]:
-        def execute_and_die(*arguments: object) -> None:
-            execute(*arguments)
-            if next(left) == 0:
-                os.kill(os.getpid(), signal.SIGKILL)
-
-        return execute_and_die
-
-    setattr(Session, "_execute", counting(Session._execute))  # noqa: B010
+    die_after(statements)
     replicating.ROWS, replicating.FIRST_REVISIONS = 30, 2
     with kant_sql.connect(here, knowledge_base="tiago") as kb:
         kb.archive(before, to=there)

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import itertools
-import os
 import random
 import signal
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -16,11 +14,10 @@ import pytest
 import kant_sql
 from kant_sql import StoreError
 from kant_sql.history.replication import batch
-from kant_sql.sql.dialects.base import Session
 from tests.support.archives import intact, rows_of, target_url
 from tests.support.chain import check_chain
 from tests.support.processes.commands import PROGRAM, start
-from tests.support.processes.crashes import all_told, write_for_ever
+from tests.support.processes.crashes import all_told, die_after, write_for_ever
 from tests.support.processes.workers import PATIENCE, PROCESSES, killed_later
 from tests.support.replicas import equal_histories
 from tests.support.servers import MortalServer
@@ -43,17 +40,7 @@ def target(request: pytest.FixtureRequest, tmp_path: Path) -> str:
 
 def push_and_die(source: str, target: str, statements: int) -> None:
     """Push in small batches, and be killed behind so many statements."""
-    left = itertools.count(statements, -1)
-
-    def counting(execute: Callable[..., None]) -> Callable[..., None]:
-        def execute_and_die(*arguments: object) -> None:
-            execute(*arguments)
-            if next(left) == 0:
-                os.kill(os.getpid(), signal.SIGKILL)
-
-        return execute_and_die
-
-    setattr(Session, "_execute", counting(Session._execute))  # noqa: B010
+    die_after(statements)
     batch.ROWS, batch.FIRST_REVISIONS = 30, 2
     with kant_sql.connect(source, knowledge_base="tiago", read_only=True) as kb:
         kb.push(target)

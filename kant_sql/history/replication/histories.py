@@ -8,18 +8,16 @@ from typing import Any, NamedTuple
 from sqlalchemy import select
 
 from ...errors import (
-    UNREADABLE,
     DivergedError,
     KantSqlError,
     StoreIntegrityError,
     missing_revision,
-    unreadable,
 )
 from ...sql.dialects.base import Session
 from ...sql.query import Query
 from ...sql.rows import KB
 from ...sql.tables import ArchiveRow, HeadRow
-from ...store.head import check_numbers, hash_of, whose
+from ...store.head import check_numbers, hash_of, to_time_of_head
 from ...store.snapshot import vanished
 from .copy import Stores
 
@@ -70,10 +68,7 @@ def read_state(session: Session, kb_id: int | None) -> HeadState:
     if row is None:
         raise vanished(session)
     check_numbers(session, kb_id, zip(_NUMBERS, row[:4], strict=True))
-    try:
-        committed_at = None if row[5] is None else session.to_time(row[5])
-    except UNREADABLE as error:
-        raise unreadable("head", whose(session, kb_id), error) from error
+    committed_at = to_time_of_head(session, kb_id, row[5])
     return HeadState._make((*row[:5], committed_at, row[6]))
 
 

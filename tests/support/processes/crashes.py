@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import itertools
+import os
 import resource
 import signal
+from collections.abc import Callable
 from contextlib import suppress
 from multiprocessing.connection import Connection
 from typing import NamedTuple
 
 import kant_sql
 from kant_sql import ConnectionLostError, KnowledgeBase, PddlObjectDto, StoreError
+from kant_sql.sql.dialects.base import Session
 from tests.support.chain import check_chain
 from tests.support.worlds import counter
 from tests.support.worlds.robots import RB1, ROBOT, ROBOT_AT, navigation, robot_at, waypoint
@@ -60,6 +64,21 @@ def _definitions(kb: KnowledgeBase, last: int) -> None:
         for robot in kb.objects.get_all():
             if robot.type == ROBOT and robot != RB1:
                 kb.objects.delete(robot)
+
+
+def die_after(statements: int) -> None:
+    """Let this process be killed behind so many statements."""
+    left = itertools.count(statements, -1)
+
+    def counting(execute: Callable[..., None]) -> Callable[..., None]:
+        def execute_and_die(*arguments: object) -> None:
+            execute(*arguments)
+            if next(left) == 0:
+                os.kill(os.getpid(), signal.SIGKILL)
+
+        return execute_and_die
+
+    setattr(Session, "_execute", counting(Session._execute))  # noqa: B010
 
 
 def all_told(told: Connection) -> list[Acknowledged]:
