@@ -163,9 +163,9 @@ class Node:
         """Open a connection without the library."""
         return psycopg.connect(self.conninfo(database), autocommit=True)
 
-    def ask(self, sql: str) -> Any:
+    def ask(self, sql: str, database: str = "postgres") -> Any:
         """Ask for one value."""
-        with self.connection("postgres") as connection:
+        with self.connection(database) as connection:
             row = connection.execute(sql.encode()).fetchone()
         return None if row is None else row[0]
 
@@ -196,12 +196,12 @@ class Node:
             )
         self.wait_for("SELECT true")
 
-    def wait_for(self, sql: str) -> None:
+    def wait_for(self, sql: str, database: str = "postgres") -> None:
         """Wait until a question is answered by true."""
         end = time.monotonic() + PATIENCE
         while time.monotonic() < end:
             with suppress(psycopg.OperationalError):
-                if self.ask(sql):
+                if self.ask(sql, database):
                     return
             if self._process is None or self._process.poll() is not None:
                 break
