@@ -56,7 +56,6 @@ logger = logging.getLogger("kant_sql.store")
 _FIND = Query(select(KnowledgeBaseRow.id).where(KnowledgeBaseRow.name == bindparam("name")))
 _CLOCK = Query(select(StoreClock()))
 
-WRITE_LOCK_TIMEOUT = 20.0
 # How far behind the last revision the store's clock may be without a word, and how often a warning
 # of it is repeated, in seconds.
 CLOCK_BEHIND = timedelta(minutes=1)
@@ -382,10 +381,11 @@ class Store:
         if ahead is not None:
             raise ahead.refuse("to write")
         lock = self.backend.write_lock(self.name)
-        if lock is not None and not lock.acquire(timeout=WRITE_LOCK_TIMEOUT):
+        patience = self.backend.patience
+        if lock is not None and not lock.acquire(timeout=patience):
             raise StoreBusyError(
                 f"{self.backend.label}: another thread held the store for over "
-                f"{WRITE_LOCK_TIMEOUT:g} s; nothing was written, try again"
+                f"{patience:g} s; nothing was written, try again"
             )
         return lock
 

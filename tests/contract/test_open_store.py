@@ -37,7 +37,6 @@ from kant_sql.sql.dialects import base as dialect_base
 from kant_sql.sql.dialects import postgresql
 from kant_sql.sql.dialects.postgresql import PostgresqlListener
 from kant_sql.sql.dialects.postgresql_sharing import Ears
-from kant_sql.store import store as single
 from tests.support.faults import on_server, terminate
 from tests.support.processes.workers import PATIENCE
 from tests.support.statements import count
@@ -347,7 +346,7 @@ def test_writers_of_a_held_knowledge_base_hold_up_no_other(shared_url: str) -> N
 def test_who_waits_for_a_connection_too_long_is_refused(
     shared_url: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(single, "WRITE_LOCK_TIMEOUT", 0.2)
+    monkeypatch.setattr(dialect_base.Backend, "patience", 0.2)
     monkeypatch.setattr(dialect_base, "RETRY_FOR", 0.2)
     with kant_sql.open_store(shared_url, connections=2) as store:
         kb, other = store.knowledge_base("tiago"), store.knowledge_base("pepper")
@@ -427,8 +426,7 @@ def test_closing_ends_those_who_watch(url: str) -> None:
 def test_watching_waits_once_for_a_connection(
     shared_url: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    assert postgresql.POOL_TIMEOUT == single.WRITE_LOCK_TIMEOUT
-    monkeypatch.setattr(postgresql, "POOL_TIMEOUT", 1.0)
+    monkeypatch.setattr(dialect_base.Backend, "patience", 1.0)
     monkeypatch.setattr(dialect_base, "RETRY_FOR", 0.5)
     with kant_sql.open_store(shared_url, connections=2) as store:
         kb = store.knowledge_base("tiago")

@@ -21,7 +21,7 @@ from kant_sql import (
     StoreFullError,
 )
 from kant_sql.sql.dialects import create_backend, postgresql
-from kant_sql.sql.dialects.base import Session
+from kant_sql.sql.dialects.base import Backend, Session
 from tests.support.chain import check_chain
 from tests.support.faults import (
     BOUND,
@@ -44,7 +44,7 @@ def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def quickly(url: str) -> str:
     """Let a file's writers wait for a lock for a moment only."""
-    return f"{url}?timeout=0.1" if url.startswith("sqlite") else url
+    return f"{url}?timeout={BOUND}" if url.startswith("sqlite") else url
 
 
 # Busy stores.
@@ -58,7 +58,7 @@ def test_a_writer_waits_for_another_that_is_soon_done(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(postgresql, "LOCK_TIMEOUT", "100ms")  # So that it tries again.
-    kb = connect(quickly(shared_url))
+    kb = connect(shared_url)
     kb.propositions.save(robot_at())
     with held(shared_url) as let_go, ThreadPoolExecutor(1) as pool:
         outcome = pool.submit(work, kb)
@@ -87,12 +87,27 @@ def test_a_writer_gives_up_on_another_that_is_never_done(
     assert work(kb) is True
 
 
+@on_file
+@each_write
+def test_the_seconds_of_a_url_bound_all_that_a_writer_waits(
+    shared_url: str, connect: Connect, work: Callable[[KnowledgeBase], object]
+) -> None:
+    kb = connect(quickly(shared_url))
+    kb.propositions.save(robot_at())
+    began = time.monotonic()
+    with held(shared_url), pytest.raises(StoreBusyError, match="nothing was written"):
+        work(kb)
+    with kb.transaction(), ThreadPoolExecutor(1) as pool:
+        refused = pool.submit(one_call, kb).exception(10)
+    assert f"another thread held the store for over {BOUND:g} s" in str(refused)
+    assert time.monotonic() - began < 5 * BOUND
+
+
 @pytest.mark.usefixtures("impatient")
 def test_a_thread_gives_up_on_another_that_is_never_done(
     kb: KnowledgeBase, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("kant_sql.store.store.WRITE_LOCK_TIMEOUT", 0.2)
-    monkeypatch.setattr("kant_sql.sql.dialects.sqlite.TURN_TIMEOUT", 0.2)
+    monkeypatch.setattr(Backend, "patience", 0.2)
     with kb.transaction():
         kb.propositions.save(robot_at())
         with ThreadPoolExecutor(1) as pool:

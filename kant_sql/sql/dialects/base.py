@@ -457,6 +457,7 @@ class Backend(ABC):
         sharers: what is called in a forked child process, while it is in use.
         when_closed: called when it is closed, to close what was opened for its sake.
         is_server: whether it is a server, which is shown credentials.
+        patience: seconds that a call waits for another writer to end.
         no_nodes: why tables cannot be distributed over servers; None where they can.
         no_roles: why there are no roles, and what to do instead; None where there are.
         revision_comes_last: whether the row of a revision is written last, so that row policies
@@ -470,6 +471,7 @@ class Backend(ABC):
     is_closed = False
     has_one_connection = False
     is_server = False
+    patience = 20.0
     no_nodes: str | None = "only PostgreSQL with the extension citus distributes tables"
     no_roles: str | None = None
     revision_comes_last = False
@@ -738,7 +740,7 @@ FIRST_PAUSE, LONGEST_PAUSE = 0.02, 0.5
 
 def retrying(backend: Backend, work: Callable[[], T]) -> T:
     """Retry `work` for some seconds while the store is busy or the connection is lost."""
-    deadline = time.monotonic() + RETRY_FOR
+    began = time.monotonic()
     pause = FIRST_PAUSE
     attempt = 0
     while True:
@@ -751,7 +753,9 @@ def retrying(backend: Backend, work: Callable[[], T]) -> T:
                 backend.renew()
             elif isinstance(error, StoreUnreachableError) and not backend.has_answered:
                 raise
-            if time.monotonic() + pause > deadline:
+            is_busy = isinstance(error, StoreBusyError)
+            most = min(RETRY_FOR, backend.patience) if is_busy else RETRY_FOR
+            if time.monotonic() + pause > began + most:
                 raise
             _retry_logger.warning(
                 "attempt %d failed, trying again: %s", attempt, printable(str(error))

@@ -630,7 +630,6 @@ _VIEW = Query(
 )
 LOCK_TIMEOUT = "20s"
 # Seconds that a thread waits for a connection of the pool: as long as for a lock.
-POOL_TIMEOUT = 20.0
 # The number of libpq's state of a transaction in which a statement has failed.
 _FAILED = 3
 _DURABLE = (
@@ -709,7 +708,7 @@ class PostgresqlBackend(Backend):
             pool_reset_on_return=None,
             pool_size=size,
             max_overflow=overflow,
-            pool_timeout=POOL_TIMEOUT,
+            pool_timeout=self.patience,
             # As in `create_pool_from_url`: without the five statements of SQLAlchemy's first
             # connection, which only reflection and literals need.
             _initialize=False,

@@ -544,12 +544,23 @@ def _keep_for_ever(kept: object) -> None:
 OPTIONS = {"synchronous", "timeout", "mode"}
 # Steps of SQLite's machine, about a millisecond, between questions whether a statement must end.
 STEPS = 50_000
-BUSY_TIMEOUT = 20.0
 # SQLite counts milliseconds in 31 bits.
 LONGEST_TIMEOUT = 2_000_000
-TURN_TIMEOUT = 20.0
 MAX_CONNECTIONS = 64
 POOL_SIZE = 8
+
+
+def _patience(url: URL) -> float:
+    """Read how many seconds a URL lets a call wait for another writer."""
+    try:
+        seconds = float(str(url.query["timeout"]))
+    except ValueError:
+        seconds = -1
+    if not 0 <= seconds <= LONGEST_TIMEOUT:
+        raise InvalidUrlError(
+            f"{url_label(url)}: timeout is a number of seconds, {LONGEST_TIMEOUT:,} at most"
+        )
+    return seconds
 
 
 class SqliteBackend(Backend):
@@ -577,6 +588,8 @@ class SqliteBackend(Backend):
                 f"{url_label(url)}: SQLite has no host; write three slashes before the file, as in "
                 "sqlite:///robot.db, and four before an absolute path"
             )
+        if "timeout" in url.query:
+            self.patience = _patience(url)
         self.in_memory = url.database in (None, "", ":memory:")
         self.has_one_connection = self.in_memory
         self.turns = Turns()
@@ -662,14 +675,6 @@ class SqliteBackend(Backend):
     def connect(self) -> sqlite3.Connection:
         """Open a connection; the caller keeps it in `connections` while it is open."""
         query = self.url.query
-        try:
-            timeout = float(str(query.get("timeout", BUSY_TIMEOUT)))
-        except ValueError:
-            timeout = -1
-        if not 0 <= timeout <= LONGEST_TIMEOUT:
-            raise InvalidUrlError(
-                f"{self.label}: timeout is a number of seconds, {LONGEST_TIMEOUT:,} at most"
-            )
         name, is_uri = ":memory:" if self.in_memory else self.file.path, False
         mode = str(query.get("mode", "ro" if self.is_read_only else "rw"))
         if ("mode" in query or self.is_read_only) and not self.in_memory:
@@ -682,7 +687,11 @@ class SqliteBackend(Backend):
             self._refuse_torn()
             # Without an isolation level the driver issues no BEGIN of its own.
             return sqlite3.connect(
-                name, timeout=timeout, isolation_level=None, check_same_thread=False, uri=is_uri
+                name,
+                timeout=self.patience,
+                isolation_level=None,
+                check_same_thread=False,
+                uri=is_uri,
             )
 
         with NO_FORK:
@@ -766,9 +775,9 @@ class SqliteBackend(Backend):
         return session
 
     def _take_turn(self) -> None:
-        if not self.turns.begin(TURN_TIMEOUT):
+        if not self.turns.begin(self.patience):
             raise StoreBusyError(
-                f"{self.label}: another thread held the store for over {TURN_TIMEOUT:g} s; "
+                f"{self.label}: another thread held the store for over {self.patience:g} s; "
                 "nothing was written, try again"
             )
 
