@@ -43,6 +43,7 @@ from .plans.interfaces import PlanDao
 from .reasoning.ask import Answers, Binding
 from .sql.changes import Change
 from .sql.inventory import Inventory
+from .store.ownership import LoopBlock
 
 __all__ = [
     "AsyncDao",
@@ -101,6 +102,8 @@ class _Lane:
     def end(self, wait: bool = False) -> None:
         """End the thread after its last call."""
         self._thread.shutdown(wait=wait)
+        # A copy of the caller's context, in which an earlier lane may be.
+        self._context = contextvars.Context()
 
 
 async def _finish(
@@ -134,6 +137,9 @@ class _Block:
         self.task = asyncio.current_task()
         self.is_broken = False
         self.is_open = False
+        # From before it begins: to begin, too, it may hold what a call in this thread waits for.
+        factory = door.kb.factory
+        self._in_loop = LoopBlock(factory.queue, lambda: factory.label)
 
     async def run(self, call: Callable[[], R]) -> R:
         """Run a call within the transaction; a cancelled call marks the block for rollback."""
@@ -162,6 +168,7 @@ class _Block:
     ) -> Future[bool | None]:
         """Commit, or roll back for an error, after the running calls."""
         self.is_open = False
+        self._in_loop.close()
         kind = None if error is None else type(error)
         return self.lane.submit(partial(self.manager.__exit__, kind, error, traceback))
 
@@ -175,6 +182,13 @@ class _Block:
                     self.manager.__exit__(type(error), error, None)
 
         return self.lane.submit(roll_back)
+
+    def end(self) -> None:
+        """End the thread; a task that outlives the block keeps this object, and no more by it."""
+        self.lane.end()
+        self._in_loop.close()
+        self.task = None
+        _BLOCKS.set(tuple([block for block in _BLOCKS.get() if block is not self]))
 
 
 def _cancelled() -> TransactionCancelledError:
@@ -407,7 +421,7 @@ class _Transaction(AbstractAsyncContextManager[None]):
             block.abandon(entering).add_done_callback(
                 lambda _: self._call_soon(loop, partial(self._end, block))
             )
-            block.lane.end()
+            block.end()
             raise
         except BaseException:
             self._end(block)
@@ -419,7 +433,7 @@ class _Transaction(AbstractAsyncContextManager[None]):
             loop.call_soon_threadsafe(call)
 
     def _end(self, block: _Block) -> None:
-        block.lane.end()
+        block.end()
         self._door.blocks.discard(block)
         if self._turn is not None:
             self._turn.close()

@@ -10,7 +10,7 @@ from __future__ import annotations
 import asyncio
 import os
 import threading
-from collections.abc import Hashable
+from collections.abc import Callable, Hashable
 from contextvars import ContextVar, Token
 from typing import TYPE_CHECKING, Any
 
@@ -78,13 +78,51 @@ class Block:
         )
 
 
+class LoopBlock:
+    """A transaction in a thread of its own whose end its event loop has to ask for.
+
+    So a writer in the loop's thread would wait for itself.
+    """
+
+    def __init__(self, queue: Hashable, label: Callable[[], str]) -> None:
+        """Note it for the running thread."""
+        self._place = threading.get_ident(), queue
+        self._label = label
+        self._task = _task()
+        _LOOPS.setdefault(self._place, []).append(self)
+
+    def close(self) -> None:
+        """Forget it: its end was asked for."""
+        ahead = _LOOPS.get(self._place, [])
+        if self in ahead:
+            ahead.remove(self)
+        if not ahead:
+            _LOOPS.pop(self._place, None)
+
+    def is_mine(self) -> bool:
+        """Return False: what is called in the loop's own thread is never in it."""
+        return False
+
+    def refuse(self, what: str) -> TransactionOpenError:
+        """Make the error for who would have to wait for it in the thread of its loop."""
+        where = "" if self._task is None else f" by task {self._task.get_name()!r}"
+        return TransactionOpenError(
+            f"knowledge base {self._label()} has a transaction of kant_sql.aio open{where} in the "
+            f"event loop of this thread: {what} would stop the loop, which has to end it, until "
+            "the timeout; await the same call of kant_sql.aio, or go to another thread"
+        )
+
+
 OPEN: ContextVar[tuple[Block, ...]] = ContextVar("kant_sql_open", default=())
 # Which block holds a queue of writers, by thread.
 _QUEUES: dict[tuple[int, Hashable], Block] = {}
+# Which transactions of event loops hold it, by the loop's thread.
+_LOOPS: dict[tuple[int, Hashable], list[LoopBlock]] = {}
 
 if hasattr(os, "register_at_fork"):
     # The parent process ends its own transaction.
     os.register_at_fork(after_in_child=_QUEUES.clear)
+    os.register_at_fork(after_in_child=_LOOPS.clear)
 
 
 def _task() -> asyncio.Task[Any] | None:
@@ -103,9 +141,13 @@ def own_block(store: object) -> Block | None:
     return None
 
 
-def block_ahead(queue: Hashable) -> Block | None:
-    """Find the block of this thread that a writer of this thread would wait for."""
-    return _QUEUES.get((threading.get_ident(), queue))
+def block_ahead(queue: Hashable) -> Block | LoopBlock | None:
+    """Find the block that a writer of this thread would keep from ending by waiting for it."""
+    place = threading.get_ident(), queue
+    found = _QUEUES.get(place)
+    if found is None and place in _LOOPS:
+        return _LOOPS[place][-1]
+    return found
 
 
 def blocks_of_thread() -> list[Block]:

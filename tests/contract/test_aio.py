@@ -378,6 +378,52 @@ def test_a_write_that_has_not_begun_is_dropped_when_cancelled(shared_url: str) -
     asyncio.run(main())
 
 
+@pytest.mark.parametrize("where", ["task", "callback", "begun"])
+def test_a_synchronous_write_does_not_stop_the_loop_of_an_open_block(
+    shared_url: str, where: str
+) -> None:
+    def write(kb: KnowledgeBase) -> None:
+        with pytest.raises(
+            TransactionOpenError, match=r"transaction of kant_sql\.aio open by task"
+        ):
+            kb.propositions.save(robot_at(place=WP2))
+        assert kb.propositions.get_all() == []
+
+    async def main(kb: KnowledgeBase) -> None:
+        async with aio.connect(shared_url) as door:
+            await door.objects.save_all([RB1, WP2])
+            entered, leave, done = asyncio.Event(), asyncio.Event(), asyncio.Event()
+
+            async def block() -> None:
+                async with door.transaction():
+                    await door.propositions.save(robot_at(is_goal=True))
+                    entered.set()
+                    await leave.wait()
+
+            task = asyncio.create_task(block())
+            # Its thread may have the lock before the task goes on.
+            await (asyncio.sleep(0) if where == "begun" else entered.wait())
+            if where == "callback":
+
+                def call_back() -> None:
+                    write(kb)
+                    done.set()
+
+                task.get_loop().call_soon(call_back)
+                await asyncio.wait_for(done.wait(), 30)
+            else:
+                write(kb)
+            waiting = asyncio.create_task(asyncio.to_thread(kb.propositions.save, robot_at()))
+            leave.set()
+            await task
+            assert await waiting
+            assert kb.propositions.save(robot_at(place=WP2))
+            assert await door.revision() == 4
+
+    with kant_sql.connect(shared_url) as kb:
+        asyncio.run(main(kb))
+
+
 def test_no_task_waits_for_a_block_of_its_own_by_another_door(shared_url: str) -> None:
     async def check(one: AsyncKnowledgeBase, other: AsyncKnowledgeBase) -> None:
         await one.objects.save(RB1)

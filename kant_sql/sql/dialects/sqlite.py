@@ -16,6 +16,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any, ClassVar, TypeVar
 from urllib.parse import quote
+from weakref import WeakMethod
 
 from sqlalchemy import (
     URL,
@@ -606,9 +607,19 @@ class SqliteBackend(Backend):
         synchronous = str(query.get("synchronous", "normal")).upper()
         if synchronous not in ("NORMAL", "FULL"):
             raise InvalidUrlError(f"{self.label}: synchronous is 'normal' or 'full'")
+        # SQLAlchemy keeps the pool of a connection that is out, and kept sessions are out: a pool
+        # that referred to this backend would keep it for ever.
+        connect, connections = WeakMethod(self.connect), self.connections
+        is_read_only = self.is_read_only
+
+        def create() -> sqlite3.Connection:
+            made = connect()
+            assert made is not None, "a session refers to its backend"
+            return made()
+
         engine = create_engine(
             URL.create("sqlite"),
-            creator=self.connect,
+            creator=create,
             paramstyle="named",
             poolclass=_MemoryPool if self.in_memory else _FilePool,
             pool_reset_on_return=None,
@@ -624,13 +635,13 @@ class SqliteBackend(Backend):
             connection.execute("PRAGMA foreign_keys=ON")
             connection.execute(f"PRAGMA synchronous={synchronous}")
             connection.execute(f"PRAGMA journal_size_limit={WAL_LIMIT}")
-            if self.is_read_only:
+            if is_read_only:
                 connection.execute("PRAGMA query_only=ON")
-            self.connections.add(connection)
+            connections.add(connection)
 
         @event.listens_for(engine, "close")
         def forget(connection: sqlite3.Connection, _: object) -> None:
-            self.connections.discard(connection)
+            connections.discard(connection)
 
         return engine
 
