@@ -416,6 +416,39 @@ def read_plans_page(
     return reader.store.query_in_snapshot(work)
 
 
+class Stretch(NamedTuple):
+    """The revisions from one to another.
+
+    Attributes:
+        newest: the last of them, in order.
+        total: how many there are.
+    """
+
+    newest: list[Revision]
+    total: int
+
+
+def read_stretches(
+    reader: StateReader, bounds: Sequence[tuple[int, int | None]], limit: int
+) -> list[Stretch]:
+    """Read the last revisions of each stretch, in two statements; one without an end is open."""
+
+    def work(session: Session, kb_id: int | None) -> list[Stretch]:
+        if kb_id is None or not bounds:
+            return []
+        top = session.first(_HEAD, kb=kb_id)
+        head = top[0] if top else 0
+        ends = [(first, head if last is None else last) for first, last in bounds]
+        numbers = [range(max(first, last - limit + 1), last + 1) for first, last in ends]
+        found = read_numbered(session, kb_id, set().union(*numbers))
+        return [
+            Stretch([found[number] for number in some if number in found], last - first + 1)
+            for some, (first, last) in zip(numbers, ends, strict=True)
+        ]
+
+    return reader.store.query_in_snapshot(work)
+
+
 # Search.
 
 

@@ -14,6 +14,7 @@ import kant_sql
 from kant_sql.history import change_pages
 from kant_sql.json_documents import version_document
 from kant_sql.planning import Plan, PlanStep
+from kant_sql.web.pages import plans
 from kant_sql.web.pages.elements import _difference
 from kant_sql.web.rendering import address_of
 from tests.support.statements import count, fill
@@ -173,6 +174,35 @@ def test_a_plan_has_its_steps_with_their_outcomes(client: TestClient) -> None:
         "executive",
         "blocked by a chair",
     )
+
+
+def test_a_plan_shows_who_wrote_while_a_step_ran(
+    filled: Filled, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kb, client = filled
+    fill(kb, 3)
+    step = PlanStep(None, "navigation", ("rb1", "wp0", "wp1"))
+    plan = kb.plans.record(Plan((step, step, step), "by hand", "unknown"))
+    first, second, _ = plan.steps
+    kb.plans.set_status(first, status="started")
+    with kb.transaction(actor="janitor", reason="closed the door"):
+        kb.propositions.delete("(robot_at rb1 wp1)")
+    with kb.transaction(plan_step=first):
+        kb.plans.set_status(first, status="failed")
+    kb.plans.set_status(second, status="aborted")
+    kb.plans.set_status(plan.steps[2], status="started")
+    begun = plan.recorded_in + 1
+
+    def meanwhile() -> list[tuple[list[int], int]]:
+        steps = get(client, "/plan", id=plan.id)["steps"]
+        return [([one["number"] for one in each["meanwhile"]], each["total"]) for each in steps]
+
+    assert meanwhile() == [([begun, begun + 1, begun + 2], 3), ([], 0), ([kb.revision], 1)]
+    page = client.get("/plan", params={"kb": "courier", "id": plan.id}).text
+    assert "janitor" in page
+    assert "closed the door" in page
+    monkeypatch.setattr(plans, "REVISIONS", 2)
+    assert meanwhile()[0] == ([begun + 1, begun + 2], 3)
 
 
 def test_what_a_planner_was_given_is_shown_and_downloaded(client: TestClient) -> None:

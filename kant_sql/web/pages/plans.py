@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Annotated, Literal
 
 from fastapi import Query, Request
@@ -9,7 +10,7 @@ from fastapi.responses import PlainTextResponse, Response
 from typing_extensions import TypedDict
 
 from ...errors import ArchivedError, PlanError, UnknownNameError
-from ...history.element_pages import PlanLine, read_plans_page
+from ...history.element_pages import PlanLine, Stretch, read_plans_page, read_stretches
 from ...json_documents import (
     RecordedPlanDocument,
     RecordedStepDocument,
@@ -20,7 +21,7 @@ from ...json_documents import (
     version_document,
 )
 from ...knowledge_base import KnowledgeBase
-from ...plans.interfaces import RecordedPlan
+from ...plans.interfaces import RecordedPlan, RecordedStep
 from ..parameters import Offset
 from ..registry import KbName, Pages
 from ..stores import OpenStore, answer
@@ -61,12 +62,14 @@ class PlansDocument(TypedDict):
 
 
 class StepOutcomesDocument(RecordedStepDocument):
-    """A step, each status that it had, and how many revisions were made while it ran.
+    """A step, each status that it had, and the last revisions that anybody made while it ran.
 
-    `revisions` has the first of these.
+    `meanwhile` has these, from the one that started it up to the one that ended it, of `total`.
+    `revisions` has the first of those that name this step.
     """
 
     outcomes: list[VersionDocument]
+    meanwhile: list[RevisionDocument]
     total: int
 
 
@@ -122,15 +125,17 @@ def plan(kb: KnowledgeBase, id: PlanId, offset: Offset = 0) -> PlanPage:
     found = _find(kb, id)
     documents = recorded_plan_document(found)["steps"]
     chosen = slice(offset, offset + STEPS)
+    shown = found.steps[chosen]
     (recorded,) = kb.revisions(after=found.recorded_in - 1, limit=1)
     steps: list[StepOutcomesDocument] = [
         {
             **document,
             "revisions": document["revisions"][:REVISIONS],
             "outcomes": [version_document(outcome) for outcome in step.outcomes],
-            "total": len(step.revisions),
+            "meanwhile": [revision_document(one) for one in run.newest],
+            "total": run.total,
         }
-        for step, document in zip(found.steps[chosen], documents[chosen], strict=True)
+        for step, document, run in zip(shown, documents[chosen], _runs(kb, shown), strict=True)
     ]
     end = offset + STEPS
     return {
@@ -181,6 +186,23 @@ def _find(kb: KnowledgeBase, id_: int) -> RecordedPlan:
     if found is None:
         raise UnknownNameError(f"this knowledge base has no plan {id_}; its plans are listed")
     return found
+
+
+def _runs(kb: KnowledgeBase, steps: Sequence[RecordedStep]) -> list[Stretch]:
+    """Read the revisions that were made while each of some steps ran."""
+    begun = [step for step in steps if step.outcomes and _has_begun(step)]
+    ends = [one.outcomes[0].until for one in begun]
+    bounds = [
+        (one.outcomes[0].since.number, end.number if end else None)
+        for one, end in zip(begun, ends, strict=True)
+    ]
+    runs = read_stretches(kb._reader(), bounds, REVISIONS)
+    of_step = {step.position: run for step, run in zip(begun, runs, strict=True)}
+    return [of_step.get(step.position, Stretch([], 0)) for step in steps]
+
+
+def _has_begun(step: RecordedStep) -> bool:
+    return step.outcomes[0].text.endswith(" started)")
 
 
 def _texts(plan: RecordedPlan) -> dict[str, str]:
