@@ -96,7 +96,8 @@ _OfActor = Annotated[str | None, option("Only revisions of this actor.", "--acto
 _OfElement = Annotated[
     str | None,
     option(
-        "Only changes of this element: a name, or PDDL such as '(robot_at rb1 wp1)'.",
+        "Only changes of this element: a name (of an object: all that involves it), or PDDL such as "
+        "'(robot_at rb1 wp1)'.",
         "--element",
         metavar="NAME|PDDL",
     ),

@@ -1,4 +1,4 @@
-"""What a revision changed, what differs between two states, what involves an object: by pages.
+"""What a revision changed, and what differs between two states: by pages.
 
 A page is found by ids, and only its own texts are read: a revision may change a hundred thousand
 facts, and two states may differ in as many.
@@ -34,16 +34,14 @@ from ..sql.changes import (
 )
 from ..sql.dialects.base import Row, Session
 from ..sql.intervals import ANY_FUNCTION, ANY_PREDICATE, forks_at
-from ..sql.query import Query, first_rows, in_list, in_rows, integer
+from ..sql.query import Query, first_rows, in_list, integer
 from ..sql.rows import KB, PROPOSITION, VALUE, VERSION_COLUMNS, VersionColumns, table_of
 from ..sql.tables import (
     ArchiveRow,
-    FunctionValueArgumentRow,
     HeadRow,
     PlanRow,
     PlanStepVersionRow,
     PromotionRow,
-    PropositionArgumentRow,
     PropositionRow,
     RevisionRow,
 )
@@ -59,10 +57,6 @@ COUNTED_CHANGES = 50_000
 NARROW = 20_000
 # Differences of a kind that are found; the rest is left out.
 COMPARED = 20_000
-# Versions of what an object is in that are looked at, to find the newest.
-INVOLVED = 20_000
-# Revisions that are searched for what an object is in, if that is more.
-WINDOW = 20_000
 
 _SIZE, _OFFSET = integer("size"), integer("offset")
 _LOW, _HIGH = integer("low"), integer("high")
@@ -82,9 +76,10 @@ class ChangesPage(NamedTuple):
     next: int | None
 
 
-def _change(
+def change_lines(
     columns: VersionColumns, revision: Any, retracted: str, text: Any, *which: Any
 ) -> Select[Any]:
+    """Select changes as `paged` reads them."""
     return select(
         revision.label("revision"),
         literal_column(retracted).label("retracted"),
@@ -94,16 +89,17 @@ def _change(
     ).where(columns.version.kb_id == KB, *which)
 
 
-def _text(name: str) -> Any:
-    return _NO_TEXT if name == PROPOSITION else VERSION_COLUMNS[name].version.text
+def own_text(columns: VersionColumns) -> Any:
+    """Return the text of a version's own row; NULL for a proposition, which has none."""
+    return _NO_TEXT if columns is VERSION_COLUMNS[PROPOSITION] else columns.text
 
 
 def _ends(within: Within) -> list[Select[Any]]:
     """Return the changes of revisions, without the texts of propositions."""
     parts = []
-    for name, columns in VERSION_COLUMNS.items():
+    for columns in VERSION_COLUMNS.values():
         for retracted, end in (("0", columns.version.since), ("1", columns.version.until)):
-            parts.append(_change(columns, end, retracted, _text(name), within(end)))
+            parts.append(change_lines(columns, end, retracted, own_text(columns), within(end)))
     step, plan, archive, promotion = (
         table_of(mapped).c for mapped in (PlanStepVersionRow, PlanRow, ArchiveRow, PromotionRow)
     )
@@ -117,11 +113,11 @@ def _ends(within: Within) -> list[Select[Any]]:
     for kind, table, retracted, end, owner in records:
         quoted: Any = literal_column(f"'{kind}'")
         columns = VersionColumns(None, table, owner, quoted, table.text)
-        parts.append(_change(columns, end, retracted, table.text, within(end)))
+        parts.append(change_lines(columns, end, retracted, table.text, within(end)))
     return parts
 
 
-def _paged(parts: list[Select[Any]], by_text: bool) -> Query:
+def paged(parts: list[Select[Any]], by_text: bool) -> Query:
     """Cut a page out of changes, the newest first, and add the texts that are missing."""
     some = union_all(*parts).subquery("some").c
     atom = table_of(PropositionRow).c
@@ -151,7 +147,8 @@ def _paged(parts: list[Select[Any]], by_text: bool) -> Query:
     )
 
 
-def _page(rows: list[Row], offset: int, limit: int) -> ChangesPage:
+def page_of(rows: list[Row], offset: int, limit: int) -> ChangesPage:
+    """Make a page of rows, of which there is one more if another page follows."""
     changes = [
         (number, Change(RETRACTED if retracted else ASSERTED, kind, text))
         for number, retracted, kind, text in rows[:limit]
@@ -192,7 +189,7 @@ def changes_of(session: Session, kb_id: int, numbers: list[int]) -> dict[int, tu
 def _of_revision(by_text: bool) -> Query:
     bound: Any = literal_column(str(COUNTED_CHANGES))
     parts = _ends(lambda column: column == integer("number"))
-    return _paged([select(first_rows(part, bound).subquery()) for part in parts], by_text)
+    return paged([select(first_rows(part, bound).subquery()) for part in parts], by_text)
 
 
 def read_changes_page(
@@ -210,7 +207,7 @@ def read_changes_page(
     """
     query = _of_revision(total <= SORTED)
     rows = session.rows(query, kb=kb_id, number=number, size=limit + 1, offset=offset)
-    return _page(rows, offset, limit)
+    return page_of(rows, offset, limit)
 
 
 # The difference of two states.
@@ -259,9 +256,11 @@ def _differences(is_narrow: bool, side: str) -> Query:
             ends = version.since + literal_column("0") > _BEFORE
         said = literal_column("''") if name == PROPOSITION else version.text
         differs = func.coalesce(_other(name, columns, other), literal_column("' '")) != said
-        part = _change(columns, literal_column("0"), side, _text(name), ends, held, differs)
+        part = change_lines(
+            columns, literal_column("0"), side, own_text(columns), ends, held, differs
+        )
         parts.append(select(first_rows(part, literal_column(str(COMPARED))).subquery()))
-    return _paged(parts, by_text=False)
+    return paged(parts, by_text=False)
 
 
 class Difference(NamedTuple):
@@ -308,7 +307,7 @@ def read_difference(
         for side, at in (("1", before), ("0", after)):
             forks = session.list_value(forks_at(at))
             rows = session.rows(_differences(is_narrow, side), **own, forks=forks)
-            pages.append(_page(rows, offset, limit))
+            pages.append(page_of(rows, offset, limit))
         return pages[0], pages[1]
 
     went, came = reader.store.query_in_snapshot(work)
@@ -319,100 +318,3 @@ def read_difference(
 
 
 _ARCHIVED = Query(select(HeadRow.archived_revision).where(HeadRow.kb_id == KB))
-
-
-# What involves an object.
-
-_ATOMS = {
-    PROPOSITION: (PropositionArgumentRow, "proposition_id"),
-    VALUE: (FunctionValueArgumentRow, "function_value_id"),
-}
-
-
-def _mentions(name: str) -> Select[Any]:
-    """Select the ids of the atoms or fluents that name the object, in the order of an index."""
-    mapped, id_ = _ATOMS[name]
-    arguments = table_of(mapped).c
-    ids = select(arguments[id_]).where(
-        arguments.kb_id == KB, arguments.object_id == integer("object")
-    )
-    return ids.order_by(arguments[id_])
-
-
-@cache
-def _versions_of_object() -> Query:
-    """Count the versions of what names the object, up to a bound."""
-    counts = []
-    for name in _ATOMS:
-        columns = VERSION_COLUMNS[name]
-        which = in_rows(columns.owner, first_rows(_mentions(name), literal_column(str(INVOLVED))))
-        some: Select[Any] = select(literal_column("1")).where(columns.version.kb_id == KB, which)
-        counts.append(first_rows(some, literal_column(str(INVOLVED))).subquery())
-    numbers = [select(func.count()).select_from(one).scalar_subquery() for one in counts]
-    return Query(select(numbers[0] + numbers[1]))
-
-
-@cache
-def _involving(is_recent: bool) -> Query:
-    """Select the changes of what names the object, newest first."""
-    parts = []
-    for name, columns in VERSION_COLUMNS.items():
-        version = columns.version
-        table = version.kb_id.table
-        if name in _ATOMS and is_recent:
-            mapped, id_ = _ATOMS[name]
-            argument = table_of(mapped)
-            named: Select[Any] = select(literal_column("1")).where(
-                argument.c.kb_id == KB,
-                argument.c[id_] == columns.owner,
-                argument.c.object_id == integer("object"),
-            )
-            which: Any = named.correlate(table).exists()
-        elif name in _ATOMS:
-            which = in_rows(
-                columns.owner, first_rows(_mentions(name), literal_column(str(INVOLVED)))
-            )
-        elif name == "object":
-            which = columns.owner == integer("object")
-        else:
-            continue
-        for retracted, end in (("0", version.since), ("1", version.until)):
-            # An expression has no index: what is found by ids is not looked for by revision.
-            # Nor is it read in the order of that index.
-            ends = end if is_recent else end + literal_column("0")
-            within = ends.between(_LOW, _HIGH)
-            parts.append(_change(columns, ends, retracted, _text(name), which, within))
-    return _paged(parts, by_text=False)
-
-
-class Involvement(NamedTuple):
-    """A page of the changes of what names an object, the newest first.
-
-    Attributes:
-        changes: each with its revision.
-        before: the revision before which the next page goes on; None after the last.
-        searched: the first revision that was searched, if it is not the first of all.
-    """
-
-    changes: list[tuple[int, Change]]
-    before: int | None
-    searched: int | None
-
-
-def read_involvement(
-    session: Session, kb_id: int, object_id: int, high: int, limit: int
-) -> Involvement:
-    """Read a page of what involves an object, up to a revision, in two statements."""
-    own = {"kb": kb_id, "object": object_id}
-    row = session.first(_versions_of_object(), **own)
-    is_recent = row is not None and row[0] >= INVOLVED
-    low = max(1, high - WINDOW + 1) if is_recent else 1
-    bounds = {"low": low, "high": high, "size": limit + 1, "offset": 0}
-    rows = session.rows(_involving(is_recent), **own, **bounds)
-    found = _page(rows, 0, limit).changes
-    if len(rows) > limit:
-        # A revision is shown as a whole; one that alone fills the page has a page of its own.
-        last = rows[limit][0]
-        whole = [one for one in found if one[0] > last]
-        return Involvement(whole or found, last + 1 if whole else last, None)
-    return Involvement(found, low if low > 1 else None, low if low > 1 else None)

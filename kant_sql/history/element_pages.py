@@ -24,9 +24,9 @@ from ..sql.tables import (
     PlanStepRow,
     PlanStepVersionRow,
 )
-from .change_pages import Involvement, read_involvement
 from .elements import Applied, Named, Sought, find_owners, refuse_unknown_element, sought
 from .excerpts import StateReader, contains, pattern_of
+from .involvement import Involvement, read_involvement
 from .log import NEWEST_VERSIONS
 from .revisions import LARGEST, Revision, read_numbered
 from .versions import Version

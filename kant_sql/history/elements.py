@@ -67,6 +67,7 @@ class Named(NamedTuple):
 
     kinds: tuple[str, ...]
     name: str
+    is_involved: bool = False  # of an object, what involves it is asked for, too
 
 
 class Applied(NamedTuple):
@@ -136,7 +137,7 @@ def _of_dto(dto: Dto) -> Sought:
         return _applied((VALUE,), dto.function.name, _names(dto.objects, "a function value"))
     kinds = [kind for class_, kind in _CLASSES.items() if isinstance(dto, class_)]
     if kinds and isinstance(dto, NamedDto):
-        return Named((kinds[0],), fold(dto.name))
+        return Named((kinds[0],), fold(dto.name), is_involved=True)
     raise _refusal(dto)
 
 
@@ -184,7 +185,7 @@ def _of_declaration(words: list[str], text: str) -> Named:
         return Named(("type", "object"), words[0])
     if len(words) != 1 or not is_word(words[0]):
         raise _refusal(text)
-    return Named(NAMED_KINDS, words[0])
+    return Named(NAMED_KINDS, words[0], is_involved=True)
 
 
 def _of_formula(words: list[str]) -> Iterator[Sought]:
@@ -230,6 +231,7 @@ class Lookup(NamedTuple):
     part: int  # the position of the part in the question, which its parameters have
     arguments: int | None = None  # how many objects something is applied to; None for a name
     is_goal: tuple[bool, ...] = ()  # of a proposition: True, False, or both
+    is_involved: bool = False  # an object, of which all that involves it may be asked for
 
 
 def lookups(wanted: Sequence[Sought]) -> tuple[Lookup, ...]:
@@ -248,7 +250,8 @@ def _names_in(wanted: Named | Applied) -> tuple[str, ...]:
 
 def _lookups(part: int, wanted: Named | Applied) -> Iterator[Lookup]:
     if isinstance(wanted, Named):
-        yield from (Lookup(kind, part) for kind in wanted.kinds)
+        for kind in wanted.kinds:
+            yield Lookup(kind, part, is_involved=wanted.is_involved and kind == "object")
         return
     count, kinds = len(wanted.arguments), wanted.kinds
     if is_goal := tuple(kind == GOAL for kind in (FACT, GOAL) if kind in kinds):

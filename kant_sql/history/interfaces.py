@@ -68,7 +68,8 @@ class History(Interface):
             until: the last revision, or the latest time of commit; both inclusive.
             actor: return revisions of this actor.
             element: return revisions that changed this element, and their changes of it: a DTO, a
-                formula, PDDL text such as `(robot_at rb1 wp1)`, or a name.
+                formula, PDDL text such as `(robot_at rb1 wp1)`, or a name. Of an object, the
+                changes of all that involves it, as for `history`.
             limit: the maximum number of revisions; None for all.
 
         Returns:
@@ -220,7 +221,9 @@ class History(Interface):
             element: a DTO (the value of a function value is ignored), a formula, PDDL text, or a
                 name, which matches all definitions of that name. The text `(robot_at rb1 wp1)`
                 matches the fact and the goal, `(battery rb1)` the values of the fluent; other texts
-                are formulas, or definitions as the log shows them.
+                are formulas, or definitions as the log shows them. The name or DTO of an object
+                matches all that involves it: facts, goals, values, formulas, actions and steps of
+                plans, too; `rb1 - robot` only its declaration.
 
         Returns:
             Its versions in this store, oldest first; empty for an unknown element. Archived
@@ -241,7 +244,7 @@ class History(Interface):
         """Show who asserted an element that holds now, when and why.
 
         Args:
-            element: as for `history`.
+            element: as for `history`; of an object, its declaration.
 
         Returns:
             The version that holds, with the revision that asserted it in `since`; None when the

@@ -32,7 +32,8 @@ from ..sql.query import Query, first_rows, in_list, integer
 from ..sql.rows import KB, VERSION_COLUMNS, VersionColumns
 from ..sql.tables import HeadRow, RevisionRow
 from ..store.store import Store
-from .elements import Owner, Sought, find_owners, refuse_unknown_element, sought
+from .elements import Named, Owner, Sought, find_owners, refuse_unknown_element, sought
+from .involvement import Involvement, read_involvement
 from .moments import Bounds, find_bounds
 from .revisions import (
     LARGEST,
@@ -75,10 +76,38 @@ def changed_revisions(
     def find(session: Session, kb_id: int | None) -> list[Owner]:
         return [] if kb_id is None else find_owners(session, kb_id, wanted)
 
-    each = [_changes(store, owner, low, high) for owner in store.query_in_snapshot(find)]
+    is_involved = any(isinstance(one, Named) and one.is_involved for one in wanted)
+    each = [
+        _involving(store, owner.id, low, high)
+        if is_involved and owner.source == "object"
+        else _changes(store, owner, low, high)
+        for owner in store.query_in_snapshot(find)
+    ]
     together = merge(*each, key=lambda changed: -changed[0])
     for number, changes in groupby(together, key=lambda changed: changed[0]):
-        yield number, tuple(sorted(change for _, change in changes))
+        yield number, tuple(sorted({change for _, change in changes}))
+
+
+def _involving(store: Store, object_id: int, low: int, high: int) -> Iterator[Changed]:
+    """Yield the changes of what involves an object, newest first."""
+    size = VERSION_PAGE
+    while high >= low:
+        page = store.query_in_snapshot(
+            partial(_read_involving, object_id=object_id, low=low, high=high, size=size)
+        )
+        if page.is_cut:
+            size *= 2
+            continue
+        yield from page.changes
+        high, size = (page.before or 0) - 1, VERSION_PAGE
+
+
+def _read_involving(
+    session: Session, kb_id: int | None, object_id: int, low: int, high: int, size: int
+) -> Involvement:
+    if kb_id is None:
+        return Involvement([], None, None)
+    return read_involvement(session, kb_id, object_id, high, size, low)
 
 
 def _changes(store: Store, owner: Owner, low: int, high: int) -> Iterator[Changed]:

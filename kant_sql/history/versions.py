@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import cache, lru_cache, partial
 from typing import Any
@@ -31,6 +31,7 @@ from .elements import (
     sought,
     split_goals,
 )
+from .involvement import involving
 from .revisions import LARGEST, Revision, make_revision, read_numbered, revision_of
 
 
@@ -94,9 +95,15 @@ def _last_version_of(lookup: Lookup) -> Select[Any]:
 # Only the lookups that may find it: planning and running all of them takes longer.
 @lru_cache(maxsize=64)
 def _all_of(lookups: tuple[Lookup, ...]) -> Query:
-    return Query(
-        union_all(*(_versions_of(each, lambda version: version.since <= THEN) for each in lookups))
-    )
+    return Query(union_all(*(part for each in lookups for part in _all_versions_of(each))))
+
+
+def _all_versions_of(lookup: Lookup) -> Iterator[Select[Any]]:
+    if not lookup.is_involved:
+        yield _versions_of(lookup, lambda version: version.since <= THEN)
+        return
+    for columns, which in involving(identities_of(lookup).scalar_subquery()):
+        yield _versions(columns, which, columns.version.since <= THEN)
 
 
 @lru_cache(maxsize=64)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import re
 from collections.abc import Iterable, Iterator
 from datetime import UTC, datetime, timedelta
 from functools import partial
@@ -15,17 +16,23 @@ import pytest
 from kant_sql import (
     InvalidKnowledgeError,
     KnowledgeBase,
+    PddlActionDto,
     PddlFunctionDto,
+    PddlObjectDto,
     PddlPropositionDto,
+    PddlTypeDto,
+    Plan,
+    PlanStep,
     ReadOnlyError,
     UnknownRevisionError,
 )
 from kant_sql.dto.formulas import Comparison
 from kant_sql.errors import ArchivedError, UnknownNameError
+from kant_sql.history import involvement
 from kant_sql.history.revisions import LogEntry
 from tests.support.statements import count
 from tests.support.stores import Connect
-from tests.support.worlds.depot import fuel, load, number
+from tests.support.worlds.depot import HUB, P1, P2, P, T, at, fuel, load, number
 from tests.support.worlds.robots import RB1, ROBOT, ROBOT_AT, WP1, WP2, robot_at, waypoint
 
 PAGES = {"LOG_PAGE": 3, "LOG_CHANGES": 4}
@@ -102,7 +109,9 @@ BOUNDS: list[tuple[dict[str, Any], Iterable[int]]] = [
     ({"actor": "driver", "limit": 2}, [9, 6]),
     ({"actor": "driver", "since": 4, "until": 8}, [6]),
     ({"actor": "test"}, [10, 8, 7, 5, 4, 2, 1]),
-    ({"element": "wp2"}, [2]),
+    ({"element": "wp2 - wp"}, [2]),
+    ({"element": "wp2", "limit": 3}, [10, 9, 8]),
+    ({"element": "wp2", "actor": "driver", "until": 8}, [6, 3]),
     ({"element": robot_at(RB1, WP1)}, range(10, 0, -1)),
     ({"element": robot_at(RB1, WP1), "actor": "driver"}, [9, 6, 3]),
     ({"element": robot_at(RB1, WP1), "actor": "driver", "limit": 1}, [9]),
@@ -266,16 +275,17 @@ def test_statements_do_not_grow_with_what_changed(kb: KnowledgeBase) -> None:
             count(lambda: list(kb.log(since=1, until=2))),
             count(partial(lambda since, until: list(kb.log(since, until=until)), *times)),
             count(lambda: list(kb.log(element=robot_at(RB1, waypoint(0))))),
+            count(lambda: list(kb.log(element=RB1))),
         )
         taken.add(counts)
-    assert taken == {(3, 3, 3, 3, 4)}
+    assert taken == {(3, 3, 3, 3, 4, 5)}
 
 
 def test_an_element_that_changed_once_costs_no_walk_through_the_log(
     told: KnowledgeBase, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("kant_sql.history.log.LOG_PAGE", 1)
-    assert count(lambda: list(told.log(element="wp2"))) == 4
+    assert count(lambda: list(told.log(element="wp2 - wp"))) == 4
 
 
 @pytest.mark.usefixtures("paged")
@@ -288,6 +298,76 @@ def test_an_element_s_log_agrees_with_the_whole_log(told: KnowledgeBase) -> None
         ]
         own = lines(told.log(since=low, until=high, element=text))
         assert own == [entry for entry in whole if entry[1]]
+
+
+@pytest.fixture
+def of_hub(fresh_kb: KnowledgeBase) -> KnowledgeBase:
+    """Changes that involve the place `hub` in each way, between such that do not."""
+    kb = fresh_kb
+    load(kb)  # its declaration, and the value of (home t1)
+    kb.propositions.save("(at t2 hub)")
+    kb.propositions.save("(at t2 p1)")
+    kb.goals.save("(at t1 hub)")
+    kb.goals.save("(or (at t1 hub) (at t2 p2))")
+    kb.goals.save("(or (at t1 p1) (at t2 p2))")
+    kb.function_values.set("distance", objects=["hub", "p1"], value=3)
+    kb.function_values.set("home", objects=["t1"], value="p2")
+    kb.function_values.set("home", objects=["t1"], value="hub")
+    truck = PddlObjectDto(PddlTypeDto("truck"), "t")
+    for needed, effect in (
+        (at(T, P1), at(T, HUB)),
+        (at(T, HUB), at(T, P1)),
+        (at(T, P2), at(T, P1)),
+    ):
+        kb.actions.save(PddlActionDto("back", [truck], [needed], [effect], durative=False))
+    place = PddlObjectDto(PddlTypeDto("place"), "p")
+    kb.actions.save(PddlActionDto("go", [truck, place], [], [at(T, P)], durative=False))
+    steps = PlanStep(None, "back", ("t1",)), PlanStep(None, "go", ("t1", "hub"))
+    for step in kb.plans.record(Plan(steps, "me", "found")).steps:
+        kb.plans.set_status(step, status="started")
+        kb.plans.set_status(step, status="succeeded")
+    with kb.transaction():
+        for each in range(5):
+            kb.objects.save(PddlObjectDto(PddlTypeDto("place"), f"q{each}"))
+            kb.propositions.save(f"(linked q{each} hub)")
+    kb.propositions.delete("(at t2 hub)")
+    kb.objects.delete(PddlObjectDto(PddlTypeDto("place"), "hub"))
+    return kb
+
+
+def involved(
+    kb: KnowledgeBase, low: int = 1, high: int | None = None
+) -> list[tuple[int, list[str]]]:
+    """What the whole log says of what names `hub`, as step 1 of the plan does."""
+    found = []
+    for revision, of_revision in lines(kb.log(since=low, until=high)):
+        own = [
+            line
+            for line in of_revision
+            if re.search(r"\bhub\b|:step 1", line) and not re.match(r". (plan|document) \(", line)
+        ]
+        found += [(revision, own)] if own else []
+    return found
+
+
+@pytest.mark.usefixtures("paged")
+@pytest.mark.parametrize("most", [20_000, 3])
+def test_the_log_of_an_object_has_every_change_that_involves_it(
+    of_hub: KnowledgeBase, monkeypatch: pytest.MonkeyPatch, most: int
+) -> None:
+    monkeypatch.setattr(involvement, "INVOLVED", most)
+    monkeypatch.setattr(involvement, "WINDOW", 5)
+    built = involvement._versions_of_object, involvement._involving
+    for query in built:
+        query.cache_clear()
+    for element in ("HUB", PddlObjectDto(PddlTypeDto("place"), "hub")):
+        assert lines(of_hub.log(element=element)) == involved(of_hub)
+    for low, high in itertools.combinations_with_replacement(range(1, of_hub.revision, 4), 2):
+        assert lines(of_hub.log(low, until=high, element="hub")) == involved(of_hub, low, high)
+    declared = [1, of_hub.revision]
+    assert numbers(of_hub.log(element="hub - place")) == declared[::-1]
+    for query in built:
+        query.cache_clear()
 
 
 def test_it_ends_where_versions_were_moved_to_an_archive(

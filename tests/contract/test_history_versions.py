@@ -158,11 +158,29 @@ def test_of_a_fluent_all_its_values_are_told(kb_with_past: KnowledgeBase, elemen
 def test_each_kind_of_definition_has_versions(kb_with_past: KnowledgeBase) -> None:
     kb = kb_with_past
     assert told(kb, WAYPOINT) == [("type", "wp", 1, 7), ("type", "wp - place", 7, None)]
-    assert told(kb, WP1) == [("object", "wp1 - wp", 1, 9)]
+    assert told(kb, "wp1 - wp") == [("object", "wp1 - wp", 1, 9)]
     assert told(kb, BATTERY) == [("function", "(battery ?r0 - robot)", 4, None)]
     assert told(kb, ROBOT_AT) == [("predicate", "(robot_at ?r0 - robot ?w1 - wp)", 1, None)]
     action = PddlActionDto("NAVIGATION")
     assert [(entry[0], *entry[2:]) for entry in told(kb, action)] == [("action", 8, None)]
+
+
+@pytest.mark.parametrize("element", ["WP1", WP1])
+def test_of_an_object_all_that_involved_it_is_told(
+    kb_with_past: KnowledgeBase, element: Any
+) -> None:
+    expected: Told = [
+        ("fact", "(robot_at rb1 wp1)", 1, 3),
+        ("object", "wp1 - wp", 1, 9),
+        ("goal", "(robot_at rb1 wp1)", 2, 7),
+        ("fact", "(robot_at rb1 wp1)", 6, 7),
+    ]
+    assert told(kb_with_past, element) == expected
+    assert told(kb_with_past.at(2), element) == [
+        (*each[:3], None) for each in expected if each[2] <= 2
+    ]
+    held = kb_with_past.at(2).blame(element)
+    assert held is not None and held.text == "wp1 - wp"
 
 
 def test_a_name_stands_for_all_definitions_of_it(fresh_kb: KnowledgeBase) -> None:
@@ -338,7 +356,7 @@ def test_names_that_are_gone_are_still_known_to_a_newcomer(kb_with_past: Knowled
     kb_with_past.types.delete_all()
     newcomer = again(kb_with_past)
     assert told(newcomer, robot_at())[0] == ("fact", "(robot_at rb1 wp1)", 1, 3)
-    assert told(newcomer, "rb1") == [("object", "rb1 - robot", 1, 10)]
+    assert told(newcomer, "rb1 - robot") == [("object", "rb1 - robot", 1, 10)]
 
 
 def test_a_view_of_the_past_knows_nothing_later(kb_with_past: KnowledgeBase) -> None:

@@ -11,7 +11,7 @@ import pytest
 from fastapi.testclient import TestClient
 
 import kant_sql
-from kant_sql.history import change_pages
+from kant_sql.history import involvement
 from kant_sql.json_documents import version_document
 from kant_sql.planning import Plan, PlanStep
 from kant_sql.web.pages import plans
@@ -36,7 +36,8 @@ def plan_id(client: TestClient) -> int:
 
 
 @pytest.mark.parametrize(
-    "text", ["(robot_at rb1 t1)", "(ROBOT_AT  rb1 t1)", "(battery rb1)", "rb1", "(served t1)"]
+    "text",
+    ["(robot_at rb1 t1)", "(ROBOT_AT  rb1 t1)", "(battery rb1)", "rb1 - robot", "(served t1)"],
 )
 def test_the_history_of_an_element_is_the_librarys(
     client: TestClient, story_url: str, text: str
@@ -106,7 +107,8 @@ def test_an_object_has_everything_that_involves_it(client: TestClient) -> None:
         (33, "+", "(= (battery rb1) 100)"),
     ]
     assert changes[-1] == (2, "+", "rb1 - robot")
-    assert len(changes) == 24
+    # With the ten of its steps of plans.
+    assert len(changes) == 34
     assert [step["position"] for step in data["steps"]] == [3, 2, 1, 0]
     gone = get(client, "/object", name="front")
     assert gone["versions"][0]["until"]["reason"] == "door taken out"
@@ -120,16 +122,16 @@ def test_the_pages_of_an_object_have_each_change_once(
     from kant_sql.web.pages import elements
 
     monkeypatch.setattr(elements, "CHANGES", 5)
-    monkeypatch.setattr(change_pages, "INVOLVED", most)
-    monkeypatch.setattr(change_pages, "WINDOW", 10)
-    for built in (change_pages._versions_of_object, change_pages._involving):
+    monkeypatch.setattr(involvement, "INVOLVED", most)
+    monkeypatch.setattr(involvement, "WINDOW", 10)
+    for built in (involvement._versions_of_object, involvement._involving):
         built.cache_clear()
     with kant_sql.connect(story_url, knowledge_base="courier") as kb:
         expected = {
             (entry.revision.number, *change)
             for entry in kb.log()
             for change in entry.changes
-            if "rb1" in change.text and not change.kind.startswith("plan")
+            if change.kind == "plan step" or ("rb1" in change.text and change.kind != "plan")
         }
     found, before = [], None
     while True:
@@ -142,7 +144,7 @@ def test_the_pages_of_an_object_have_each_change_once(
         before = data["before"]
         if before is None:
             break
-    for built in (change_pages._versions_of_object, change_pages._involving):
+    for built in (involvement._versions_of_object, involvement._involving):
         built.cache_clear()
     assert sorted(found) == sorted(expected)
 
