@@ -271,7 +271,8 @@ def _log() -> None:
     if level not in logging.getLevelNamesMapping():
         sys.exit(f"KANT_SQL_LOG={level.lower()}: expected debug, info, warning or error")
     logging.basicConfig(format="%(levelname)s %(name)s: %(message)s")
-    logging.getLogger("kant_sql").setLevel(level)
+    for name in ("kant_sql", "kant_sql.sql"):
+        logging.getLogger(name).setLevel(level)
 
 
 if __name__ == "__main__":

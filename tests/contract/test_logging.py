@@ -6,7 +6,7 @@ import logging
 import re
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
 
@@ -35,6 +35,7 @@ PROBLEM = """(define (problem day) (:domain shop) (:objects r1 r1 - robot)
 @pytest.fixture
 def log(caplog: pytest.LogCaptureFixture) -> pytest.LogCaptureFixture:
     caplog.set_level(logging.DEBUG, "kant_sql")
+    caplog.set_level(logging.DEBUG, "kant_sql.sql")
     return caplog
 
 
@@ -304,7 +305,7 @@ def everything() -> Iterator[list[str]]:
     root, recorder = logging.getLogger(), Recorder()
     levels = {
         name: logging.getLogger(name).level
-        for name in ("", "kant_sql", "psycopg", "sqlalchemy", "alembic")
+        for name in ("", "kant_sql", "kant_sql.sql", "psycopg", "sqlalchemy", "alembic")
     }
     root.addHandler(recorder)
     for name in levels:
@@ -385,6 +386,24 @@ def test_nothing_is_written_without_a_word() -> None:
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
 
 
+@pytest.mark.parametrize("level", [logging.NOTSET, logging.DEBUG])
+def test_a_level_of_the_root_logger_brings_one_record_a_call(
+    fresh_kb: KnowledgeBase, caplog: pytest.LogCaptureFixture, level: int
+) -> None:
+    fill(fresh_kb, 3)
+    caplog.set_level(level)
+    calls: tuple[tuple[Callable[[], object], int], ...] = (
+        (lambda: fresh_kb.propositions.save(fact(7)), 1),
+        (lambda: fresh_kb.propositions.get_all(), 0),
+        (lambda: fresh_kb.at(1).types.get_all(), 0),
+        (lambda: list(fresh_kb.query("(robot_at ?r ?w)")), 0),
+    )
+    for call, expected in calls:
+        caplog.clear()
+        call()
+        assert [each.name for each in caplog.records] == ["kant_sql.store"] * expected
+
+
 def test_nothing_is_formatted_while_it_is_off(
     fresh_kb: KnowledgeBase, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -419,9 +438,10 @@ def test_spans_of_opentelemetry_are_made_of_the_records() -> None:
     provider.add_span_processor(SimpleSpanProcessor(exporter))
     tracer = provider.get_tracer("test")
     handler = names["Spans"](tracer)  # type: ignore[operator]
-    logger = logging.getLogger("kant_sql")
+    logger, statement_log = logging.getLogger("kant_sql"), logging.getLogger("kant_sql.sql")
     logger.addHandler(handler)
     logger.setLevel(logging.DEBUG)
+    statement_log.setLevel(logging.DEBUG)
     try:
         with (
             kant_sql.connect("sqlite://") as kb,
@@ -432,6 +452,7 @@ def test_spans_of_opentelemetry_are_made_of_the_records() -> None:
     finally:
         logger.removeHandler(handler)
         logger.setLevel(logging.NOTSET)
+        statement_log.setLevel(logging.INFO)
     spans = exporter.get_finished_spans()
     (errand,) = [span for span in spans if span.name == "errand"]
     (revision,) = [span for span in spans if span.name == "kant_sql.store"]
