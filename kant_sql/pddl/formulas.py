@@ -28,6 +28,7 @@ TIMED: Final = 2  # atoms must be inside (at start ...), (over all ...) or (at e
 CONSTRAINTS: Final = 4  # atoms must be inside modal operators
 MODAL: Final = 8  # may contain modal operators
 EFFECT: Final = 16  # is an effect
+INSIDE_TIME: Final = 32  # is inside (at start ...) or (at end ...) of an effect
 _WRAPPED: Final = TIMED | CONSTRAINTS
 
 _TIMES = {("at", "start"): f.AT_START, ("at", "end"): f.AT_END, ("over", "all"): f.OVER_ALL}
@@ -273,6 +274,9 @@ class FormulaReader(Cursor):
         return f.Imply(condition, formula)
 
     def _when(self, context: int) -> Steps[f.Formula]:
+        if context & INSIDE_TIME:
+            expected = "(when ...) around (at start ...) or (at end ...), with times inside"
+            self.deviate(expected, "read as a condition at the time of the effect")
         self.at += 2
         condition = self._empty() if self.is_empty() else (yield self._begin(context & ~EFFECT))
         effect = yield self._begin(context)
@@ -312,7 +316,7 @@ class FormulaReader(Cursor):
                 self.fail(_TIMED_EFFECT if context & TIMED else "an effect without a time")
         elif not (context & TIMED or (time == f.AT_END and context & (CONSTRAINTS | MODAL))):
             self.fail("a formula without a time", f"({time} ...)")
-        return self._inside_time(time, context & EFFECT)
+        return self._inside_time(time, context & EFFECT and EFFECT | INSIDE_TIME)
 
     def _inside_time(self, time: str, context: int) -> Steps[f.Formula]:
         self.at += 3

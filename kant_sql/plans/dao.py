@@ -431,7 +431,10 @@ class SqlPlanDao(SqlDao, PlanDao):
 
     def _state_of(self, plan: Plan) -> int:
         """Find the revision of the state that a plan was made from."""
-        at = head_revision(self._store) if plan.revision is None else plan.revision
+        head = head_revision(self._store)
+        at = head if plan.revision is None else plan.revision
+        if at > head and plan.problem_hash is not None:
+            raise PlanError(self._elsewhere(at))
         revision = state_at(self._store, at)
         if revision == 0:
             raise PlanError(
@@ -439,6 +442,15 @@ class SqlPlanDao(SqlDao, PlanDao):
                 "revision; commit the knowledge that the planner needs, and plan again"
             )
         return revision
+
+    def _elsewhere(self, revision: int) -> str:
+        return (
+            f"the planner was not given revision {revision} of knowledge base "
+            f"{self._store.name!r}: the plan is of a branch, of another knowledge base or of the "
+            "uncommitted state of a transaction; record it where it was made, plan again here, or "
+            "pass what the planner was given as domain_pddl and problem_pddl, and the revision "
+            "of this knowledge base in the plan"
+        )
 
     def _compare(self, plan: Plan, revision: int, said: Kept) -> tuple[str, Kept]:
         """Hash the planner's input, and find which of its texts to store."""
@@ -449,8 +461,7 @@ class SqlPlanDao(SqlDao, PlanDao):
         digest = problem_hash(given.domain, problem=given.problem)
         if plan.problem_hash not in (None, digest):
             raise PlanError(
-                f"the planner was given the uncommitted state of a transaction, not revision "
-                f"{revision}; pass its input as domain_pddl and problem_pddl"
+                self._elsewhere(revision)
                 if said == (None, None)
                 else "domain_pddl and problem_pddl differ from the planner's input, by its SHA-256"
             )

@@ -189,7 +189,8 @@ class PlanDao(ABC):
         Raises:
             PlanError: a step is not an action of that state (processes and events are not), or its
                 arguments do not fit the parameters; a value cannot be stored exactly; or the plan
-                was made from the uncommitted state of a transaction and the texts are missing.
+                was made from a branch, another knowledge base or the uncommitted state of a
+                transaction, and the texts are missing.
             ArchivedError: a part of that state was moved to an archive.
             UnknownRevisionError: there is no such revision.
             ReadOnlyError: this is a view of the past.

@@ -27,7 +27,7 @@ from ..pddl.document import DURATIVE_ACTION, Action
 from ..pddl.formulas import flatten
 from .arithmetic import DECIMALS, LINEARS, Linear, decimal_of
 from .conditions import Compiler, Conditions, Env, Search
-from .failures import FailedCondition, failed_parts, sides_text
+from .failures import FailedCondition, duration_failure, failed_parts
 from .grounding import Binding, bound, substitute
 from .junctions import positive
 from .relations import Row
@@ -252,6 +252,14 @@ class Phase:
             self.reads += [part for part, when in effect.conditions if when in (None, time)]
             if isinstance(effect.leaf, f.Assign):
                 self.reads += [effect.leaf.value, *effect.leaf.fluent.terms]
+        if time == f.AT_START:
+            # What an effect at the end depends on at the start is read then.
+            self.reads += [
+                part
+                for one in _effects(action)
+                for part, when in one.conditions
+                if (one.time, when) == (f.AT_END, f.AT_START)
+            ]
 
 
 def _conditions(action: Action, time: str | None) -> Iterator[f.Formula]:
@@ -439,11 +447,13 @@ class Snap:
         """The conjuncts of the condition at this time."""
         return self._phase.conditions
 
-    def unmet(self, conditions: Conditions, tolerance: Decimal) -> Iterator[FailedCondition]:
+    def unmet(self, conditions: Conditions) -> Iterator[FailedCondition]:
         """Yield what of the condition and of the constraints on the duration does not hold."""
         binding, duration = self.binding, self.duration
         for constraint in self._phase.durations:
-            failed = _duration_failure(conditions, constraint, binding, duration, tolerance)
+            sides = (constraint.left, constraint.right)
+            left, right = (conditions.number(side, binding, duration) for side in sides)
+            failed = duration_failure(substitute(constraint, binding), left, right)
             if failed is not None:
                 yield failed
         for condition in self.conditions:
@@ -542,34 +552,6 @@ def _objects(
     if isinstance(term, f.Variable):
         return names.get(fold(term.name), everything)
     return everything
-
-
-def _duration_failure(
-    conditions: Conditions,
-    constraint: f.Comparison,
-    binding: Binding,
-    duration: Decimal | None,
-    tolerance: Decimal,
-) -> FailedCondition | None:
-    """Return how a duration violates a constraint, if it does by more than the tolerance."""
-    text = str(substitute(constraint, binding))
-    if duration is None:
-        return FailedCondition(text, "the step has no duration")
-    left = conditions.number(constraint.left, binding, duration)
-    right = conditions.number(constraint.right, binding, duration)
-    if left is None or right is None:
-        return FailedCondition(text, "a side has no value", left, right)
-    difference = left - right
-    is_met = {
-        "<": difference < 0,
-        "<=": difference <= tolerance,
-        "=": abs(difference) < tolerance,
-        ">=": difference >= -tolerance,
-        ">": difference > 0,
-    }[constraint.operator]
-    if is_met:
-        return None
-    return FailedCondition(text, sides_text(left, right), left, right)
 
 
 def apply_changes(world: World, changes: Sequence[Changes]) -> None:

@@ -14,7 +14,7 @@ from decimal import Decimal
 
 from ..dto import formulas as f
 from ..dto.formulas import AT_END, AT_START, OVER_ALL
-from ..dto.lexical import decimal_text, fold
+from ..dto.lexical import fold
 from ..errors import PlanError
 from ..history.revisions import Revision
 from ..knowledge.conditions import AllOf
@@ -27,21 +27,10 @@ from ..store.transaction import Transaction
 from .act import Stepper, in_revision, state_of
 from .effects import Earlier, not_applicable
 from .explain import Explainer, number_of
-from .failures import FailedCondition
+from .failures import FailedCondition, duration_failure
 from .grounding import bound, substitute
 from .steps import GroundStep, ground
-from .validate import TOLERANCE
 from .when import when
-
-# A comparison of the duration -> whether a difference satisfies it, within the tolerance.
-_SATISFIES = {
-    "=": lambda difference: abs(difference) <= TOLERANCE,
-    "<=": lambda difference: difference <= TOLERANCE,
-    "<": lambda difference: difference < TOLERANCE,
-    ">=": lambda difference: difference >= -TOLERANCE,
-    ">": lambda difference: difference > -TOLERANCE,
-}
-_MIRRORED = {"=": "=", "<=": ">=", "<": ">", ">=": "<=", ">": "<"}
 
 
 @dataclass(frozen=True)
@@ -218,19 +207,16 @@ def _duration(
         constraint = node.formula if isinstance(node, f.Timed) else node
         if is_end != (time == AT_END) or not isinstance(constraint, f.Comparison):
             continue
-        operator, side = constraint.operator, constraint.right
-        if constraint.right == f.Variable(f.DURATION):
-            operator, side = _MIRRORED[operator], constraint.left
-        limit = number_of(view, substitute(side, binding), {})
-        if duration is None and operator == "=" and limit is not None:
+        closed = substitute(constraint, binding)
+        is_left = constraint.left == f.Variable(f.DURATION)
+        limit = number_of(view, closed.right if is_left else closed.left, {})
+        if duration is None and constraint.operator == "=" and limit is not None:
             duration = limit
         if duration is None and limit is not None:
             continue
-        if limit is None or duration is None or not _SATISFIES[operator](duration - limit):
-            said = ["no value" if one is None else decimal_text(one) for one in (duration, limit)]
-            reason = f"the sides are {said[0]} and {said[1]}"
-            text = str(substitute(constraint, binding))
-            failed.append(FailedCondition(text, reason, duration, limit))
+        sides = (duration, limit) if is_left else (limit, duration)
+        wrong = duration_failure(closed, *sides)
+        failed += [] if wrong is None else [wrong]
     if duration is None and _mentions_duration(step):
         reason = f"is not given; write it after the step, as in '{step} [5]'"
         failed.append(FailedCondition("?duration", reason))

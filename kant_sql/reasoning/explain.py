@@ -62,17 +62,18 @@ class Explainer:
 
     def failed(self, formulas: Iterable[f.Formula]) -> list[FailedCondition]:
         """Return the parts that do not hold, in order."""
-        return self._with_history(self._failed(formulas))
+        false = self._failed(formulas)
+        return self._with_history(false, [self._failure(node) for node in false])
 
-    def _failed(self, formulas: Iterable[f.Formula]) -> list[FailedCondition]:
-        found: list[FailedCondition] = []
+    def _failed(self, formulas: Iterable[f.Formula]) -> list[f.Formula]:
+        found: list[f.Formula] = []
         pending = [part for formula in formulas for part in _conjuncts(formula)]
         for start in range(0, len(pending), TOGETHER):
             for node in self._false(pending[start : start + TOGETHER]):
                 if isinstance(node, f.Forall):
                     found += self._failed(self._counterexamples(node))
                 else:
-                    found.append(self._failure(node))
+                    found.append(node)
         return found
 
     def _resolve(self, node: f.Formula) -> Part:
@@ -149,15 +150,15 @@ class Explainer:
             return FailedCondition(str(node), reason, left, right)
         return FailedCondition(str(node), "does not hold")
 
-    def _with_history(self, found: list[FailedCondition]) -> list[FailedCondition]:
+    def _with_history(
+        self, nodes: Sequence[f.Formula], found: list[FailedCondition]
+    ) -> list[FailedCondition]:
         """Add which revision retracted each fact that held before."""
         keys: dict[int, dict[str, int]] = {}
-        for position, failed in enumerate(found):
-            if failed.left is None and failed.text.startswith("("):
-                read = read_condition(failed.text, symbols=symbols_of(self._view.definitions))
-                key = self._key(self._resolve(read.formula))
-                if key is not None:
-                    keys.setdefault(key[0], {})[key[1]] = position
+        for position, node in enumerate(nodes):
+            key = self._key(self._resolve(node)) if isinstance(node, f.Atom) else None
+            if key is not None:
+                keys.setdefault(key[0], {})[key[1]] = position
         ends: dict[int, int] = {}
         for predicate, of_predicate in keys.items():
             for arguments, until in self._run(self._question().ended(predicate, of_predicate)):

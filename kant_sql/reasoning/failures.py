@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from decimal import Decimal
 
@@ -16,6 +16,16 @@ from .world import World
 
 # Parts of one universal quantifier that are named.
 MAX_INSTANCES = 20
+# How far a duration may be from what its constraints allow, as in VAL.
+TOLERANCE = Decimal("0.01")
+# A comparison of a duration with its limit -> whether their difference satisfies it.
+_ALLOWS: dict[str, Callable[[Decimal], bool]] = {
+    "=": lambda difference: abs(difference) <= TOLERANCE,
+    "<=": lambda difference: difference <= TOLERANCE,
+    "<": lambda difference: difference < TOLERANCE,
+    ">=": lambda difference: difference >= -TOLERANCE,
+    ">": lambda difference: difference > -TOLERANCE,
+}
 
 
 @dataclass(frozen=True)
@@ -39,6 +49,16 @@ class FailedCondition:
 
     def __str__(self) -> str:
         return f"{self.text}: {self.reason}"
+
+
+def duration_failure(
+    constraint: f.Comparison, left: Decimal | None, right: Decimal | None
+) -> FailedCondition | None:
+    """Return how the sides of a constraint on a duration violate it, if they do."""
+    if left is not None and right is not None and _ALLOWS[constraint.operator](left - right):
+        return None
+    reason = f"{sides_text(left, right)}; a duration may deviate by {TOLERANCE}"
+    return FailedCondition(str(constraint), reason, left, right)
 
 
 def failed_parts(

@@ -349,6 +349,12 @@ def ground(definitions: Definitions, step: object) -> GroundStep:
     """Find the action and the objects of a step; whether they fit is checked later."""
     name, arguments, duration, recorded = _said(definitions, step)
     action = prepared(definitions, find_action(definitions, name))
+    # Planners write durations of instantaneous steps, too; whoever types one expects it to count.
+    if isinstance(step, str) and duration is not None and not action.is_durative:
+        raise PlanError(
+            f"{action.name!r} is an action without duration, but [{duration:f}] is given; leave "
+            "it out"
+        )
     if len(arguments) != len(action.parameters):
         wanted = " ".join((action.name, *(f"?{each.name}" for each in action.variables)))
         raise InvalidKnowledgeError(

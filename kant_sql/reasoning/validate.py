@@ -42,7 +42,6 @@ from .grounding import Binding, combinations, ground_text
 from .trajectory import Moment, Rule, Trajectory
 from .world import World
 
-TOLERANCE = Decimal("0.01")
 SIMULTANEOUS = Decimal("0.001")
 ANONYMOUS = "anonymous"
 
@@ -302,7 +301,7 @@ class _Execution:
         literals = [self._literal(one.position) for one in entries if one.is_literal]
         snaps = [self._snap(one) for one in entries if not one.is_literal]
         for snap in snaps:
-            failed = [*snap.unmet(self.conditions, TOLERANCE)] or snap.prepare()
+            failed = [*snap.unmet(self.conditions)] or snap.prepare()
             if failed:
                 raise _Failure(snap.position, snap.time, failed)
         self._check_interference(snaps, literals)

@@ -138,13 +138,26 @@ def test_a_plan_of_what_is_not_committed_is_recorded_with_its_texts(
     with fresh_kb.transaction():
         arrive(fresh_kb, "wp2")
         plan, texts = fresh_kb.plan(), texts_of(fresh_kb)
-        with pytest.raises(
-            PlanError, match="the uncommitted state of a transaction, not revision 1"
-        ):
+        with pytest.raises(PlanError, match=r"not given revision 1 .* the uncommitted state of a"):
             fresh_kb.plans.record(plan)
         made = fresh_kb.plans.record(plan, domain_pddl=texts[0], problem_pddl=texts[1])
     assert (made.revision, given_to(made)) == (1, texts)
     assert rows(fresh_kb, KEPT) == [(None, texts[1])]
+
+
+@pytest.mark.usefixtures("planner")
+@pytest.mark.parametrize("is_beyond", [True, False])
+def test_a_plan_of_a_branch_is_refused_as_such(fresh_kb: KnowledgeBase, is_beyond: bool) -> None:
+    """Revisions of a branch count from 1, and may go beyond the head."""
+    begin(fresh_kb)
+    with fresh_kb.branch() as trial:
+        for kb in (trial,) if is_beyond else (trial, fresh_kb):
+            kb.propositions.delete_all()
+            arrive(kb, "wp2" if kb is trial else "wp1")
+        plan = trial.plan()
+        with pytest.raises(PlanError, match=r"the plan is of a branch.*; record it where it was"):
+            fresh_kb.plans.record(plan)
+        assert trial.plans.record(plan).revision == plan.revision
 
 
 _numbers = itertools.count(1)

@@ -125,6 +125,17 @@ def test_the_parts_of_a_condition_that_fail_are_named_in_order(kb: KnowledgeBase
         kb.unsatisfied("(at ?x c1)", x="c0")
 
 
+def test_a_variable_may_be_of_a_wider_type_than_its_predicate(kb: KnowledgeBase) -> None:
+    check = """(:constants p1 - aircraft) (:action check :parameters ()
+      :precondition (forall (?p - thing) (in ?p p1)) :effect (calm)))"""
+    kb.load_domain(f"{DOMAIN.rstrip()[:-1]} {check}")
+    wanted = [f"(in {name} p1): does not hold" for name in ("p1", "h1", "h2")]
+    assert [str(part) for part in kb.unsatisfied("(forall (?p - thing) (in ?p p1))")] == wanted
+    assert [str(part) for part in kb.why_not("(check)")] == wanted
+    with pytest.raises(NotApplicableError, match=r"\(in p1 p1\): does not hold"):
+        kb.apply("(check)")
+
+
 def test_a_fact_that_held_before_has_the_revision_that_retracted_it(kb: KnowledgeBase) -> None:
     held = kb.revision
     fact = kb.propositions.get_by_predicate("at")[0]
@@ -279,6 +290,7 @@ def test_a_step_that_cannot_be_executed_writes_nothing(kb: KnowledgeBase) -> Non
         ("(free)", "duration"),
         ("(free) [5]", "the sides are 5 and 4"),
         ("(long p1 c0 c0)", "no value"),
+        ("(free) [1]", r"the sides are 1 and 2; a duration may deviate by 0\.01"),
     ):
         with pytest.raises(NotApplicableError, match=message):
             kb.apply(step)
@@ -288,6 +300,8 @@ def test_a_step_that_cannot_be_executed_writes_nothing(kb: KnowledgeBase) -> Non
     assert kb.revision == before + 1
     with pytest.raises(ReadOnlyError):
         kb.at(before).apply("(twice)")
+    with pytest.raises(PlanError, match=r"'twice' is an action without duration, but \[5\] is"):
+        kb.apply("(twice) [5]")
 
 
 def test_conditions_and_values_are_those_of_the_state_before(kb: KnowledgeBase) -> None:

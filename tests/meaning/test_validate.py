@@ -234,6 +234,40 @@ def test_constraints_are_judged_as_val_judges_them(tmp_path: Path) -> None:
     assert counts["switched: valid"] == sum(counts.values())
 
 
+LATE = """(define (domain late) (:requirements :adl :durative-actions)
+  (:predicates (p) (q) (lit ?x))
+  (:durative-action first :parameters () :duration (= ?duration 2) :condition (and)
+    :effect (when (at start (p)) (at end (q))))
+  (:durative-action both :parameters (?x) :duration (= ?duration 3) :condition (and)
+    :effect (when (at start (lit ?x)) (at end (not (p)))))
+  (:action set :parameters () :precondition (and) :effect (p))
+  (:action clear :parameters () :precondition (and) :effect (not (p)))
+  (:action turn :parameters (?x) :precondition (and) :effect (lit ?x)))"""
+LATER = """(define (problem p) (:domain late) (:objects x y) (:init (p)) (:goal (and)))"""
+DONE = ("first", "first", "both x", "set", "clear", "turn x", "turn y")
+
+
+def test_interference_with_a_condition_at_the_start_is_judged_as_val_judges_it(
+    tmp_path: Path,
+) -> None:
+    chance = random.Random(7)
+    domain = read_domain(LATE)
+    pair = Pair("late", tmp_path / "domain.pddl", tmp_path / "problem.pddl")
+    pair.domain.write_text(LATE)
+    pair.problem.write_text(LATER)
+    cases = []
+    for _ in range(500 if ALL else 30):
+        chosen = [(chance.randint(1, 6), chance.choice(DONE)) for _ in range(3)]
+        lasts = {"first": " [2]", "both x": " [3]"}
+        lines = [f"{time}: ({step}){lasts.get(step, '')}" for time, step in chosen]
+        cases.append(Case("late", Plan.read("\n".join([*lines, ""]))))
+    wrong: list[str] = []
+    counts = check(Task(pair, domain, read_problem(LATER, domain=domain)), cases, tmp_path, wrong)
+    print(dict(counts))
+    assert not wrong, "\n\n".join(wrong)
+    assert min(counts["late: valid"], counts["late: step"]) > len(cases) / 20
+
+
 TANK = """(define (domain tank)
   (:requirements :adl :durative-actions :fluents :duration-inequalities)
   (:predicates (running) (ready)) (:functions (level) (flow) (limit))

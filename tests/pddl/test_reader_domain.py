@@ -225,7 +225,7 @@ def test_times() -> None:
     found = timed(
         "(and (at start (at ?x ?p)) (OVER ALL (over ?x)) (forall (?y - crate) (at end (free)))"
         " (preference n (at start (free))))",
-        "(and (at start (not (at ?x ?p))) (at end (when (free) (over ?x)))"
+        "(and (at start (not (at ?x ?p))) (when (at end (free)) (at end (over ?x)))"
         " (when (at start (free)) (at end (free))) (at end (increase (load ?t) ?duration))"
         " (forall (?y - crate) (at start (free))) (increase (load ?t) (* #t 2)))",
     )
@@ -237,7 +237,7 @@ def test_times() -> None:
     )
     assert found.effect == (
         Timed("at start", Not(AT)),
-        Timed("at end", When(FREE, Atom("over", (X,)))),
+        When(Timed("at end", FREE), Timed("at end", Atom("over", (X,)))),
         When(Timed("at start", FREE), Timed("at end", FREE)),
         Timed("at end", Assign("increase", Fluent("load", (T,)), Variable("duration"))),
         Forall((TypedName("y", ("Crate",)),), Timed("at start", FREE)),

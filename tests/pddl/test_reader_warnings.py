@@ -70,6 +70,13 @@ def problem(text: str) -> Problem:
             "(:action e :parameters () :precondition (r))",
         ),
         (
+            "(:durative-action e :parameters () :duration (= ?duration 2) :condition (and) "
+            ":effect (at end (when (r) (p k))))",
+            95,
+            "found '(when', expected (when ...) around (at start ...) or (at end ...)",
+            None,
+        ),
+        (
             "(:action e :parameters () :precondition (r) (r))",
             45,
             "expected one formula: (and ...)",

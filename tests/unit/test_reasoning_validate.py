@@ -303,6 +303,25 @@ def test_interference(one: str, other: str, reason: str | None) -> None:
         assert one_by_one.valid or steps == ("add", "needs")
 
 
+def test_what_an_effect_at_the_end_depends_on_is_read_at_the_start() -> None:
+    late = """(:durative-action late :parameters () :duration (= ?duration 2)
+      :condition (and) :effect (when (at start (p)) (at end (q))))"""
+    problem = "(:objects o) (:init (p)) (:goal (and))"
+    for steps, is_valid in (
+        (("1 late / 2", "1 delete"), False),
+        (("1 delete", "1 late / 2"), False),
+        (("1 late / 2", "2 delete"), True),
+        (("1 late / 2", "3 delete"), True),
+    ):
+        found = run(MUTEX + late, problem, *steps)
+        assert found.valid is is_valid, steps
+        if not is_valid:
+            assert failure(found)[2:] == (
+                "at start",
+                ["(p): an action reads it at the same time as another changes it"],
+            )
+
+
 def test_increases_at_one_time_add_up() -> None:
     problem = "(:init (= (f) 1)) (:goal (= (f) 1)) (:metric minimize (f))"
     found = run(MUTEX, problem, "1 up", "1 down", "1 up")
@@ -313,11 +332,22 @@ def test_timed_initial_literals_take_place() -> None:
     timed = CAKES.replace("(power)", "(at 3 (power)) (at 20 (not (power))) (at 4 (= (time b) 6))")
     assert failure(run(OVEN, timed, "2.99 bake a / 10"))[:3] == (0, "3", "over all")
     assert failure(run(OVEN, timed, "3.01 bake a / 10", "14 bake b / 6.5"))[3] == [
-        "(= ?duration (time b)): the sides are 6.5 and 6"
+        "(= ?duration (time b)): the sides are 6.5 and 6; a duration may deviate by 0.01"
     ]
     assert failure(run(OVEN, timed, "3.01 bake a / 10", "15 bake b / 6"))[:2] == (1, "21")
     found = run(OVEN, timed, "3.01 bake a / 10", "13.02 bake b / 6")
     assert (found.valid, found.makespan) == (True, Decimal("19.02"))
+
+
+@pytest.mark.parametrize("operator", ["=", "<=", ">=", "<", ">"])
+def test_durations_have_one_tolerance(operator: str) -> None:
+    domain = f"""(:durative-action wait :parameters () :duration ({operator} ?duration 2)
+      :condition (and) :effect (and))"""
+    for duration in ("1.989", "1.99", "1.995", "2", "2.005", "2.01", "2.011"):
+        difference = Decimal(duration) - 2
+        allowed = abs(difference) if operator == "=" else difference * (-1) ** (operator[0] == ">")
+        is_valid = allowed < Decimal("0.01") or ("=" in operator and allowed == Decimal("0.01"))
+        assert run(domain, "(:init) (:goal (and))", f"0 wait / {duration}").valid is is_valid
 
 
 def test_what_happens_after_the_last_step_counts_for_the_goal() -> None:
