@@ -7,13 +7,26 @@ PY := $(VENV)/bin/python
 # Compiled modules are cached: processes and test workers start in half the time.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test test-fast browser check bench docs screenshots measure coverage clean
+.PHONY: demo test test-all test-fast browser check bench docs screenshots measure coverage clean
 
 demo: $(VENV)/demo-ready
 	$(PY) examples/coffee_shop.py
 
 test: check browser
 	$(PY) -m pytest -n 2 --dist worksteal
+
+# Where other PostgreSQL servers are: those of Debian, or POSTGRESQL="/opt/pg14/bin /opt/pg17/bin".
+POSTGRESQL ?= $(wildcard /usr/lib/postgresql/*/bin)
+
+# All of it, and what depends on the server's version on each of these.
+test-all: test
+	@[ -n "$(POSTGRESQL)" ] || { echo "no other PostgreSQL is installed: apt-get install postgresql," \
+	  'or POSTGRESQL="FOLDER_OF_PROGRAMS ..."'; exit 1; }
+	@set -e; for programs in $(POSTGRESQL); do \
+	  echo "PostgreSQL of $$programs"; \
+	  KANT_SQL_TEST_POSTGRESQL="$$programs" $(PY) -m pytest -n 2 --dist worksteal \
+	    tests/contract tests/verify tests/audit tests/migrations --on-server; \
+	done
 
 # An answer in less than a minute: quick tests, on SQLite only.
 test-fast: $(VENV)/test-ready

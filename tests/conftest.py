@@ -52,8 +52,9 @@ LONGEST = {
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """Add the option of `make test-fast`."""
+    """Add the options of `make test-fast` and `make test-all`."""
     parser.addoption("--fast", action="store_true", help="SQLite only, without slow tests")
+    parser.addoption("--on-server", action="store_true", help="only tests that use PostgreSQL")
 
 
 def pytest_report_header() -> str | None:
@@ -69,11 +70,14 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
 
 @pytest.hookimpl(trylast=True)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Deselect slow tests and other backends with `--fast`; begin with the longest tests."""
-    if config.option.fast:
-        left_out = [item for item in items if not is_fast(item)]
-        items[:] = [item for item in items if is_fast(item)]
-        config.hook.pytest_deselected(items=left_out)
+    """Deselect what an option leaves out; begin with the longest tests."""
+    for is_given, wanted in (
+        (config.option.fast, is_fast),
+        (config.option.on_server, is_on_server),
+    ):
+        if is_given:
+            config.hook.pytest_deselected(items=[item for item in items if not wanted(item)])
+            items[:] = filter(wanted, items)
     # A long test that begins last keeps one worker busy while the other has nothing to do.
     items.sort(key=lambda item: item.path.name not in LONGEST)
 
@@ -86,14 +90,28 @@ def pytest_collection_finish() -> None:
 
 def is_fast(item: pytest.Item) -> bool:
     """Whether a test is quick and needs no server; SQLite in memory stands for SQLite in a file."""
-    if {"server", "cluster"} & {*item.fixturenames} or item.get_closest_marker("slow"):  # type: ignore[attr-defined]
+    if "cluster" in item.fixturenames or item.get_closest_marker("slow"):  # type: ignore[attr-defined]
         return False
-    parameters = getattr(item, "callspec", None) and item.callspec.params  # type: ignore[attr-defined]
-    backends = {value for value in (parameters or {}).values() if isinstance(value, str)}
-    if any(backend.startswith(("postgresql", "citus", "aio-")) for backend in backends):
+    parameters, backends = backends_of(item)
+    if is_on_server(item) or any(each.startswith(("citus", "aio-")) for each in backends):
         return False
-    is_twice = not {"url", "common_url"}.isdisjoint(parameters or ())
+    is_twice = not {"url", "common_url"}.isdisjoint(parameters)
     return not (is_twice and "sqlite-file" in backends)
+
+
+def is_on_server(item: pytest.Item) -> bool:
+    """Whether a test uses a PostgreSQL server."""
+    _, backends = backends_of(item)
+    return not {"server", "mortal_server"}.isdisjoint(item.fixturenames) or any(  # type: ignore[attr-defined]
+        backend.removeprefix("aio-").startswith("postgresql") for backend in backends
+    )
+
+
+def backends_of(item: pytest.Item) -> tuple[dict[str, Any], set[str]]:
+    """Give a test's parameters, and those that may name backends."""
+    call = getattr(item, "callspec", None)
+    parameters = {} if call is None else call.params
+    return parameters, {value for value in parameters.values() if isinstance(value, str)}
 
 
 @pytest.fixture(scope="session")

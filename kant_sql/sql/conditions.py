@@ -353,7 +353,8 @@ class ConditionWriter(ABC):
         if body is not None:
             return self.truth(body, places)
         given = {n: term for n, term in enumerate(fact.terms) if self.is_given(term, places)}
-        relation = self.relation(fact, given, places)
+        # PostgreSQL before 16 refuses a subquery in FROM without an alias.
+        relation = f"{self.relation(fact, given, places)} AS facts"
         if not fact.terms:
             return f"EXISTS (SELECT 1 FROM {relation})"
         # Uncorrelated, so that SQLite builds one index for all rows that ask.

@@ -10,7 +10,7 @@ import pytest
 
 import kant_sql
 from kant_sql import KnowledgeBase
-from tests.support.servers import Server
+from tests.support.servers import Server, is_old
 from tests.support.statements import Statement, explain, is_bracket, seen
 from tests.support.worlds.robots import RB1, WP1, robot_at, waypoint
 
@@ -32,7 +32,7 @@ ASKED: dict[str, tuple[Callable[[KnowledgeBase], Any], int]] = {
 
 @pytest.fixture(scope="module", params=["sqlite", "postgresql"])
 def store(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> str:
-    """A store with many facts, and one that came and went; PostgreSQL knows nothing of it."""
+    """A store with many facts, and one that came and went; PostgreSQL from 17 on knows nothing."""
     if request.param == "sqlite":
         url = f"sqlite:///{tmp_path_factory.mktemp('asked') / 'store.db'}"
     else:
@@ -46,6 +46,9 @@ def store(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFacto
         for _ in range(TIMES):
             kb.propositions.delete(FLAPPING)
             kb.propositions.save(FLAPPING)
+    if is_old(url):
+        with psycopg.connect(url, autocommit=True) as connection:
+            connection.execute("ANALYZE")
     return url
 
 
@@ -81,4 +84,7 @@ def test_it_looks_at_the_rows_of_what_is_asked(store: str, name: str) -> None:
             steps = [step for step in explain(store, statement) if "_version" in step]
             assert not [each for each in steps if "SCAN" in each or "(kb_id=?)" in each], steps
         elif statement.sql.startswith("SELECT") and "kb" in statement.parameters:
+            if is_old(store):
+                # Of one element, it may read all versions.
+                most = max(most, 2 * TIMES)
             assert rows_touched(store, statement) <= most, statement.sql

@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import closing
 from pathlib import Path
+from unittest import mock
 from urllib.parse import quote_plus
 
 import psycopg
@@ -18,6 +19,7 @@ from kant_sql import (
     AuthenticationError,
     KantSqlError,
     ReadOnlyStoreError,
+    StoreError,
     StoreUnreachableError,
 )
 from tests.support.servers import Server
@@ -75,6 +77,19 @@ def test_a_wrong_password_is_refused_and_not_repeated(
         opens(url)
     assert time.monotonic() - began < PROMPTLY
     assert_silent(caught.value, "wrong&secret", "wrong%26secret")
+
+
+@pytest.mark.parametrize("opens", [kant_sql.connect, kant_sql.upgrade])
+def test_a_server_that_is_too_old_is_refused_by_its_version(
+    server: Server, opens: Callable[[str], object]
+) -> None:
+    url = server.new_store()
+    refused = r"PostgreSQL 13\.22, and kant_sql needs 14 or later; upgrade the server"
+    with (
+        mock.patch.object(psycopg.ConnectionInfo, "server_version", 130_022),
+        pytest.raises(StoreError, match=refused),
+    ):
+        opens(url)
 
 
 def test_an_unknown_user_is_refused(guarded: str) -> None:

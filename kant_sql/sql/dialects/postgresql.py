@@ -628,6 +628,8 @@ _VIEW = Query(
         "FROM pg_class WHERE oid = to_regclass(:view)"
     )
 )
+# Of its major versions, that of the tests which is the oldest.
+OLDEST_SERVER = 14
 LOCK_TIMEOUT = "20s"
 # Seconds that a thread waits for a connection of the pool: as long as for a lock.
 # The number of libpq's state of a transaction in which a statement has failed.
@@ -791,12 +793,24 @@ class PostgresqlBackend(Backend):
 
             known = {option.keyword.decode() for option in pq.Conninfo.get_defaults()}
             refuse_unknown_options(self.url, known | {OPTION})
-            return create_engine(url, **options)
+            engine = create_engine(url, **options)
         except ImportError as error:
             raise InvalidUrlError(
                 f"{self.label}: PostgreSQL needs the psycopg driver; "
                 "install it with: pip install 'kant-sql[postgres]'"
             ) from error
+
+        @event.listens_for(engine, "connect")
+        def refuse_old_server(connection: Any, _: object) -> None:
+            major, minor = divmod(connection.info.server_version, 10_000)
+            if major < OLDEST_SERVER:
+                connection.close()
+                raise StoreError(
+                    f"{self.label}: the server is PostgreSQL {major}.{minor}, and kant_sql needs "
+                    f"{OLDEST_SERVER} or later; upgrade the server"
+                )
+
+        return engine
 
     def wrap(self, connection: Any) -> Session:
         """Wrap a connection of the pool."""
