@@ -26,11 +26,16 @@ T = TypeVar("T")
 URL_VARIABLE = "KANT_SQL_URL"
 DEFAULT_NAME = "default"
 JSON_OPTION = "--json"
+# What an SQLite file begins with.
+_SQLITE_FILE = b"SQLite format 3\0"
 
 _MOMENT = (
     "a revision's number, a time in ISO 8601, 'now', '2 hours ago', 'yesterday' or 'last tuesday "
     "14:30'; UTC unless a zone is given."
 )
+
+
+_URL_HELP = "The database URL, such as sqlite:///robot.db, or the path of an SQLite file"
 
 
 def option(
@@ -49,14 +54,14 @@ def json_lines(noun: str) -> typer.models.OptionInfo:
 
 
 def words_argument(usage: str, help_: str) -> typer.models.ArgumentInfo:
-    """Describe an argument that begins with the URL, unless the environment has it.
+    """Describe an argument that begins with the URL, as `split_url` finds it.
 
     What is optional behind the URL stands in square brackets.
     """
     made: typer.models.ArgumentInfo = typer.Argument(
         metavar=usage,
         show_default=False,
-        help=f"The database URL [env var: {URL_VARIABLE}], and {help_}",
+        help=f"{_URL_HELP}, unless the variable {URL_VARIABLE} has it, and {help_}",
     )
     return made
 
@@ -67,7 +72,7 @@ Url = Annotated[
         metavar="URL",
         envvar=URL_VARIABLE,
         show_default=False,
-        help="The database URL, for example sqlite:///robot.db",
+        help=_URL_HELP,
     ),
 ]
 Name = Annotated[
@@ -104,22 +109,36 @@ Fixed = Annotated[
 _RESERVED = frozenset({"limit", "name", "parameters", "since", "until"})
 
 
-def split_url(
-    words: Sequence[str], usage: str, example: str, needs_scheme: bool = True
-) -> tuple[str, list[str]]:
-    """Split words into the URL, from them or from the environment, and the rest."""
+def split_url(words: Sequence[str], usage: str, example: str) -> tuple[str, list[str]]:
+    """Split words into the URL, from them or from the environment, and the rest.
+
+    The first word is the URL if it has `://`, or is the path of an SQLite file; otherwise the
+    variable has it.
+    """
     wanted = usage.split()
     default = os.environ.get(URL_VARIABLE)
-    if default and not (words and "://" in words[0]):
+    is_given = bool(words) and _names_store(words[0], may_be_empty=not default)
+    if default and not is_given:
         words = [default, *words]
     needed = 1 + sum(not word.startswith("[") for word in wanted[1:])
     is_right = needed <= len(words) and (len(words) <= len(wanted) or wanted[-1].endswith("..."))
-    if not (is_right and all(words)) or (needs_scheme and "://" not in words[0]):
+    if not (is_right and all(words) and (is_given or default)):
         raise typer.BadParameter(
-            f"give a URL (or set {URL_VARIABLE}) and {' '.join(wanted[1:])}, such as: {example}",
+            f"give a URL or the path of an SQLite file (or set {URL_VARIABLE}) and "
+            f"{' '.join(wanted[1:])}, such as: {example}",
             param_hint=usage,
         )
     return words[0], list(words[1:])
+
+
+def _names_store(word: str, may_be_empty: bool) -> bool:
+    """Return whether a word is a URL or the path of an SQLite file: PDDL files are words, too."""
+    # Whoever opens a pipe waits.
+    if "://" in word or not os.path.isfile(word):
+        return "://" in word
+    with Path(word).open("rb") as file:
+        head = file.read(len(_SQLITE_FILE))
+    return head == _SQLITE_FILE or (may_be_empty and not head)
 
 
 def parse_fixed(pairs: Sequence[str] | None) -> dict[str, str]:

@@ -96,8 +96,8 @@ _OfActor = Annotated[str | None, option("Only revisions of this actor.", "--acto
 _OfElement = Annotated[
     str | None,
     option(
-        "Only changes of this element: a name (of an object: all that involves it), or PDDL such as "
-        "'(robot_at rb1 wp1)'.",
+        "Only changes of this element: a name, or PDDL such as '(robot_at rb1 wp1)'; of an object, "
+        "of all that involves it.",
         "--element",
         metavar="NAME|PDDL",
     ),
@@ -119,7 +119,7 @@ def log(
     """Show the revisions, newest first: when, who, why and what."""
     first, last = parse_optional(since, "--since"), parse_state(until, "--until")
     with open_to_read(url, kb) as (name, knowledge_base):
-        writer, is_empty = _EntryWriter(as_json), True
+        writer, is_empty = EntryWriter(as_json), True
         for entry in knowledge_base.log(
             since=first, until=last, actor=actor, element=element, limit=limit
         ):
@@ -131,7 +131,7 @@ def log(
             )
 
 
-class _EntryWriter:
+class EntryWriter:
     """Writes revisions, as JSON Lines or as paragraphs."""
 
     def __init__(self, as_json: bool) -> None:
@@ -195,7 +195,7 @@ def blame(words: _Words, kb: Name = None, at: At = None, as_json: AsJson = False
             _write_version(Printer(), version)
 
 
-_DIFF_USAGE = "[URL] A B"
+_DIFF_USAGE = "[URL] A[..B] [B]"
 
 
 def diff(
@@ -203,15 +203,20 @@ def diff(
         list[str],
         words_argument(
             _DIFF_USAGE,
-            "two moments, each a revision's number, a time in ISO 8601, or such as 'yesterday'.",
+            "two moments, as A B or A..B, each a revision's number, a time in ISO 8601, or such as "
+            "'yesterday'; a moment that is left out is now.",
         ),
     ],
     kb: Name = None,
     as_json: AsJson = False,
 ) -> None:
     """Show what holds at B and not at A (+), and the reverse (-)."""
-    url, (a, b) = split_url(words, _DIFF_USAGE, "sqlite:///robot.db 12 '2 hours ago'")
-    moments = parse_state(a, "A"), parse_state(b, "B")
+    url, (a, *rest) = split_url(words, _DIFF_USAGE, "sqlite:///robot.db 12 '2 hours ago'")
+    a, dots, b = a.partition("..")
+    if rest and dots:
+        raise typer.BadParameter("give A B or A..B, not both", param_hint=_DIFF_USAGE)
+    b = rest[0] if rest else b
+    moments = parse_state(a or None, "A"), parse_state(b or None, "B")
     with open_to_read(url, kb) as (name, knowledge_base):
         head = knowledge_base.revision
         first, second = (head if moment is None else moment for moment in moments)
@@ -332,7 +337,7 @@ def watch(
     """Show revisions as they are committed: when, who, why and what."""
     deadline = math.inf if timeout is None else time.monotonic() + timeout
     with open_to_read(url, kb) as (_, knowledge_base):
-        writer = _EntryWriter(as_json)
+        writer = EntryWriter(as_json)
         seen = knowledge_base.revision if after is None else after
         while True:
             seen = _write_new(knowledge_base, seen, writer)
@@ -340,7 +345,7 @@ def watch(
                 return
 
 
-def _write_new(kb: KnowledgeBase, seen: int, writer: _EntryWriter) -> int:
+def _write_new(kb: KnowledgeBase, seen: int, writer: EntryWriter) -> int:
     """Write new revisions and return the last; an unreachable server may come back."""
     with suppress(*_GONE):
         for entry in kb.changes(seen):

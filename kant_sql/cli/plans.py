@@ -14,7 +14,17 @@ from ..errors import KantSqlError, printable
 from ..json_documents import recorded_plan_document, step_document
 from ..planning import Plan
 from .check import STANDARD_INPUT, read_bytes
-from .common import AsJson, At, Name, Url, json_lines, open_state, option
+from .common import (
+    AsJson,
+    At,
+    Name,
+    Url,
+    json_lines,
+    open_state,
+    option,
+    split_url,
+    words_argument,
+)
 from .output import Document, Printer, write_json
 
 if TYPE_CHECKING:
@@ -138,16 +148,22 @@ def _plan_document(found: Plan, recorded: RecordedPlan | None) -> Document:
     return document
 
 
+_PLANS_USAGE = "[URL] [ID]"
+
+
 def plans(
-    url: Url,
+    words: Annotated[
+        list[str] | None,
+        words_argument(_PLANS_USAGE, "the number of a plan, which is shown with its steps."),
+    ] = None,
     kb: Name = None,
     at: At = None,
-    id_: Annotated[
-        int | None, option("Only this plan, with its steps.", "--plan", metavar="ID")
-    ] = None,
+    id_: Annotated[int | None, option("The same as ID.", "--plan", metavar="ID")] = None,
     as_json: Annotated[bool, json_lines("plan")] = False,
 ) -> None:
     """List the recorded plans and the status of their steps."""
+    url, ids = split_url(words or (), _PLANS_USAGE, "sqlite:///robot.db 57")
+    id_ = _parse_id(ids[0], id_) if ids else id_
     with open_state(url, kb, at) as (name, state):
         found = state.plans.get_all() if id_ is None else [get_recorded(state, name, id_)]
         if as_json:
@@ -158,6 +174,13 @@ def plans(
             Printer().table("plans", columns, [_recorded_row(one) for one in found])
         else:
             _write_recorded(Printer(), found[0])
+
+
+def _parse_id(text: str, other: int | None) -> int:
+    """Parse the number of a plan, which `--plan` may not give, too."""
+    if not (text.isascii() and text.isdecimal() and other is None):
+        raise typer.BadParameter(f"{text!r}: expected the number of one plan", param_hint="ID")
+    return int(text)
 
 
 def get_recorded(state: KnowledgeBase, name: str, id_: int) -> RecordedPlan:

@@ -6,6 +6,8 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from decimal import Decimal
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
+import typer
+
 from ..dto import (
     PddlActionDto,
     PddlConditionEffectDto,
@@ -24,7 +26,8 @@ from ..errors import KantSqlError, printable
 from ..knowledge.canonical import time_text
 from ..pddl.cursor import hint
 from ..pddl.lexer import tokenize
-from .common import AsJson, At, Name, Url, open_state, option
+from .common import AsJson, At, Name, open_state, option, split_url, words_argument
+from .history import EntryWriter
 from .output import Document, Printer, write_json
 
 if TYPE_CHECKING:
@@ -48,8 +51,18 @@ _OfType = Annotated[
 ]
 
 
+_SHOW_USAGE = "[URL] [REV|TIME]"
+
+
 def show(
-    url: Url,
+    words: Annotated[
+        list[str] | None,
+        words_argument(
+            _SHOW_USAGE,
+            "a revision, by its number or a time: who wrote it, when and why, and what it changed. "
+            "Its state: --at.",
+        ),
+    ] = None,
     kb: Name = None,
     at: At = None,
     facts: _OnlyFacts = False,
@@ -58,12 +71,21 @@ def show(
     type_: _OfType = None,
     as_json: AsJson = False,
 ) -> None:
-    """Show a state: objects, facts, goals and the rest.
+    """Show a state: objects, facts, goals and the rest; or what a revision changed.
 
     Several options select the elements to which all of them apply.
     """
+    url, revisions = split_url(words or (), _SHOW_USAGE, "sqlite:///robot.db 19")
+    is_part = facts or not predicate is object_ is type_ is None
+    if revisions:
+        if is_part or at is not None:
+            raise typer.BadParameter(
+                "this shows what a revision changed; --at and what goes with it show a state",
+                param_hint="REV|TIME",
+            )
+        _show_revision(url, kb, revisions[0], as_json)
+        return
     with open_state(url, kb, at) as (name, state):
-        is_part = facts or not predicate is object_ is type_ is None
         if is_part:
             objects = _find_objects(state, name, object_, type_)
             if predicate is not None:
@@ -80,6 +102,15 @@ def show(
         moment = committed_at or "before the first"
         printer.line(f"knowledge base {name}, revision {state.revision}, {moment}", "bold")
         _write_state(printer, elements, _SHOWN_IN_PART if is_part else _SHOWN_IN_WHOLE)
+
+
+def _show_revision(url: str, kb: str | None, when: str, as_json: bool) -> None:
+    """Show a revision, or the last one at a time, as the log does."""
+    with open_state(url, kb, when) as (name, state):
+        if state.revision == 0:
+            raise KantSqlError(f"there was no revision of knowledge base {name!r} yet")
+        for entry in state.log(state.revision):
+            EntryWriter(as_json).write(entry)
 
 
 def _committed_at(state: KnowledgeBase) -> str | None:

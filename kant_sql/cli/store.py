@@ -75,7 +75,7 @@ def downgrade(
     from ..sql import schema
     from ..sql.catalog import revision_counts
 
-    url, (revision,) = split_url(words, _DOWNGRADE_USAGE, _DOWNGRADE_EXAMPLE, needs_scheme=False)
+    url, (revision,) = split_url(words, _DOWNGRADE_USAGE, _DOWNGRADE_EXAMPLE)
     if schema.current(url) is None:
         # Raises the error that names the remedy.
         schema.check(url)

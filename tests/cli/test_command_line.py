@@ -91,6 +91,77 @@ def test_a_url_that_is_given_comes_before_the_environment(store: str) -> None:
 @pytest.mark.parametrize(
     "words",
     [
+        ["show"],
+        ["log", "-n1"],
+        ["history", "rb1"],
+        ["diff", "1"],
+        ["restore", "1", "--actor", "me"],
+        ["load", str(FILES / "kitchen.pddl")],
+        ["db", "check"],
+        ["verify"],
+    ],
+)
+def test_the_path_of_a_file_is_its_url(
+    words: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    write_history("sqlite:///hospital.db")
+    ways: list[tuple[str, str | None]] = [
+        ("sqlite:///hospital.db", None),
+        ("hospital.db", None),
+        (str(tmp_path / "hospital.db"), "sqlite:///other.db"),
+        ("", "hospital.db"),
+    ]
+    written = set()
+    for number, (url, default) in enumerate(ways):
+        shutil.copy("hospital.db", f"{number}.db")
+        named = [word.replace("hospital", str(number)) for word in (url, default or "")]
+        result = run(*_place(words, named[0]), url=named[1] or None)
+        written.add((result.exit_code, result.stdout, result.stderr))
+    assert len(written) == 1, written
+    assert written.pop()[0] == 0
+
+
+def _place(words: list[str], url: str) -> list[str]:
+    """Put the URL, if there is one, behind the command."""
+    place = 2 if words[0] == "db" else 1
+    return [*words[:place], *[url][: bool(url)], *words[place:]]
+
+
+def test_a_file_that_is_no_store_is_no_url(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    shutil.copy(FILES / "kitchen.pddl", "kitchen.pddl")
+    os.mkfifo("pipe")
+    for words in ("load kitchen.pddl", "history pipe", "log missing.db", "log pipe"):
+        result = run(*words.split())
+        assert result.exit_code in (1, 2)
+        assert "sqlite:///robot.db" in one_line(result.stderr)
+    assert run("load", "kitchen.pddl", url="sqlite:///new.db").exit_code == 0
+    # An empty file is an empty store, where no variable has another.
+    Path("empty.db").touch()
+    assert run("load", "empty.db", "kitchen.pddl").exit_code == 0
+    assert run("load", "missing.db", "kitchen.pddl").exit_code == 2
+    assert not Path("missing.db").exists()
+
+
+@pytest.mark.parametrize("name", ["robot.db", "a?b.db", "100%25#.db", "ü ö.db"])
+def test_python_takes_the_path_of_a_file(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    write_history("sqlite:///first.db")
+    Path("first.db").rename(name)
+    for path in (name, str(tmp_path / name)):
+        with kant_sql.open_store(path) as store:
+            assert store.knowledge_bases()[0].revision == 3
+        with kant_sql.connect(path, knowledge_base="tiago") as kb:
+            assert kb.revision == 3
+        assert [one.revision for one in kant_sql.knowledge_bases(path)] == [3]
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
         [],
         ["db"],
         ["nonsense"],
@@ -133,7 +204,8 @@ def test_what_is_no_url_of_a_store_is_one_line(words: list[str], url: str) -> No
     line = one_line(result.stderr)
     assert "ter2" not in line
     # What has no scheme could be a file that was to be loaded.
-    code = 2 if words[0] in MORE and url == "nonsense" else 1
+    is_word = words[-1] in {*MORE, "show", "downgrade"} and url == "nonsense"
+    code = 2 if is_word else 1
     assert (result.exit_code, result.stdout) == (code, "")
 
 

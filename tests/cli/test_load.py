@@ -299,7 +299,7 @@ def test_the_environment_gives_the_default_url(url: str) -> None:
 @pytest.mark.parametrize("words", [[DOMAIN], [DOMAIN, PROBLEM], ["sqlite:///robot.db"]])
 def test_without_a_url_or_a_file_the_usage_is_wrong(words: list[str]) -> None:
     result = run("load", *words)
-    assert "give a URL (or set KANT_SQL_URL) and FILE..." in one_line(result.stderr)
+    assert "(or set KANT_SQL_URL) and FILE..." in one_line(result.stderr)
     assert result.exit_code == 2
 
 

@@ -84,6 +84,49 @@ def test_diff_of_a_state_with_itself_is_empty(store: str) -> None:
     assert (result.exit_code, result.stdout) == (0, "")
 
 
+@pytest.mark.parametrize(
+    ("short", "whole"),
+    [
+        (["diff", "1"], ["diff", "1", "3"]),
+        (["diff", "1..2"], ["diff", "1", "2"]),
+        (["diff", "3..1"], ["diff", "3", "1"]),
+        (["diff", "2.."], ["diff", "2", "now"]),
+        (["diff", "..2"], ["diff", "now", "2"]),
+        (["show", "2"], ["log", "--since", "2", "--until", "2"]),
+        (["show", "now"], ["log", "--limit", "1"]),
+    ],
+)
+def test_revisions_are_written_as_for_git(store: str, short: list[str], whole: list[str]) -> None:
+    (command, *words), (other, *more) = short, whole
+    expected = run(other, store, *more)
+    assert run(command, store, *words).stdout == expected.stdout != ""
+    assert run(command, *words, url=store).stdout == expected.stdout
+    assert run(command, store, *words, "--json").stdout == run(other, store, *more, "--json").stdout
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "message"),
+    [
+        (["diff", "1..2", "3"], 2, "give A B or A..B, not both"),
+        (["diff", "1...2"], 2, "'.2'"),
+        (["show", "4"], 1, "has no revision 4: it is at 3"),
+        (["show", "0"], 1, "there was no revision of knowledge base 'tiago' yet"),
+        (["show", "2", "--at", "1"], 2, "--at and what goes with it show a state"),
+        (["show", "2", "--facts"], 2, "--at and what goes with it show a state"),
+        (["show", "2", "3"], 2, "[REV|TIME]"),
+        (["plans", "first"], 2, "'first': expected the number of one plan"),
+        (["plans", "7", "--plan", "7"], 2, "'7': expected the number of one plan"),
+        (["plans", "7"], 1, "there is no plan 7 in knowledge base 'tiago'"),
+    ],
+)
+def test_what_is_written_otherwise_is_one_line(
+    store: str, words: list[str], code: int, message: str
+) -> None:
+    result = run(words[0], store, *words[1:])
+    assert message in one_line(result.stderr)
+    assert (result.exit_code, result.stdout) == (code, "")
+
+
 def test_history_tells_both_ends_of_each_version(store: str) -> None:
     first, second, _ = (time_text(moment) for moment in times(store))
     assert run("history", store, AT_WP1, "--at", "2").stdout == (
@@ -146,7 +189,7 @@ def test_too_few_or_too_many_words_are_wrong_usage(store: str, command: str) -> 
     for words in ((), ("1", "2", "3", "4")):
         result = run(command, store, *words)
         assert result.exit_code == 2
-        assert "give a URL (or set KANT_SQL_URL) and" in one_line(result.stderr)
+        assert "(or set KANT_SQL_URL) and" in one_line(result.stderr)
 
 
 def test_restore_makes_a_revision_that_can_be_undone(own_store: str) -> None:

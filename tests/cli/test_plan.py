@@ -175,6 +175,7 @@ def test_a_plan_is_recorded_and_listed_with_what_became_of_its_steps(
         ("move", None),
     ]
     text = run("plans", url, "--plan", str(recorded.id)).stdout
+    assert run("plans", url, str(recorded.id)).stdout == text
     assert f"plan {recorded.id}, recorded in revision 3, planned from revision 1" in text
     assert "0     (move rb1 table1 kitchen)  started" in text
     assert "1     (move rb1 kitchen table1)  not started" in text

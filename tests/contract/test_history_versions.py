@@ -180,7 +180,8 @@ def test_of_an_object_all_that_involved_it_is_told(
         (*each[:3], None) for each in expected if each[2] <= 2
     ]
     held = kb_with_past.at(2).blame(element)
-    assert held is not None and held.text == "wp1 - wp"
+    assert held is not None
+    assert held.text == "wp1 - wp"
 
 
 def test_a_name_stands_for_all_definitions_of_it(fresh_kb: KnowledgeBase) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from importlib import import_module
 
 from sqlalchemy import URL, make_url
@@ -23,12 +24,13 @@ def dialect_name(url: str) -> str:
 
 
 def parse_url(url: str) -> URL:
-    """Read a database URL."""
+    """Read a database URL; the path of an existing file is that of its SQLite store."""
     parsed = _parse(url)
     if parsed is None:
         raise InvalidUrlError(
-            "this is not a database URL; write sqlite:///robot.db for a file, sqlite:// for a "
-            "store in memory, or postgresql://user@host/database"
+            "this is not a database URL, nor the path of an existing file; write "
+            "sqlite:///robot.db for a new file, sqlite:// for a store in memory, or "
+            "postgresql://user@host/database"
         )
     if parsed.password is not None and "@" in f"{parsed.host}{parsed.database}":
         # Its second half would pass for the host, and be shown.
@@ -43,6 +45,8 @@ def _parse(url: object) -> URL | None:
         # What no driver could be given is no URL either.
         if not isinstance(url, str) or "\0" in url or not url.encode():
             return None
+        if "://" not in url and os.path.isfile(url):
+            return URL.create("sqlite", database=url)
         return make_url(url)
     except (ArgumentError, ValueError):
         return None
