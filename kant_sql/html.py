@@ -26,7 +26,10 @@ _CELL = 'style="text-align:left;vertical-align:top"'
 _TIME = 'style="text-align:left;vertical-align:top;white-space:nowrap"'
 # What has no width, or only turns the direction of text, and is no control to `printable`.
 # (Joiners, which writing in some languages needs, stay.)
-_UNSEEN = re.compile(r"[\u00ad\u061c\u180e\u200b\u200e\u200f\u2060-\u2064\ufeff]")
+_UNSEEN = re.compile(
+    r"[\u00ad\u034f\u061c\u115f\u1160\u17b4\u17b5\u180b-\u180f\u200b\u200e\u200f\u2060-\u206f"
+    r"\u3164\ufeff\uffa0\ufff9-\ufffb\U000e0000-\U000e0fff]"
+)
 _LAYOUT = re.compile(r"[\t\n]+")
 
 Row = Mapping[str, object]

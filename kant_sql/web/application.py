@@ -16,6 +16,7 @@ from starlette.exceptions import HTTPException
 
 from .. import __version__
 from ..errors import KantSqlError
+from ..html import visible
 from .description import describe
 from .live import LiveHub, live
 from .pages import TOPICS
@@ -29,6 +30,15 @@ logger = logging.getLogger("kant_sql.web")
 
 # Questions that run at the same time; each has a thread and a connection.
 MOST_QUESTIONS = 8
+
+
+class VisibleJson(JSONResponse):
+    """JSON in which characters that hide are escaped: browsers show it as it is."""
+
+    def render(self, content: object) -> bytes:
+        """Return the document."""
+        text: str = bytes(super().render(content)).decode()
+        return visible(text).encode()
 
 
 def create_app(
@@ -68,6 +78,7 @@ def create_app(
         summary="A knowledge base with its history, read over HTTP.",
         version=__version__,
         openapi_url="/api/openapi.json",
+        default_response_class=VisibleJson,
         docs_url=None,
         redoc_url=None,
         lifespan=lifespan,
@@ -100,7 +111,8 @@ def _answer_errors(app: FastAPI) -> None:
 
     async def refused(request: Request, error: Exception) -> Response:
         assert isinstance(error, KantSqlError)
-        return _error(request, status_of(error), str(error), type(error).__name__)
+        said = app.state.store.folders.said(error)
+        return _error(request, status_of(error), said, type(error).__name__)
 
     async def wrong(request: Request, error: Exception) -> Response:
         assert isinstance(error, RequestValidationError)
@@ -124,6 +136,6 @@ def _answer_errors(app: FastAPI) -> None:
 
 def _error(request: Request, status: int, message: str, kind: str) -> Response:
     if request.url.path.startswith(("/api/", "/static/")):
-        return JSONResponse({"error": message, "type": kind}, status)
+        return VisibleJson({"error": message, "type": kind}, status)
     page = {"status": status, "phrase": HTTPStatus(status).phrase, "message": message}
     return render(request, "error.html", page, request.query_params.get("kb"), status=status)

@@ -115,7 +115,8 @@ async def _page(request: Request, found: _Answer, template: str) -> HTMLResponse
 
 async def _form(request: Request, error: KantSqlError, template: str) -> HTMLResponse:
     kb = request.query_params.get("kb")
-    return render(request, template, None, kb, status=status_of(error), error=str(error))
+    said = request.app.state.store.folders.said(error)
+    return render(request, template, None, kb, status=status_of(error), error=said)
 
 
 def _check_texts(query: Mapping[str, object]) -> None:
@@ -141,11 +142,11 @@ def _endpoint(
         def work() -> _Answer:
             if of_store:
                 head = store.read_catalog(lambda catalog: catalog.total())[1]
-                return _Answer(function(store, **query), None, head)
+                return _Answer(store.folders.hide_in(function(store, **query)), None, head)
             chosen = store.choose(name)
             with store.knowledge_base(chosen) as kb:
                 head = kb.revision
-                return _Answer(function(kb, **query), chosen, head)
+                return _Answer(store.folders.hide_in(function(kb, **query)), chosen, head)
 
         try:
             _check_texts(query)

@@ -15,6 +15,7 @@ from urllib.parse import urlencode
 from fastapi import Request
 from fastapi.responses import HTMLResponse
 from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
+from markupsafe import Markup, escape
 
 from .. import __version__
 from ..html import visible
@@ -61,6 +62,16 @@ def address_of(kind: str, text: str) -> Address | None:
 def shown_text(value: object) -> str:
     """Make controls and bidirectional overrides visible; line feeds and tabs stay."""
     return _LINE.sub(lambda match: visible(match[0]), str(value))
+
+
+def _written(value: object) -> object:
+    """Make all that a template writes visible; the filters `exact` and `lines` do without."""
+    return visible(value) if isinstance(value, str) and not hasattr(value, "__html__") else value
+
+
+def lines(value: object) -> Markup:
+    """Return a text that may have several lines, such as PDDL or a reason."""
+    return escape(shown_text(value))
 
 
 def shorten(value: object, length: int = SHORT) -> str:
@@ -121,6 +132,7 @@ def environment() -> Environment:
     made = Environment(
         loader=PackageLoader("kant_sql.web"),
         autoescape=select_autoescape(default=True),
+        finalize=_written,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
@@ -133,7 +145,8 @@ def environment() -> Environment:
         plotly_style_ids=style_ids,
     )
     made.filters.update(
-        shown=shown_text,
+        exact=escape,
+        lines=lines,
         short=shorten,
         cut=cut,
         line=one_line,

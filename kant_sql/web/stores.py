@@ -18,6 +18,7 @@ from ..knowledge_base import KnowledgeBase
 from ..knowledge_store import KnowledgeStore, open_store
 from ..limits import Limit, limited
 from ..sql.inventory import Catalog
+from .folders import Folders
 from .verifying import Verifier
 
 T = TypeVar("T")
@@ -37,12 +38,14 @@ class OpenStore:
 
     Attributes:
         url: its URL.
+        folders: what is said instead of the server's folders.
         verifier: what verifies its knowledge bases.
     """
 
     def __init__(self, url: str) -> None:
         self.url = url
-        self.verifier = Verifier(self.knowledge_base)
+        self.folders = Folders(url)
+        self.verifier = Verifier(self.knowledge_base, self.folders)
         self._store = self._open()
         self._opened: OrderedDict[str, KnowledgeBase] = OrderedDict()
         self._lock = threading.Lock()

@@ -18,6 +18,7 @@ from ..json_documents import VerificationDocument, verification_document
 from ..knowledge.canonical import time_text
 from ..knowledge_base import KnowledgeBase
 from ..limits import Limit, obeying
+from .folders import Folders
 
 logger = logging.getLogger("kant_sql.web")
 
@@ -94,8 +95,11 @@ class _Run:
 class Verifier:
     """Runs verifications, and keeps the last result of each knowledge base. Threads share it."""
 
-    def __init__(self, lend: Callable[[str], AbstractContextManager[KnowledgeBase]]) -> None:
+    def __init__(
+        self, lend: Callable[[str], AbstractContextManager[KnowledgeBase]], folders: Folders
+    ) -> None:
         self._lend = lend
+        self._folders = folders
         self._lock = threading.Lock()
         self._threads = ThreadPoolExecutor(MOST_RUNS, "kant_sql verify")
         self._running: dict[str, _Run] = {}
@@ -148,13 +152,13 @@ class Verifier:
             with obeying(run.limit), self._lend(run.name) as kb:
                 result = verification_document(kb.verify(run.anchor, progress=run.tell))
         except KantSqlError as refused:
-            error = str(refused)
+            error = self._folders.said(refused)
         except Exception as failed:
             logger.error("the verification of %r failed", run.name, exc_info=failed)
             error = "the verification failed; the server's log says more"
         with self._lock:
             del self._running[run.name]
-            self._last[run.name] = run.outcome(result, error)
+            self._last[run.name] = run.outcome(self._folders.hide_in(result), error)
             self._last.move_to_end(run.name)
             if len(self._last) > MOST_KEPT:
                 self._last.popitem(last=False)

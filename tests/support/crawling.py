@@ -46,7 +46,7 @@ _BOOLEAN = {
 _EMPTY = {"input", "meta", "link", "br", "hr", "img", "col", "wbr", "source"}
 # What the guards of direction and of line ends write out.
 _HIDING = re.compile(
-    "[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\u200e\u200f\u2028\u2029\u202a-\u202e\u2066-\u2069]"
+    "[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\xad\u061c\u200b\u200e\u200f\u2028-\u202e\u2060-\u206f\ufeff]"
 )
 
 
@@ -143,6 +143,9 @@ class Markup(HTMLParser):
         for tag, name, value in self.attributes:
             if name.startswith("on") or name == "style" or name not in names:
                 yield f"attribute {name} of {tag}"
+            # What a reader may change, or sends back, is as it was written.
+            if name != "value" and _HIDING.search(value):
+                yield f"{name} {value[:100]!r}"
             is_own = value.startswith(("/", "#", "?")) and value[:2] not in ("//", "/\\")
             if name in ("href", "src", "action", "formaction") and value and not is_own:
                 yield f"{name} {value[:100]}"

@@ -3,15 +3,24 @@
 from __future__ import annotations
 
 import re
+import sqlite3
 from collections.abc import Iterator
+from contextlib import closing
+from pathlib import Path
+from urllib.parse import urlencode
 
 import pytest
 from fastapi.testclient import TestClient
 
-from kant_sql.errors import InvalidArgumentError
+from kant_sql.errors import InvalidArgumentError, StoreUnreachableError, UnknownNameError
+from kant_sql.html import visible
 from kant_sql.web.application import create_app
+from kant_sql.web.folders import Folders
 from kant_sql.web.security import TOKEN_COOKIE, is_loopback
 from kant_sql.web.serving import token_for
+from tests.support.crawling import Markup
+from tests.support.statements import fill
+from tests.support.stores import Connect, new_file_store
 
 BASE = "http://127.0.0.1"
 TOKEN = "a secret of the tests, long"
@@ -121,6 +130,72 @@ def test_a_page_of_another_site_may_link_here_and_cannot_ask_unseen(client: Test
     ):
         headers = {"sec-fetch-site": site, "sec-fetch-dest": dest}
         assert client.get("/api/", headers=headers).status_code == status, headers
+
+
+PAGES = "log", "state", "revision", "timeline"
+
+
+def test_no_page_shows_where_the_store_is(story_url: str, connect: Connect, tmp_path: Path) -> None:
+    folder = tmp_path / "very secret"
+    folder.mkdir()
+    path, old = folder / "store.db", f"sqlite:///{folder / 'old.db'}"
+    url = new_file_store(path)
+    kb = connect(url, knowledge_base="courier")
+    fill(kb, 4)
+    for _ in range(3):
+        kb.propositions.delete("(robot_at rb1 wp1)")
+        kb.propositions.save("(robot_at rb1 wp1)")
+    kb.archive(6, to=old)
+    courier = "?kb=courier&element=(robot_at rb1 wp1)", "?kb=courier&number=3&at=2"
+    addresses = ["/", "/log" + courier[0], *(f"/{page}{courier[1]}" for page in PAGES)]
+    app = create_app(url)
+    with TestClient(app, base_url=BASE, raise_server_exceptions=False) as client:
+
+        def told() -> str:
+            return "".join(
+                client.get(f"{api}{at}").text for at in addresses for api in ("", "/api")
+            )
+
+        intact = told()
+        kb.close()
+        path.write_bytes(b"no database " * 1000)
+        broken = told()
+        path.unlink()
+        gone = told()
+    assert "old.db" in intact
+    assert all("store.db" in text for text in (broken, gone))
+    assert "secret" not in intact + broken + gone
+    socket = StoreUnreachableError('socket "/var/run/postgresql/.s.PGSQL.5432" failed')
+    assert Folders(story_url).said(socket) == 'socket "…/.s.PGSQL.5432" failed'
+    assert Folders(story_url).said(UnknownNameError("no '/map/base/r1'")) == "no '/map/base/r1'"
+
+
+@pytest.mark.parametrize(
+    "hidden", ["\u202egpj.exe", "a\u200bb", "\x1b[31m", "\u2066x", "\x85", "a\n2 b"]
+)
+def test_names_and_actors_show_what_hides_in_them(
+    connect: Connect, tmp_path: Path, hidden: str
+) -> None:
+    path = tmp_path / "store.db"
+    url = new_file_store(path)
+    kb = connect(url, knowledge_base="courier", actor=hidden)
+    fill(kb, 2)
+    fill(connect(url, knowledge_base="other"), 2)
+    with closing(sqlite3.connect(path)) as file, file:
+        # No call gives such a name.
+        file.execute("UPDATE knowledge_base SET name = ? WHERE name = 'other'", (hidden,))
+    with TestClient(create_app(url), base_url=BASE) as client:
+        for page in ("/", "/log", "/state", "/revision", "/timeline", "/fact", "/search", "/ask"):
+            asked = {"number": "1", "text": "(robot_at rb1 wp1)", "q": hidden, "actor": hidden}
+            asked |= {"condition": f"(robot_at ?{hidden} ?w)", "kb": "courier"}
+            query = urlencode({} if page == "/" else asked)
+            text = client.get(f"{page}?{query}").text
+            assert list(Markup(text).faults()) == [], page
+            assert visible(hidden) in text or page == "/ask", page
+            answer = client.get(f"/api{page}?{query}")
+            assert visible(answer.text) == answer.text, page
+            if page == "/log":
+                assert answer.json()["revisions"][0]["actor"] == hidden
 
 
 def test_cookies_of_other_servers_of_this_machine_do_no_harm(guarded: TestClient) -> None:
