@@ -18,6 +18,7 @@ from kant_sql import (
     PddlTypeDto,
     StatementTimeoutError,
     StoreError,
+    StoreFullError,
     StoreUnreachableError,
     TransactionOpenError,
     knowledge_bases,
@@ -375,7 +376,13 @@ def test_an_intact_one_is_told_though_another_writer_holds_the_store(
     assert (again.is_kept, again.keep_error) == (True, None)
 
 
-NOT_KEPT = [StatementTimeoutError, ConnectionLostError, StoreUnreachableError, TransactionOpenError]
+NOT_KEPT = [
+    StatementTimeoutError,
+    ConnectionLostError,
+    StoreFullError,
+    StoreUnreachableError,
+    TransactionOpenError,
+]
 
 
 @pytest.mark.parametrize("error", NOT_KEPT)

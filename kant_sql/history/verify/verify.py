@@ -18,6 +18,7 @@ from ...errors import (
     StatementTimeoutError,
     StoreBusyError,
     StoreError,
+    StoreFullError,
     StoreUnreachableError,
     TransactionOpenError,
 )
@@ -53,6 +54,7 @@ _NOT_KEPT = (
     StoreBusyError,
     StatementTimeoutError,
     ConnectionLostError,
+    StoreFullError,
     StoreUnreachableError,
     TransactionOpenError,
 )
