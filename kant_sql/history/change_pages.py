@@ -33,9 +33,17 @@ from ..sql.changes import (
     stream_changes_of,
 )
 from ..sql.dialects.base import Row, Session
-from ..sql.intervals import ANY_FUNCTION, ANY_PREDICATE, forks_at
+from ..sql.intervals import ANY_FUNCTION, ANY_PREDICATE, forks_at, held_then
 from ..sql.query import Query, first_rows, in_list, integer
-from ..sql.rows import KB, PROPOSITION, VALUE, VERSION_COLUMNS, VersionColumns, table_of
+from ..sql.rows import (
+    KB,
+    PROPOSITION,
+    VALUE,
+    VERSION_COLUMNS,
+    VersionColumns,
+    held_at,
+    table_of,
+)
 from ..sql.tables import (
     ArchiveRow,
     HeadRow,
@@ -228,11 +236,8 @@ def _other(name: str, columns: VersionColumns, at: ColumnElement[int]) -> Column
     return last.correlate(table).scalar_subquery()
 
 
-def _held(name: str, version: Any, at: ColumnElement[int], forks: str) -> ColumnElement[bool]:
-    held = and_(version.since <= at, or_(version.until.is_(None), version.until > at))
-    if name not in _ANY:
-        return held
-    return and_(_ANY[name], in_list(version.fork, forks), held)
+def _held(name: str, version: Any, at: ColumnElement[int]) -> ColumnElement[bool]:
+    return and_(_ANY[name], held_then(version, at)) if name in _ANY else held_at(version, at)
 
 
 @cache
@@ -247,9 +252,9 @@ def _differences(is_narrow: bool, side: str) -> Query:
         else:
             ends = and_(version.since > _BEFORE, version.since <= _AFTER)
         # An interval that ends in the range holds at its other side, by either way.
-        held = _held(name, version, at, "forks")
+        held = _held(name, version, at)
         if is_narrow:
-            held = and_(version.since <= at, or_(version.until.is_(None), version.until > at))
+            held = held_at(version, at)
         elif side == "1":
             ends = version.until + literal_column("0") <= _AFTER
         else:

@@ -79,7 +79,7 @@ def _versions(source: VersionColumns, owned: ColumnElement[bool], *which: Any) -
 
 def _versions_of(lookup: Lookup, which: Callable[[Any], ColumnElement[bool]]) -> Select[Any]:
     source = VERSION_COLUMNS[lookup.source]
-    owned = in_rows(source.owner, identities_of(lookup))
+    owned = in_rows(source.owner, identities_of(lookup), bounded=source.version.since)
     return _versions(source, owned, which(source.version))
 
 
@@ -123,7 +123,11 @@ def _of_owners(names: tuple[str, ...]) -> Query:
     return Query(
         union_all(
             *(
-                _versions(source, in_list(source.owner, name), source.version.since <= THEN)
+                _versions(
+                    source,
+                    in_list(source.owner, name, bounded=source.version.since),
+                    source.version.since <= THEN,
+                )
                 for name, source in ((name, VERSION_COLUMNS[name]) for name in names)
             )
         )

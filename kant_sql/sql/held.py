@@ -252,10 +252,11 @@ def _within(version: Any) -> Any:
     return and_(version.since <= HIGH, or_(version.until.is_(None), version.until > LOW))
 
 
+_OF_IDS = in_list(_PREDICATE.predicate_id, "ids", bounded=_PREDICATE.since)
 _MEANINGS = Query(
     union_all(
         select(_PREDICATE.predicate_id, _PREDICATE.text).where(
-            _PREDICATE.kb_id == KB, in_list(_PREDICATE.predicate_id, "ids"), _within(_PREDICATE)
+            _PREDICATE.kb_id == KB, _OF_IDS, _within(_PREDICATE)
         ),
         select(literal_column("0"), _FORMULA.text).where(
             _FORMULA.kb_id == KB, _FORMULA.section == bindparam("section"), _within(_FORMULA)

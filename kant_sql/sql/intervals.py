@@ -55,9 +55,9 @@ def fork(since: int, until: int | None) -> int:
     return (until - 1) >> highest << highest
 
 
-def held_then(version: Any) -> ColumnElement[bool]:
-    """Return whether a version held at the revision `at`, found by its fork among the `forks`."""
-    return and_(in_list(version.fork, "forks"), held_at(version))
+def held_then(version: Any, at: ColumnElement[int] = THEN) -> ColumnElement[bool]:
+    """Return whether a version held at a revision, found by its fork among the `forks`."""
+    return and_(in_list(version.fork, "forks", bounded=version.since), held_at(version, at))
 
 
 # For queries of all predicates or functions: the index starts with that column.

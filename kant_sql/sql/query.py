@@ -193,9 +193,17 @@ def integer(name: str) -> ColumnElement[int]:
     return bindparam(name, type_=BigInteger)
 
 
-def in_list(column: ColumnElement[Any] | Any, parameter: str) -> ColumnElement[bool]:
-    """Write the condition that a column is among the values of a list."""
-    return InList(column, bindparam(parameter))
+def in_list(
+    column: ColumnElement[Any] | Any, parameter: str, bounded: Any = None
+) -> ColumnElement[bool]:
+    """Write the condition that a column is among the values of a list.
+
+    Args:
+        column: the column.
+        parameter: the name of the list.
+        bounded: the column of revisions that follows in an index, if it has an upper bound.
+    """
+    return InList(column, bindparam(parameter), *(() if bounded is None else (bounded,)))
 
 
 def each_of(parameter: str, kind: type[TypeEngine[Any]]) -> ColumnElement[Any]:
@@ -216,9 +224,12 @@ def found_rows(
     return FoundRows(rows, key, parameter).table_valued(*columns, name="found")
 
 
-def in_rows(column: ColumnElement[Any] | Any, rows: Select[Any]) -> ColumnElement[bool]:
-    """Write the condition that a column is among the rows of a subquery."""
-    return InRows(column, rows.correlate(None).scalar_subquery())
+def in_rows(
+    column: ColumnElement[Any] | Any, rows: Select[Any], bounded: Any = None
+) -> ColumnElement[bool]:
+    """Write the condition that a column is among the rows of a subquery; `bounded` as above."""
+    among = rows.correlate(None).scalar_subquery()
+    return InRows(column, among, *(() if bounded is None else (bounded,)))
 
 
 def first_rows(rows: _Rows, number: ColumnElement[Any]) -> _Rows:

@@ -181,6 +181,7 @@ class ConditionCompiler(JoinWriter):
         if ("past", predicate) not in self._relations:
             self._relations["past", predicate] = name
             among = self.words.in_list.format("v.fork", ":forks")
+            among += self.words.bounded.format("v.since")
             columns = [f"v.{column}" for column in ARGUMENT_COLUMNS[:arity]]
             tables = "proposition_version AS v"
             where = [

@@ -55,9 +55,9 @@ KB: ColumnElement[int] = bindparam("kb", type_=BigInteger)
 THEN: ColumnElement[int] = bindparam("at", type_=BigInteger)
 
 
-def held_at(table: Any) -> ColumnElement[bool]:
-    """Return whether a version held at the revision `at`."""
-    return and_(table.since <= THEN, or_(table.until.is_(None), table.until > THEN))
+def held_at(table: Any, at: ColumnElement[int] = THEN) -> ColumnElement[bool]:
+    """Return whether a version held at a revision."""
+    return and_(table.since <= at, or_(table.until.is_(None), table.until > at))
 
 
 def table_of(mapped: type[Base]) -> Table:

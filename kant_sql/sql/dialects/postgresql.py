@@ -216,13 +216,13 @@ def _one_report() -> Iterator[None]:
 
 @compiles(InList, "postgresql")
 def _in_list(element: InList, compiler: Any, **options: Any) -> str:
-    column, values = (compiler.process(clause, **options) for clause in element.clauses)
+    column, values, *_ = (compiler.process(clause, **options) for clause in element.clauses)
     return f"{column} = ANY({values})"
 
 
 @compiles(InRows, "postgresql")
 def _in_rows(element: InRows, compiler: Any, **options: Any) -> str:
-    column, rows = (compiler.process(clause, **options) for clause in element.clauses)
+    column, rows, *_ = (compiler.process(clause, **options) for clause in element.clauses)
     return f"{column} = ANY(ARRAY{rows})"
 
 

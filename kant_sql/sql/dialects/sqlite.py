@@ -200,8 +200,13 @@ class SqliteViews(ViewDialect):
 
 @compiles(InList, "sqlite")
 def _in_list(element: InList, compiler: Any, **options: Any) -> str:
-    column, values = (compiler.process(clause, **options) for clause in element.clauses)
-    return f"{column} IN (SELECT value FROM json_each({values}))"
+    column, values, *bounded = (compiler.process(each, **options) for each in element.clauses)
+    return _seeking(SQLITE_WORDS.in_list.format(column, values), bounded)
+
+
+def _seeking(among: str, bounded: Sequence[str]) -> str:
+    parts = [among, *(SQLITE_WORDS.bounded.format(column) for column in bounded)]
+    return f"({''.join(parts)})" if bounded else among
 
 
 @compiles(Listed, "sqlite")
@@ -228,8 +233,8 @@ def _fork(element: Fork, compiler: Any, **options: Any) -> str:
 
 @compiles(InRows, "sqlite")
 def _in_rows(element: InRows, compiler: Any, **options: Any) -> str:
-    column, rows = (compiler.process(clause, **options) for clause in element.clauses)
-    return f"{column} IN {rows}"
+    column, rows, *bounded = (compiler.process(each, **options) for each in element.clauses)
+    return _seeking(f"{column} IN {rows}", bounded)
 
 
 @compiles(StoreClock, "sqlite")
