@@ -19,13 +19,10 @@ from ..errors import (
 from ..sql.dialects.base import Session
 from ..sql.query import Insert, Query, StoreClock
 from ..sql.rows import KB, table_of
-from ..sql.tables import HeadRow, KnowledgeBaseRow, RevisionRow
+from ..sql.tables import EMPTY_HEAD, HeadRow, KnowledgeBaseRow, RevisionRow
 
-FIRST_ID = 1
 # A SHA-256 in hexadecimal digits.
 HASH_LENGTH = 64
-
-_NUMBERS = ("revision", "definition_revision", "next_id", "archived_revision")
 
 _LOCK = Query(
     select(
@@ -60,7 +57,7 @@ _MOVE = Query(
 
 
 _NEW_KB = Insert(table_of(KnowledgeBaseRow), "id", "name")
-_NEW_HEAD = Insert(table_of(HeadRow), "kb_id", "revision", "definition_revision", "next_id")
+_NEW_HEAD = Insert(table_of(HeadRow), "kb_id", *EMPTY_HEAD)
 
 
 class Head(NamedTuple):
@@ -127,7 +124,7 @@ def create_knowledge_base(session: Session, name: str) -> int:
             f"{session.backend.label}: another process is creating a knowledge base just now; "
             "nothing was written, try again"
         ) from error
-    session.insert(_NEW_HEAD, [(kb_id, 0, 0, FIRST_ID)])
+    session.insert(_NEW_HEAD, [(kb_id, *EMPTY_HEAD.values())])
     session.commit()
     session.begin(write=True)
     return kb_id
@@ -142,7 +139,7 @@ def lock_head(session: Session, kb_id: int) -> Head | None:
     numbers = (revision, definition_revision, next_id, archived)
     for value in numbers:
         if type(value) is not int or value < 0:
-            check_numbers(session, kb_id, zip(_NUMBERS, numbers, strict=True))
+            check_numbers(session, kb_id, zip(EMPTY_HEAD, numbers, strict=True))
     # The next hash is chained to this one.
     if revision and (not isinstance(digest, str) or len(digest) != HASH_LENGTH):
         error = ValueError(f"column hash has {digest!r}, which is no hash")

@@ -7,11 +7,24 @@ from concurrent.futures import ThreadPoolExecutor
 import psycopg
 import pytest
 
+import kant_sql
 from kant_sql.knowledge.definitions import KINDS
+from kant_sql.sql.dialects import postgresql_roles
 from kant_sql.sql.dialects.postgresql_roles import NO_DEFINITIONS
 from kant_sql.sql.rows import KIND_TABLES
 from tests.support.processes.workers import PATIENCE
-from tests.support.roles import OTHER, TABLES, Members, contents, mutations, query, refused, rows_of
+from tests.support.roles import (
+    OTHER,
+    TABLES,
+    Members,
+    contents,
+    members,
+    mutations,
+    query,
+    refused,
+    rows_of,
+)
+from tests.support.servers import Server
 from tests.support.stores import Connect
 from tests.support.worlds.robots import robot_at, waypoint
 
@@ -56,6 +69,27 @@ def test_nobody_fills_the_disk_beside_the_tables(
     with psycopg.connect([*role_users, *limited_users][role], autocommit=True) as connection:
         for statement in FILLS:
             assert refused(connection, statement), statement
+
+
+# Columns of a head that is not empty.
+HEADS = {
+    **dict.fromkeys(
+        ["revision", "definition_revision", "archived_revision", "origin_revision"], "5"
+    ),
+    **dict.fromkeys(["origin_committed_at", "heard_at"], "now()"),
+    **{"next_id": "9", "hash": "'x'", "origin": "'x'", "committed_at": "'infinity'"},
+}
+
+
+def begun(column: str, value: str) -> str:
+    """Write how a knowledge base would begin with a value in its head."""
+    head = {"revision": "0", "definition_revision": "0", "next_id": "1"} | {column: value}
+    return (
+        "INSERT INTO knowledge_base (id, name) "
+        "SELECT max(id) + 1, clock_timestamp()::text FROM knowledge_base; "
+        f"INSERT INTO head (kb_id, {', '.join(head)}) "
+        f"SELECT max(id), {', '.join(head.values())} FROM knowledge_base"
+    )
 
 
 # What a writer could try within a transaction; `{kb}` is the knowledge base's id.
@@ -134,6 +168,7 @@ ATTACKS = {
         INSERT INTO revision (kb_id, number, committed_at, form, hash)
         SELECT kb_id, revision + 2, now(), 2, 'hash' FROM head;
         UPDATE head SET revision = revision + 2, hash = 'hash', committed_at = now()""",
+    **{f"begin with {column} in the head": begun(column, HEADS[column]) for column in HEADS},
     "move the head on without a revision": "UPDATE head SET revision = revision + 1",
     "give the head another hash": "UPDATE head SET hash = 'hash'",
     "give out ids again": "UPDATE head SET next_id = 1",
@@ -186,6 +221,23 @@ def test_to_begin_a_revision_brings_no_past_row_within_reach(
             "SELECT kb_id, revision + 1, now(), 2, 'hash' FROM head"
         )
         assert connection.execute("DELETE FROM proposition_version").rowcount == 0
+
+
+def test_a_transaction_that_stays_open_dates_no_revision_back(
+    server: Server, connect: Connect, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(postgresql_roles, "LEEWAY", "interval '0.1 seconds'")
+    url = server.new_store()
+    connect(url, knowledge_base="tiago").propositions.save(robot_at())
+    dated = REVISION.format(kb=1).replace("clock_timestamp()", "{}")
+    with (
+        members(url, kant_sql.create_roles(url)) as users,
+        psycopg.connect(users.writer) as writer,
+    ):
+        writer.execute("SELECT pg_sleep(0.3)")
+        assert refused(writer, dated.format("transaction_timestamp()"))
+        writer.rollback()
+        assert not refused(writer, dated.format("clock_timestamp()"))
 
 
 # Each begins before a revision is committed, and finds out about it afterwards.

@@ -23,7 +23,7 @@ from typing import Any, NamedTuple
 from sqlalchemy import Column, Connection, MetaData, Table, text
 
 from ...errors import KantSqlError
-from ..tables import Base
+from ..tables import EMPTY_HEAD, Base
 from ..tables.base import VERSION_TABLE
 from .base import Roles
 from .citus import is_distributed, of_one_shard
@@ -136,11 +136,11 @@ HEAD_COLUMNS = ("revision", "definition_revision", "next_id", "hash", "committed
 # Only the tables' owner archives: no other role may delete. Nor may another role end a replica, or
 # say that something was verified.
 NOT_WRITTEN = frozenset({"archive", "promotion", "verification"})
-# Times never go back, so a time far ahead would hold for all later revisions. A writer adds the
-# time since its transaction began, during which the server's clock may be adjusted.
-_LATEST = "clock_timestamp() + interval '1 minute'"
-# A time long ago would change what `at` returns for times since the previous revision.
-_EARLIEST = "least(transaction_timestamp(), clock_timestamp()) - interval '1 minute'"
+# How far the time of a revision may be from the server's clock when its row is added. Times never go
+# back, so a time far ahead would hold for all later revisions; a time long ago would change what
+# `at` returns for times since the previous one. A writer reads the clock when its transaction
+# begins, adds the time since, during which the clock may be adjusted, and then hashes the changes.
+LEEWAY = "interval '1 minute'"
 # The range of Python's datetime: no driver reads other times.
 _WITHIN = "BETWEEN '0001-01-01 00:00:00+00' AND '9999-12-31 23:59:59.999999+00'"
 # Versions that do not move `head.definition_revision`.
@@ -218,6 +218,8 @@ def _is_not_past(column: str, mine: str, last: str, names: Qualifier) -> str:
 
 def _insertable(table: Table, mine: str, last: str, names: Qualifier) -> str:
     """Write the condition that a new row does not change the past."""
+    if table.name == "head":
+        return f"{_is_empty(table, mine, names)} AND {last} = 0"
     if table.name in FOR_ALL_ONLY:
         return ALWAYS
     if table.name == "revision":
@@ -231,6 +233,16 @@ def _insertable(table: Table, mine: str, last: str, names: Qualifier) -> str:
     owner = _owner(table)
     is_new = f"{mine}.{names.quote(owner)} >= {_locked_head('next_id', mine, names)}"
     return is_new if owner == "id" else f"{is_new} AND {_is_of_new_row(mine, owner, names)}"
+
+
+def _is_empty(head: Table, mine: str, names: Qualifier) -> str:
+    """Write the condition that a head is that of a knowledge base before its first revision."""
+    return " AND ".join(
+        f"{mine}.{names.quote(column.name)} "
+        + (f"= {EMPTY_HEAD[column.name]}" if column.name in EMPTY_HEAD else "IS NULL")
+        for column in head.columns
+        if not column.primary_key
+    )
 
 
 def _is_dated(table: Table, mine: str, names: Qualifier) -> str:
@@ -247,8 +259,8 @@ def _is_dated(table: Table, mine: str, names: Qualifier) -> str:
     )
     # `greatest` ignores NULL: the first revision has no previous one.
     condition = (
-        f"{at} >= greatest({head}, {before}, {_EARLIEST}) AND {at} <= greatest({_LATEST}, {head}) "
-        f"AND {at} {_WITHIN}"
+        f"{at} >= greatest({head}, {before}, clock_timestamp() - {LEEWAY}) "
+        f"AND {at} <= greatest(clock_timestamp() + {LEEWAY}, {head}) AND {at} {_WITHIN}"
     )
     if "observed_at" in table.c:
         condition += f" AND ({mine}.observed_at IS NULL OR {mine}.observed_at {_WITHIN})"

@@ -62,6 +62,10 @@ class HeadRow(Base):
     )
 
 
+# The numbers of a head before the first revision. All else in it is NULL.
+EMPTY_HEAD = {"revision": 0, "definition_revision": 0, "next_id": 1, "archived_revision": 0}
+
+
 class RevisionRow(Base):
     """Who changed the knowledge base, when and why; `docs/hash.md` says what `hash` covers."""
 
