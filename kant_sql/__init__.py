@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from .reasoning.held import Held, HeldPeriods
     from .reasoning.validate import FailedStep, Validation, ViolatedConstraint
     from .reasoning.verdicts import Verdict, Verdicts
+    from .sql.backup import Backup, backup
     from .sql.changes import Change
     from .sql.dialects.base import Distribution, Roles
     from .sql.distribution import distribute
@@ -48,6 +49,7 @@ __all__ = [
     "AnchoredHead",
     "Answers",
     "Archived",
+    "Backup",
     "Bar",
     "BrokenInvariant",
     "Change",
@@ -84,6 +86,7 @@ __all__ = [
     "Verification",
     "Version",
     "ViolatedConstraint",
+    "backup",
     "connect",
     "create_dao_factory",
     "create_roles",
@@ -128,6 +131,7 @@ _HOMES = {
         ".reasoning.validate": ("FailedStep", "Validation", "ViolatedConstraint"),
         ".reasoning.verdicts": ("Verdict", "Verdicts"),
         ".reasoning.held": ("Held", "HeldPeriods"),
+        ".sql.backup": ("Backup", "backup"),
         ".sql.changes": ("Change",),
         ".sql.dialects.base": ("Distribution", "Roles"),
         ".sql.distribution": ("distribute",),

@@ -186,12 +186,12 @@ def leaving_nothing(url: str) -> Iterator[None]:
     """Remove the SQLite file that the block creates if the block fails or is terminated."""
     from ..sql.catalog import removed_on_failure
 
-    with removed_on_failure(url), _signals_raise():
+    with removed_on_failure(url), signals_raise():
         yield
 
 
 @contextmanager
-def _signals_raise() -> Iterator[None]:
+def signals_raise() -> Iterator[None]:
     """Turn signals that terminate the process into `SystemExit`, for cleanup."""
 
     def stop(number: int, frame: object) -> NoReturn:

@@ -40,7 +40,7 @@ from .report import report
 from .serve import serve
 from .state import show
 from .steps import applicable, apply, validate, why_not
-from .store import anchor, archive, db, kbs, views
+from .store import anchor, archive, backup, db, kbs, views
 from .verifying import verify
 
 WRONG_USAGE, INTERRUPTED = 2, 130
@@ -229,7 +229,7 @@ _COMMANDS = (
 )
 # Their exit code says what became of the store.
 _FINISHED = verify, push, promote
-for _command in (*_COMMANDS, verify, anchor, archive, push, promote):
+for _command in (*_COMMANDS, verify, anchor, backup, archive, push, promote):
     _run = _in_pager(_command) if _command in _PAGED else _command
     app.command()(_with_all_work(_run) if _command in _FINISHED else _run)
 

@@ -1,4 +1,4 @@
-"""`kant-sql db`, `kbs`, `anchor`, `archive` and `views`: administering a store."""
+"""`kant-sql db`, `kbs`, `anchor`, `backup`, `archive` and `views`: administering a store."""
 
 from __future__ import annotations
 
@@ -24,6 +24,7 @@ from .common import (
     open_to_read,
     option,
     parse_when,
+    signals_raise,
     split_url,
     words_argument,
 )
@@ -293,6 +294,31 @@ def anchor(
     names = written_names(url)
     with connect(url, knowledge_base=names[0] if names else DEFAULT_NAME) as knowledge_base:
         typer.echo(knowledge_base.anchor().text())
+
+
+_BACKUP_USAGE = "[URL] FILE"
+
+
+def backup(
+    words: Annotated[
+        list[str], words_argument(_BACKUP_USAGE, "the new file; none is overwritten.")
+    ],
+    as_json: AsJson = False,
+) -> None:
+    """Copy an SQLite store into a file, while others write.
+
+    The copy is the store at one moment, all of it. A server is backed up by its own program.
+    """
+    from ..sql.backup import backup as backup_store
+
+    url, (file,) = split_url(words, _BACKUP_USAGE, "sqlite:///robot.db monday.db")
+    with signals_raise(), bar("backup") as progress:
+        made = backup_store(url, file, progress=progress)
+    if as_json:
+        write_json({**made._asdict(), "file": str(made.file)})
+        return
+    revisions = [f"{printable(name)} at revision {last}" for name, last in made.revisions.items()]
+    Printer().line(f"{printable(str(made.file))}: {made.bytes:,} bytes; {', '.join(revisions)}")
 
 
 _Before = Annotated[

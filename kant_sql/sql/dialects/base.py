@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import os
 import random
+import shlex
 import threading
 import time
 import weakref
@@ -12,6 +13,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Hashable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 from datetime import UTC, datetime
+from pathlib import Path
 from typing import Any, NamedTuple, Protocol, TypeVar
 
 from sqlalchemy import URL, Connection, Dialect, Engine, PoolProxiedConnection, Table
@@ -22,6 +24,7 @@ from ...errors import (
     ClosedError,
     ConnectionLostError,
     ForkedError,
+    InvalidArgumentError,
     InvalidUrlError,
     QuestionCancelledError,
     StatementTimeoutError,
@@ -517,6 +520,15 @@ class Backend(ABC):
     def address(self) -> str:
         """The URL by which this process can open the database again, with its password."""
         return self.url.render_as_string(hide_password=False)
+
+    def copy_to(self, file: Path, progress: Callable[[int, int], None] | None) -> None:
+        """Copy the whole database into an empty file, as it is at one moment."""
+        name, given = self.url.get_backend_name(), self.url
+        url = URL.create(name, given.username, None, given.host, given.port, given.database)
+        command = f"pg_dump --format=custom --file=FILE {shlex.quote(str(url))}"
+        raise InvalidArgumentError(
+            f"{self.label}: a server is backed up by its own program: {printable(command)}"
+        )
 
     def session(self) -> Session:
         """Take a connection, for writing or for what no limit concerns."""

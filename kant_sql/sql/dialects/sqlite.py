@@ -39,6 +39,7 @@ from sqlalchemy.pool import ConnectionPoolEntry, Pool, QueuePool, StaticPool
 
 from ...errors import (
     ForkedError,
+    InvalidArgumentError,
     InvalidUrlError,
     NotADatabaseError,
     ReadOnlyStoreError,
@@ -554,6 +555,8 @@ STEPS = 50_000
 LONGEST_TIMEOUT = 2_000_000
 MAX_CONNECTIONS = 64
 POOL_SIZE = 8
+# How many pages a backup copies at once.
+COPIED_PAGES = 1_000
 
 
 def _patience(url: URL) -> float:
@@ -712,6 +715,47 @@ class SqliteBackend(Backend):
 
         with NO_FORK:
             return make() if self.in_memory else self.file.open(make)
+
+    def copy_to(self, file: Path, progress: Callable[[int, int], None] | None) -> None:
+        """Copy the file by SQLite's online backup; the copy is as secret as the file."""
+        if self.in_memory:
+            raise InvalidArgumentError(
+                f"{self.label}: a store in memory has no file; kb.push copies a knowledge base"
+            )
+        opened: list[sqlite3.Connection] = []
+        try:
+            with NO_FORK:
+                opened += [self.connect(), sqlite3.connect(file, isolation_level=None)]
+                self.connections.update(opened)
+            self._copy(opened[0], opened[1], progress)
+            file.chmod(os.stat(self.file.path).st_mode & 0o777)
+        except self.driver_errors as error:
+            found = self.translate(error)
+            raise type(found)(f"no backup was written: {found}") from error
+        finally:
+            with NO_FORK:
+                for connection in opened:
+                    connection.close()
+                self.connections.difference_update(opened)
+
+    def _copy(
+        self,
+        source: sqlite3.Connection,
+        target: sqlite3.Connection,
+        progress: Callable[[int, int], None] | None,
+    ) -> None:
+        # Nobody reads it before it is complete and on the disk.
+        target.execute("PRAGMA synchronous=OFF")
+        # The copy is of this snapshot, and does not begin again when somebody writes.
+        source.execute("BEGIN")
+        source.execute("SELECT count(*) FROM sqlite_master").fetchone()
+
+        def report(_: int, remaining: int, total: int) -> None:
+            if progress is not None:
+                progress(total - remaining, total)
+
+        source.backup(target, pages=COPIED_PAGES, progress=report)
+        source.execute("ROLLBACK")
 
     def wrap(self, connection: Any) -> Session:
         """Wrap a connection of the pool."""
