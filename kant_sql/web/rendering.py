@@ -47,6 +47,8 @@ class Address(NamedTuple):
 
 def address_of(kind: str, text: str) -> Address | None:
     """Return the page of an element, of its kind and its text in a change; None without one."""
+    if kind == "actor":
+        return Address("/log", {"actor": text})
     words = text.replace("(", " ").replace(")", " ").split()
     if kind == "object" and words[:1] == [":constants"]:
         words.pop(0)

@@ -11,6 +11,7 @@ import pytest
 from fastapi.testclient import TestClient
 
 import kant_sql
+from kant_sql import PddlObjectDto, PddlTypeDto
 from kant_sql.history import involvement
 from kant_sql.json_documents import version_document
 from kant_sql.planning import Plan, PlanStep
@@ -239,6 +240,32 @@ def test_a_search_leads_to_what_is_meant(
         place = address_of(match["kind"], match["text"])
         assert place is not None
         assert client.get(place.path, params={"kb": "courier", **place.query}).status_code == 200
+
+
+def test_the_name_itself_is_found_among_thousands_that_begin_so(filled: Filled) -> None:
+    kb, client = filled
+    kb.load_domain(
+        "(define (domain d) (:types box) (:predicates (full ?b - box) (by ?a ?b - box)))"
+    )
+    names = [f"Box-{number}" for number in (1, *range(100, 220), *range(1000, 12_000))]
+    kb.objects.save_all(PddlObjectDto(PddlTypeDto("box"), name) for name in [*names, "Big-box-1"])
+    kb.propositions.save("(full Box-1)")
+    kb.propositions.save_all(f"(by {one} {names[0]})" for one in names[1:3])
+    kb.propositions.save_all(f"(full {name})" for name in [*names[1:], "Big-box-1"])
+    with kb.transaction(actor="box-1"):
+        kb.propositions.delete("(full Box-100)")
+    with kb.transaction(actor="the box-1 seller"):
+        kb.propositions.save("(full Box-100)")
+    found = get(client, "/search", q="box-1")
+    matches = [(one["kind"], one["text"]) for one in found["matches"]]
+    assert set(matches[:2]) == {("object", "Box-1"), ("actor", "box-1")}
+    assert all(kind == "object" and text.startswith("Box-1") for kind, text in matches[2:51])
+    assert (len(matches), found["is_cut"]) == (100, True)
+    assert matches.index(("fact", "(full Box-1)")) < matches.index(("object", "Big-box-1"))
+    assert [one["text"] for one in get(client, "/search", q="seller")["matches"]] == [
+        "the box-1 seller"
+    ]
+    assert get(client, "/search", q="full box-1")["matches"][0]["text"] == "(full Box-1)"
 
 
 def test_a_search_knows_revisions_and_times(client: TestClient) -> None:

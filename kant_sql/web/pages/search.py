@@ -7,14 +7,16 @@ from typing import Annotated
 from fastapi import Query
 from typing_extensions import TypedDict
 
-from ...dto.lexical import fold
 from ...errors import InvalidArgumentError
-from ...history.element_pages import SearchMatch, read_matches
+from ...history.element_pages import read_matches
 from ...knowledge_base import KnowledgeBase
 from ...moment_text import parse_moment
 from ..registry import Pages
 
 PAGES = Pages("search")
+
+# How many matches a page has.
+MATCHES = 100
 
 Sought = Annotated[
     str,
@@ -33,17 +35,22 @@ class MatchDocument(TypedDict):
 
 
 class SearchDocument(TypedDict):
-    """What was found; `revision` and `moment` if the text is a revision's number or a time."""
+    """What was found; `revision` and `moment` if the text is a revision's number or a time.
+
+    `matches` begins with what has this very name, then come names that begin so, then facts of the
+    object of this name, then what contains the text. `is_cut`: more than these match.
+    """
 
     q: str
     revision: int | None
     moment: str | None
     matches: list[MatchDocument]
+    is_cut: bool
 
 
 @PAGES.page("/search", "search.html")
 def search(kb: KnowledgeBase, q: Sought = "") -> SearchDocument:
-    """Find objects, definitions, facts and values by a part of their names, or a revision."""
+    """Find objects, definitions, facts, values, actors or a revision by a part of a name."""
     text = q.strip()
     moment = None
     if text:
@@ -52,19 +59,11 @@ def search(kb: KnowledgeBase, q: Sought = "") -> SearchDocument:
         except InvalidArgumentError:
             moment = None
     is_revision = isinstance(moment, int) and 0 < moment <= kb.revision
-    matches = read_matches(kb._reader(), text) if text else []
+    matches = read_matches(kb._reader(), text, MATCHES + 1) if text else []
     return {
         "q": q,
         "revision": moment if is_revision and isinstance(moment, int) else None,
         "moment": text if moment is not None and not isinstance(moment, int) else None,
-        "matches": [
-            {"kind": one.kind, "text": one.text}
-            for one in sorted(matches, key=lambda one: _rank(one, fold(text)))
-        ],
+        "matches": [{"kind": one.kind, "text": one.text} for one in matches[:MATCHES]],
+        "is_cut": len(matches) > MATCHES,
     }
-
-
-def _rank(match: SearchMatch, text: str) -> tuple[bool, bool, int]:
-    """Return what sorts the most probable match first."""
-    folded = fold(match.text)
-    return folded != text, not folded.startswith(text), len(folded)
