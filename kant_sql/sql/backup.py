@@ -57,6 +57,7 @@ def backup(
         StoreError: the store cannot be read, or the file cannot be written.
 
     Examples:
+        >>> import kant_sql
         >>> with kant_sql.connect("sqlite:///robot.db") as kb:
         ...     _ = kb.types.save(PddlTypeDto("robot"))
         >>> kant_sql.backup("sqlite:///robot.db", "monday.db").revisions

@@ -1,4 +1,4 @@
-"""What the README and the docs name in the tree is there."""
+"""What the README, the docs and the code name in the tree is there, and every page is listed."""
 
 from __future__ import annotations
 
@@ -20,10 +20,34 @@ PATH = re.compile(r"`((?:[\w*.-]+/)*[\w*-]+(?:\.(?:py|md|toml|ini)|/))`")
 LINK = re.compile(r"\]\((?!\w+:)([^)#]+)")
 
 
+MODULES = [path for folder in FOLDERS for path in sorted((ROOT / folder).rglob("*.py"))]
+PAGE = re.compile(r"^ +- .+: (\S+\.md)$", re.MULTILINE)
+
+
+def lost(text: str) -> list[str]:
+    """The paths that a text names and the tree lacks."""
+    named = {name.removesuffix("/").replace("NAME", "*") for name in PATH.findall(text)}
+    return [name for name in named if not any(fnmatch(place, f"*/{name}") for place in PLACES)]
+
+
 @pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: path.name)
 def test_every_path_and_every_link_leads_somewhere(path: Path) -> None:
     text = path.read_text(encoding="utf-8")
     links = [link for link in LINK.findall(text) if not (path.parent / link).exists()]
-    named = {name.removesuffix("/").replace("NAME", "*") for name in PATH.findall(text)}
-    lost = [name for name in named if not any(fnmatch(place, f"*/{name}") for place in PLACES)]
-    assert (links, lost) == ([], [])
+    assert (links, lost(text)) == ([], [])
+
+
+def test_every_path_that_the_code_names_is_there() -> None:
+    found = {path: lost(path.read_text(encoding="utf-8")) for path in MODULES}
+    assert {str(path): names for path, names in found.items() if names} == {}
+    gone = "sql/gone.py"
+    assert lost(f"`sql/questions.py` and `{gone}`") == [gone]
+
+
+def test_every_page_is_in_the_index_and_in_the_site() -> None:
+    pages = {str(page.relative_to(ROOT / "docs")) for page in (ROOT / "docs").rglob("*.md")}
+    site = PAGE.findall((ROOT / "mkdocs.yml").read_text(encoding="utf-8"))
+    index = LINK.findall((ROOT / "docs" / "index.md").read_text(encoding="utf-8"))
+    assert sorted(site) == sorted(pages)
+    own = sorted(page for page in pages if page != "index.md" and not page.startswith("api/"))
+    assert sorted(index) == sorted([*own, "api/index.md"])
