@@ -15,7 +15,6 @@ from collections.abc import AsyncIterator, Callable, Coroutine, Generator, Itera
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 from contextlib import AbstractAsyncContextManager, AbstractContextManager, ExitStack, suppress
 from contextvars import ContextVar
-from datetime import datetime
 from functools import partial, update_wrapper
 from types import TracebackType
 from typing import Any, Concatenate, Generic, ParamSpec, TypeVar
@@ -39,6 +38,7 @@ from .errors import ClosedError, StoreBusyError, TransactionCancelledError, Tran
 from .history.diff import diff_lines
 from .knowledge_base import KnowledgeBase
 from .knowledge_store import KnowledgeStore
+from .moment_text import When
 from .plans.interfaces import PlanDao
 from .reasoning.ask import Answers, Binding
 from .sql.changes import Change
@@ -591,12 +591,16 @@ class AsyncNamedDao(AsyncDao[D]):
     """`NamedDao` for asyncio: the DAOs of actions, processes and events."""
 
     get = _read(NamedDao[D].get)
+    delete = _write(NamedDao[D].delete)
+    delete_all = _write(NamedDao[D].delete_all)
 
 
 class AsyncRedefinableDao(_AsyncElements[D]):
     """`RedefinableDao` for asyncio: the DAOs of types, objects, predicates and functions."""
 
     get = _read(RedefinableDao[D].get)
+    delete = _write(RedefinableDao[D].delete)
+    delete_all = _write(RedefinableDao[D].delete_all)
     save = _write(RedefinableDao[D].save)
     update = _write(RedefinableDao[D].update)
 
@@ -766,7 +770,7 @@ class AsyncKnowledgeBase(_Part):
     def __repr__(self) -> str:
         return f"<{type(self).__name__} {self._kb.factory.label}>"
 
-    async def at(self, when: int | datetime) -> AsyncKnowledgeBase:
+    async def at(self, when: When) -> AsyncKnowledgeBase:
         """Open a past state for reading, as `KnowledgeBase.at`; it is closed with this one."""
         return AsyncKnowledgeBase(self._door, kb=await self._door.read(partial(self._kb.at, when)))
 
@@ -774,7 +778,7 @@ class AsyncKnowledgeBase(_Part):
         self,
         name: str | None = None,
         *,
-        at: int | datetime | None = None,
+        at: When | None = None,
         url: str | None = None,
     ) -> Connecting:
         """Begin a knowledge base with a state of this one, as `KnowledgeBase.branch`.

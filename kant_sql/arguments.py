@@ -9,6 +9,8 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence, Set
 from itertools import islice
 from typing import Any, TypeVar
 
+from typing_extensions import TypeIs
+
 from .errors import (
     InvalidArgumentError,
     InvalidKnowledgeError,
@@ -85,6 +87,19 @@ def expect(
 def _named(wanted: type | tuple[type, ...]) -> str:
     names = [each.__name__ for each in (wanted if isinstance(wanted, tuple) else (wanted,))]
     return f"a {' or '.join(names)}"
+
+
+def is_many(given: object) -> TypeIs[list[Any] | tuple[Any, ...]]:
+    """Return whether what `save` is given is a list of elements."""
+    return isinstance(given, list | tuple)
+
+
+def refuse_many(given: object) -> None:
+    """Refuse a list where one element is taken."""
+    if is_many(given):
+        raise InvalidKnowledgeError(
+            "this takes one element, not a list: save, save_all and delete_all take lists"
+        )
 
 
 def expect_list(value: Any, wanted: type[T] | tuple[type[T], ...], role: str) -> Sequence[T]:

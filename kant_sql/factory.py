@@ -37,6 +37,7 @@ from .history.branch import read_origin, write_branch
 from .history.interfaces import History
 from .history.moments import head_revision, state_at
 from .history.sql_history import SqlHistory
+from .moment_text import When
 from .plans.dao import SqlPlanDao, check_step, place_of
 from .plans.interfaces import PlanDao, RecordedStep
 from .reasoning.interfaces import Reasoning
@@ -102,11 +103,13 @@ class Connection(Interface):
         """
 
     @required
-    def at(self, when: int | datetime) -> Self:
+    def at(self, when: When) -> Self:
         """Open a past state for reading; writes raise `ReadOnlyError`.
 
         Args:
-            when: a revision's number (0 is before the first), or an aware time up to now.
+            when: a revision's number (0 is before the first), an aware time up to now, or a text of
+                either: `2026-01-31T09:30:00Z` (UTC unless it has a zone), `2 hours ago`,
+                `yesterday 14:03`, `now`.
 
         Returns:
             The same DAOs on that state.
@@ -114,11 +117,14 @@ class Connection(Interface):
         Raises:
             UnknownRevisionError: there is no such revision yet, or the time lies in the future or
                 has no zone.
+            InvalidArgumentError: a text is neither a revision's number nor a time.
             ArchivedError: a part of that state was moved to an archive.
 
         Examples:
             >>> kb.at(0).propositions.get_all()
             []
+            >>> kb.at("yesterday").revision
+            0
         """
 
     @required
@@ -126,7 +132,7 @@ class Connection(Interface):
         self,
         name: str | None = None,
         *,
-        at: int | datetime | None = None,
+        at: When | None = None,
         url: str | None = None,
     ) -> Connection:
         """Begin a knowledge base with a state of this one, to try out what would follow.
@@ -140,8 +146,7 @@ class Connection(Interface):
 
         Args:
             name: the name of the branch; None for that of this knowledge base.
-            at: a revision's number, or an aware time; None for the present, or for this past
-                state.
+            at: a revision, given as for `at`; None for the present, or for this past state.
             url: the store of the branch, on any dialect; a new SQLite file is created. None for
                 this store with a `name`, and without one for a store in memory, which ends when
                 the branch is closed. A store in memory holds one knowledge base, so that a branch
@@ -219,7 +224,7 @@ class DaoFactory(Connection):
         self,
         name: str | None = None,
         *,
-        at: int | datetime | None = None,
+        at: When | None = None,
         url: str | None = None,
     ) -> DaoFactory: ...
 
@@ -471,7 +476,7 @@ class SqlDaoFactory(DaoFactory):
             yield
 
     @override
-    def at(self, when: int | datetime) -> Self:
+    def at(self, when: When) -> Self:
         past = object.__new__(type(self))
         past._open_store = self._store
         past._at = state_at(self._store, when, self._at)
@@ -482,7 +487,7 @@ class SqlDaoFactory(DaoFactory):
         self,
         name: str | None = None,
         *,
-        at: int | datetime | None = None,
+        at: When | None = None,
         url: str | None = None,
     ) -> DaoFactory:
         store = self._store

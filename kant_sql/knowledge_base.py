@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from datetime import datetime
 from typing import Self
 
 from typing_extensions import override
@@ -14,6 +13,7 @@ from .documents.interfaces import Exchange
 from .errors import InvalidArgumentError
 from .factory import Connection, DaoFactory, Daos, create_dao_factory
 from .history.interfaces import History
+from .moment_text import When
 from .reasoning.interfaces import Reasoning
 
 # Revisions that a notebook shows of a knowledge base.
@@ -43,7 +43,7 @@ class KnowledgeBase(Daos, Exchange, History, Reasoning, Connection):
         self._create(factory)
 
     @override
-    def at(self, when: int | datetime) -> Self:
+    def at(self, when: When) -> Self:
         return type(self)(self.factory.at(when))
 
     @override
@@ -51,7 +51,7 @@ class KnowledgeBase(Daos, Exchange, History, Reasoning, Connection):
         self,
         name: str | None = None,
         *,
-        at: int | datetime | None = None,
+        at: When | None = None,
         url: str | None = None,
     ) -> Self:
         return type(self)(self.factory.branch(name, at=at, url=url))

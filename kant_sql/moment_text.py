@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from datetime import UTC, datetime, timedelta
+from typing import overload
 
 from .arguments import shown
 from .errors import InvalidArgumentError
@@ -22,6 +23,24 @@ _DAY = re.compile(
 )
 
 
+# A revision's number, a time, or one of them as `parse_moment` reads it.
+When = int | datetime | str
+Moment = int | datetime
+
+
+@overload
+def read_when(when: When) -> Moment: ...
+
+
+@overload
+def read_when(when: When | None) -> Moment | None: ...
+
+
+def read_when(when: When | None) -> Moment | None:
+    """Return a revision's number or a time, which may be given as text."""
+    return parse_moment(when) if isinstance(when, str) else when
+
+
 def parse_moment(text: str) -> int | datetime:
     """Parse a revision's number or a time.
 
@@ -35,10 +54,11 @@ def parse_moment(text: str) -> int | datetime:
     Raises:
         InvalidArgumentError: the text is none of these.
     """
+    given = text.strip()
     try:
-        if text.removeprefix("-").isdecimal():
-            return int(text)
-        return _time(text.strip(), datetime.now(UTC))
+        if given.removeprefix("-").isdecimal():
+            return int(given)
+        return _time(given, datetime.now(UTC))
     except (ValueError, OverflowError):
         raise InvalidArgumentError(
             f"{shown(text)} is neither a revision's number nor a time as 2026-01-31T09:30:00Z, "
@@ -46,9 +66,9 @@ def parse_moment(text: str) -> int | datetime:
         ) from None
 
 
-def is_now(text: str) -> bool:
+def is_now(when: object) -> bool:
     """Return whether a text means the present."""
-    return text.strip().lower() == "now"
+    return isinstance(when, str) and when.strip().lower() == "now"
 
 
 def _time(text: str, now: datetime) -> datetime:

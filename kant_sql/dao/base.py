@@ -12,7 +12,7 @@ from typing import Any, ClassVar, Generic, TypeVar
 from sqlalchemy import ColumnElement, Select, literal_column, select, union_all
 from typing_extensions import override
 
-from ..arguments import expect, flag, iterate, shown
+from ..arguments import expect, flag, is_many, iterate, refuse_many, shown
 from ..dto import (
     PddlActionDto,
     PddlConditionEffectDto,
@@ -119,7 +119,7 @@ class SqlGroundDao(SqlDao, Dao[G]):
     # Without these, `help` shows the docstrings of `Dao` instead of those of the interfaces below.
     @override
     @abstractmethod
-    def save(self, dto: G | str | Node) -> bool: ...
+    def save(self, dto: G | str | Node | Sequence[G | str | Node]) -> bool: ...
 
     @override
     @abstractmethod
@@ -128,6 +128,19 @@ class SqlGroundDao(SqlDao, Dao[G]):
     @override
     @abstractmethod
     def delete(self, dto: G | str | Node) -> bool: ...
+
+    @override
+    @abstractmethod
+    def delete_all(self, dtos: Iterable[G | str | Node] | None = None) -> int: ...
+
+    def _save_given(self, dto: G | str | Node | Sequence[G | str | Node]) -> bool:
+        if is_many(dto):
+            self.save_all(dto)
+            return True
+        self._check(dto)
+        one: Any = dto
+        self._store.write(lambda transaction: self._save_batch(transaction, [one]))
+        return True
 
     @override
     def insert(self, dto: G | str | Node) -> bool:
@@ -155,10 +168,20 @@ class SqlGroundDao(SqlDao, Dao[G]):
                 transaction.spill()
         return changed
 
-    @override
-    def delete_all(self) -> int:
+    def _delete_one(self, dto: G | str | Node) -> bool:
+        self._check(dto)
+        return self._store.write(lambda transaction: self._remove(transaction, dto))
+
+    def _delete_given(self, dtos: Iterable[G | str | Node] | None) -> int:
         self._check_writable()
-        return self._store.write(self._remove_all)
+        if dtos is None:
+            return self._store.write(self._remove_all)
+        removed = 0
+        with self._store.transaction() as transaction:
+            for dto in iterate(dtos, "what delete_all takes", "an iterable of DTOs"):
+                self._check(dto)
+                removed += self._remove(transaction, dto)
+        return removed
 
     @abstractmethod
     def _check(self, dto: object) -> None:
@@ -171,6 +194,10 @@ class SqlGroundDao(SqlDao, Dao[G]):
     @abstractmethod
     def _save_batch(self, transaction: Transaction, dtos: Iterable[G | str | Node]) -> int:
         """Save DTOs, texts and nodes; return the number of changes."""
+
+    @abstractmethod
+    def _remove(self, transaction: Transaction, dto: G | str | Node) -> bool:
+        """Delete what a DTO, a text or a node means; return whether it was stored."""
 
     @abstractmethod
     def _remove_all(self, transaction: Transaction) -> int:
@@ -564,10 +591,14 @@ class SqlNamedDao(SqlDao, NamedDao[D]):
         return self._store.read_definitions(work, self._at)
 
     @override
-    def save(self, dto: D, *, cascade: bool = False) -> bool:
-        self._check(dto)
+    def save(self, dto: D | Sequence[D], *, cascade: bool = False) -> bool:
         flag(cascade, "cascade", InvalidArgumentError)
-        self._store.write(lambda transaction: self._put(transaction, dto, cascade))
+        if is_many(dto):
+            self._save_many(dto, cascade)
+            return True
+        one: Any = dto
+        self._check(one)
+        self._store.write(lambda transaction: self._put(transaction, one, cascade))
         return True
 
     @override
@@ -597,6 +628,9 @@ class SqlNamedDao(SqlDao, NamedDao[D]):
 
     @override
     def save_all(self, dtos: Iterable[D]) -> int:
+        return self._save_many(dtos, False)
+
+    def _save_many(self, dtos: Iterable[D], cascade: bool) -> int:
         self._check_writable()
         changed = 0
         with self._store.transaction() as transaction:
@@ -605,36 +639,47 @@ class SqlNamedDao(SqlDao, NamedDao[D]):
                     self._check(dto)
                 transaction.look_up(self.kind, (dto.name for dto in batch))
                 with transaction.batch():
-                    changed += sum(self._put(transaction, dto, False) for dto in batch)
+                    changed += sum(self._put(transaction, dto, cascade) for dto in batch)
         return changed
 
     @override
-    def delete(self, dto: D) -> bool:
-        self._check(dto)
-
-        def work(transaction: Transaction) -> bool:
-            definition = self._named(transaction.definitions, dto.name)
-            if definition is None:
-                return False
-            self._remove(transaction, [definition.id])
-            return True
-
-        return self._store.write(work)
+    def delete(self, dto: D | str) -> bool:
+        self._check_writable()
+        name = self._name(dto)
+        return self._store.write(lambda transaction: self._delete(transaction, [name])) > 0
 
     @override
-    def delete_all(self) -> int:
+    def delete_all(self, dtos: Iterable[D | str] | None = None) -> int:
         self._check_writable()
+        names = None
+        if dtos is not None:
+            given = iterate(dtos, "what delete_all takes", "an iterable of DTOs and names")
+            names = [self._name(dto) for dto in given]
+        return self._store.write(lambda transaction: self._delete(transaction, names))
 
-        def work(transaction: Transaction) -> int:
-            ids = [definition.id for definition in self._all(transaction.definitions)]
-            if ids:
-                self._remove(transaction, ids)
-            return len(ids)
+    def _delete(self, transaction: Transaction, names: Iterable[str] | None) -> int:
+        """Delete the elements of some names, or all; return how many there were."""
+        definitions = transaction.definitions
+        if names is None:
+            found = self._all(definitions)
+        else:
+            named = (self._named(definitions, name) for name in names)
+            found = [definition for definition in named if definition is not None]
+        ids = {definition.id for definition in found}
+        if ids:
+            self._remove(transaction, list(ids))
+        return len(ids)
 
-        return self._store.write(work)
+    def _name(self, dto: D | str) -> str:
+        """Return the name of an element that is to be deleted."""
+        if isinstance(dto, str):
+            return dto
+        self._check(dto)
+        return dto.name
 
     def _check(self, dto: D) -> None:
         self._check_writable()
+        refuse_many(dto)
         expect(dto, self.dto_class, f"what the {self.kind} DAO takes")
 
     def _named(self, definitions: Definitions, name: str) -> Any:

@@ -11,7 +11,7 @@ from typing import Any, ClassVar, Generic, NamedTuple, NoReturn, TypeVar, get_ar
 
 from typing_extensions import override
 
-from ..arguments import shown
+from ..arguments import is_many, iterate, refuse_many, shown
 from ..dto import PddlPropositionDto, PddlTypeDto
 from ..dto.formulas import (
     ARITHMETIC,
@@ -694,8 +694,9 @@ class SqlFormulaDao(SqlDao, FormulaDao[N], Generic[N]):
         return self._store.read_definitions(self._stored, self._at)
 
     @override
-    def save(self, formula: N | str) -> bool:
-        self.save_all([formula])
+    def save(self, formula: N | str | Sequence[N | str]) -> bool:
+        given: Any = formula
+        self.save_all(given if is_many(given) else [given])
         return True
 
     @override
@@ -721,6 +722,7 @@ class SqlFormulaDao(SqlDao, FormulaDao[N], Generic[N]):
 
     def _check(self, formula: object) -> None:
         """Refuse what is no formula of the section."""
+        refuse_many(formula)
         if isinstance(formula, self.node_classes):
             return
         if self._reads is not None:
@@ -755,9 +757,16 @@ class SqlFormulaDao(SqlDao, FormulaDao[N], Generic[N]):
         return self._reads
 
     @override
-    def delete_all(self) -> int:
+    def delete_all(self, formulas: Iterable[N | str] | None = None) -> int:
         self._check_writable()
-        return self._store.write(self._remove_all)
+        if formulas is None:
+            return self._store.write(self._remove_all)
+        removed = 0
+        with self._store.transaction() as transaction:
+            for formula in iterate(formulas, "what delete_all takes", "an iterable of formulas"):
+                self._check(formula)
+                removed += self._remove_given(transaction, formula)
+        return removed
 
     def _stored(self, definitions: Definitions) -> list[N]:
         stored = read_formulas(definitions, self.section)
@@ -846,7 +855,7 @@ class SqlGoalDao(_SqlConjunctionDao, GoalDao):
         return self._store.read(work, self._at)
 
     @override
-    def save(self, formula: GoalLike) -> bool:
+    def save(self, formula: GoalLike | Sequence[GoalLike]) -> bool:
         return super().save(formula)  # type: ignore[arg-type]
 
     @override
@@ -860,6 +869,10 @@ class SqlGoalDao(_SqlConjunctionDao, GoalDao):
     @override
     def delete(self, formula: GoalLike) -> bool:
         return super().delete(formula)  # type: ignore[arg-type]
+
+    @override
+    def delete_all(self, formulas: Iterable[GoalLike] | None = None) -> int:
+        return super().delete_all(formulas)  # type: ignore[arg-type]
 
     def _check(self, formula: object) -> None:
         if isinstance(formula, PddlPropositionDto):

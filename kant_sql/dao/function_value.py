@@ -26,7 +26,7 @@ from ..arguments import expect, expect_list, shown
 from ..dto import PddlFunctionDto, PddlFunctionValueDto, PddlObjectDto
 from ..dto.elements import atom_text, trusted_value
 from ..dto.formulas import Fluent, Node
-from ..dto.lexical import MAX_DIGITS, decimal_text, number_text
+from ..dto.lexical import MAX_DIGITS, decimal_text, is_word, number_text
 from ..errors import InvalidKnowledgeError, TypeMismatchError, each_readable
 from ..knowledge.definitions import Definitions, FunctionDefinition
 from ..pddl.conditions import read_value
@@ -190,8 +190,19 @@ def names_of(fluent: Fluent) -> list[str]:
     return [str(term) for term in fluent.terms]
 
 
-def check_fluent(function: FunctionReference, objects: Sequence[ObjectReference]) -> None:
-    """Refuse references that are neither names nor DTOs."""
+def fluent_of(
+    function: FunctionReference, objects: Sequence[ObjectReference]
+) -> tuple[FunctionReference, Sequence[ObjectReference]]:
+    """Return a fluent's function and objects, which may be given as one text."""
+    if isinstance(function, str) and function.lstrip().startswith("("):
+        words = function.strip()[1:-1].split()
+        if not words or function.strip()[-1] != ")" or not all(map(is_word, words)):
+            raise InvalidKnowledgeError(f"{shown(function)} is no fluent; write '(battery rb1)'")
+        if objects:
+            raise InvalidKnowledgeError(
+                f"{shown(function)} has its objects already; leave out objects={shown(objects)}"
+            )
+        function, *objects = words
     if not isinstance(function, str | PddlFunctionDto):
         raise InvalidKnowledgeError(
             f"the function of {_ROLE} is a name or a PddlFunctionDto, not "
@@ -199,6 +210,7 @@ def check_fluent(function: FunctionReference, objects: Sequence[ObjectReference]
         )
     kinds: tuple[type[Any], ...] = (PddlObjectDto, str)
     expect_list(objects, kinds, f"the list of objects of {_ROLE}")
+    return function, objects
 
 
 def _name(reference: FunctionReference | ObjectReference) -> str:
@@ -226,7 +238,7 @@ class SqlFunctionValueDao(SqlGroundDao[PddlFunctionValueDto], PddlFunctionValueD
     def get(
         self, function: FunctionReference, *, objects: Sequence[ObjectReference] = ()
     ) -> Decimal | PddlObjectDto | None:
-        check_fluent(function, objects)
+        function, objects = fluent_of(function, objects)
         transaction = self._store.current()
         if transaction is not None and self._at is None:
             # From memory: a query would have to write first what is pending.
@@ -284,11 +296,11 @@ class SqlFunctionValueDao(SqlGroundDao[PddlFunctionValueDto], PddlFunctionValueD
         self,
         function: FunctionReference,
         *,
-        objects: Sequence[ObjectReference],
+        objects: Sequence[ObjectReference] = (),
         value: Number | ObjectReference,
     ) -> bool:
         self._check_writable()
-        check_fluent(function, objects)
+        function, objects = fluent_of(function, objects)
 
         def work(transaction: Transaction) -> bool:
             references = FluentReferences(transaction)
@@ -303,7 +315,7 @@ class SqlFunctionValueDao(SqlGroundDao[PddlFunctionValueDto], PddlFunctionValueD
         self, function: FunctionReference, *, objects: Sequence[ObjectReference] = ()
     ) -> bool:
         self._check_writable()
-        check_fluent(function, objects)
+        function, objects = fluent_of(function, objects)
 
         def work(transaction: Transaction) -> bool:
             fluent = self._find(transaction, function, objects)
@@ -316,33 +328,39 @@ class SqlFunctionValueDao(SqlGroundDao[PddlFunctionValueDto], PddlFunctionValueD
 
     @override
     def increase(
-        self, function: FunctionReference, *, objects: Sequence[ObjectReference], by: Number
+        self, function: FunctionReference, *, objects: Sequence[ObjectReference] = (), by: Number
     ) -> Decimal:
         return self._change("increased", INCREASE, function, objects, by)
 
     @override
     def decrease(
-        self, function: FunctionReference, *, objects: Sequence[ObjectReference], by: Number
+        self, function: FunctionReference, *, objects: Sequence[ObjectReference] = (), by: Number
     ) -> Decimal:
         return self._change("decreased", DECREASE, function, objects, by)
 
     @override
     def scale_up(
-        self, function: FunctionReference, *, objects: Sequence[ObjectReference], by: Number
+        self, function: FunctionReference, *, objects: Sequence[ObjectReference] = (), by: Number
     ) -> Decimal:
         return self._change("scaled up", SCALE_UP, function, objects, by)
 
     @override
     def scale_down(
-        self, function: FunctionReference, *, objects: Sequence[ObjectReference], by: Number
+        self, function: FunctionReference, *, objects: Sequence[ObjectReference] = (), by: Number
     ) -> Decimal:
         return self._change("scaled down", SCALE_DOWN, function, objects, by)
 
     @override
-    def save(self, dto: ValueLike) -> bool:
-        self._check(dto)
-        self._store.write(lambda transaction: self._save_batch(transaction, [dto]))
-        return True
+    def save(self, dto: ValueLike | Sequence[ValueLike]) -> bool:
+        return self._save_given(dto)
+
+    @override
+    def delete(self, dto: ValueLike) -> bool:
+        return self._delete_one(dto)
+
+    @override
+    def delete_all(self, dtos: Iterable[ValueLike] | None = None) -> int:
+        return self._delete_given(dtos)
 
     @override
     def update(self, dto: ValueLike) -> bool:
@@ -356,17 +374,12 @@ class SqlFunctionValueDao(SqlGroundDao[PddlFunctionValueDto], PddlFunctionValueD
 
         return self._store.write(work)
 
-    @override
-    def delete(self, dto: ValueLike) -> bool:
-        self._check(dto)
-        if not isinstance(dto, str | Node):
-            return self.unset(dto.function, objects=dto.objects)
-
-        def work(transaction: Transaction) -> bool:
+    def _remove(self, transaction: Transaction, dto: ValueLike) -> bool:
+        if isinstance(dto, str | Node):
             fluent = self._find_text(transaction, dto)
-            return fluent is not None and transaction.values.set(fluent, None)
-
-        return self._store.write(work)
+        else:
+            fluent = self._find(transaction, dto.function, dto.objects)
+        return fluent is not None and transaction.values.set(fluent, None)
 
     def _check(self, dto: object) -> None:
         self._check_writable()
@@ -405,7 +418,7 @@ class SqlFunctionValueDao(SqlGroundDao[PddlFunctionValueDto], PddlFunctionValueD
         by: Number,
     ) -> Decimal:
         self._check_writable()
-        check_fluent(function, objects)
+        function, objects = fluent_of(function, objects)
 
         def work(transaction: Transaction) -> Decimal:
             references, values = FluentReferences(transaction), transaction.values

@@ -99,8 +99,11 @@ class Dao(ABC, Generic[D]):
         """
 
     @abstractmethod
-    def save(self, dto: D) -> bool:
+    def save(self, dto: D | Sequence[D]) -> bool:
         """Insert or update an element, and insert the elements it refers to if they are missing.
+
+        Args:
+            dto: the element, or a list of elements, which are saved in one revision.
 
         Returns:
             True; an element that cannot be saved raises.
@@ -180,11 +183,18 @@ class Dao(ABC, Generic[D]):
         """
 
     @abstractmethod
-    def delete_all(self) -> int:
-        """Delete all elements of the kind and everything that depends on them, in one revision.
+    def delete_all(self, dtos: Iterable[D] | None = None) -> int:
+        """Delete elements of the kind and everything that depends on them, in one revision.
+
+        Args:
+            dtos: the elements, given as for `delete`; None for all of the kind.
 
         Returns:
             The number of elements of the kind that were deleted.
+
+        Examples:
+            >>> kb.objects.delete_all([wp1, wp2])
+            1
         """
 
 
@@ -208,16 +218,42 @@ class NamedDao(Dao[D]):
             True
         """
 
+    @abstractmethod
+    def delete(self, dto: D | str) -> bool:
+        """Delete an element and everything that depends on it, in one revision.
+
+        Args:
+            dto: the element, of which only the name counts, or its name, in any case.
+
+        Returns:
+            False when it is not stored.
+
+        Examples:
+            >>> kb.objects.delete("rb1")
+            True
+        """
+
+    @abstractmethod
+    def delete_all(self, dtos: Iterable[D | str] | None = None) -> int:
+        """Delete elements of the kind and everything that depends on them, in one revision.
+
+        Args:
+            dtos: the elements, or their names; None for all of the kind.
+
+        Returns:
+            The number of elements of the kind that were deleted.
+        """
+
 
 class RedefinableDao(NamedDao[D]):
     """Reads, saves and deletes one kind of named element that others can depend on."""
 
     @abstractmethod
-    def save(self, dto: D, *, cascade: bool = False) -> bool:
+    def save(self, dto: D | Sequence[D], *, cascade: bool = False) -> bool:
         """Insert or redefine an element, and insert the elements it refers to if they are missing.
 
         Args:
-            dto: the element.
+            dto: the element, or a list of elements, which are saved in one revision.
             cascade: retract the live facts and actions that depend on the present definition, in
                 the same revision, instead of refusing.
 
@@ -326,11 +362,12 @@ class PddlPropositionDao(Dao[PddlPropositionDto]):
     """
 
     @abstractmethod
-    def save(self, dto: FactLike) -> bool:
+    def save(self, dto: FactLike | Sequence[FactLike]) -> bool:
         """Save a fact or a goal.
 
         Args:
-            dto: PDDL text or an atom of a fact, or a DTO.
+            dto: PDDL text or an atom of a fact, or a DTO; or a list of these, which are saved in
+                one revision.
 
         Returns:
             True; what cannot be saved raises.
@@ -406,6 +443,20 @@ class PddlPropositionDao(Dao[PddlPropositionDto]):
         Examples:
             >>> kb.propositions.delete("(robot_at rb1 wp1)")
             True
+        """
+
+    @abstractmethod
+    def delete_all(self, dtos: Iterable[FactLike] | None = None) -> int:
+        """Retract facts and goals in one revision.
+
+        Args:
+            dtos: those to retract, given as for `save`; None for all.
+
+        Returns:
+            The number of facts and goals that were retracted.
+
+        Raises:
+            PddlError: as `delete`; none is retracted.
         """
 
     @abstractmethod
@@ -502,11 +553,12 @@ class PddlFunctionValueDao(Dao[PddlFunctionValueDto]):
     """
 
     @abstractmethod
-    def save(self, dto: ValueLike) -> bool:
+    def save(self, dto: ValueLike | Sequence[ValueLike]) -> bool:
         """Set a value.
 
         Args:
-            dto: PDDL text, an equality of a fluent and a number or an object, or a DTO.
+            dto: PDDL text, an equality of a fluent and a number or an object, or a DTO; or a list
+                of these, which are set in one revision.
 
         Returns:
             True; what cannot be saved raises.
@@ -573,10 +625,28 @@ class PddlFunctionValueDao(Dao[PddlFunctionValueDto]):
         """
 
     @abstractmethod
+    def delete_all(self, dtos: Iterable[ValueLike] | None = None) -> int:
+        """Unset fluents in one revision.
+
+        Args:
+            dtos: those to unset, given as for `delete`; None for all.
+
+        Returns:
+            The number of fluents that were unset.
+
+        Raises:
+            PddlError: as `delete`; none is unset.
+        """
+
+    @abstractmethod
     def get(
         self, function: FunctionReference, *, objects: Sequence[ObjectReference] = ()
     ) -> Decimal | PddlObjectDto | None:
         """Read the value of a fluent: a function applied to objects, in order.
+
+        Args:
+            function: a DTO, a name, or the whole fluent as PDDL text, such as `(battery rb1)`.
+            objects: its arguments, in order: DTOs or names.
 
         Returns:
             A number, or an object for an object fluent; None when it has no value.
@@ -589,6 +659,8 @@ class PddlFunctionValueDao(Dao[PddlFunctionValueDto]):
             >>> kb.function_values.set(battery, objects=[rb1], value=87.5)
             True
             >>> kb.function_values.get("battery", objects=["rb1"])
+            Decimal('87.5')
+            >>> kb.function_values.get("(battery rb1)")
             Decimal('87.5')
         """
 
@@ -611,13 +683,13 @@ class PddlFunctionValueDao(Dao[PddlFunctionValueDto]):
         self,
         function: FunctionReference,
         *,
-        objects: Sequence[ObjectReference],
+        objects: Sequence[ObjectReference] = (),
         value: Number | ObjectReference,
     ) -> bool:
-        """Set a fluent to a number, or to an object.
+        """Set a fluent, given as for `get`, to a number, or to an object.
 
         Args:
-            function: a DTO, or a name.
+            function: a DTO, a name, or the whole fluent as PDDL text.
             objects: its arguments, in order: DTOs or names.
             value: a finite number of at most 400 digits; for an object fluent, an object or its
                 name.
@@ -653,7 +725,7 @@ class PddlFunctionValueDao(Dao[PddlFunctionValueDto]):
 
     @abstractmethod
     def increase(
-        self, function: FunctionReference, *, objects: Sequence[ObjectReference], by: Number
+        self, function: FunctionReference, *, objects: Sequence[ObjectReference] = (), by: Number
     ) -> Decimal:
         """Add `by` to the number that a fluent, given as for `get`, has; atomically.
 
@@ -673,19 +745,19 @@ class PddlFunctionValueDao(Dao[PddlFunctionValueDto]):
 
     @abstractmethod
     def decrease(
-        self, function: FunctionReference, *, objects: Sequence[ObjectReference], by: Number
+        self, function: FunctionReference, *, objects: Sequence[ObjectReference] = (), by: Number
     ) -> Decimal:
         """Subtract `by` from a number, atomically; otherwise as `increase`."""
 
     @abstractmethod
     def scale_up(
-        self, function: FunctionReference, *, objects: Sequence[ObjectReference], by: Number
+        self, function: FunctionReference, *, objects: Sequence[ObjectReference] = (), by: Number
     ) -> Decimal:
         """Multiply a number by `by`, atomically; otherwise as `increase`."""
 
     @abstractmethod
     def scale_down(
-        self, function: FunctionReference, *, objects: Sequence[ObjectReference], by: Number
+        self, function: FunctionReference, *, objects: Sequence[ObjectReference] = (), by: Number
     ) -> Decimal:
         """Divide a number by `by`, which is not 0, atomically; otherwise as `increase`."""
 
@@ -709,11 +781,12 @@ class FormulaDao(ABC, Generic[N]):
         """
 
     @abstractmethod
-    def save(self, formula: N | str) -> bool:
+    def save(self, formula: N | str | Sequence[N | str]) -> bool:
         """Save a formula; a conjunction of goals or constraints is saved as its conjuncts.
 
         Args:
-            formula: a node; a goal or a constraint also as PDDL text.
+            formula: a node; a goal or a constraint also as PDDL text; or a list of these, which
+                are saved in one revision.
 
         Returns:
             True; a formula that cannot be saved raises.
@@ -766,8 +839,11 @@ class FormulaDao(ABC, Generic[N]):
         """
 
     @abstractmethod
-    def delete_all(self) -> int:
-        """Delete all formulas of the section.
+    def delete_all(self, formulas: Iterable[N | str] | None = None) -> int:
+        """Delete formulas of the section in one revision.
+
+        Args:
+            formulas: those to delete, given as for `delete`; None for all.
 
         Returns:
             The number of formulas that were deleted.
@@ -795,8 +871,8 @@ class GoalDao(FormulaDao[Formula]):
     """
 
     @abstractmethod
-    def save(self, formula: GoalLike) -> bool:
-        """Save a goal, as PDDL text, a node or a DTO; see `FormulaDao.save`.
+    def save(self, formula: GoalLike | Sequence[GoalLike]) -> bool:
+        """Save a goal, as PDDL text, a node or a DTO, or a list of goals; see `FormulaDao.save`.
 
         Returns:
             True; a goal that cannot be saved raises.
@@ -840,6 +916,20 @@ class GoalDao(FormulaDao[Formula]):
 
         Raises:
             PddlError: a text cannot be read, or it names what never was.
+        """
+
+    @abstractmethod
+    def delete_all(self, formulas: Iterable[GoalLike] | None = None) -> int:
+        """Delete goals in one revision.
+
+        Args:
+            formulas: those to delete, given as for `save`; None for all.
+
+        Returns:
+            The number of goals that were deleted.
+
+        Raises:
+            PddlError: as `delete`; none is deleted.
         """
 
 

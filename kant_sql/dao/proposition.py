@@ -246,10 +246,16 @@ class SqlPropositionDao(SqlGroundDao[PddlPropositionDto], PddlPropositionDao):
         return self.get_facts()
 
     @override
-    def save(self, dto: FactLike) -> bool:
-        self._check(dto)
-        self._store.write(lambda transaction: self._save_batch(transaction, [dto]))
-        return True
+    def save(self, dto: FactLike | Sequence[FactLike]) -> bool:
+        return self._save_given(dto)
+
+    @override
+    def delete(self, dto: FactLike) -> bool:
+        return self._delete_one(dto)
+
+    @override
+    def delete_all(self, dtos: Iterable[FactLike] | None = None) -> int:
+        return self._delete_given(dtos)
 
     @override
     def update(self, dto: FactLike) -> bool:
@@ -263,15 +269,9 @@ class SqlPropositionDao(SqlGroundDao[PddlPropositionDto], PddlPropositionDao):
 
         return self._store.write(work)
 
-    @override
-    def delete(self, dto: FactLike) -> bool:
-        self._check(dto)
-
-        def work(transaction: Transaction) -> bool:
-            atom = self._find(transaction, dto)
-            return atom is not None and transaction.propositions.set(atom, False)
-
-        return self._store.write(work)
+    def _remove(self, transaction: Transaction, dto: FactLike) -> bool:
+        atom = self._find(transaction, dto)
+        return atom is not None and transaction.propositions.set(atom, False)
 
     def _check(self, dto: object) -> None:
         self._check_writable()

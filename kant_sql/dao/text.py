@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TypeVar
 
-from ..arguments import shown
+from ..arguments import refuse_many, shown
 from ..dto.formulas import MODALS, Atom, Node
 from ..dto.lexical import NUMBER, RESERVED, ROOT_TYPE, fold, is_word
 from ..errors import InvalidKnowledgeError, PddlError
@@ -24,6 +24,7 @@ _KEYWORDS = frozenset({ROOT_TYPE, "preference", *MODALS}).union(*RESERVED.values
 
 def expect_text(given: object, what: str, article: str, example: str, *also: type) -> None:
     """Refuse what is neither text, nor a node, nor of another class that is taken."""
+    refuse_many(given)
     if not isinstance(given, (str, Node, *also)):
         raise InvalidKnowledgeError(
             f"{what} takes {article}, for example '{example}', not {type(given).__name__}: "

@@ -11,6 +11,7 @@ from ..arguments import optional_text, shown, whole_number
 from ..errors import InvalidArgumentError, KantSqlError, UnknownRevisionError
 from ..history.revisions import FIRST_MOMENT, LAST_MOMENT
 from ..knowledge.canonical import time_text
+from ..moment_text import Moment, When, read_when
 from ..sql.arrow import arrow_schema, import_arrow, stream_view
 from ..sql.audit_views import AuditView, find_audit_view, last_revision_before
 from ..sql.catalog import read_heads
@@ -21,7 +22,6 @@ from ..sql.schema import check
 if TYPE_CHECKING:
     import pyarrow
 
-When = int | datetime
 # The first and the last revision of what is read.
 Window = tuple[int, int]
 
@@ -75,7 +75,7 @@ class StoreSnapshot:
         )
 
     def window(
-        self, state: KnowledgeBaseState, since: When | None, until: When | None
+        self, state: KnowledgeBaseState, since: Moment | None, until: Moment | None
     ) -> Window | None:
         """Return the revisions from `since` to `until`, both inclusive; None for all."""
         if since is None and until is None:
@@ -119,9 +119,12 @@ def _checked(number: int, state: KnowledgeBaseState) -> int:
     return max(number, 1)
 
 
-def check_window(since: When | None, until: When | None, knowledge_base: str | None) -> None:
-    """Refuse bounds that no store has, and numbers for more than one knowledge base."""
-    for bound in (since, until):
+def check_window(
+    since: When | None, until: When | None, knowledge_base: str | None
+) -> tuple[Moment | None, Moment | None]:
+    """Read bounds; refuse those that no store has, and numbers for many knowledge bases."""
+    bounds = read_when(since), read_when(until)
+    for bound in bounds:
         if isinstance(bound, datetime) and bound.utcoffset() is None:
             raise UnknownRevisionError(
                 f"the time {bound.isoformat()} has no zone; give one, as UTC"
@@ -130,6 +133,7 @@ def check_window(since: When | None, until: When | None, knowledge_base: str | N
             raise InvalidArgumentError(
                 f"revision {shown(bound)} is of one knowledge base: choose that, or give a time"
             )
+    return bounds
 
 
 @contextmanager

@@ -22,6 +22,7 @@ from ..dao.interfaces import Progress
 from ..dto.lexical import NUMBER, fold
 from ..errors import ExtraMissingError, InvalidArgumentError, StoreIntegrityError, UnknownNameError
 from ..knowledge.canonical import time_text
+from ..moment_text import When
 from ..pddl.cursor import hint
 from ..sql.audit_views import (
     AuditedChange,
@@ -31,7 +32,7 @@ from ..sql.audit_views import (
     time_of_revision,
 )
 from .files import Exported, bound, encoded, folder_name, new_folder
-from .snapshot import KnowledgeBaseState, StoreSnapshot, When, Window, check_window, open_snapshot
+from .snapshot import KnowledgeBaseState, StoreSnapshot, Window, check_window, open_snapshot
 from .views import check_target
 
 if TYPE_CHECKING:
@@ -106,14 +107,14 @@ def export_transitions(
     """
     target = check_target(to, knowledge_base, replace, progress)
     chosen = _Chosen(names, elements)
-    check_window(since, until, knowledge_base)
+    first, last = check_window(since, until, knowledge_base)
     _import_mcap()
     with open_snapshot(url) as snapshot, new_folder(target, replace) as (folder, old):
         states = snapshot.chosen(knowledge_base)
         chosen.check([names_ever(snapshot.session, snapshot.ids[state.name]) for state in states])
         whole, done = sum(state.revision for state in states), 0
         for state in states:
-            window = snapshot.window(state, since, until) or (1, state.revision)
+            window = snapshot.window(state, first, last) or (1, state.revision)
             path = f"{folder_name(state.name)}/{CONTENT}.{FORMAT}"
             with folder.new_file(path, state, CONTENT) as made:
                 recording = _Recording(made.file, state, chosen)
@@ -124,7 +125,7 @@ def export_transitions(
             done += state.revision
         files = tuple(folder.files)
         exported = Exported(
-            str(target), FORMAT, snapshot.label, bound(since), bound(until), tuple(states), files
+            str(target), FORMAT, snapshot.label, bound(first), bound(last), tuple(states), files
         )
         folder.finish(exported, old)
     return exported

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import closing
-from datetime import datetime
 from os import PathLike, fspath
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from ..arguments import expect, expect_list, flag, one_of, optional_call, optional_text
 from ..dao.interfaces import Progress
 from ..errors import InvalidArgumentError
+from ..moment_text import When
 from ..sql.arrow import arrow_schema, import_arrow
 from ..sql.audit_views import AUDIT_VIEWS, AuditView, find_audit_view
 from .files import FORMATS, SINKS, Exported, Folder, Sink, bound, folder_name, new_folder
@@ -28,8 +28,8 @@ def export_store(
     format: str = "parquet",
     knowledge_base: str | None = None,
     views: Sequence[str] | None = None,
-    since: int | datetime | None = None,
-    until: int | datetime | None = None,
+    since: When | None = None,
+    until: When | None = None,
     replace: bool = False,
     progress: Progress | None = None,
 ) -> Exported:
@@ -65,18 +65,18 @@ def export_store(
     target = check_target(to, knowledge_base, replace, progress)
     one_of(format, FORMATS, "the format", InvalidArgumentError)
     chosen = _chosen_views(views)
-    check_window(since, until, knowledge_base)
+    first, last = check_window(since, until, knowledge_base)
     import_arrow()
     with open_snapshot(url) as snapshot, new_folder(target, replace) as (folder, old):
         states = snapshot.chosen(knowledge_base)
-        windows = [snapshot.window(state, since, until) for state in states]
+        windows = [snapshot.window(state, first, last) for state in states]
         work = _Work(snapshot, folder, format, progress, sum(s.revision for s in states))
         for state, window in zip(states, windows, strict=True):
             for view in chosen:
                 work.write(view, state, window, len(chosen))
         files = tuple(folder.files)
         exported = Exported(
-            str(target), format, snapshot.label, bound(since), bound(until), tuple(states), files
+            str(target), format, snapshot.label, bound(first), bound(last), tuple(states), files
         )
         folder.finish(exported, old)
     return exported

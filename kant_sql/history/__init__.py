@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from ..dao.interfaces import Progress
+from ..moment_text import When
 from .anchors import Anchor, AnchoredHead, parse_anchor
 from .archive.archive import Archived
-from .interfaces import Element, History, When
+from .interfaces import Element, History
 from .revisions import LogEntry, Revision
 from .verify.findings import Finding
 from .verify.verify import Verification

@@ -22,6 +22,7 @@ from sqlalchemy import (
     union_all,
 )
 
+from ..moment_text import When
 from ..sql.changes import (
     ARCHIVE,
     ASSERTED,
@@ -55,7 +56,7 @@ from ..sql.tables import (
 )
 from ..store.snapshot import refuse_archived
 from .excerpts import StateReader
-from .moments import When, states_at
+from .moments import states_at
 
 # Up to this number changes are in the order of their texts, beyond it in that of their ids.
 SORTED = 5_000

@@ -7,6 +7,7 @@ from typing import Any
 from sqlalchemy import ColumnElement, Select, and_, literal_column, or_, select, union_all
 
 from .. import html
+from ..moment_text import When
 from ..sql.changes import ASSERTED, RETRACTED, Change, unsortable
 from ..sql.dialects.base import Session
 from ..sql.intervals import ANY_FUNCTION, ANY_PREDICATE, held_then, then
@@ -23,7 +24,7 @@ from ..sql.rows import (
 from ..sql.tables import HeadRow
 from ..store.snapshot import View, refuse_archived
 from ..store.store import Store
-from .moments import When, states_at
+from .moments import states_at
 
 _BEFORE = integer("before")
 _AFTER = integer("after")

@@ -6,12 +6,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from datetime import datetime
 from typing import TYPE_CHECKING
 
 from ..dao.interfaces import Interface, Progress, required
 from ..dto.elements import Dto
 from ..dto.formulas import Node
+from ..moment_text import When
 from ..sql.changes import Change
 from .anchors import Anchor
 from .archive.archive import Archived
@@ -26,8 +26,6 @@ from .versions import Version
 if TYPE_CHECKING:
     import pyarrow
 
-# A revision's number, or an aware time.
-When = int | datetime
 # A DTO, a formula, PDDL text such as `(robot_at rb1 wp1)`, or a name.
 Element = Dto | Node | str
 
@@ -147,7 +145,7 @@ class History(Interface):
         """Compare two states. Recorded plans and archives belong to no state.
 
         Args:
-            a: a revision's number, or an aware time.
+            a: a revision, given as for `kb.at`.
             b: another, before or after `a`.
 
         Returns:
@@ -279,7 +277,7 @@ class History(Interface):
         of the window, as wide as a pixel, are bars, and the others are counted by slice.
 
         Args:
-            since: the beginning: a revision, or an aware time; None for the first revision.
+            since: the beginning, given as for `kb.at`; None for the first revision.
             until: the end; None for the last revision. A time in the future counts as now.
             predicate: show lanes of this predicate or function.
             object: show lanes with this object among the arguments, and steps of plans likewise.
@@ -343,7 +341,7 @@ class History(Interface):
         belong to no state, and stay.
 
         Args:
-            when: a revision's number, or an aware time.
+            when: a revision, given as for `kb.at`.
             reason: why; by default `restored revision NUMBER`.
             actor: who restores; by default the knowledge base's actor.
 
@@ -437,7 +435,7 @@ class History(Interface):
         and their hashes. An interrupted archive can be resumed by calling this again.
 
         Args:
-            before: an aware time, or a revision's number: versions that ended earlier are moved.
+            before: a revision, given as for `kb.at`: versions that ended earlier are moved.
             to: the target's URL, on any dialect; a new SQLite file is created. The target may
                 contain this knowledge base only from earlier archiving.
             dry_run: only count.

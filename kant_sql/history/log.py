@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterator
-from datetime import datetime
 from functools import partial
 from heapq import merge
 from itertools import groupby, islice
@@ -17,6 +16,7 @@ from ..arguments import optional_text
 from ..dao.known import refuse_unknown_actor
 from ..dto.elements import Dto
 from ..dto.formulas import Node
+from ..moment_text import When
 from ..sql.changes import (
     ASSERTED,
     RETRACTED,
@@ -184,8 +184,8 @@ def read_revisions(
 
 def read_log(
     store: Store,
-    since: int | datetime | None = None,
-    until: int | datetime | None = None,
+    since: When | None = None,
+    until: When | None = None,
     actor: str | None = None,
     element: Dto | Node | str | None = None,
     limit: int | None = None,

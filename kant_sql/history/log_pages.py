@@ -10,6 +10,7 @@ from sqlalchemy import ColumnElement, Select, bindparam, literal_column, or_, se
 from ..arguments import optional_text
 from ..dao.known import refuse_unknown_actor
 from ..errors import ArchivedError
+from ..moment_text import When
 from ..sql.changes import REVISIONS, Change
 from ..sql.dialects.base import Session
 from ..sql.query import Query, first_rows, in_list, in_rows, integer
@@ -19,7 +20,7 @@ from ..store.snapshot import archive_of
 from .change_pages import COUNTED_CHANGES, ChangesPage, changes_of, count_changes, read_changes_page
 from .excerpts import StateReader, contains, pattern_of
 from .log import read_log
-from .moments import When, find_bounds
+from .moments import find_bounds
 from .revisions import Revision, make_revision, missing_revision, refuse_unknown
 
 # Revisions that a page searches for an actor, and for a text.

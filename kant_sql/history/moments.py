@@ -10,6 +10,7 @@ from sqlalchemy import bindparam, literal_column, select
 
 from ..arguments import whole_number
 from ..errors import UnknownRevisionError, reading_rows
+from ..moment_text import Moment, When, is_now, read_when
 from ..sql.dialects.base import Session
 from ..sql.query import Query, StoreClock, first_rows
 from ..sql.rows import KB
@@ -41,8 +42,6 @@ def last_until(moment: str) -> Any:
 _MOMENTS = ("one", "other")
 _HEAD_QUERY = Query(_HEAD)
 _HEAD_AND_TIMES_QUERY = Query(_HEAD.add_columns(StoreClock(), *map(last_until, _MOMENTS)))
-
-When = int | datetime
 
 
 class HeadTimes(NamedTuple):
@@ -140,11 +139,16 @@ def states_at(
 
 
 def _find(store: Store, whens: Sequence[When], upto: int | None) -> tuple[list[int], HeadTimes]:
-    head = read_head(store, [when for when in whens if isinstance(when, datetime)])
+    # The store's clock says when now is, which may be behind this process's.
+    given = [(read_when(when), is_now(when)) for when in whens]
+    moments = [when for when, is_head in given if isinstance(when, datetime) and not is_head]
+    head = read_head(store, moments)
     found = iter(head.found)
     revisions = []
-    for when in whens:
-        if not isinstance(when, datetime):
+    for when, is_head in given:
+        if is_head:
+            revisions.append(_last_known(store, head, upto))
+        elif not isinstance(when, datetime):
             revisions.append(check_number(store, when, _last_known(store, head, upto)))
         else:
             revisions.append(next(found) if upto is None else min(next(found), upto))
@@ -178,10 +182,9 @@ class Bounds(NamedTuple):
     redefined: int  # no revision after this one, up to `high`, changed a definition
 
 
-def find_bounds(
-    store: Store, since: int | datetime | None, until: int | datetime | None, upto: int | None
-) -> Bounds:
+def find_bounds(store: Store, since: When | None, until: When | None, upto: int | None) -> Bounds:
     """Find the first and last revision of a range, with one statement at most."""
+    since, until = read_when(since), None if is_now(until) else read_when(until)
     after = _moment_before(since)
     moments = [moment for moment in (after, until) if isinstance(moment, datetime)]
     if upto is not None and not moments:
@@ -201,7 +204,7 @@ def find_bounds(
     return Bounds(low, high, head.redefined)
 
 
-def _moment_before(since: int | datetime | None) -> datetime | None:
+def _moment_before(since: Moment | None) -> datetime | None:
     """Return the last moment before a range; None without one."""
     if not isinstance(since, datetime):
         return None

@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 from sqlalchemy import ColumnElement, ScalarSelect, and_, func, select
 
+from ..moment_text import When
 from ..sql.changes import count_changes, in_range
 from ..sql.dialects.base import Session
 from ..sql.intervals import ANY_FUNCTION, ANY_PREDICATE, held_then, then
@@ -14,7 +15,7 @@ from ..sql.rows import KB, held_at
 from ..sql.tables import TABLES, FunctionValueVersionRow, PropositionVersionRow, RevisionRow
 from ..store.snapshot import View
 from ..store.store import Store
-from .moments import When, find_bounds
+from .moments import find_bounds
 from .revisions import read_archived_revision
 
 

@@ -13,6 +13,7 @@ from ..arguments import expect
 from ..dao.base import SqlDao
 from ..dao.interfaces import Progress
 from ..errors import InvalidArgumentError
+from ..moment_text import When
 from ..sql.changes import Change
 from .anchors import Anchor, read_anchor
 from .archive.archive import Archived, archive
@@ -20,7 +21,7 @@ from .audit import read_audit
 from .diff import diff, diff_lines, state_lines
 from .excerpts import StateReader
 from .follow import read_changes, watch
-from .interfaces import Element, History, When
+from .interfaces import Element, History
 from .log import read_log, read_revisions
 from .moments import state_at
 from .overview import Overview, Tally, read_overview, read_tally

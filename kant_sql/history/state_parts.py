@@ -25,6 +25,7 @@ from sqlalchemy import (
 from ..dao.known import refuse_unknown
 from ..dto.lexical import fold, is_word
 from ..knowledge.definitions import DOMAIN_SECTIONS, PROBLEM_SECTIONS
+from ..moment_text import When
 from ..pddl.lexer import tokenize
 from ..sql.definitions import find_identities
 from ..sql.dialects.base import Session
@@ -50,7 +51,7 @@ from ..sql.tables import (
     PropositionRow,
 )
 from .excerpts import StateReader, contains, pattern_of, word_pattern
-from .moments import When, read_head, states_at
+from .moments import read_head, states_at
 from .revisions import Revision, read_numbered
 
 # What is counted exactly, what is sorted by its text, and what is searched for a text at a time.

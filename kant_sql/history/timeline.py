@@ -14,6 +14,7 @@ from itertools import pairwise
 from typing import NamedTuple, cast
 
 from ..dao.known import refuse_unknown
+from ..moment_text import When
 from ..sql.dialects.base import Session
 from ..sql.lanes import (
     FORMULA,
@@ -30,15 +31,7 @@ from ..sql.lanes import (
 )
 from ..store.store import Store
 from .gantt import PlanBar, PlanBars
-from .window import (
-    LaneKind,
-    TimelineQuestion,
-    Told,
-    When,
-    Window,
-    read_told,
-    read_window,
-)
+from .window import LaneKind, TimelineQuestion, Told, Window, read_told, read_window
 
 # What one answer has at most, whatever the number of lanes: bars of lanes that have few versions,
 # slices of the others, and the versions that are counted in those.

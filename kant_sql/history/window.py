@@ -13,6 +13,7 @@ from sqlalchemy import func, literal_column, select
 from ..arguments import iterate, one_of, optional_text, refusal, shown, whole_number
 from ..dto.lexical import fold
 from ..errors import InvalidArgumentError, reading_rows
+from ..moment_text import Moment, When, read_when
 from ..sql.dialects.base import Session
 from ..sql.lanes import LaneFilter, LanePlace, read_tellers
 from ..sql.query import Query, StoreClock, integer
@@ -21,8 +22,6 @@ from ..sql.tables import HeadRow, RevisionRow
 from ..store.store import Store
 from .moments import check_number, check_zone, last_until
 from .revisions import FIRST_MOMENT, LARGEST, LAST_MOMENT, missing_revision
-
-When = int | datetime
 
 PLAN = "plan"
 LaneKind = Literal["fact", "goal", "value"]
@@ -159,10 +158,11 @@ def read_window(
     session: Session,
     kb_id: int | None,
     store: Store,
-    ends: Sequence[When | None],
+    whens: Sequence[When | None],
     upto: int | None,
 ) -> Window:
     """Read the window between two ends, in one statement; before the first revision it is empty."""
+    ends = [read_when(when) for when in whens]
     given: dict[str, Any] = {"one": None, "other": None, "since": None, "until": None}
     for when, number, moment in zip(ends, ("since", "until"), ("one", "other"), strict=True):
         if isinstance(when, datetime):
@@ -200,12 +200,12 @@ def read_window(
     return _checked(Window(since, until, low, high, last, missing), ends)
 
 
-def _moment(when: When | None, now: datetime, otherwise: datetime) -> datetime:
+def _moment(when: Moment | None, now: datetime, otherwise: datetime) -> datetime:
     """Return the time of an end; one in the future counts as now."""
     return min(_clamped(when), now) if isinstance(when, datetime) else otherwise
 
 
-def _checked(window: Window, ends: Sequence[When | None]) -> Window:
+def _checked(window: Window, ends: Sequence[Moment | None]) -> Window:
     if window.until < window.since or window.high < window.low:
         raise InvalidArgumentError(
             f"the window ends before it begins: it is from {shown(ends[0])} until {shown(ends[1])}"

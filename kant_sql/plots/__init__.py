@@ -10,8 +10,9 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 from ..errors import ExtraMissingError
-from ..history.interfaces import History, When
+from ..history.interfaces import History
 from ..history.timeline import Timeline
+from ..moment_text import When
 from .figure import FigureSpec, timeline_spec
 
 if TYPE_CHECKING:
@@ -37,7 +38,7 @@ def timeline(
 
     Args:
         kb: the knowledge base.
-        since: the beginning: a revision, or an aware time; None for the first revision.
+        since: the beginning, given as for `kb.at`; None for the first revision.
         until: the end; None for the last revision.
         predicate: show lanes of this predicate or function.
         object: show lanes with this object among the arguments, and steps of plans likewise.
@@ -88,7 +89,7 @@ def values(
 
     Args:
         kb: the knowledge base.
-        since: the beginning: a revision, or an aware time; None for the first revision.
+        since: the beginning, given as for `kb.at`; None for the first revision.
         until: the end; None for the last revision.
         function: show fluents of this function.
         object: show fluents with this object among the arguments.

@@ -11,7 +11,7 @@ from decimal import Decimal
 from ..dao.interfaces import Interface, required
 from ..dto import PddlObjectDto
 from ..dto.formulas import Formula, Node
-from ..history.interfaces import When
+from ..moment_text import When
 from ..planning import Plan, PlanStep
 from ..plans.interfaces import RecordedPlan, RecordedStep
 from .ask import Answers, Binding
@@ -399,7 +399,7 @@ class Reasoning(Interface):
         Args:
             plan: a plan, or a recorded one, which is executed from the state chosen here, not from
                 the one that it was made from.
-            at: a revision's number, or an aware time; None for the present, or the past state that
+            at: a revision, given as for `kb.at`; None for the present, or the past state that
                 this is a view of.
 
         Returns:

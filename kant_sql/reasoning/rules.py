@@ -19,11 +19,11 @@ from ..dao.formula import read_formula, read_formulas
 from ..dto import formulas as f
 from ..dto.lexical import fold
 from ..errors import InvalidArgumentError, InvalidKnowledgeError
-from ..history.interfaces import When
 from ..history.moments import find_bounds
 from ..history.revisions import Revision, read_numbered
 from ..knowledge.definitions import CONSTRAINT, DOMAIN_CONSTRAINT, Definitions
 from ..knowledge.symbols import symbols_of
+from ..moment_text import When
 from ..pddl.conditions import read_rules
 from ..pddl.lexer import STRING, Source, Text
 from ..pddl.lexer import load as load_text

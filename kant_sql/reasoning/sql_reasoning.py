@@ -13,8 +13,8 @@ from ..documents.exchange import SqlExchange
 from ..documents.interfaces import State
 from ..dto import PddlObjectDto
 from ..dto.formulas import Formula, Node
-from ..history.interfaces import When
 from ..history.moments import state_at
+from ..moment_text import When
 from ..planning import Plan, PlanStep
 from ..plans.interfaces import RecordedPlan, RecordedStep
 from .act import applicable_actions, is_applicable, why_not

@@ -9,12 +9,12 @@ from typing import Any, NamedTuple
 from ..dto import formulas as f
 from ..dto.lexical import ROOT_TYPE, fold
 from ..errors import InvalidKnowledgeError
-from ..history.interfaces import When
 from ..history.moments import find_bounds
 from ..history.revisions import Revision, read_numbered
 from ..knowledge.definitions import Definitions, PredicateDefinition
 from ..knowledge.formulas import typed_name
 from ..knowledge.symbols import symbols_of
+from ..moment_text import When
 from ..pddl.conditions import ReadCondition
 from ..sql.dialects.base import Session
 from ..sql.held import (

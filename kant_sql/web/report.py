@@ -9,7 +9,6 @@ import os
 import secrets
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from datetime import datetime
 from functools import cache, partial
 from hashlib import sha256
 from pathlib import Path
@@ -32,6 +31,7 @@ from ..errors import (
 from ..history.anchors import Anchor
 from ..history.timeline import Timeline
 from ..knowledge_base import KnowledgeBase
+from ..moment_text import When
 from ..plots import timeline_spec
 from ..plots.marks import DARK, LIGHT
 from ..reasoning.rules import Rules
@@ -52,8 +52,8 @@ _MARKUP = {ord(character): f"\\u{ord(character):04x}" for character in "<>&"}
 def report_html(
     kb: KnowledgeBase,
     *,
-    since: int | datetime | None = None,
-    until: int | datetime | None = None,
+    since: When | None = None,
+    until: When | None = None,
     objects: Iterable[str] = (),
     rules: Rules | None = None,
     verify: bool = True,
@@ -212,8 +212,8 @@ def write_report(
     kb: KnowledgeBase,
     path: str | os.PathLike[str],
     *,
-    since: int | datetime | None = None,
-    until: int | datetime | None = None,
+    since: When | None = None,
+    until: When | None = None,
     objects: Iterable[str] = (),
     rules: Rules | None = None,
     verify: bool = True,

@@ -32,10 +32,9 @@ from ..json_documents import (
 )
 from ..knowledge.canonical import time_text
 from ..knowledge_base import KnowledgeBase
+from ..moment_text import When
 from ..plans.interfaces import RecordedPlan
 from ..reasoning.rules import Rules
-
-When = int | datetime
 
 # Lanes that are looked at, and what each section shows at most.
 SEEN = 200

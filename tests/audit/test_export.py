@@ -266,7 +266,7 @@ WRONG: dict[str, tuple[dict[str, Any], type[KantSqlError], str]] = {
     "no name": ({"knowledge_base": 3}, InvalidArgumentError, "knowledge_base"),
     "number": ({"since": 3}, InvalidArgumentError, "choose that, or give a time"),
     "future": ({"since": 99, "knowledge_base": "courier"}, UnknownRevisionError, "its last is 36"),
-    "text": ({"until": "now", "knowledge_base": "courier"}, UnknownRevisionError, "revision"),
+    "text": ({"until": "late", "knowledge_base": "courier"}, InvalidArgumentError, "nor a time"),
     "zone": ({"since": datetime(2026, 3, 2)}, UnknownRevisionError, "no zone"),
     "replace": ({"replace": "yes"}, InvalidArgumentError, "replace"),
     "progress": ({"progress": 3}, InvalidArgumentError, "progress"),

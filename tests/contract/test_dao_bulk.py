@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 import pytest
 
 from kant_sql import (
     ConflictError,
+    DependantsError,
     InvalidKnowledgeError,
     KnowledgeBase,
+    PddlActionDto,
+    PddlFunctionDto,
+    PddlFunctionValueDto,
     PddlObjectDto,
     PddlPredicateDto,
     PddlPropositionDto,
@@ -29,7 +34,16 @@ from tests.support.reading import (
     undone,
     versions,
 )
-from tests.support.worlds.robots import RB1, ROBOT, WAYPOINT, WP1, WP2, robot_at, waypoint
+from tests.support.worlds.robots import (
+    RB1,
+    ROBOT,
+    WAYPOINT,
+    WP1,
+    WP2,
+    navigation,
+    robot_at,
+    waypoint,
+)
 
 NEAR = PddlPredicateDto("near", [WAYPOINT, WAYPOINT])
 COUNT = 12
@@ -293,3 +307,54 @@ def test_many_named_elements_are_saved_whole_or_not_at_all(fresh_kb: KnowledgeBa
     assert fresh_kb.objects.save_all(map(waypoint, range(10))) == 10
     assert fresh_kb.revision == 1
     assert len(rows(fresh_kb, "SELECT * FROM object_version WHERE kb_id = :kb")) == 10
+
+
+# By DAO: a list to save, what the first of it is called by, and one that is not stored.
+LISTS: dict[str, tuple[list[Any], Any, Any]] = {
+    "types": ([PddlTypeDto("door"), PddlTypeDto("lift")], "DOOR", "never"),
+    "objects": ([RB1, WP1], "RB1", PddlObjectDto(ROBOT, "rb9")),
+    "predicates": ([NEAR, PddlPredicateDto("up", [])], "near", "never"),
+    "functions": ([PddlFunctionDto("cost"), PddlFunctionDto("fuel")], "cost", "never"),
+    "actions": ([navigation(), PddlActionDto("wait", [], [], [])], "navigation", "never"),
+    "propositions": ([robot_at(), "(robot_at rb1 wp1)"], "(robot_at rb1 wp1)", robot_at(RB1, WP2)),
+    "function_values": (
+        [PddlFunctionValueDto(PddlFunctionDto("y"), [], 1), "(= (y) 2)"],
+        "(y)",
+        PddlFunctionValueDto(PddlFunctionDto("z"), [], 1),
+    ),
+    "goals": ([robot_at(), "(not (robot_at rb1 wp1))"], robot_at(), robot_at(RB1, WP2)),
+    "constraints": (["(sometime (up))", "(always (up))"], "(sometime (up))", "(at-most-once (up))"),
+}
+
+
+@pytest.mark.parametrize("name", LISTS)
+def test_a_list_is_saved_and_deleted_in_one_revision(fresh_kb: KnowledgeBase, name: str) -> None:
+    fresh_kb.predicates.save(PddlPredicateDto("up", []))
+    dao, (given, called, absent) = getattr(fresh_kb, name), LISTS[name]
+    fresh_kb.predicates.delete("up" if name == "predicates" else "never")
+    before, count = fresh_kb.revision, len(dao.get_all())
+    assert dao.save(given) is True
+    assert fresh_kb.revision == before + 1
+    saved = len(dao.get_all())
+    assert saved > count
+    assert dao.delete_all([]) == 0
+    assert dao.delete_all([absent]) == 0
+    assert fresh_kb.revision == before + 1
+    assert dao.delete_all(iter([called, absent, called])) == 1
+    assert fresh_kb.revision == before + 2
+    assert len(dao.get_all()) == saved - 1
+    assert dao.delete(called) is False
+    assert dao.save((given[0],)) is True
+    assert dao.delete(called) is True
+    for call in (dao.delete, dao.insert):
+        with pytest.raises(InvalidKnowledgeError, match=r"one element, not a list: .*delete_all"):
+            call(given)
+
+
+def test_a_list_redefines_with_cascade(fresh_kb: KnowledgeBase) -> None:
+    fresh_kb.propositions.save([near(1), near(2)])
+    wider = [PddlPredicateDto("near", [WAYPOINT]), PddlPredicateDto("far", [WAYPOINT])]
+    refuses(fresh_kb, DependantsError, lambda: fresh_kb.predicates.save(wider))
+    assert fresh_kb.predicates.get("far") is None
+    assert fresh_kb.predicates.save(wider, cascade=True)
+    assert facts(fresh_kb) == []

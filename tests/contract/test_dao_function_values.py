@@ -94,6 +94,40 @@ def test_an_equal_number_is_no_change(kb: KnowledgeBase, same: Any) -> None:
     assert (kb.revision, texts(kb)[0]) == (2, "(= (battery rb1) 10)")
 
 
+@pytest.mark.parametrize("given", ["(battery rb1)", " ( BATTERY  rb1 ) "])
+def test_a_fluent_is_given_as_text(kb: KnowledgeBase, given: str) -> None:
+    values = kb.function_values
+    for at in (kb, kb.at(kb.revision)):
+        assert at.function_values.get(given) == 10
+    assert values.set(given, value=20)
+    assert values.increase(given, by=1) == 21
+    with kb.transaction():
+        assert values.get(given) == 21
+        assert values.unset(given)
+    assert values.get(given) is None
+    with pytest.raises(UnknownNameError):
+        values.get("(battery never)")
+
+
+@pytest.mark.parametrize("given", ["(= (battery rb1) 1)", "(battery rb1", "()", "(battery rb1) x"])
+def test_a_text_that_is_no_fluent_is_refused(kb: KnowledgeBase, given: str) -> None:
+    with pytest.raises(InvalidKnowledgeError, match=r"is no fluent; write '\(battery rb1\)'"):
+        kb.function_values.get(given)
+    with pytest.raises(InvalidKnowledgeError, match="leave out objects="):
+        kb.function_values.get("(battery rb1)", objects=["rb1"])
+
+
+def test_a_function_without_arguments_needs_no_list_of_them(kb: KnowledgeBase) -> None:
+    kb.functions.save(PddlFunctionDto("y"))
+    assert kb.function_values.set("y", value=3)
+    assert kb.function_values.increase("y", by=2) == 5
+    assert kb.function_values.decrease("y", by=1) == 4
+    assert kb.function_values.scale_up("y", by=3) == 12
+    assert kb.function_values.scale_down("y", by=4) == 3
+    with pytest.raises(ArityError):
+        kb.function_values.set("battery", value=3)
+
+
 def test_a_value_is_unset_and_set_again(kb: KnowledgeBase) -> None:
     values = kb.function_values
     assert values.unset("battery", objects=["rb1"]) is True

@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from kant_sql import (
+    InvalidArgumentError,
     KnowledgeBase,
     PddlObjectDto,
     PddlPredicateDto,
@@ -157,7 +158,7 @@ def test_nothing_can_be_written_to_the_past(fresh_kb: KnowledgeBase, states: lis
 
 
 @pytest.mark.parametrize(
-    "when", [15, 2**63, 10**30, -1, True, False, None, "3", 3.0, b"3", [3], timedelta(1)]
+    "when", [15, 2**63, 10**30, -1, True, False, None, "99", 3.0, b"3", [3], timedelta(1)]
 )
 def test_a_revision_that_there_is_not_is_refused(
     fresh_kb: KnowledgeBase, states: list[State], when: Any
@@ -232,6 +233,42 @@ def test_a_time_without_a_zone_is_refused(fresh_kb: KnowledgeBase) -> None:
     naive = datetime(2026, 1, 31, 9, 30)
     with pytest.raises(UnknownRevisionError, match=r"has no zone; give one, as UTC$"):
         fresh_kb.at(naive)
+
+
+# What takes a revision, and what tells which it took.
+TAKERS: dict[str, Callable[[KnowledgeBase, Any], object]] = {
+    "at": lambda kb, when: kb.at(when).revision,
+    "diff": lambda kb, when: [str(each) for each in kb.diff(when, 3)],
+    "log_until": lambda kb, when: [each.revision.number for each in kb.log(until=when)],
+    "log_since": lambda kb, when: [each.revision.number for each in kb.log(when)],
+    "timeline": lambda kb, when: len(kb.timeline(until=when).lanes),
+    "when": lambda kb, when: len(list(kb.when("(robot_at ?r ?w)", until=when))),
+    "rules": lambda kb, when: str(kb.check_rules("(always (robot_at rb1 wp2))", since=when)),
+}
+
+
+@pytest.mark.parametrize("taker", TAKERS)
+def test_a_revision_or_a_time_is_given_as_text(fresh_kb: KnowledgeBase, taker: str) -> None:
+    for step in HISTORY[:4]:
+        step(fresh_kb)
+    take = TAKERS[taker]
+    moment = fresh_kb.revisions()[1].committed_at
+    assert take(fresh_kb, "2") == take(fresh_kb, 2)
+    assert take(fresh_kb, moment.isoformat()) == take(fresh_kb, moment)
+    naive = moment.replace(tzinfo=None).isoformat()
+    assert take(fresh_kb, naive) == take(fresh_kb, moment)
+    with pytest.raises(InvalidArgumentError, match="neither a revision's number nor a time"):
+        take(fresh_kb, "the day it broke")
+
+
+def test_yesterday_and_now_are_read(fresh_kb: KnowledgeBase) -> None:
+    for step in HISTORY[:4]:
+        step(fresh_kb)
+    for text, revision in (("yesterday", 0), ("2 hours ago", 0), ("Now", 4), (" 3", 3)):
+        assert fresh_kb.at(text).revision == revision
+    assert fresh_kb.at(3).at("now").revision == 3
+    assert [each.revision.number for each in fresh_kb.log(until="now")] == [4, 3, 2, 1]
+    assert [each.revision.number for each in fresh_kb.log("yesterday", until="2")] == [2, 1]
 
 
 def test_now_is_the_present(fresh_kb: KnowledgeBase) -> None:

@@ -116,7 +116,7 @@ def test_times_name_states(told: KnowledgeBase) -> None:
 
 @pytest.mark.parametrize(
     "when",
-    [len(STORY) + 1, -1, True, None, "3", datetime(2026, 1, 31), datetime.max.replace(tzinfo=UTC)],
+    [len(STORY) + 1, -1, True, None, "99", datetime(2026, 1, 31), datetime.max.replace(tzinfo=UTC)],
 )
 def test_a_state_that_is_not_there_is_refused(told: KnowledgeBase, when: Any) -> None:
     for a, b in ((when, 1), (1, when)):

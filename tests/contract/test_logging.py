@@ -394,8 +394,8 @@ def test_a_level_of_the_root_logger_brings_one_record_a_call(
     caplog.set_level(level)
     calls: tuple[tuple[Callable[[], object], int], ...] = (
         (lambda: fresh_kb.propositions.save(fact(7)), 1),
-        (lambda: fresh_kb.propositions.get_all(), 0),
-        (lambda: fresh_kb.at(1).types.get_all(), 0),
+        (fresh_kb.propositions.get_all, 0),
+        (lambda: list(fresh_kb.at(1).types.get_all()), 0),
         (lambda: list(fresh_kb.query("(robot_at ?r ?w)")), 0),
     )
     for call, expected in calls:

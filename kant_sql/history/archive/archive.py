@@ -11,6 +11,7 @@ from ...arguments import flag, optional_call
 from ...dao.interfaces import Progress
 from ...errors import InvalidArgumentError, ReadOnlyError
 from ...knowledge.canonical import archive_text
+from ...moment_text import When, read_when
 from ...sql.changes import ARCHIVE, ASSERTED, Change
 from ...sql.dialects import create_backend
 from ...sql.dialects.base import Session
@@ -51,7 +52,7 @@ class Archived(NamedTuple):
 
 def archive(
     store: Store,
-    before: int | datetime,
+    before: When,
     to: str,
     dry_run: bool = False,
     actor: str | None = None,
@@ -77,8 +78,9 @@ def archive(
         return Archived(upto, *_move_all(store, target, upto, actor, reason))
 
 
-def _last_before(store: Store, before: int | datetime) -> int:
+def _last_before(store: Store, before: When) -> int:
     """Find the last revision before one, or before a time."""
+    before = read_when(before)
     if not isinstance(before, datetime):
         return max(revision_at(store, before) - 1, 0)
     # A time in the future is refused as it stands.

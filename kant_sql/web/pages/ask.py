@@ -9,7 +9,6 @@ from fastapi import Query
 from typing_extensions import TypedDict
 
 from ...dto.formulas import Formula
-from ...history.interfaces import When
 from ...json_documents import (
     FailedConditionDocument,
     HeldDocument,
@@ -18,6 +17,7 @@ from ...json_documents import (
 )
 from ...knowledge.canonical import time_text
 from ...knowledge_base import KnowledgeBase
+from ...moment_text import Moment
 from ..parameters import moment
 from ..registry import Pages
 
@@ -125,7 +125,7 @@ def names(
 
 
 def _answers(
-    kb: KnowledgeBase, condition: str, at: When | None, parameters: str | None, limit: int
+    kb: KnowledgeBase, condition: str, at: Moment | None, parameters: str | None, limit: int
 ) -> AnswersDocument:
     # The revision first: if somebody writes meanwhile, the answers are at least as new.
     state = kb if at is None else kb.at(at)
@@ -146,7 +146,7 @@ def _answers(
 def _periods(
     kb: KnowledgeBase,
     condition: str | Formula,
-    bounds: tuple[When | None, When | None],
+    bounds: tuple[Moment | None, Moment | None],
     parameters: str | None,
 ) -> PeriodsDocument:
     since, until = bounds
@@ -165,7 +165,7 @@ def _periods(
     }
 
 
-def _time_of(kb: KnowledgeBase, moment: When | None) -> datetime | None:
+def _time_of(kb: KnowledgeBase, moment: Moment | None) -> datetime | None:
     """Return the time of a revision, or the time itself."""
     if moment is None or isinstance(moment, datetime):
         return moment

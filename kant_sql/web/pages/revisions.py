@@ -9,7 +9,6 @@ from fastapi import Query
 from typing_extensions import TypedDict
 
 from ...history.change_pages import ChangesPage, read_difference
-from ...history.interfaces import When
 from ...history.log_pages import LogFilter, LogLine, read_log_page, read_revision_page
 from ...json_documents import (
     ChangeDocument,
@@ -18,6 +17,7 @@ from ...json_documents import (
     revision_document,
 )
 from ...knowledge_base import KnowledgeBase
+from ...moment_text import When
 from ..parameters import Before, Offset, SinceMoment, UntilMoment, moment
 from ..registry import Pages
 
