@@ -159,12 +159,13 @@ class InventoryDocument(TypedDict):
     `goals` are atoms; `reached` says how many of them are facts, or is null where a goal is another
     condition or may follow from a rule. `has_more_facts` says that there are more facts than were
     counted. Of a replica, `behind` says how many revisions of its origin it lacks, and `lag` how
-    much older its last one is, in seconds, as last heard of at `heard_at`.
+    much older its last one is, in seconds, as last heard of at `heard_at`. `error` says what is
+    damaged of its name or its last revision, which is null then.
     """
 
     name: str
-    revision: int
-    committed_at: str
+    revision: int | None
+    committed_at: str | None
     actor: str | None
     reason: str | None
     facts: int
@@ -180,6 +181,7 @@ class InventoryDocument(TypedDict):
     verified_revision: int | None
     verified_at: str | None
     complete_at: str | None
+    error: str | None
 
 
 def inventory_document(one: Inventory) -> InventoryDocument:
@@ -187,7 +189,7 @@ def inventory_document(one: Inventory) -> InventoryDocument:
     return {
         "name": one.name,
         "revision": one.revision,
-        "committed_at": time_text(one.committed_at),
+        "committed_at": _optional_time(one.committed_at),
         "actor": one.actor,
         "reason": one.reason,
         "facts": one.facts,
@@ -203,6 +205,7 @@ def inventory_document(one: Inventory) -> InventoryDocument:
         "verified_revision": one.verified_revision,
         "verified_at": _optional_time(one.verified_at),
         "complete_at": _optional_time(one.complete_at),
+        "error": one.error,
     }
 
 

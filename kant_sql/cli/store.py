@@ -244,8 +244,8 @@ def kbs(url: Url, as_json: AsJson = False) -> None:
         return
     columns: dict[str, Callable[[Inventory], str]] = {
         "knowledge base": lambda one: printable(one.name),
-        "revision": lambda one: str(one.revision),
-        "last change": lambda one: time_text(one.committed_at),
+        "revision": lambda one: "" if one.revision is None else str(one.revision),
+        "last change": lambda one: time_text(one.committed_at) if one.committed_at else "",
         "facts": lambda one: f"over {one.facts}" if one.has_more_facts else str(one.facts),
         "goals": _goals,
         "actor": lambda one: printable(one.actor or ""),
@@ -255,6 +255,8 @@ def kbs(url: Url, as_json: AsJson = False) -> None:
         columns |= {"origin": lambda one: printable(one.origin or ""), "behind": _behind}
     if any(one.verified_revision is not None for one in found):
         columns["verified"] = _verified
+    if any(one.error is not None for one in found):
+        columns["error"] = lambda one: printable(one.error or "")
     rows = [[write(one) for write in columns.values()] for one in found]
     Printer().table("knowledge bases", list(columns), rows)
 

@@ -6,6 +6,7 @@ large they are.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from contextlib import closing
 from datetime import datetime
@@ -13,7 +14,7 @@ from typing import Any, NamedTuple, TypeVar
 
 from sqlalchemy import ColumnElement, Select, and_, bindparam, func, literal_column, select
 
-from ..errors import UNREADABLE, missing_revision, reading_rows
+from ..errors import UNREADABLE, StoreError, missing_revision, reading_rows, unreadable
 from ..knowledge.definitions import DERIVED_PREDICATE, GOAL
 from .dialects import create_backend
 from .dialects.base import Backend, Session, retrying
@@ -62,8 +63,8 @@ def _rows(*conditions: ColumnElement[bool]) -> Select[Any]:
     return (
         select(*_COLUMNS)
         .select_from(KnowledgeBaseRow)
-        .join(HeadRow, HeadRow.kb_id == KnowledgeBaseRow.id)
-        # A head whose revision is missing is named, not passed over.
+        # A head that is missing, or whose revision is, is named and not passed over.
+        .outerjoin(HeadRow, HeadRow.kb_id == KnowledgeBaseRow.id)
         .outerjoin(
             RevisionRow,
             and_(RevisionRow.kb_id == HeadRow.kb_id, RevisionRow.number == HeadRow.revision),
@@ -74,13 +75,30 @@ def _rows(*conditions: ColumnElement[bool]) -> Select[Any]:
     )
 
 
-def _page(*conditions: ColumnElement[bool]) -> Query:
-    return Query(first_rows(_rows(*conditions), integer("number")))
+class _Listing(NamedTuple):
+    """The statement that lists some knowledge bases, and the one of their ids alone."""
+
+    rows: Query
+    ids: Query
 
 
-_EVERY = Query(_rows())
+def _listing(rows: Select[Any]) -> _Listing:
+    return _Listing(Query(rows), Query(rows.with_only_columns(KnowledgeBaseRow.id)))
+
+
+def _page(*conditions: ColumnElement[bool]) -> _Listing:
+    return _listing(first_rows(_rows(*conditions), integer("number")))
+
+
+_EVERY = _listing(_rows())
+_BY_ID = Query(_rows(KnowledgeBaseRow.id == bindparam("id")))
+_NAME = Query(select(KnowledgeBaseRow.name).where(KnowledgeBaseRow.id == bindparam("id")))
 _LAST = select(KnowledgeBaseRow.id).where(KnowledgeBaseRow.name == bindparam("after"))
-_AFTER = KnowledgeBaseRow.id > func.coalesce(_LAST.correlate(None).scalar_subquery(), _ZERO)
+_AFTER = KnowledgeBaseRow.id > func.coalesce(
+    _LAST.correlate(None).scalar_subquery(), integer("last"), _ZERO
+)
+# What stands for a name that is damaged.
+_NAMELESS = re.compile(r"id (\d{1,18})")
 _LOWER = func.lower(KnowledgeBaseRow.name)
 _PAGE = _page(_AFTER)
 # Both dialects can replace; each searches by a function of its own.
@@ -88,7 +106,8 @@ _FOUND = _page(_AFTER, func.replace(_LOWER, func.lower(bindparam("part")), _EMPT
 _NAMED = _page(KnowledgeBaseRow.name == bindparam("name"))
 _TOTAL = Query(
     select(func.count(), func.coalesce(func.sum(HeadRow.revision), _ZERO)).where(
-        HeadRow.revision > _ZERO
+        # What no revision reaches is damaged, and might be too large for a sum.
+        HeadRow.revision.between(literal_column("1"), literal_column(str(2**40)))
     )
 )
 
@@ -163,10 +182,11 @@ _COUNTS = Query(
 class Inventory(NamedTuple):
     """A knowledge base: its last revision, what it has, its origin, and how far it is verified.
 
-    What cannot be read of its origin and its verifications is None.
+    What cannot be read of its origin and its verifications is None. If its name or its last
+    revision is damaged, `error` says how, and the attributes of that revision are None.
 
     Attributes:
-        name: its name.
+        name: its name; if that is damaged, "id" and its id.
         revision: the number of its last revision.
         committed_at: when that was made, in UTC.
         actor: who made it.
@@ -184,11 +204,12 @@ class Inventory(NamedTuple):
             none was kept.
         verified_at: when that was, in UTC.
         complete_at: when a verification that began at revision 1 was last kept, in UTC.
+        error: what is damaged of its name or its last revision; None where both can be read.
     """
 
     name: str
-    revision: int
-    committed_at: datetime
+    revision: int | None
+    committed_at: datetime | None
     actor: str | None
     reason: str | None
     facts: int
@@ -202,20 +223,22 @@ class Inventory(NamedTuple):
     verified_revision: int | None = None
     verified_at: datetime | None = None
     complete_at: datetime | None = None
+    error: str | None = None
 
     @property
     def behind(self) -> int | None:
         """How many revisions of its origin it lacks, as last heard of; None where it has none."""
-        if self.origin is None or self.origin_revision is None:
+        if self.origin is None or self.origin_revision is None or self.revision is None:
             return None
         return max(0, self.origin_revision - self.revision)
 
     @property
     def lag(self) -> float | None:
         """How much older its last revision is than that of its origin, in seconds."""
-        if self.behind is None or self.origin_committed_at is None:
+        there, here = self.origin_committed_at, self.committed_at
+        if self.behind is None or there is None or here is None:
             return None
-        return max(0.0, (self.origin_committed_at - self.committed_at).total_seconds())
+        return max(0.0, (there - here).total_seconds())
 
 
 class Catalog:
@@ -244,37 +267,41 @@ class Catalog:
         """
 
         def read(session: Session) -> tuple[list[Inventory], bool]:
-            given = {"after": after, "number": limit + 1}
+            nameless = _NAMELESS.fullmatch(after or "")
+            last = None if nameless is None else int(nameless[1])
+            given = {"after": after, "last": last, "number": limit + 1}
             if part:
-                rows = session.rows(_FOUND, part=part, **given)
+                rows = _read_rows(session, _FOUND, part=part, **given)
             else:
-                rows = session.rows(_PAGE, **given)
+                rows = _read_rows(session, _PAGE, **given)
             return _counted(session, rows[:limit]), len(rows) > limit
 
         return self._read(read)
 
     def every(self) -> list[Inventory]:
         """Read all knowledge bases that have a revision, oldest first."""
-        return self._read(lambda session: _counted(session, session.rows(_EVERY)))
+        return self._read(lambda session: _counted(session, _read_rows(session, _EVERY)))
 
     def find(self, name: str) -> Inventory | None:
         """Read one knowledge base; None if there is none of this name that has a revision."""
         found = self._read(
-            lambda session: _counted(session, session.rows(_NAMED, name=name, number=1))
+            lambda session: _counted(session, _read_rows(session, _NAMED, name=name, number=1))
         )
         return found[0] if found else None
 
     def first_names(self, limit: int) -> list[str]:
-        """Return the first names, oldest first."""
+        """Return the first names, oldest first, without damaged ones."""
         return self._read(
             lambda session: [
-                _name(session, row) for row in session.rows(_PAGE, after=None, number=limit)
+                row[1]
+                for row in _read_rows(session, _PAGE, after=None, last=None, number=limit)
+                if isinstance(row[1], str)
             ]
         )
 
     def has(self, name: str) -> bool:
         """Return whether there is a knowledge base of this name that has a revision."""
-        return self._read(lambda session: bool(session.rows(_NAMED, name=name, number=1)))
+        return self._read(lambda session: bool(session.rows(_NAMED.ids, name=name, number=1)))
 
     def total(self) -> tuple[int, int]:
         """Count the knowledge bases, and the revisions of all: any change changes this."""
@@ -305,7 +332,6 @@ def knowledge_bases(url: str) -> list[Inventory]:
     Raises:
         InvalidUrlError: the URL is not valid.
         SchemaMissingError: the database has no kant_sql tables.
-        StoreIntegrityError: a name or a last revision is damaged; the message says whose.
         StoreError: the database cannot be opened.
     """
     with closing(create_backend(url, read_only=True)) as backend:
@@ -325,18 +351,41 @@ def _counted(session: Session, rows: list[tuple[Any, ...]]) -> list[Inventory]:
     return [_inventory(session, row, counts.get(row[0], (0, 0, 0, 0)), most) for row in rows]
 
 
+def _read_rows(session: Session, listing: _Listing, **given: Any) -> list[tuple[Any, ...]]:
+    """Read the rows; where a driver cannot read one, an error is in its place of the revision."""
+    try:
+        return session.rows(listing.rows, **given)
+    except StoreError as error:
+        # Any other error is not about a row.
+        if type(error) is not StoreError:
+            raise
+    return [_read_row(session, id_) for (id_,) in session.rows(listing.ids, **given)]
+
+
+def _read_row(session: Session, id_: Any) -> tuple[Any, ...]:
+    name = None
+    try:
+        [(name,)] = session.rows(_NAME, id=id_)
+        return session.rows(_BY_ID, id=id_)[0]
+    except StoreError as error:
+        return (id_, name, error, *(None for _ in _COLUMNS[3:]))
+
+
 def _inventory(
     session: Session, row: tuple[Any, ...], counts: tuple[int, ...], most: int
 ) -> Inventory:
-    revision, committed_at, actor, reason = _last_revision(session, row)
+    last: tuple[int | None, datetime | None, str | None, str | None] = (None, None, None, None)
+    error = None
+    try:
+        last = _last_revision(session, row)
+    except StoreError as damage:
+        # Whoever reads this knows the store, or may not know where it is.
+        error = str(damage).removeprefix(f"{session.backend.label}: ")
     origin, at_origin, said_at, heard_at, verified, verified_at, complete_at = row[7:]
     facts, goals, reached, formulas = counts
     return Inventory(
-        _name(session, row),
-        revision,
-        committed_at,
-        actor,
-        reason,
+        row[1] if isinstance(row[1], str) else f"id {row[0]}",
+        *last,
         min(facts, most),
         facts > most,
         goals,
@@ -348,27 +397,26 @@ def _inventory(
         _number(verified),
         _moment(session, verified_at),
         _moment(session, complete_at),
+        error,
     )
-
-
-def _name(session: Session, row: tuple[Any, ...]) -> str:
-    """Return the name: SQLite keeps anything in any column."""
-    name = row[1]
-    with reading_rows("knowledge_base", f"id {row[0]!r} of {session.backend.label}"):
-        if not isinstance(name, str):
-            raise TypeError(f"column name has {name!r}, no text")
-    return name
 
 
 def _last_revision(
     session: Session, row: tuple[Any, ...]
 ) -> tuple[int, datetime, str | None, str | None]:
     """Return number, time, actor and reason of the last revision."""
-    name, label = _name(session, row), session.backend.label
-    revision, number, committed_at, actor, reason = row[2:7]
+    name, revision, number, committed_at, actor, reason = row[1:7]
+    if isinstance(revision, StoreError):
+        raise revision
+    with reading_rows("knowledge_base", f"id {row[0]!r}"):
+        # SQLite keeps anything in any column.
+        if not isinstance(name, str):
+            raise TypeError(f"column name has {name!r}, no text")
+    if revision is None:
+        raise unreadable("head", f"knowledge base {name!r}", LookupError("there is no row"))
     if number is None or type(revision) is not int:
-        raise missing_revision(label, name, revision)
-    with reading_rows("revision", f"revision {revision} of knowledge base {name!r} of {label}"):
+        raise missing_revision(session.backend.label, name, revision)
+    with reading_rows("revision", f"revision {revision} of knowledge base {name!r}"):
         for column, text in (("actor", actor), ("reason", reason)):
             if text is not None and not isinstance(text, str):
                 raise TypeError(f"column {column} has {text!r}, no text")

@@ -413,6 +413,7 @@ def test_kbs_lists_the_knowledge_bases_with_their_last_changes(own_store: str) -
         "reached": 0,
         **dict.fromkeys(("origin", "origin_revision", "origin_committed_at", "heard_at")),
         **dict.fromkeys(("behind", "lag", "verified_revision", "verified_at", "complete_at")),
+        "error": None,
     }
     text = run("kbs", url=own_store).stdout
     assert text.splitlines()[1] == "knowledge bases (2)"

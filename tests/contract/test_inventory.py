@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator
+import re
+from collections.abc import Iterator
 from contextlib import contextmanager
 from datetime import UTC, datetime, timedelta
 
 import pytest
+from fastapi.testclient import TestClient
 
 from kant_sql import (
     QuestionCancelledError,
     SchemaMissingError,
-    StoreIntegrityError,
     knowledge_bases,
     limited,
     open_store,
@@ -21,7 +22,9 @@ from kant_sql.json_documents import inventory_document
 from kant_sql.knowledge.canonical import time_text
 from kant_sql.sql import inventory
 from kant_sql.sql.inventory import Catalog
+from kant_sql.web.application import create_app
 from tests.support.faults import change, on_file, on_server
+from tests.support.processes.commands import run
 from tests.support.statements import count, fill
 from tests.support.stores import Connect
 from tests.support.worlds.robots import RB1, WP2, robot_at, waypoint
@@ -108,6 +111,7 @@ def test_it_says_how_far_a_replica_is_behind(shared_url: str, connect: Connect) 
     for name in ("tiago", "pepper"):
         connect(shared_url, knowledge_base=name).propositions.save(robot_at())
     one, other = knowledge_bases(shared_url)
+    assert one.committed_at is not None
     later = one.committed_at + timedelta(seconds=90)
     change(shared_url, REPLICA.format(at=time_text(later)))
     one, other = knowledge_bases(shared_url)
@@ -117,7 +121,7 @@ def test_it_says_how_far_a_replica_is_behind(shared_url: str, connect: Connect) 
     assert (other.origin, other.behind, other.lag, other.heard_at) == (None,) * 4
     change(
         shared_url,
-        REPLICA.format(at=time_text(one.committed_at)),
+        REPLICA.format(at=time_text(later - timedelta(seconds=90))),
         "UPDATE head SET origin_revision = 1",
     )
     one, _ = knowledge_bases(shared_url)
@@ -229,51 +233,77 @@ def test_times_that_python_does_not_have_are_not_known(
     _is_unknown(shared_url, table, sql)
 
 
+# What is damaged of the first of two knowledge bases: its name from then on, and what is said.
 DAMAGED = {
-    "a time": ("UPDATE revision SET committed_at = 'x' WHERE kb_id = 1", "table revision, .*tiago"),
-    "an actor": ("UPDATE revision SET actor = x'00ff' WHERE kb_id = 1", "table revision, .*tiago"),
-    "a name": ("UPDATE knowledge_base SET name = x'00ff' WHERE id = 1", "table knowledge_base, id"),
-    "a number": ("UPDATE head SET revision = 'x' WHERE kb_id = 1", "table head .*tiago"),
+    "no head": ("DELETE FROM head WHERE kb_id = 1", "tiago", "table head, .*tiago"),
+    "no revision": ("UPDATE head SET revision = 99 WHERE kb_id = 1", "tiago", "99, which is miss"),
+}
+DAMAGED_FILES = {
+    "a time": ("UPDATE revision SET committed_at = 'x' WHERE kb_id = 1", "tiago", "table revision"),
+    "an actor": ("UPDATE revision SET actor = x'ff' WHERE kb_id = 1", "tiago", "column actor has"),
+    "an actor in no code": (
+        "UPDATE revision SET actor = CAST(x'ff' AS TEXT) WHERE kb_id = 1",
+        "tiago",
+        "decode .*actor",
+    ),
+    "a name": ("UPDATE knowledge_base SET name = x'ff' WHERE id = 1", "id 1", "column name has"),
+    "a name in no code": (
+        "UPDATE knowledge_base SET name = CAST(x'ff' AS TEXT) WHERE id = 1",
+        "id 1",
+        "decode .*name",
+    ),
+    "a number": ("UPDATE head SET revision = 'x' WHERE kb_id = 1", "tiago", "table head .*tiago"),
+    "a large number": ("UPDATE head SET revision = 9e999 WHERE kb_id = 1", "tiago", "table head"),
 }
 
 
-@on_file
-@pytest.mark.parametrize(("sql", "said"), DAMAGED.values(), ids=DAMAGED)
-def test_a_damaged_name_or_last_revision_is_named(
-    shared_url: str, connect: Connect, sql: str, said: str
-) -> None:
-    make_fleet(shared_url, connect)
-    change(shared_url, "PRAGMA ignore_check_constraints = ON", sql)
-    with pytest.raises(StoreIntegrityError, match=said) as caught:
-        knowledge_bases(shared_url)
-    for part in (shared_url, "kant-sql verify", "restore the store from a copy"):
-        assert part in str(caught.value)
-
-
-def test_a_last_revision_that_is_missing_is_named(shared_url: str, connect: Connect) -> None:
-    for name in ("tiago", "pepper"):
-        connect(shared_url, knowledge_base=name).propositions.save(robot_at())
-    change(shared_url, "UPDATE head SET revision = 999 WHERE kb_id = 2")
-    with catalog_of(shared_url) as catalog:
-        reads: list[Callable[[], object]] = [
-            catalog.every,
-            catalog.overview,
-            lambda: catalog.overview(part="PEP"),
-            lambda: catalog.find("pepper"),
+def _is_listed_as_damaged(url: str, connect: Connect, *, sql: str, name: str, said: str) -> None:
+    for each in ("tiago", "pepper", "rosie"):
+        connect(url, knowledge_base=each).propositions.save(robot_at())
+    pragma = ["PRAGMA ignore_check_constraints = ON"] if url.startswith("sqlite") else []
+    change(url, *pragma, sql)
+    listed = knowledge_bases(url)
+    assert [(one.name, one.error is None) for one in listed] == [
+        (name, False),
+        ("pepper", True),
+        ("rosie", True),
+    ]
+    damaged = listed[0]
+    assert re.search(said, damaged.error or "")
+    assert url not in str(damaged.error)
+    assert (damaged.revision, damaged.committed_at, damaged.behind, damaged.lag) == (None,) * 4
+    json.dumps(inventory_document(damaged), allow_nan=False)
+    with catalog_of(url) as catalog:
+        assert catalog.overview(limit=1) == ([damaged], True)
+        assert catalog.overview(limit=1, after=name) == ([listed[1]], True)
+        assert catalog.find("pepper") == listed[1]
+        assert catalog.find("tiago") == (damaged if name == "tiago" else None)
+        assert catalog.first_names(3) == [
+            each for each in (name, "pepper", "rosie") if each != "id 1"
         ]
-        for read in reads:
-            with pytest.raises(
-                StoreIntegrityError, match="'pepper' has revision 999, which is missing"
-            ):
-                read()
-        found = catalog.find("tiago")
-        assert found is not None
-        assert found.revision == 1
+        assert catalog.total()[0] in (2, 3)
+    told = run("kbs", url)
+    assert (told.exit_code, told.stderr) == (0, "")
+    assert all(each in told.stdout for each in (name, "pepper", "rosie", "error"))
+    with TestClient(create_app(url), base_url="http://127.0.0.1") as client:
+        page = client.get("/")
+        assert page.status_code == 200
+        assert "pepper" in page.text
+        assert "damaged" in page.text
+        found = client.get("/api/").json()["knowledge_bases"]
+        assert [one["error"] for one in found] == [damaged.error, None, None]
+
+
+@pytest.mark.parametrize(("sql", "name", "said"), DAMAGED.values(), ids=DAMAGED)
+def test_damage_of_one_is_a_line_among_all_others(
+    shared_url: str, connect: Connect, sql: str, name: str, said: str
+) -> None:
+    _is_listed_as_damaged(shared_url, connect, sql=sql, name=name, said=said)
 
 
 @on_file
-def test_a_count_that_is_none_is_an_error_of_the_store(shared_url: str, connect: Connect) -> None:
-    make_fleet(shared_url, connect)
-    change(shared_url, "UPDATE head SET revision = 9e999 WHERE kb_id = 1")
-    with catalog_of(shared_url) as catalog, pytest.raises(StoreIntegrityError, match="table head"):
-        catalog.total()
+@pytest.mark.parametrize(("sql", "name", "said"), DAMAGED_FILES.values(), ids=DAMAGED_FILES)
+def test_damage_of_one_is_a_line_among_all_others_of_a_file(
+    shared_url: str, connect: Connect, sql: str, name: str, said: str
+) -> None:
+    _is_listed_as_damaged(shared_url, connect, sql=sql, name=name, said=said)

@@ -36,10 +36,11 @@ def check(url: str, robots: int, kills: int) -> None:
     assert (found["robots"], found["processes"]) == (robots, kills)
     kept = kant_sql.knowledge_bases(url)
     assert len(kept) == robots
-    assert sum(one.revision for one in kept) == found["revisions"]
+    revisions = [one.revision or 0 for one in kept]
+    assert sum(revisions) == found["revisions"]
     assert {one.behind for one in kept} == {0}
     # Each robot loads two documents, works, and pushes when it has a connection.
-    assert min(one.revision for one in kept) > 3
+    assert min(revisions) > 3
     assert found["pushes"] >= 2 * robots - kills
 
 

@@ -136,8 +136,8 @@ HEAD_COLUMNS = ("revision", "definition_revision", "next_id", "hash", "committed
 # Only the tables' owner archives: no other role may delete. Nor may another role end a replica, or
 # say that something was verified.
 NOT_WRITTEN = frozenset({"archive", "promotion", "verification"})
-# How far the time of a revision may be from the server's clock when its row is added. Times never go
-# back, so a time far ahead would hold for all later revisions; a time long ago would change what
+# How far the time of a revision may be from the server's clock when its row is added. Times never
+# go back, so a time far ahead would hold for all later revisions; a time long ago would change what
 # `at` returns for times since the previous one. A writer reads the clock when its transaction
 # begins, adds the time since, during which the clock may be adjusted, and then hashes the changes.
 LEEWAY = "interval '1 minute'"

@@ -15,8 +15,8 @@ from .plans import PlanStepArgumentRow as PlanStepArgumentRow
 from .plans import PlanStepRow as PlanStepRow
 from .plans import PlanStepVersionRow as PlanStepVersionRow
 from .plans import RevisionPlanStepRow as RevisionPlanStepRow
-from .revisions import ArchiveRow as ArchiveRow
 from .revisions import EMPTY_HEAD as EMPTY_HEAD
+from .revisions import ArchiveRow as ArchiveRow
 from .revisions import HeadRow as HeadRow
 from .revisions import KnowledgeBaseRow as KnowledgeBaseRow
 from .revisions import PromotionRow as PromotionRow

@@ -49,7 +49,7 @@ class HomeDocument(TypedDict):
 def knowledge_bases(store: OpenStore, after: After = None, part: Part = None) -> HomeDocument:
     """List the knowledge bases with their heads, oldest first, 50 at a time."""
     found, has_more = store.read_catalog(lambda catalog: catalog.overview(after=after, part=part))
-    asked = [one.name for one in found if one.reached is None][:MOST_ASKED]
+    asked = [one.name for one in found if one.reached is None and one.error is None][:MOST_ASKED]
     return {
         "knowledge_bases": [_document(store, one, one.name in asked) for one in found],
         "part": part,
