@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from string import ascii_lowercase, ascii_uppercase
 from typing import Any, NamedTuple
 
 from sqlalchemy import ColumnElement, bindparam, func
@@ -11,6 +12,8 @@ from ..store.store import Store
 
 # A pattern longer than this is refused by SQLite, which takes 50,000 bytes.
 LONGEST_SOUGHT = 5_000
+# As `lower` of both databases does, which leaves all but ASCII as it is.
+_LOWER = str.maketrans(ascii_uppercase, ascii_lowercase)
 
 
 class StateReader(NamedTuple):
@@ -33,11 +36,15 @@ def pattern_of(text: str) -> str:
     """
     if "\0" in text:
         raise InvalidArgumentError("no text of a store contains a NUL; leave it out")
-    # As `lower` of both databases does, which leaves all but ASCII as it is.
-    folded = "".join([one.lower() if one.isascii() else one for one in text[:LONGEST_SOUGHT]])
+    folded = text[:LONGEST_SOUGHT].translate(_LOWER)
     for special in ("!", "%", "_"):
         folded = folded.replace(special, f"!{special}")
     return f"%{folded}%"
+
+
+def is_in(text: str | None, said: str) -> bool:
+    """Return whether a text contains another as `contains` does; all contain None."""
+    return text is None or text.translate(_LOWER) in said.translate(_LOWER)
 
 
 def word_pattern(name: str) -> str:

@@ -39,6 +39,8 @@ class StepBar:
         reason: why.
         ended_by: who ended it.
         ended_reason: why.
+        source: what else was given by who started it.
+        ended_source: what else was given by who ended it.
     """
 
     position: int
@@ -52,6 +54,8 @@ class StepBar:
     reason: str | None = None
     ended_by: str | None = None
     ended_reason: str | None = None
+    source: object = None
+    ended_source: object = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,6 +70,7 @@ class PlanBar:
         reason: why.
         planner: the planner's name.
         steps: its steps, in order.
+        source: what else was given by who recorded it.
     """
 
     id: int
@@ -75,6 +80,7 @@ class PlanBar:
     reason: str | None
     planner: str | None
     steps: tuple[StepBar, ...]
+    source: object = None
 
 
 LOW, HIGH = integer("low"), integer("high")
@@ -228,7 +234,8 @@ class PlanBars:
             if plan_id in self._steps:
                 steps = (self._step(plan_id, *step, told) for step in self._steps[plan_id])
                 own = told[recorded_in]
-                made.append(PlanBar(plan_id, recorded_in, *own, planner, tuple(steps)))
+                who = own.at, own.actor, own.reason
+                made.append(PlanBar(plan_id, recorded_in, *who, planner, tuple(steps), own.source))
         return tuple(made)
 
     def _step(self, plan_id: int, position: int, text: str, told: Mapping[int, Told]) -> StepBar:
@@ -250,4 +257,6 @@ class PlanBars:
             None if by is None else by.reason,
             None if ended is None else ended.actor,
             None if ended is None else ended.reason,
+            None if by is None else by.source,
+            None if ended is None else ended.source,
         )

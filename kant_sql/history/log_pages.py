@@ -5,7 +5,17 @@ from __future__ import annotations
 from functools import cache
 from typing import Any, NamedTuple
 
-from sqlalchemy import ColumnElement, Select, bindparam, literal_column, or_, select, union
+from sqlalchemy import (
+    ColumnElement,
+    Select,
+    Text,
+    bindparam,
+    cast,
+    literal_column,
+    or_,
+    select,
+    union,
+)
 
 from ..arguments import optional_text
 from ..dao.known import refuse_unknown_actor
@@ -18,7 +28,7 @@ from ..sql.rows import KB, PROPOSITION, VALUE, VERSION_COLUMNS
 from ..sql.tables import HeadRow, RevisionRow
 from ..store.snapshot import archive_of
 from .change_pages import COUNTED_CHANGES, ChangesPage, changes_of, count_changes, read_changes_page
-from .excerpts import StateReader, contains, pattern_of
+from .excerpts import StateReader, contains, is_in, pattern_of
 from .log import read_log
 from .moments import find_bounds
 from .revisions import Revision, make_revision, missing_revision, refuse_unknown
@@ -41,7 +51,8 @@ class LogFilter(NamedTuple):
     Attributes:
         actor: who wrote.
         element: what was changed, as for `History.log`.
-        text: what is in the reason, the actor or a change, in any case.
+        text: what is in the reason, the actor, the source as JSON, or a change; letters of ASCII in
+            any case.
     """
 
     actor: str | None = None
@@ -131,6 +142,7 @@ def _numbers(has_actor: bool, has_text: bool) -> Query:
         said: list[ColumnElement[bool]] = [
             contains(RevisionRow.actor),
             contains(RevisionRow.reason),
+            contains(cast(RevisionRow.source, Text)),
             in_rows(number, _changed()),
         ]
         rows = rows.where(or_(*said))
@@ -235,7 +247,6 @@ def _of_element(reader: StateReader, asked: LogFilter, low: int, high: int, limi
         return LogPage([], None)
     is_open = asked.actor is None and asked.text is None
     most = limit + 1 if is_open else SEARCHED_OF_ELEMENT
-    text = (asked.text or "").lower()
     lines: list[LogLine] = []
     looked, last = 0, high
     try:
@@ -246,8 +257,11 @@ def _of_element(reader: StateReader, asked: LogFilter, low: int, high: int, limi
             if len(lines) == limit:
                 return LogPage(lines, last)
             looked, last = looked + 1, revision.number
-            said = [revision.actor or "", revision.reason or "", *(c.text for c in entry.changes)]
-            if asked.actor in (None, revision.actor) and any(text in one.lower() for one in said):
+            said = [revision.actor or "", revision.reason or "", revision.source_text or ""]
+            said += [change.text for change in entry.changes]
+            if asked.actor in (None, revision.actor) and any(
+                is_in(asked.text, one) for one in said
+            ):
                 lines.append(LogLine(revision, entry.changes, len(entry.changes), True, False))
     except ArchivedError as error:
         return LogPage(lines, None, archive=str(error))

@@ -61,6 +61,20 @@ class Revision:
     observed_at: datetime | None = None
     plan_step: tuple[int, int] | None = None
 
+    @property
+    def source_text(self) -> str | None:
+        """The source as JSON text; None without one."""
+        return (
+            None
+            if self.source is None
+            else json.dumps(self.source, ensure_ascii=False, separators=(",", ":"))
+        )
+
+    def said(self) -> list[str]:
+        """Return who, why and the source, as far as they were given."""
+        said = self.actor, self.reason, self.source_text
+        return [one for one in said if one is not None]
+
     def _html_row_(self) -> html.Row:
         step = None if self.plan_step is None else "plan {}, step {}".format(*self.plan_step)
         return {
@@ -69,7 +83,7 @@ class Revision:
             "observed at": self.observed_at,
             "actor": self.actor,
             "reason": self.reason,
-            "source": None if self.source is None else json.dumps(self.source),
+            "source": self.source_text,
             "plan step": step,
         }
 
@@ -159,6 +173,11 @@ def _number(text: str) -> int | float:
     return number if abs(number) <= LARGEST_EXACT else float(text)
 
 
+def read_source(text: str | None) -> Any:
+    """Read the source of a revision."""
+    return None if text is None else json.loads(text, parse_int=_number)
+
+
 def make_revision(session: Session, row: Row) -> Revision:
     """Build a revision from a row that begins with the columns of `REVISIONS`."""
     try:
@@ -169,7 +188,6 @@ def make_revision(session: Session, row: Row) -> Revision:
 
 def _make_revision(session: Session, row: Row) -> Revision:
     number, committed_at, actor, reason, source, digest, seen, plan_id, position, *_ = row
-    value: Any = None if source is None else json.loads(source, parse_int=_number)
     observed_at = None if seen is None else session.to_time(seen)
     revision = object.__new__(Revision)
     # The `__init__` of a frozen dataclass takes twice as long.
@@ -178,7 +196,7 @@ def _make_revision(session: Session, row: Row) -> Revision:
         committed_at=session.to_time(committed_at),
         actor=actor,
         reason=reason,
-        source=value,
+        source=read_source(source),
         hash=digest,
         observed_at=observed_at,
         plan_step=None if plan_id is None else (plan_id, position),

@@ -50,7 +50,7 @@ from ..sql.tables import (
     PropositionArgumentRow,
     PropositionRow,
 )
-from .excerpts import StateReader, contains, pattern_of, word_pattern
+from .excerpts import StateReader, contains, is_in, pattern_of, word_pattern
 from .moments import read_head, states_at
 from .revisions import Revision, read_numbered
 
@@ -489,13 +489,12 @@ def _read_gone(
     """Read what a revision retracted, as far as it is asked for."""
     wanted = frozenset(kinds)
     names = {fold(name) for name in (asked.predicate, asked.object) if name is not None}
-    text = None if asked.text is None else asked.text.lower()
     rows = session.rows(_GONE, kb=kb_id, at=revision)
     gone = [
         HeldElement(kind, said, since)
         for kind, said, since in rows
         if kind in wanted
         and (not names or names <= set(tokenize(fold(said))))
-        and (text is None or text in said.lower())
+        and is_in(asked.text, said)
     ]
     return sorted(gone)[:GONE]

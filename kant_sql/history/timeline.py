@@ -52,6 +52,8 @@ class Bar:
         reason: why.
         ended_by: who retracted it.
         ended_reason: why.
+        source: what else was given by who asserted it, such as a confidence.
+        ended_source: what else was given by who retracted it.
         value: of a fluent, its value: a number as exact text, or the name of an object.
         number: the value as a number, if it is one.
     """
@@ -64,6 +66,8 @@ class Bar:
     reason: str | None
     ended_by: str | None = None
     ended_reason: str | None = None
+    source: object = None
+    ended_source: object = None
     value: str | None = None
     number: float | None = None
 
@@ -408,6 +412,8 @@ def _bar(version: FoundVersion, told: Mapping[int, Told], head: int) -> Bar:
         began.reason,
         None if ended is None else ended.actor,
         None if ended is None else ended.reason,
+        began.source,
+        None if ended is None else ended.source,
         version.value,
         version.number,
     )

@@ -60,10 +60,12 @@ class Version:
             "asserted at": self.since.committed_at,
             "asserted by": self.since.actor,
             "reason": self.since.reason,
+            "source": self.since.source_text,
             "until": None if until is None else until.number,
             "retracted at": None if until is None else until.committed_at,
             "retracted by": None if until is None else until.actor,
             "reason to retract": None if until is None else until.reason,
+            "source to retract": None if until is None else until.source_text,
         }
 
     def _repr_html_(self) -> str:

@@ -21,7 +21,7 @@ from ..sql.rows import KB
 from ..sql.tables import HeadRow, RevisionRow
 from ..store.store import Store
 from .moments import check_number, check_zone, last_until
-from .revisions import FIRST_MOMENT, LARGEST, LAST_MOMENT, missing_revision
+from .revisions import FIRST_MOMENT, LARGEST, LAST_MOMENT, missing_revision, read_source
 
 PLAN = "plan"
 LaneKind = Literal["fact", "goal", "value"]
@@ -218,11 +218,12 @@ def _clamped(moment: datetime) -> datetime:
 
 
 class Told(NamedTuple):
-    """Who made a revision, when and why."""
+    """Who made a revision, when and why; `source` is what else the writer gave."""
 
     at: datetime
     actor: str | None
     reason: str | None
+    source: object
 
 
 def read_told(session: Session, kb_id: int, numbers: Collection[int]) -> dict[int, Told]:
@@ -231,7 +232,10 @@ def read_told(session: Session, kb_id: int, numbers: Collection[int]) -> dict[in
         return {}
     rows = read_tellers(session, kb_id, numbers)
     with reading_rows("revision", f"knowledge base {kb_id!r}"):
-        found = {row[0]: Told(session.to_time(row[1]), row[2], row[3]) for row in rows}
+        found = {
+            row[0]: Told(session.to_time(row[1]), row[2], row[3], read_source(row[4]))
+            for row in rows
+        }
     for number in numbers:
         if number not in found:
             raise missing_revision(session, number)

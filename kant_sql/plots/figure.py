@@ -510,11 +510,13 @@ def _order_of(step: StepBar) -> tuple[datetime, int]:
 def _hover(lane: Lane, bar: Bar) -> str:
     named = lane.text if bar.value is None else f"{lane.text} = {bar.value}"
     lines = [f"{said(named)} ({lane.kind})"]
-    lines.append(f"from {shown_time(bar.since_at)}{_in(bar.since)}{who(bar.actor, bar.reason)}")
+    lines.append(
+        f"from {shown_time(bar.since_at)}{_in(bar.since)}{who(bar.actor, bar.reason, bar.source)}"
+    )
     if bar.until is None or bar.until_at is None:
         lines.append("still holds")
     else:
-        ended = who(bar.ended_by, bar.ended_reason)
+        ended = who(bar.ended_by, bar.ended_reason, bar.ended_source)
         lines.append(f"until {shown_time(bar.until_at)}{_in(bar.until)}{ended}")
     return "<br>".join(lines)
 
@@ -528,10 +530,10 @@ def _step_hover(plan: PlanBar, step: StepBar) -> str:
     lines = [f"{said(step.text)} {outcome.sign} {outcome.name}"]
     lines.append(f"step {step.position} of plan {plan.id}")
     if step.since_at is not None:
-        by = who(step.actor, step.reason)
+        by = who(step.actor, step.reason, step.source)
         lines.append(f"from {shown_time(step.since_at)}{_in(step.since)}{by}")
     if step.until_at is not None:
-        by = who(step.ended_by, step.ended_reason)
+        by = who(step.ended_by, step.ended_reason, step.ended_source)
         lines.append(f"until {shown_time(step.until_at)}{_in(step.until)}{by}")
     return "<br>".join(lines)
 
@@ -539,4 +541,4 @@ def _step_hover(plan: PlanBar, step: StepBar) -> str:
 def _plan_hover(plan: PlanBar) -> str:
     planner = f" of {said(plan.planner)}" if plan.planner is not None else ""
     at = f"{shown_time(plan.recorded_at)}{_in(plan.recorded_in)}"
-    return f"plan {plan.id}{planner}<br>recorded {at}{who(plan.actor, plan.reason)}"
+    return f"plan {plan.id}{planner}<br>recorded {at}{who(plan.actor, plan.reason, plan.source)}"

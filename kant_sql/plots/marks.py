@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable, Sequence
 from datetime import datetime
 from html import escape
@@ -107,8 +108,10 @@ def address(path: str, **query: object) -> str:
     return f"{path}?{urlencode(query, errors='replace')}"
 
 
-def who(actor: str | None, reason: str | None) -> str:
-    """Say who did something and why."""
+def who(actor: str | None, reason: str | None, source: object = None) -> str:
+    """Say who did something and why, and from what."""
     # Without markup: Plotly makes inline styles of it, which a strict policy of a page forbids.
     by = f" by {said(actor)}" if actor is not None else ""
-    return by + (f"<br>   because: {said(reason)}" if reason is not None else "")
+    why = f"<br>   because: {said(reason)}" if reason is not None else ""
+    given = None if source is None else json.dumps(source, ensure_ascii=False)
+    return by + why + (f"<br>   source: {said(given)}" if given is not None else "")

@@ -57,10 +57,12 @@ class Held:
             "begun at": None if since is None else since.committed_at,
             "begun by": None if since is None else since.actor,
             "reason": None if since is None else since.reason,
+            "source": None if since is None else since.source_text,
             "until": "the end of the range" if until is None else until.number,
             "ended at": None if until is None else until.committed_at,
             "ended by": None if until is None else until.actor,
             "reason of the end": None if until is None else until.reason,
+            "source of the end": None if until is None else until.source_text,
         }
 
     def _repr_html_(self) -> str:
@@ -75,7 +77,7 @@ class Held:
 
 def _end(revision: Revision) -> str:
     when = revision.committed_at.isoformat(timespec="seconds")
-    who = [str(one) for one in (revision.actor, revision.reason) if one is not None]
+    who = revision.said()
     return f"{revision.number} ({', '.join([when, *who])})"
 
 
@@ -142,7 +144,7 @@ class HeldPeriods(Sequence[Held]):
 
         Returns:
             For each period the objects by their variables (with `?`), and `since`, `since_time`,
-            `since_actor`, `since_reason`, `until`, `until_time`, `until_actor`, `until_reason`;
+            `since_actor`, `since_reason`, `since_source`, and likewise `until` ...;
             None where a period has no such end.
         """
         return [
@@ -187,10 +189,12 @@ class HeldPeriods(Sequence[Held]):
 
 def _columns(end: str, revision: Revision | None) -> dict[str, Any]:
     if revision is None:
-        return dict.fromkeys((end, f"{end}_time", f"{end}_actor", f"{end}_reason"))
+        columns = f"{end}_time", f"{end}_actor", f"{end}_reason", f"{end}_source"
+        return dict.fromkeys((end, *columns))
     return {
         end: revision.number,
         f"{end}_time": revision.committed_at,
         f"{end}_actor": revision.actor,
         f"{end}_reason": revision.reason,
+        f"{end}_source": revision.source,
     }

@@ -44,6 +44,7 @@ class Verdict:
             "committed at": None if revision is None else revision.committed_at,
             "actor": None if revision is None else revision.actor,
             "reason": None if revision is None else revision.reason,
+            "source": None if revision is None else revision.source_text,
         }
 
     def _repr_html_(self) -> str:
@@ -54,7 +55,7 @@ class Verdict:
             return f"{self.text} is satisfied"
         revision = self.revision
         said = [revision.committed_at.isoformat(timespec="seconds")]
-        said += [str(one) for one in (revision.actor, revision.reason) if one is not None]
+        said += revision.said()
         return f"{self.text} is violated in revision {revision.number} ({', '.join(said)})"
 
 
@@ -115,10 +116,10 @@ class Verdicts(Sequence[Verdict]):
 
         Returns:
             For each one `rule`, `is_satisfied`, `is_preference`, `preference`, and of the first
-            violation `revision`, `committed_at`, `observed_at`, `actor`, `reason` and `time`;
-            None without one.
+            violation `revision`, `committed_at`, `observed_at`, `actor`, `reason`, `source` and
+            `time`; None without one.
         """
-        ends = "committed_at", "observed_at", "actor", "reason"
+        ends = "committed_at", "observed_at", "actor", "reason", "source"
         return [
             {
                 "rule": one.text,

@@ -418,12 +418,12 @@ def revisions_at(session: Session, kb_id: int, moments: Sequence[datetime]) -> l
 def _tellers(dialect: str) -> Query:
     loops = NESTED_LOOPS[dialect]
     one = loops.loop("r", "revision", "r.kb_id = :kb AND r.number = wanted.id0")
-    columns = "r.number, r.committed_at, r.actor, r.reason"
+    columns = "r.number, r.committed_at, r.actor, r.reason, CAST(r.source AS text)"
     return Query(text(f"SELECT {columns} FROM {loops.rows('numbers', 1)} AS wanted{one}"))
 
 
 def read_tellers(session: Session, kb_id: int, numbers: Iterable[int]) -> list[Row]:
-    """Read time, actor and reason of revisions, in one statement.
+    """Read time, actor, reason and source of revisions, in one statement.
 
     There may be thousands: for each of so long a list PostgreSQL may go through all revisions.
     """

@@ -103,10 +103,12 @@ class ReportStay(TypedDict):
     since_at: str
     actor: str | None
     reason: str | None
+    source: object
     until: int | None
     until_at: str | None
     ended_by: str | None
     ended_reason: str | None
+    ended_source: object
 
 
 class ReportStays(ReportSection):
@@ -393,8 +395,10 @@ def _stay(lane: Lane, bar: Bar) -> ReportStay:
         "since_at": time_text(bar.since_at),
         "actor": bar.actor,
         "reason": bar.reason,
+        "source": bar.source,
         "until": bar.until,
         "until_at": None if bar.until_at is None else time_text(bar.until_at),
         "ended_by": bar.ended_by,
         "ended_reason": bar.ended_reason,
+        "ended_source": bar.ended_source,
     }

@@ -14,6 +14,7 @@ import kant_sql
 from kant_sql.history import change_pages, log_pages
 from kant_sql.json_documents import changes_document, entry_document
 from kant_sql.web.rendering import shifted
+from kant_sql.web.report import report_html
 from tests.support.statements import count, fill
 from tests.web.conftest import Filled
 
@@ -62,6 +63,34 @@ def test_the_log_is_filtered(client: TestClient, query: dict[str, Any], expected
         assert numbers(page) == expected
     assert page["searched"] is None
     assert client.get("/log", params={"kb": "courier", **query}).status_code == 200
+
+
+def test_the_source_is_shown_and_searched_wherever_who_and_why_are(filled: Filled) -> None:
+    kb, client = filled
+    fill(kb, 3)
+    seen = {"sensor": "Camera 7", "confidence": 0.75}
+    with kb.transaction(reason="looked", source=seen):
+        kb.propositions.delete("(robot_at rb1 wp1)")
+    with kb.transaction(source={"topic": "/door"}):
+        kb.propositions.save("(robot_at rb1 wp1)")
+    for query in ({"text": "camera 7"}, {"text": "0.75", "element": "(robot_at rb1 wp1)"}):
+        found = client.get("/api/log", params={"kb": "courier", **query}).json()["revisions"]
+        assert [one["number"] for one in found] == [kb.revision - 1]
+    shown: dict[str, dict[str, Any]] = {
+        **{"log": {}, "revision": {"number": kb.revision - 1}, "timeline": {}},
+        **{"fact": {"text": "(robot_at rb1 wp1)"}, "object": {"name": "wp1"}},
+        **{"ask": {"condition": "(robot_at rb1 wp1)", "mode": "when"}},
+    }
+    for path, query in shown.items():
+        page = client.get(f"/{path}", params={"kb": "courier", **query}).text
+        assert "Camera 7" in page, path
+    assert "/door" in client.get("/state", params={"kb": "courier"}).text
+    figure = client.get("/api/timeline/figure", params={"kb": "courier"}).text
+    assert "Camera 7" in figure
+    assert "Camera 7" in report_html(kb, verify=False).split("<h2>Log</h2>")[0]
+    assert "Camera 7" in kb.history("(robot_at rb1 wp1)")._repr_html_()  # type: ignore[attr-defined]
+    (period, *_) = kb.when("(robot_at rb1 wp1)")
+    assert "Camera 7" in str(period)
 
 
 def test_what_never_was_is_said(client: TestClient) -> None:

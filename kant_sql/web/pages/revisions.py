@@ -38,7 +38,8 @@ ElementOfLog = Annotated[
 Text = Annotated[
     str,
     Query(
-        description="Only revisions with this in the actor, the reason or a change, in any case."
+        description="Only revisions with this in the actor, the reason, the source or a change, in "
+        "any case."
     ),
 ]
 

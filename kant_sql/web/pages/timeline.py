@@ -47,6 +47,8 @@ class BarDocument(TypedDict):
     reason: str | None
     ended_by: str | None
     ended_reason: str | None
+    source: object
+    ended_source: object
     value: str | None
 
 
@@ -88,6 +90,8 @@ class StepBarDocument(TypedDict):
     reason: str | None
     ended_by: str | None
     ended_reason: str | None
+    source: object
+    ended_source: object
 
 
 class PlanBarDocument(TypedDict):
@@ -98,6 +102,7 @@ class PlanBarDocument(TypedDict):
     recorded_at: str
     actor: str | None
     reason: str | None
+    source: object
     planner: str | None
     steps: list[StepBarDocument]
 
@@ -214,6 +219,8 @@ def _bar(bar: Bar) -> BarDocument:
         "reason": bar.reason,
         "ended_by": bar.ended_by,
         "ended_reason": bar.ended_reason,
+        "source": bar.source,
+        "ended_source": bar.ended_source,
         "value": bar.value,
     }
 
@@ -237,6 +244,7 @@ def _plan(plan: PlanBar) -> PlanBarDocument:
         "recorded_at": time_text(plan.recorded_at),
         "actor": plan.actor,
         "reason": plan.reason,
+        "source": plan.source,
         "planner": plan.planner,
         "steps": [_step(step) for step in plan.steps],
     }
@@ -255,6 +263,8 @@ def _step(step: StepBar) -> StepBarDocument:
         "reason": step.reason,
         "ended_by": step.ended_by,
         "ended_reason": step.ended_reason,
+        "source": step.source,
+        "ended_source": step.ended_source,
     }
 
 
