@@ -7,7 +7,8 @@ Hoffmann, PDDL 2.2, 2004, section 2.1; Thiebaux, Hoffmann and Nebel, In Defense 
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
+from copy import copy
 from dataclasses import dataclass
 from itertools import count
 from typing import TypeVar
@@ -75,6 +76,16 @@ class DerivationRules:
             raise
         except UNREADABLE as error:
             raise unreadable("formula_version", f"rule {formula.text!r}", error) from error
+
+    def replaced(self, of: Callable[[Part], Part]) -> DerivationRules:
+        """Return rules with other bodies, which use the same derived predicates."""
+        found = copy(self)
+        found._checked = set()
+        found._rules = {
+            predicate: [DerivationRule(rule.parameters, of(rule.body)) for rule in rules]
+            for predicate, rules in self._rules.items()
+        }
+        return found
 
     def of(self, predicate: int) -> list[DerivationRule]:
         """Return the rules of a predicate; none if it is not derived."""

@@ -8,15 +8,13 @@ from decimal import Decimal
 from typing import Any
 
 from ..arguments import expect, optional_text, whole_number
-from ..dto import formulas as f
-from ..dto.formulas import AT_END, AT_START
+from ..dto.formulas import AT_END
 from ..errors import InvalidArgumentError
 from ..knowledge.definitions import ActionDefinition, Definitions
 from ..pddl.cursor import hint
 from ..planning import PlanStep
 from ..plans.dao import check_step, place_of
 from ..plans.interfaces import RecordedStep
-from ..sql.questions import GUARDS
 from ..sql.relations import ConditionStatement
 from ..store.snapshot import View
 from ..store.store import Store
@@ -26,7 +24,6 @@ from .ask import (
     asked,
     check_fit,
     find_object,
-    first_two,
     question,
     statement_key,
     variable_of,
@@ -34,8 +31,8 @@ from .ask import (
 from .effects import Earlier, EffectReader, not_applicable, write
 from .explain import Explainer
 from .failures import FailedCondition
-from .grounding import bound, substitute
-from .steps import GroundStep, PreparedAction, executable, find_action, ground, misfits, prepared
+from .promise import closed_nodes, is_executable, is_true, judge, promise_of
+from .steps import GroundStep, PreparedAction, executable, find_action, ground, prepared
 
 NO_NUMBERS: Mapping[str, Decimal] = {}
 
@@ -56,32 +53,12 @@ class Stepper:
         self.step = step
         self.numbers = numbers
 
-    def holds(self, *times: str) -> bool:
-        """Return whether the conditions of some times hold."""
-        action, view = self.step.action, self.view
-        key = ("truth", times, *statement_key(view, self.numbers))
-        statement: ConditionStatement | None = action.kept.get(key)
-        if statement is None:
-            parts = [action.condition(time) for time in times]
-            statement = question(view, self.numbers).truths(parts, self.step.places)
-            action.kept[key] = statement
-        given = {**self.step.values, **{k: float(v) for k, v in self.numbers.items()}}
-        [row] = asked(view, statement, given, first_two)
-        return all(row[GUARDS:])
-
-    def failed(self, *times: str) -> list[FailedCondition]:
-        """Return the conditions of some times that do not hold, types of arguments included."""
-        wrong = misfits(self.view.definitions, self.step)
-        binding = bound(self.step.action.variables, self.step.names)
-        nodes = [node for time in times for node in self.step.action.nodes(time)]
-        closed: list[f.Formula] = [substitute(node, binding) for node in nodes]
-        # What does not fit its parameter may fit no predicate either.
-        return wrong or Explainer(self.view, self.numbers).failed(closed)
-
-    def check(self, *times: str) -> None:
-        """Refuse a step whose conditions do not hold."""
-        if misfits(self.view.definitions, self.step) or not self.holds(*times):
-            raise not_applicable(self.step, self.failed(*times))
+    def check(self, time: str) -> None:
+        """Refuse a step whose conditions of a time do not hold."""
+        if not is_true(self.view, self.step, time, self.numbers):
+            nodes = closed_nodes(self.step, time)
+            failed = Explainer(self.view, self.numbers).failed(nodes)
+            raise not_applicable(self.step, failed)
 
     def earlier(self) -> Earlier:
         """Evaluate in the state before the start what effects at the end need of it."""
@@ -92,6 +69,14 @@ class Stepper:
         """Write the effects of a time."""
         reader = EffectReader(self.view, self.step, self.numbers, earlier)
         write(transaction, self.step, reader.read(self.step.action.items(time)))
+
+
+def begin(view: View, step: GroundStep) -> Stepper:
+    """Refuse a step that cannot begin."""
+    numbers, failed = judge(view, step)
+    if failed:
+        raise not_applicable(step, failed)
+    return Stepper(view, step, numbers)
 
 
 def state_of(transaction: Transaction) -> View:
@@ -199,13 +184,15 @@ def _instances(
         places[position] = f":b{position}"
         given[f"b{position}"] = object_.id
     free = [column for n, column in enumerate(action.columns) if n not in places]
-    key = ("instances", *sorted(places), most is None, *statement_key(view, ()))
+    promise = promise_of(action)
+    if not promise.is_listed or not is_executable(action):
+        return []
+    is_limited = most is not None and promise.is_whole
+    key = ("instances", *sorted(places), is_limited, *statement_key(view, ()))
     statement: ConditionStatement | None = action.kept.get(key)
     if statement is None:
         slots = {action.parameters[n].slot: place for n, place in places.items()}
-        statement = question(view).answers(
-            action.condition(AT_START), free, slots, most is not None
-        )
+        statement = question(view).answers(promise.listed, free, slots, is_limited)
         action.kept[key] = statement
     rows = asked(view, statement, given, lambda row: row[1:3])[1:]
     live = definitions.objects.live
@@ -217,29 +204,22 @@ def _instances(
         arguments = tuple(
             [chosen[n] if n in chosen else live(of_row[n]).name for n in range(len(names))]
         )
-        found.append(PlanStep(None, action.name, arguments))
+        step = PlanStep(None, action.name, arguments)
+        if promise.is_whole or not judge(view, ground(definitions, step))[1]:
+            found.append(step)
+        if len(found) == most:
+            break
     return found
 
 
 def is_applicable(store: Store, at: int | None, step: object) -> bool:
     """Return whether a step can be executed."""
-
-    def work(view: View) -> bool:
-        found = ground(view.definitions, step)
-        if misfits(view.definitions, found):
-            return False
-        return Stepper(view, found).holds(AT_START)
-
-    return store.read(work, at)
+    return not store.read(lambda view: judge(view, ground(view.definitions, step), False)[1], at)
 
 
 def why_not(store: Store, at: int | None, step: object) -> list[FailedCondition]:
     """Return why a step cannot be executed."""
-
-    def work(view: View) -> list[FailedCondition]:
-        return Stepper(view, ground(view.definitions, step)).failed(AT_START)
-
-    return store.read_in_snapshot(work, at)
+    return store.read_in_snapshot(lambda view: judge(view, ground(view.definitions, step))[1], at)
 
 
 def in_revision(

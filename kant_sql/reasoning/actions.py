@@ -28,7 +28,14 @@ from ..pddl.formulas import flatten
 from .arithmetic import DECIMALS, LINEARS, Linear, decimal_of
 from .conditions import Compiler, Conditions, Env, Search
 from .failures import FailedCondition, duration_failure, failed_parts
-from .grounding import Binding, bound, substitute
+from .grounding import (
+    Binding,
+    bound,
+    check_continuous,
+    is_continuous,
+    no_multiple,
+    substitute,
+)
 from .junctions import positive
 from .relations import Row
 from .world import FluentRow, World
@@ -89,7 +96,7 @@ def _effects(action: Action) -> Iterator[_Effect]:
                 whole._replace(leaf=inner.formula, variables=(*variables, *inner.variables))
             )
         else:
-            yield whole._replace(time=_CONTINUOUS) if _is_continuous(part) else whole
+            yield whole._replace(time=_CONTINUOUS) if is_continuous(part) else whole
 
 
 def _timed(condition: f.Formula) -> tuple[f.Formula, str | None]:
@@ -302,12 +309,6 @@ def _durations(action: Action, time: str | None) -> Iterator[f.Comparison]:
             yield from (one for one in flatten(constraint) if isinstance(one, f.Comparison))
 
 
-def _is_continuous(leaf: f.Formula) -> bool:
-    return isinstance(leaf, f.Assign) and any(
-        isinstance(node, f.ContinuousTime) for node in f.walk(leaf.value)
-    )
-
-
 class _Continuous:
     """A continuous effect: the rate at which fluents change while an action runs."""
 
@@ -316,11 +317,7 @@ class _Continuous:
         assert isinstance(leaf, f.Assign)
         assert not isinstance(leaf.value, f.Constant)
         value = leaf.value
-        if effect.conditions or leaf.operator not in _ADDITIVE:
-            raise UnsupportedConstructError(
-                f"the action {action.name} has the continuous effect {leaf}, which cannot be "
-                "validated; only (increase ...) and (decrease ...) without a condition can"
-            )
+        check_continuous(action.name, leaf, bool(effect.conditions))
         self._leaf = leaf
         compiler = Compiler(world, action.parameters)
         parts: list[tuple[Callable[[Env], Row | None], Callable[..., Linear | None]]] = []
@@ -351,10 +348,7 @@ class _Continuous:
             if row is None or change is None:
                 continue
             if change.value:
-                raise UnsupportedConstructError(
-                    f"the continuous effect {self._leaf} is no multiple of #t; write it as "
-                    "(* #t rate)"
-                )
+                raise no_multiple(self._leaf)
             yield (self._leaf.fluent.function, row), self._sign * change.rate
 
 

@@ -24,7 +24,7 @@ from ..knowledge.conditions import (
     resolve,
 )
 from ..knowledge.definitions import Definitions, ObjectDefinition
-from ..knowledge.rules import rules_of
+from ..knowledge.rules import DerivationRules, rules_of
 from ..knowledge.symbols import symbols_of
 from ..pddl.conditions import read_condition, text_of
 from ..pddl.cursor import hint
@@ -94,7 +94,9 @@ def statement_key(view: View, numbers: Iterable[str] = ()) -> tuple[Any, ...]:
     return view.at is not None, session.backend.dialect.name, generation, *sorted(numbers)
 
 
-def question(view: View, numbers: Iterable[str] = ()) -> Question:
+def question(
+    view: View, numbers: Iterable[str] = (), rules: DerivationRules | None = None
+) -> Question:
     """Begin a question about a state."""
     session, kb_id, estimates = view.session, view.kb_id, estimates_of(view.definitions)
     return Question(
@@ -103,6 +105,7 @@ def question(view: View, numbers: Iterable[str] = ()) -> Question:
         view.at is not None,
         numbers,
         lambda predicate: estimates.size(session, kb_id, predicate),
+        rules,
     )
 
 

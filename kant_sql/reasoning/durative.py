@@ -24,12 +24,12 @@ from ..plans.interfaces import RecordedStep
 from ..store.snapshot import View
 from ..store.store import Store
 from ..store.transaction import Transaction
-from .act import Stepper, in_revision, state_of
+from .act import Stepper, begin, in_revision, state_of
 from .effects import Earlier, not_applicable
-from .explain import Explainer, number_of
-from .failures import FailedCondition, duration_failure
-from .grounding import bound, substitute
-from .steps import GroundStep, ground
+from .explain import Explainer
+from .failures import FailedCondition
+from .promise import closed_nodes, duration_of, until_end
+from .steps import CONTINUOUS, GroundStep, ground
 from .when import when
 
 
@@ -60,12 +60,11 @@ def apply(
     """Execute a step, in one revision."""
 
     def work(transaction: Transaction, found: GroundStep) -> None:
+        before = begin(state_of(transaction), found)
+        earlier = before.earlier() if found.action.is_durative else None
+        before.execute(transaction, AT_START)
         if found.action.is_durative:
-            _apply_both(transaction, found)
-        else:
-            stepper = Stepper(state_of(transaction), found)
-            stepper.check(AT_START)
-            stepper.execute(transaction, AT_START)
+            _finish(transaction, found, before.numbers, earlier)
         if found.recorded is not None:
             if found.recorded.status is None:
                 set_status(transaction, found.recorded, "started")
@@ -74,17 +73,25 @@ def apply(
     return in_revision(store, step, reason, plan_step, "applied", work)
 
 
-def _apply_both(transaction: Transaction, step: GroundStep) -> None:
-    """Execute both halves of a durative step at once."""
+def _finish(
+    transaction: Transaction,
+    step: GroundStep,
+    numbers: Mapping[str, Decimal],
+    earlier: Earlier | None,
+) -> None:
+    """Execute what is continuous, and the second half of a durative step."""
     state = state_of(transaction)
-    numbers = _duration(state, step, AT_START)
-    before = Stepper(state, step, numbers)
-    before.check(AT_START)
-    earlier = before.earlier()
-    before.execute(transaction, AT_START)
-    state = state_of(transaction)
-    after = Stepper(state, step, _duration(state, step, AT_END, numbers))
-    after.check(OVER_ALL, AT_END)
+    lost = until_end(state, step, numbers)
+    if lost:
+        raise not_applicable(step, lost)
+    if step.action.items(CONTINUOUS):
+        Stepper(state, step, numbers).execute(transaction, CONTINUOUS)
+        state = state_of(transaction)
+    found, wrong = duration_of(state, step, AT_END, numbers.get(f.DURATION))
+    if wrong:
+        raise not_applicable(step, wrong)
+    after = Stepper(state, step, found)
+    after.check(AT_END)
     after.execute(transaction, AT_END, earlier)
 
 
@@ -100,14 +107,12 @@ def start(
         if running is not None:
             reason_ = f"it is running: step {running.position} of plan {running.plan_id}"
             raise not_applicable(found, [FailedCondition(str(found), reason_)])
-        state = state_of(transaction)
-        numbers = _duration(state, found, AT_START)
-        stepper = Stepper(state, found, numbers)
-        stepper.check(AT_START)
+        stepper = begin(state_of(transaction), found)
         stepper.execute(transaction, AT_START)
         recorded = found.recorded
         if recorded is None:
-            whole = PlanStep(None, found.action.name, found.names, numbers.get(f.DURATION))
+            duration = stepper.numbers.get(f.DURATION)
+            whole = PlanStep(None, found.action.name, found.names, duration)
             recorded = record_step(store, transaction, whole)
             _link(transaction, recorded)
         set_status(transaction, recorded, "started")
@@ -133,11 +138,8 @@ def end(
     running, earlier = _running(store, step)
 
     def work(transaction: Transaction, found: GroundStep) -> None:
-        state = state_of(transaction)
         given = {} if running.duration is None else {f.DURATION: running.duration}
-        stepper = Stepper(state, found, _duration(state, found, AT_END, given))
-        stepper.check(OVER_ALL, AT_END)
-        stepper.execute(transaction, AT_END, earlier)
+        _finish(transaction, found, given, earlier)
         set_status(transaction, running, "succeeded")
 
     return in_revision(store, running, reason, plan_step, "ended", work)
@@ -195,42 +197,6 @@ def _running(store: Store, step: object) -> tuple[RecordedStep, Earlier]:
     return recorded, store.read_in_snapshot(work, before)
 
 
-def _duration(
-    view: View, step: GroundStep, time: str, known: Mapping[str, Decimal] | None = None
-) -> dict[str, Decimal]:
-    """Check the duration against its constraints at a time; find it where one of them fixes it."""
-    duration = step.duration if known is None else known.get(f.DURATION)
-    binding = bound(step.action.variables, step.names)
-    failed = []
-    for node in step.action.duration:
-        is_end = isinstance(node, f.Timed) and node.time == AT_END
-        constraint = node.formula if isinstance(node, f.Timed) else node
-        if is_end != (time == AT_END) or not isinstance(constraint, f.Comparison):
-            continue
-        closed = substitute(constraint, binding)
-        is_left = constraint.left == f.Variable(f.DURATION)
-        limit = number_of(view, closed.right if is_left else closed.left, {})
-        if duration is None and constraint.operator == "=" and limit is not None:
-            duration = limit
-        if duration is None and limit is not None:
-            continue
-        sides = (duration, limit) if is_left else (limit, duration)
-        wrong = duration_failure(closed, *sides)
-        failed += [] if wrong is None else [wrong]
-    if duration is None and _mentions_duration(step):
-        reason = f"is not given; write it after the step, as in '{step} [5]'"
-        failed.append(FailedCondition("?duration", reason))
-    if failed:
-        raise not_applicable(step, failed)
-    return {} if duration is None else {f.DURATION: duration}
-
-
-def _mentions_duration(step: GroundStep) -> bool:
-    """Return whether a condition or an effect depends on the duration."""
-    nodes = f.walk(*step.action.conditions, *step.action.effects)
-    return any(node == f.Variable(f.DURATION) for node in nodes)
-
-
 def broken_invariants(store: Store, at: int | None) -> list[BrokenInvariant]:
     """Return the conditions over all of running steps that do not hold."""
     if at is not None:
@@ -241,8 +207,7 @@ def broken_invariants(store: Store, at: int | None) -> list[BrokenInvariant]:
         found = []
         for step in running:
             of_step = ground(view.definitions, step)
-            binding = bound(of_step.action.variables, of_step.names)
-            nodes = [substitute(node, binding) for node in of_step.action.nodes(OVER_ALL)]
+            nodes = closed_nodes(of_step, OVER_ALL)
             numbers = {} if step.duration is None else {f.DURATION: step.duration}
             found += [(step, failed) for failed in Explainer(view, numbers).failed(nodes)]
         return found

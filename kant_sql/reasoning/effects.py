@@ -24,8 +24,9 @@ from ..sql.relations import ConditionStatement
 from ..store.caches import AtomKey, FluentKey, FluentValue
 from ..store.snapshot import View
 from ..store.transaction import Transaction
+from .after import ground_item
 from .ask import question, statement_key
-from .explain import exact
+from .explain import decimals, exact, read_numbers
 from .failures import FailedCondition
 from .steps import EffectItem, GroundStep
 
@@ -63,15 +64,6 @@ class StepChanges:
 def _is_certain(item: EffectItem) -> bool:
     """Return whether an effect happens once, whatever holds."""
     return not item.bound and item.condition == AllOf(()) == item.earlier
-
-
-def _decimals(numbers: Sequence[NumberOf], texts: Sequence[str | None]) -> dict[NumberOf, Decimal]:
-    """Return the numbers of fluents that have a value."""
-    return {
-        number: Decimal(text)
-        for number, text in zip(numbers, texts, strict=True)
-        if text is not None
-    }
 
 
 class EffectReader:
@@ -122,7 +114,7 @@ class EffectReader:
             action.kept[key] = statement
         given = self._step.values
         [texts] = run(view.session, statement, kb=view.kb_id, at=view.at, given=given)
-        return _decimals(numbers, texts)
+        return decimals(numbers, texts)
 
     def _check_values(self, item: EffectItem) -> None:
         """Refuse an effect on, or to, what an object fluent without a value denotes."""
@@ -151,7 +143,7 @@ class EffectReader:
             held = self._earlier[id(item)]
             rows = [row for row in rows if row[: len(slots)] in held]
         for row in rows:
-            values = _decimals(numbers, row[len(slots) : len(slots) + len(numbers)])
+            values = decimals(numbers, row[len(slots) : len(slots) + len(numbers)])
             yield dict(zip(slots, row, strict=False)), values
 
     def earlier(self, items: Sequence[EffectItem]) -> Earlier:
@@ -271,39 +263,62 @@ def write(transaction: Transaction, step: GroundStep, changes: StepChanges) -> N
     for key, (text, made) in changes.assignments.items():
         fluent = found.get(key)
         before = None if fluent is None else transaction.values.value(fluent)
-        entries.append((key, text, _assigned(transaction, step, text, made, before)))
+        number = None if before is None or before.object_id is not None else Decimal(before.text)
+        value = combined(text, made, number)
+        if isinstance(value, FailedCondition):
+            raise not_applicable(step, [value])
+        if isinstance(value, int):
+            given = FluentValue(transaction.definitions.objects.live(value).name, value)
+        else:
+            given = FluentValue(decimal_text(value))
+        entries.append((key, text, given))
     transaction.values.set_many(entries)
 
 
-def _assigned(
-    transaction: Transaction,
-    step: GroundStep,
-    text: str,
-    made: Sequence[tuple[str, Decimal | int]],
-    before: FluentValue | None,
-) -> FluentValue:
-    """Return the value that a fluent gets."""
+def combined(
+    text: str, made: Sequence[tuple[str, Decimal | int]], before: Decimal | None
+) -> Decimal | int | FailedCondition:
+    """Return the value that a fluent gets, or why it gets none."""
     operators = {operator for operator, _ in made}
     if "assign" in operators:
         values = {value for _, value in made}
         if len(operators) > 1 or len(values) > 1:
-            raise not_applicable(
-                step, [FailedCondition(text, "the step assigns it several values")]
-            )
-        [value] = values
-        if isinstance(value, int):
-            return FluentValue(transaction.definitions.objects.live(value).name, value)
-        return FluentValue(decimal_text(value))
+            return FailedCondition(text, "the step assigns it several values")
+        return values.pop()
     if not any(operators <= group for group in _GROUPS):
-        reason = "the step both adds to it and scales it"
-        raise not_applicable(step, [FailedCondition(text, reason)])
+        return FailedCondition(text, "the step both adds to it and scales it")
     # The cost of a plan begins at 0, also where the problem does not say so, as VAL has it.
-    is_cost = before is None and fold(text) == f"({TOTAL_COST})"
-    if before is None and not is_cost:
-        raise not_applicable(step, [FailedCondition(text, "has no value that could be changed")])
-    number = Decimal(0) if before is None else Decimal(before.text)
+    if before is None and fold(text) != f"({TOTAL_COST})":
+        return FailedCondition(text, "has no value that could be changed")
+    number = Decimal(0) if before is None else before
     for operator, by in made:
         if operator == "scale-down" and not by:
-            raise not_applicable(step, [FailedCondition(text, "the step divides it by 0")])
+            return FailedCondition(text, "the step divides it by 0")
         number = calculate(_CHANGES[operator], number, Decimal(by))
-    return FluentValue(decimal_text(number))
+    return number
+
+
+def settled(view: View, changes: StepChanges) -> tuple[list[EffectItem], list[FailedCondition]]:
+    """Return changes as effects on some objects with the values that fluents get, or why not."""
+    items = [ground_item("delete", key.predicate_id, _ids(key)) for key in changes.deletes]
+    items += [ground_item("add", key.predicate_id, _ids(key)) for key in changes.adds]
+    numbers = {
+        key: NumberOf(key.function_id, tuple(map(Known, _ids(key))))
+        for key, (_, made) in changes.assignments.items()
+        if any(isinstance(value, Decimal) for _, value in made)
+    }
+    values = read_numbers(view, list(numbers.values())) or {}
+    failed = []
+    for key, (text, made) in changes.assignments.items():
+        before = values.get(numbers[key]) if key in numbers else None
+        value = combined(text, made, before)
+        if isinstance(value, FailedCondition):
+            failed.append(value)
+        else:
+            given = Known(value) if isinstance(value, int) else value
+            items.append(ground_item("assign", key.function_id, _ids(key), given))
+    return items, failed
+
+
+def _ids(key: AtomKey | FluentKey) -> tuple[int, ...]:
+    return tuple(map(int, key.arguments.split()))

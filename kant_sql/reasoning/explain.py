@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from decimal import Decimal
-from itertools import islice
+from itertools import count, islice
 from typing import Any
 
 from ..dao.formula import read_formula, read_formulas
@@ -20,8 +20,8 @@ from ..knowledge.conditions import (
     HoldsFact,
     Known,
     Lacks,
+    Needed,
     NumberOf,
-    Operation,
     Parameter,
     Part,
     Quantity,
@@ -30,21 +30,59 @@ from ..knowledge.conditions import (
     check_levels,
     negate,
 )
-from ..knowledge.definitions import GOAL, METRIC
+from ..knowledge.definitions import GOAL, METRIC, Definitions
 from ..knowledge.rules import rules_of
 from ..knowledge.symbols import symbols_of
 from ..pddl.conditions import read_condition, text_of
 from ..sql.questions import GUARDS, run
 from ..store.snapshot import View
 from ..store.store import Store
+from .after import After, Head, weakened
 from .ask import EXAMPLE, Binding, asked, find_object, first_two, given_variable, question
 from .failures import MAX_INSTANCES, FailedCondition
 from .grounding import substitute
-from .steps import of_time
+from .steps import EffectItem, of_time, quantities_of
 
 # How many parts one statement judges.
 TOGETHER = 200
+# Numbers of variables that no condition has.
+_FAR = 2_000_000
+_NOTHING = Needed((), [])
 OPERATIONS = {"+": INCREASE, "-": DECREASE, "*": SCALE_UP, "/": SCALE_DOWN}
+
+
+class Changed:
+    """What effects change in a state, so that conditions are judged as they hold after.
+
+    Args:
+        definitions: what is defined.
+        items: the effects, each on some objects, with the values that they assign.
+        said: when conditions are judged, as in `right after the start`.
+        loosened: the functions whose strict comparisons count as others.
+    """
+
+    def __init__(
+        self,
+        definitions: Definitions,
+        items: Sequence[EffectItem],
+        said: str,
+        loosened: set[Head] | None = None,
+    ) -> None:
+        self.said = said
+        self._after = After(definitions, items, count(_FAR), is_whole=True)
+        self.rules = self._after.rules()
+        self._loosened = loosened
+        self.values = {
+            NumberOf(item.head, item.terms): item.value
+            for item in items
+            if isinstance(item.value, Decimal)
+        }
+
+    def part(self, part: Part) -> Part:
+        """Return what holds before iff a part holds after."""
+        if self._loosened is not None:
+            part = weakened(part, self._loosened)
+        return self._after.part(part)
 
 
 class Explainer:
@@ -53,10 +91,17 @@ class Explainer:
     Args:
         view: the state, in one snapshot.
         numbers: what comes with the evaluation: a duration.
+        changed: what is changed before; by default nothing.
     """
 
-    def __init__(self, view: View, numbers: Mapping[str, Decimal] | None = None) -> None:
+    def __init__(
+        self,
+        view: View,
+        numbers: Mapping[str, Decimal] | None = None,
+        changed: Changed | None = None,
+    ) -> None:
         self._view = view
+        self._changed = changed
         self._exact = {} if numbers is None else dict(numbers)
         self._numbers = {name: float(value) for name, value in self._exact.items()}
 
@@ -77,7 +122,11 @@ class Explainer:
         return found
 
     def _resolve(self, node: f.Formula) -> Part:
-        part = Resolver(self._view.definitions).part(node)
+        return self._checked(Resolver(self._view.definitions).part(node))
+
+    def _checked(self, part: Part) -> Part:
+        if self._changed is not None:
+            part = self._changed.part(part)
         check_levels(part)
         return part
 
@@ -105,7 +154,8 @@ class Explainer:
         return [nodes[position] for position in sorted(false)]
 
     def _question(self) -> Any:
-        return question(self._view, self._numbers)
+        rules = None if self._changed is None else self._changed.rules
+        return question(self._view, self._numbers, rules)
 
     def _run(self, statement: Any) -> list[Any]:
         view = self._view
@@ -122,8 +172,7 @@ class Explainer:
         """Return the formula of a quantifier for the first objects for which it does not hold."""
         resolver = Resolver(self._view.definitions)
         with resolver.within(node.variables) as bound:
-            part = negate(resolver.part(node.formula))
-        check_levels(part)
+            part = self._checked(negate(resolver.part(node.formula)))
         columns = [
             Column(variable.name, each)
             for variable, each in zip(node.variables, bound, strict=True)
@@ -141,14 +190,17 @@ class Explainer:
         return found
 
     def _failure(self, node: f.Formula) -> FailedCondition:
+        changed = self._changed
+        when = "" if changed is None else f" {changed.said}"
         if isinstance(node, f.Comparison):
+            values = {} if changed is None else changed.values
             left, right = (
-                number_of(self._view, one, self._exact) for one in (node.left, node.right)
+                number_of(self._view, one, self._exact, values) for one in (node.left, node.right)
             )
             said = ["no value" if one is None else decimal_text(one) for one in (left, right)]
-            reason = f"the sides are {said[0]} and {said[1]}"
+            reason = f"the sides are {said[0]} and {said[1]}{when}"
             return FailedCondition(str(node), reason, left, right)
-        return FailedCondition(str(node), "does not hold")
+        return FailedCondition(str(node), f"does not hold{when}")
 
     def _with_history(
         self, nodes: Sequence[f.Formula], found: list[FailedCondition]
@@ -196,33 +248,43 @@ def _conjuncts(formula: f.Formula) -> list[f.Formula]:
     return found
 
 
-def number_of(view: View, node: f.Expression, numbers: Mapping[str, Decimal]) -> Decimal | None:
-    """Evaluate a closed expression exactly; None where a fluent has no value."""
+def number_of(
+    view: View,
+    node: f.Expression,
+    numbers: Mapping[str, Decimal],
+    changed: Mapping[NumberOf, Decimal] | None = None,
+) -> Decimal | None:
+    """Evaluate a closed expression exactly; None where a fluent has no value.
+
+    Fluents that are changed have other values than in the state.
+    """
     resolver = Resolver(view.definitions)
     quantity, needed = resolver.number(node)
-    leaves = list(dict.fromkeys(fluents_of(quantity)))
+    leaves = [each for each in quantities_of(quantity) if isinstance(each, NumberOf)]
+    values = read_numbers(view, list(dict.fromkeys(leaves)), needed)
+    return None if values is None else exact(quantity, {**values, **(changed or {})}, numbers)
+
+
+def read_numbers(
+    view: View, leaves: Sequence[NumberOf], needed: Needed = _NOTHING
+) -> Mapping[NumberOf, Decimal] | None:
+    """Read the numbers of fluents that have a value; None where an object in them has none."""
+    if not leaves and not needed.bound:
+        return {}
     statement = question(view).effects(all_of(needed.needed), needed.bound, leaves, {})
     rows = run(view.session, statement, kb=view.kb_id, at=view.at, given={})
     if len(rows) != 1:
         return None
-    texts = rows[0][len(needed.bound) :]
-    values = {
-        leaf: Decimal(text)
-        for leaf, text in zip(leaves, texts if leaves else (), strict=True)
+    return decimals(leaves, rows[0][len(needed.bound) :] if leaves else ())
+
+
+def decimals(numbers: Sequence[NumberOf], texts: Sequence[str | None]) -> dict[NumberOf, Decimal]:
+    """Return the numbers of fluents that have a value."""
+    return {
+        number: Decimal(text)
+        for number, text in zip(numbers, texts, strict=True)
         if text is not None
     }
-    return exact(quantity, values, numbers)
-
-
-def fluents_of(quantity: Quantity) -> Iterable[NumberOf]:
-    """Yield the fluents that a number is calculated from."""
-    pending = [quantity]
-    while pending:
-        each = pending.pop()
-        if isinstance(each, NumberOf):
-            yield each
-        elif isinstance(each, Operation):
-            pending += reversed(each.operands)
 
 
 def exact(

@@ -8,6 +8,7 @@ from typing import TypeVar, cast
 
 from ..dto import formulas as f
 from ..dto.lexical import fold
+from ..errors import UnsupportedConstructError
 
 N = TypeVar("N", bound=f.Node)
 
@@ -20,6 +21,29 @@ _PARENT = object()
 def bound(variables: Sequence[f.TypedName], names: Sequence[str]) -> dict[str, str]:
     """Bind variables to objects."""
     return {fold(one.name): name for one, name in zip(variables, names, strict=True)}
+
+
+def is_continuous(node: f.Node) -> bool:
+    """Return whether an effect changes a number while time passes."""
+    return isinstance(node, f.Assign) and any(
+        isinstance(part, f.ContinuousTime) for part in f.walk(node.value)
+    )
+
+
+def check_continuous(action: str, effect: f.Assign, is_conditional: bool) -> None:
+    """Refuse a continuous effect that is not an unconditional increase or decrease."""
+    if is_conditional or effect.operator not in ("increase", "decrease"):
+        raise UnsupportedConstructError(
+            f"the action {action} has the continuous effect {effect}, which cannot be executed; "
+            "only (increase ...) and (decrease ...) without a condition can"
+        )
+
+
+def no_multiple(effect: f.Assign) -> UnsupportedConstructError:
+    """Make the error for a continuous effect without a rate."""
+    return UnsupportedConstructError(
+        f"the continuous effect {effect} is no multiple of #t; write it as (* #t rate)"
+    )
 
 
 def combinations(

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from decimal import Decimal
+from itertools import count
 from typing import Any, Protocol
 
 from ..arguments import shown
@@ -17,8 +18,10 @@ from ..knowledge.conditions import (
     AllOf,
     Bound,
     Column,
+    Known,
     NumberOf,
     Operation,
+    Parameter,
     Part,
     Place,
     Quantity,
@@ -40,6 +43,7 @@ from ..pddl.document import ACTION, DURATIVE_ACTION
 from ..planning import PlanStep
 from ..plans.interfaces import RecordedStep
 from .failures import FailedCondition
+from .grounding import check_continuous, is_continuous, no_multiple
 
 
 class UpActionInstance(Protocol):
@@ -58,7 +62,11 @@ Step = str | PlanStep | RecordedStep | UpActionInstance
 
 # A step with its start and its duration, as in a plan.
 _TIMES = re.compile(r"^\s*(?:[\d.]+\s*:)?\s*(\(.*\)|[^\[\]]*?)\s*(?:\[\s*([\d.]+)\s*\])?\s*$", re.S)
+# The time of effects that last as long as their step.
+CONTINUOUS = "continuously"
 _DURATION = f.Variable(f.DURATION)
+_LASTING = Parameter(f.DURATION)
+_TIME = Parameter("#t")
 
 
 @dataclass(frozen=True)
@@ -131,15 +139,10 @@ class EffectItem:
 
     @property
     def numbers(self) -> list[NumberOf]:
-        """The fluents that its number is calculated from; its own one for a change."""
-        found: list[NumberOf] = []
-        pending: list[Any] = [self.value]
-        while pending:
-            each = pending.pop()
-            if isinstance(each, NumberOf):
-                found.append(each)
-            elif isinstance(each, Operation):
-                pending += each.operands
+        """The fluents that its number is calculated from."""
+        if self.value is None or isinstance(self.value, Slot | Known):
+            return []
+        found = (each for each in quantities_of(self.value) if isinstance(each, NumberOf))
         return list(dict.fromkeys(found))
 
 
@@ -152,6 +155,8 @@ class PreparedAction:
         is_durative: whether it has a duration.
         variables: its parameters.
         parameters: the variables of its parameters.
+        numbers: gives the numbers of new variables.
+        resolver: resolves names, those of parameters included.
         kept: cache of its statements.
     """
 
@@ -161,8 +166,9 @@ class PreparedAction:
         self.name = definition.name
         self.is_durative = definition.kind == DURATIVE_ACTION
         self.variables = tuple(typed_name(definitions, each) for each in definition.parameters)
-        self._resolver = Resolver(definitions)
-        self.parameters = self._resolver.variables(self.variables)
+        self.numbers = count()
+        self.resolver = Resolver(definitions, self.numbers)
+        self.parameters = self.resolver.variables(self.variables)
         self.duration, self.conditions, self.effects = (
             TreeReader(definitions, tree, definition.parameters).conjuncts()
             for tree in definition.trees
@@ -188,7 +194,7 @@ class PreparedAction:
         """Return the conjunction of the hard conditions of a time."""
         found = self._parts.get(time)
         if found is None:
-            found = all_of(self._resolver.part(node) for node in self.nodes(time))
+            found = all_of(self.resolver.part(node) for node in self.nodes(time))
             check_levels(found)
             self._parts[time] = found
         return found
@@ -197,11 +203,21 @@ class PreparedAction:
         """Return the conditions of a time with the parameters as columns."""
         return ResolvedCondition(self.condition(time), self.columns)
 
+    @property
+    def needs_duration(self) -> bool:
+        """Whether a condition or an effect depends on the duration."""
+        parts = f.walk(*self.conditions, *self.effects)
+        return any(node == _DURATION or isinstance(node, f.ContinuousTime) for node in parts)
+
     def items(self, time: str) -> tuple[EffectItem, ...]:
-        """Return the effects of a time; those of an action are all at its end."""
+        """Return the effects of a time; those of an action are all at its start.
+
+        Those that are continuous are as they are at the end, if nothing else changed the numbers:
+        the rate times the duration.
+        """
         found = self._items.get(time)
         if found is None:
-            wanted = time if self.is_durative else None
+            wanted = time if self.is_durative or time == CONTINUOUS else None
             found = tuple(
                 item
                 for node in self.effects
@@ -217,23 +233,42 @@ class PreparedAction:
                 for part in parts:
                     yield from self._effect(part, around, time)
             case f.Timed(its, inner):
-                if its == time:
-                    yield from self._effect(inner, around, None)
+                if time in (its, CONTINUOUS):
+                    inside = time if time == CONTINUOUS else None
+                    yield from self._effect(inner, around, inside)
             case f.Forall(variables, inner):
-                with self._resolver.within(variables) as bound:
+                with self.resolver.within(variables) as bound:
                     yield from self._effect(inner, around.binding(bound), time)
-            case f.When(condition, inner):
+            case f.When(condition, inner) if time != CONTINUOUS:
                 if _has_effect(inner, time):
                     yield from self._effect(inner, self._when(condition, around, time), time)
-            case _ if time is None:
-                yield self._leaf(node, around)
-            case f.Assign():
-                # A continuous effect, which no moment has.
-                return
+            case _:
+                yield from self._single(node, around, time)
+
+    def _single(self, node: f.Node, around: _Around, time: str | None) -> Iterator[EffectItem]:
+        """Yield the effect of a node without parts that happen at other times."""
+        if time == CONTINUOUS and isinstance(node, f.When):
+            for part in f.walk(node.effect):
+                if isinstance(part, f.Assign) and is_continuous(part):
+                    check_continuous(self.name, part, True)
+        elif isinstance(node, f.Assign) and is_continuous(node):
+            if time == CONTINUOUS:
+                yield self._continuous(node, around)
+        elif time is None:
+            yield self._leaf(node, around)
+
+    def _continuous(self, node: f.Assign, around: _Around) -> EffectItem:
+        check_continuous(self.name, node, False)
+        item = self._leaf(node, around)
+        assert not isinstance(item.value, Slot | Known)
+        rate = None if item.value is None else _rate(item.value)
+        if rate is None:
+            raise no_multiple(node)
+        return replace(item, value=Operation("*", (rate, _LASTING)))
 
     def _when(self, condition: f.Formula, around: _Around, time: str | None) -> _Around:
         if time is None:
-            return around.holding(self._resolver.part(condition))
+            return around.holding(self.resolver.part(condition))
         if of_time(condition, f.OVER_ALL) is not None:
             raise UnsupportedConstructError(
                 f"action {self.name!r} has an effect whose condition is over all: {condition}; it "
@@ -245,13 +280,13 @@ class PreparedAction:
                 f"action {self.name!r} has an effect at start on a condition at end: {condition}"
             )
         if now is not None:
-            around = around.holding(self._resolver.part(now))
+            around = around.holding(self.resolver.part(now))
         if time == f.AT_END and start is not None:
-            around = around.after(self._resolver.part(start))
+            around = around.after(self.resolver.part(start))
         return around
 
     def _leaf(self, node: f.Node, around: _Around) -> EffectItem:
-        resolver = self._resolver
+        resolver = self.resolver
         if isinstance(node, f.Assign):
             function, terms, bound, needed = resolver.fluent(node.fluent)
             value, of_value = resolver.assigned(node.value, function)
@@ -291,6 +326,34 @@ class _Around:
         if needed:
             lacking = all_of([self.condition, negate(Witness(tuple(bound), all_of(needed)))])
         return within.bound, within.condition, within.earlier, lacking, self.bound
+
+
+def _rate(quantity: Quantity) -> Quantity | None:
+    """Return what is multiplied with `#t`; None for what is no multiple of it."""
+    if quantity == _TIME:
+        return Decimal(1)
+    if not isinstance(quantity, Operation):
+        return None
+    rates = [_rate(each) for each in quantity.operands]
+    found = tuple(each for each in rates if each is not None)
+    if quantity.operator in "+-":
+        is_whole = len(found) == len(rates)
+    else:
+        # One factor, or the dividend.
+        is_whole = len(found) == 1 and (quantity.operator == "*" or rates[0] is not None)
+        others = zip(quantity.operands, rates, strict=True)
+        found = tuple(each if rate is None else rate for each, rate in others)
+        is_whole &= not any(_TIME in quantities_of(each) for each in found)
+    return Operation(quantity.operator, found) if is_whole else None
+
+
+def quantities_of(quantity: Quantity) -> Iterator[Quantity]:
+    """Yield a number and the numbers that it is calculated from."""
+    pending = [quantity]
+    while pending:
+        each = pending.pop()
+        yield each
+        pending += each.operands if isinstance(each, Operation) else ()
 
 
 def _has_effect(effect: f.Formula, time: str | None) -> bool:

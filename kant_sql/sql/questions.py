@@ -12,6 +12,7 @@ from typing import Any
 
 from ..knowledge.conditions import Bound, Column, NumberOf, Part, Quantity, Slot
 from ..knowledge.definitions import Definitions
+from ..knowledge.rules import DerivationRules
 from .dialects.base import Row, Session
 from .dialects.words import Words
 from .estimates import Size
@@ -40,6 +41,7 @@ class Question:
         is_past: whether the state is that of a revision, not the present.
         numbers: what comes with each evaluation, as parameters: a duration.
         size: returns how many facts of a predicate hold, about; None where that is not known.
+        rules: the rules of derived predicates; by default those that are defined.
     """
 
     def __init__(
@@ -49,10 +51,13 @@ class Question:
         is_past: bool,
         numbers: Iterable[str] = (),
         size: Size | None = None,
+        rules: DerivationRules | None = None,
     ) -> None:
         self._words = words
         self._compiler = ConditionCompiler(words, definitions, is_past, size)
         self._compiler.known_numbers = frozenset(numbers)
+        if rules is not None:
+            self._compiler.rules = rules
 
     def truths(
         self,

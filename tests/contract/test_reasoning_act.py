@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from decimal import Decimal
 
@@ -228,10 +229,14 @@ def test_why_a_step_cannot_be_executed(kb: KnowledgeBase) -> None:
 def test_applicable_actions(kb: KnowledgeBase) -> None:
     expected = ["(board h1 p1 c0)", "(fly p1 c0 c1)"]
     expected += [f"(swap {x} {y})" for x in ("c0", "c1") for y in ("c0", "c1")]
-    expected += ["(stay p1 c0)", "(numbers p1)", "(twice)", "(wrong)", "(lost p1)"]
-    expected += ["(long p1 c0 c0)", "(long p1 c0 c1)", "(free)"]
+    expected += ["(stay p1 c0)", "(numbers p1)", "(twice)", "(long p1 c0 c1)"]
     assert texts(kb.applicable_actions()) == expected
     assert all(kb.is_applicable(step) for step in expected)
+    for step in ("(wrong)", "(lost p1)", "(long p1 c0 c0)", "(free)", "(free) [1]"):
+        assert not kb.is_applicable(step)
+        assert kb.why_not(step) != []
+    assert kb.is_applicable("(free) [3]")
+    assert kb.why_not("(free) [3]") == []
     assert texts(kb.applicable_actions("fly")) == ["(fly p1 c0 c1)"]
     assert texts(kb.applicable_actions(limit=3)) == expected[:3]
     assert texts(kb.applicable_actions("swap", limit=2, y="c1")) == ["(swap c0 c1)", "(swap c1 c1)"]
@@ -425,6 +430,163 @@ def test_an_effect_at_the_end_may_depend_on_the_start(kb: KnowledgeBase) -> None
     kb.propositions.save(fact)
     with pytest.raises(NotApplicableError):
         kb.end("(long p1 c1 c0)")
+
+
+ROOMS = """
+(define (domain rooms) (:requirements :typing :durative-actions :fluents :derived-predicates
+    :conditional-effects :negative-preconditions :duration-inequalities)
+  (:types room door - object) (:constants d1 - door r1 r2 - room)
+  (:predicates (open ?d - door) (at ?r - room) (lit) (done) (clear) (ready) (p) (q))
+  (:functions (x ?r - room) (y) (bat) (rate) (least) (most))
+  (:derived (ready) (and (open d1) (lit)))
+  (:durative-action cross :parameters (?d - door ?a ?b - room) :duration (= ?duration 3)
+    :condition (and (at start (at ?a)) (over all (open ?d)))
+    :effect (and (at start (not (at ?a))) (at end (at ?b))))
+  (:durative-action light :parameters () :duration (= ?duration 3) :condition (over all (lit))
+    :effect (and (at start (lit)) (at end (done))))
+  (:durative-action shut :parameters (?d - door) :duration (= ?duration 3)
+    :condition (over all (open ?d)) :effect (at start (not (open ?d))))
+  (:durative-action wait :parameters () :duration (= ?duration 3) :condition (over all (ready))
+    :effect (and (at start (lit)) (at end (done))))
+  (:durative-action drop :parameters () :duration (= ?duration 3) :condition (over all (>= (y) 2))
+    :effect (and (at start (decrease (y) (x r1))) (at end (done))))
+  (:durative-action all :parameters () :duration (= ?duration 3)
+    :condition (over all (forall (?r - room) (>= (x ?r) 2)))
+    :effect (at start (forall (?r - room) (when (not (at ?r)) (decrease (x ?r) (y))))))
+  (:action divide :parameters (?a - room) :effect (assign (y) (/ (x ?a) 0)))
+  (:durative-action between :parameters () :duration (and (>= ?duration (least))
+      (<= ?duration (most))) :condition (and) :effect (at end (done)))
+  (:durative-action below :parameters () :duration (= ?duration (- (least) (most)))
+    :condition (and) :effect (at end (done)))
+  (:durative-action drive :parameters () :duration (and (>= ?duration 1) (<= ?duration 9))
+    :condition (and (over all (> (bat) 0)) (at end (lit)))
+    :effect (and (decrease (bat) (* #t (rate))) (at start (assign (rate) 2)) (at start (lit))
+      (at end (assign (y) (bat)))))
+  (:durative-action fill :parameters () :duration (= ?duration 2)
+    :condition (over all (<= (bat) 18))
+    :effect (forall (?r - room) (increase (bat) (* #t (x ?r)))))
+  (:durative-action bent :parameters () :duration (= ?duration 2) :condition (and)
+    :effect (increase (bat) (* #t (bat))))
+  (:durative-action odd :parameters () :duration (= ?duration 2) :condition (and)
+    :effect (increase (bat) (+ #t 1)))
+  (:durative-action chosen :parameters () :duration (= ?duration 2)
+    :condition (over all (or (< (bat) 3) (> (bat) 4))) :effect (increase (bat) (* #t 1))))
+"""
+FLAT = """(define (problem flat) (:domain rooms) (:init (at r1) (= (x r1) 3) (= (x r2) 1) (= (y) 4)
+  (= (bat) 10) (= (least) 5) (= (most) 3)) (:goal (done)))"""
+
+
+@pytest.fixture
+def rooms(fresh_kb: KnowledgeBase) -> KnowledgeBase:
+    """A knowledge base with durative actions of all kinds, and a door that is closed."""
+    fresh_kb.load_domain(ROOMS)
+    fresh_kb.load_problem(FLAT)
+    return fresh_kb
+
+
+@pytest.mark.parametrize(
+    ("step", "reason"),
+    [
+        ("(cross d1 r1 r2)", "(open d1): does not hold right after the start"),
+        ("(light)", None),
+        ("(shut d1)", "(open d1): does not hold right after the start"),
+        ("(wait)", "(ready): does not hold right after the start"),
+        ("(drop)", "(>= (y) 2): the sides are 1 and 2 right after the start"),
+        ("(all)", "(>= (x r2) 2): the sides are -3 and 2 right after the start"),
+        ("(divide r1)", "(assign (y) ...): its value is undefined: a fluent in it has no value"),
+        ("(between)", "(and (>= ?duration (least)) (<= ?duration (most))): no duration is from 5"),
+        ("(between) [3]", "(>= ?duration (least)): the sides are 3 and 5; a duration may deviate"),
+        ("(drive)", "?duration: is not given"),
+        ("(drive) [10]", "(<= ?duration 9): the sides are 10 and 9; a duration may deviate by"),
+        ("(drive) [4]", None),
+        ("(fill)", None),
+    ],
+)
+def test_what_is_promised_can_begin(rooms: KnowledgeBase, step: str, reason: str | None) -> None:
+    """One condition decides for all that say, or find out, whether a step can begin."""
+    is_durative = "divide" not in step
+    listed = texts(rooms.applicable_actions(step.strip("()").split()[0].rstrip(")")))
+    assert (step in listed) is (reason is None and "[" not in step)
+    assert rooms.is_applicable(step) is (reason is None)
+    failed = [str(each) for each in rooms.why_not(step)]
+    if reason is None:
+        assert failed == []
+        assert rooms.start(step).status == "started"
+        rooms.abort(step)
+        rooms.load_problem(FLAT)
+        assert rooms.apply(step) is not None
+        return
+    assert len(failed) == 1
+    assert failed[0].startswith(reason)
+    before = rooms.revision
+    for act in (rooms.apply, rooms.start) if is_durative else (rooms.apply,):
+        with pytest.raises(NotApplicableError, match=re.escape(reason)):
+            act(step)
+    assert rooms.revision == before
+
+
+def test_a_step_that_rules_allow_is_found(rooms: KnowledgeBase) -> None:
+    """What is over all follows by a rule from what the start changes."""
+    door = rooms.objects.get("d1")
+    declared = rooms.predicates.get("open")
+    assert declared is not None
+    assert door is not None
+    rooms.propositions.save(PddlPropositionDto(declared, [door]))
+    assert texts(rooms.applicable_actions("wait")) == ["(wait)"]
+    assert rooms.is_applicable("(wait)")
+    assert not rooms.holds("(ready)")
+    rooms.start("(wait)")
+    assert rooms.holds("(ready)")
+    assert rooms.end("(wait)") is not None
+
+
+# Continuous effects.
+
+
+def test_continuous_change_is_the_rate_times_the_duration(rooms: KnowledgeBase) -> None:
+    def bat() -> object:
+        return rooms.function_values.get("bat")
+
+    rooms.apply("(drive) [3.5]")
+    # Conditions and effects at the end see the number changed.
+    assert bat() == rooms.function_values.get("y") == 3
+    rooms.load_problem(FLAT)
+    step = rooms.start("(drive) [4]")
+    assert bat() == 10
+    assert rooms.broken_invariants() == []
+    rooms.function_values.set("bat", objects=[], value=9)
+    rooms.end(step)
+    assert bat() == 1
+    # Over all ends right before the end, as in `validate`.
+    rooms.load_problem(FLAT)
+    rooms.apply("(drive) [5]")
+    assert bat() == 0
+    rooms.load_problem(FLAT)
+    assert rooms.is_applicable("(drive) [5.5]")
+    with pytest.raises(NotApplicableError, match=r"\(> \(bat\) 0\): the sides are -1.0 and 0"):
+        rooms.apply("(drive) [5.5]")
+    assert (bat(), rooms.holds("(lit)")) == (10, False)
+    rooms.apply("(fill)")
+    assert bat() == 18
+    with pytest.raises(NotApplicableError, match=r"the sides are 26 and 18 at the end"):
+        rooms.apply("(fill)")
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("bent", "bent changes bat continuously at a rate that depends on bat"),
+        ("odd", "the continuous effect (increase (bat) (+ #t 1)) is no multiple of #t"),
+        ("chosen", "chosen has the condition over all (or (< (bat) 3) (> (bat) 4)), which cannot"),
+    ],
+)
+def test_change_that_is_not_linear_is_refused_by_name(
+    rooms: KnowledgeBase, name: str, message: str
+) -> None:
+    for ask in (rooms.is_applicable, rooms.why_not, rooms.start, rooms.apply):
+        with pytest.raises(UnsupportedConstructError, match=re.escape(message)):
+            ask(f"({name})")
+    assert name not in " ".join(texts(rooms.applicable_actions()))
 
 
 def test_durations(kb: KnowledgeBase) -> None:

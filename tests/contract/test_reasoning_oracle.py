@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import contextlib
 import itertools
+import re
 from collections.abc import Callable, Iterator
 from decimal import Decimal
 from fractions import Fraction
@@ -25,12 +26,21 @@ from kant_sql import (
     Plan,
     PlanStep,
     TypeMismatchError,
+    UnsupportedConstructError,
 )
-from kant_sql.dto.formulas import AT_END, AT_START, OVER_ALL, And, Atom, variables_text
+from kant_sql.dto.formulas import And, Atom, variables_text
+from kant_sql.dto.formulas import walk as nodes_of
 from kant_sql.dto.lexical import fold
 from kant_sql.pddl import write
 from kant_sql.pddl.document import DURATIVE_ACTION, Action
-from tests.support.evaluator import Bindings, Evaluator, Ground, State, UndefinedEffectError
+from tests.support.evaluator import (
+    Bindings,
+    Evaluator,
+    Ground,
+    State,
+    UndefinedEffectError,
+    is_continuous,
+)
 from tests.support.generators.episodes import (
     EPISODES,
     Change,
@@ -207,31 +217,52 @@ class Judge:
         """Steps are applicable, and have the effects, that they have in the state."""
         kb, actions = self.view, self.episode.domain.actions
         wanted = [
-            (fold(action.name), *arguments)
+            (fold(action.name), *bound.values())
             for action in actions
-            for arguments in self.plain.applicable(action)
+            for bound in self.plain.bindings(action.parameters)
+            if self.plain.begun(action, tuple(bound.values())) and self.can_follow(action)
         ]
         found = [(step.action, *step.arguments) for step in kb.applicable_actions()]
         about = f"episode({self.episode.seed}), {self.when}"
         assert folded(found) == wanted, about
         random = Random(self.episode.seed)
         for action in actions:
-            if action.kind == DURATIVE_ACTION:
-                continue
             every = [tuple(bound.values()) for bound in self.plain.bindings(action.parameters)]
             for arguments in random.sample(every, min(len(every), ASSIGNED)):
-                self.act(action, arguments, (fold(action.name), *arguments) in wanted)
+                for lasts in (None, random.randint(0, 9)) if action.duration else (None,):
+                    self.act(action, arguments, lasts)
 
-    def act(self, action: Action, arguments: tuple[str, ...], is_applicable: bool) -> None:
+    def can_follow(self, action: Action) -> bool:
+        """Whether continuous change, if any, can be executed; else all say so by its name."""
+        if not any(map(is_continuous, nodes_of(*action.effect))):
+            return True
+        arguments = next(self.plain.bindings(action.parameters), None)
+        if arguments is None:
+            return True
+        step = f"({' '.join((action.name, *arguments.values()))}) [5]"
+        try:
+            self.view.why_not(step)
+        except UnsupportedConstructError as error:
+            for refused in (self.view.is_applicable, self.view.start, self.view.apply):
+                with pytest.raises(UnsupportedConstructError, match=re.escape(str(error))):
+                    refused(step)
+            return False
+        return True
+
+    def act(self, action: Action, arguments: tuple[str, ...], lasts: int | None) -> None:
         kb, step = self.view, f"({' '.join((action.name, *arguments))})"
+        step += "" if lasts is None else f" [{lasts}]"
         about = f"episode({self.episode.seed}), {self.when}: {step}"
+        if not self.can_follow(action):
+            return
+        here = self.plain.begun(action, arguments, None if lasts is None else Fraction(lasts))
+        is_applicable = here is not None
         assert kb.is_applicable(step) is is_applicable, about
         assert (kb.why_not(step) == []) is is_applicable, about
         before = state_in(kb)
-        try:
-            after = self.plain.apply(action, arguments) if is_applicable else None
-        except UndefinedEffectError:
-            after = None
+        after = None
+        if here is not None:
+            after = here.ended(action, arguments) if action.duration else here.state
         if after is None:
             assert is_refused(kb.apply, step), about
             assert state_in(kb) == before, about
@@ -254,27 +285,16 @@ class Judge:
     def last(self, action: Action, arguments: tuple[str, ...]) -> None:
         kb, step = self.view, f"({' '.join((action.name, *arguments))})"
         about = f"episode({self.episode.seed}): {step}"
-        state = self._after(self.plain, action, arguments, AT_START)
-        assert is_refused(kb.start, step) is (state is None), about
-        if state is None:
+        if not self.can_follow(action):
             return
-        self.is_in(state, about)
-        here = Evaluator(self.episode.theory, state)
-        is_kept = arguments in here.applicable(action, OVER_ALL)
-        after = self._after(here, action, arguments, AT_END) if is_kept else None
+        here = self.plain.begun(action, arguments)
+        assert is_refused(kb.start, step) is (here is None), about
+        if here is None:
+            return
+        self.is_in(here.state, about)
+        after = here.ended(action, arguments)
         assert is_refused(kb.end, step) is (after is None), about
-        self.is_in(state if after is None else after, about)
-
-    def _after(
-        self, here: Evaluator, action: Action, arguments: tuple[str, ...], time: str
-    ) -> State | None:
-        """The state after a time of a step; None if it cannot happen."""
-        if arguments not in here.applicable(action, time):
-            return None
-        try:
-            return here.apply(action, arguments, time)
-        except UndefinedEffectError:
-            return None
+        self.is_in(here.state if after is None else after, about)
 
     def is_in(self, state: State, about: str) -> None:
         facts, values = state_in(self.view)

@@ -14,13 +14,16 @@ from fractions import Fraction
 from typing import Any, Protocol, TypeVar
 
 from kant_sql.dto.formulas import (
+    AT_END,
     AT_START,
+    OVER_ALL,
     And,
     Arithmetic,
     Assign,
     Atom,
     Comparison,
     Constant,
+    ContinuousTime,
     Derived,
     Equal,
     Exists,
@@ -36,6 +39,7 @@ from kant_sql.dto.formulas import (
     TypedName,
     Variable,
     When,
+    walk,
 )
 from kant_sql.dto.lexical import ROOT_TYPE, fold
 
@@ -66,6 +70,12 @@ CHANGE: dict[str, Callable[[Fraction, Fraction], Fraction]] = {
 }
 
 
+ZERO = Fraction(0)
+TOLERANCE = Fraction(1, 100)
+# How close to its ends an interval is looked at.
+NEAR = Fraction(1, 2**40)
+
+
 class UndefinedEffectError(Exception):
     """An effect has no result: a value is missing, a divisor is 0, or two effects disagree."""
 
@@ -81,6 +91,8 @@ class ActionLike(Protocol):
     def condition(self) -> Sequence[Node]: ...
     @property
     def effect(self) -> Sequence[Node]: ...
+    @property
+    def duration(self) -> Sequence[Node]: ...
 
 
 @dataclass(frozen=True)
@@ -124,6 +136,13 @@ class Theory:
         return layers
 
 
+def is_continuous(effect: Node) -> bool:
+    """Whether an effect takes place while time passes."""
+    return isinstance(effect, Assign) and any(
+        isinstance(node, ContinuousTime) for node in walk(effect.value)
+    )
+
+
 def occurrences(formula: Node, positive: bool = True) -> Iterator[tuple[str, bool]]:
     """The predicates in a formula, each with whether it is there under no or two negations."""
     match formula:
@@ -151,8 +170,15 @@ def of_time(condition: Node, time: str | None) -> Node:
 class Evaluator:
     """What holds in a state."""
 
-    def __init__(self, theory: Theory, state: State) -> None:
+    def __init__(
+        self,
+        theory: Theory,
+        state: State,
+        duration: Fraction | None = None,
+        passed: Fraction = ZERO,
+    ) -> None:
         self.theory, self.state = theory, state
+        self.duration, self.passed = duration, passed
         self.facts = set(state.facts)
         for layer in theory.strata():
             while new := {fact for rule in layer for fact in self._derived(rule)} - self.facts:
@@ -245,6 +271,10 @@ class Evaluator:
                 if len(operands) < len(parts):
                     return None
                 return calculated(expression.operator, operands)
+            case Variable():
+                return None if self.duration is None else kind(self.duration)
+            case ContinuousTime():
+                return kind(self.passed)
         raise TypeError(f"no number: {expression!r}")
 
     def answers(
@@ -265,8 +295,7 @@ class Evaluator:
 
     def apply(self, action: ActionLike, arguments: Sequence[str], time: str | None = None) -> State:
         """The state after an action that is applicable; after a time of a durative one."""
-        names = [fold(parameter.name) for parameter in action.parameters]
-        return self.changed(action.effect, dict(zip(names, arguments, strict=True)), time)
+        return self.changed(action.effect, self._bound(action, arguments), time)
 
     def changed(self, effects: Iterable[Node], bound: Bindings, time: str | None = None) -> State:
         """The state after effects; of a durative action, after those at a time.
@@ -288,6 +317,84 @@ class Evaluator:
             values[key] = assigned(values.get(key, begun), several)
         return replace(self.state, facts=(self.state.facts - removed) | added, values=values)
 
+    # Durative actions, step by step.
+
+    def lasting(
+        self, action: ActionLike, arguments: Sequence[str], given: Fraction | None = None
+    ) -> Iterator[Fraction]:
+        """The durations that a step can have: the given one, the fixed one, or some of all."""
+        bound = self._bound(action, arguments)
+        limits = []
+        for constraint in action.duration:
+            part = of_time(constraint, AT_START)
+            if isinstance(part, Comparison):
+                limit = self.number(part.right, bound, Fraction)
+                if limit is None:
+                    return
+                limits.append((part.operator, limit))
+        fixed = [limit for operator, limit in limits if operator == "="]
+        some = [ZERO, *(limit + by for _, limit in limits for by in (-TOLERANCE, ZERO, TOLERANCE))]
+        for one in fixed[:1] if fixed else some:
+            at = one if given is None else given
+            if at >= 0 and all(is_allowed(operator, at - limit) for operator, limit in limits):
+                yield at
+
+    def begun(
+        self, action: ActionLike, arguments: Sequence[str], given: Fraction | None = None
+    ) -> Evaluator | None:
+        """The state right after the start of a step, with its duration; None if it cannot begin."""
+        time = AT_START if action.duration else None
+        here = self
+        if action.duration:
+            durations = [*self.lasting(action, arguments, given)]
+            is_known = given is not None or any(
+                isinstance(part, Comparison) and part.operator == "=" for part in action.duration
+            )
+            needed = walk(*action.condition, *action.effect)
+            is_needed = any(part in (Variable("duration"), ContinuousTime()) for part in needed)
+            if not durations or (is_needed and not is_known):
+                return None
+            here = Evaluator(self.theory, self.state, durations[0] if is_known else None)
+        bound = self._bound(action, arguments)
+        if not here.meets(action, bound, AT_START):
+            return None
+        try:
+            state = here.changed(action.effect, bound, time)
+        except UndefinedEffectError:
+            return None
+        after = Evaluator(self.theory, state, here.duration)
+        return after if time is None or after.meets(action, bound, OVER_ALL) else None
+
+    def ended(self, action: ActionLike, arguments: Sequence[str]) -> State | None:
+        """The state after the end of a step, of whose duration nothing has happened yet."""
+        bound, duration = self._bound(action, arguments), self.duration or ZERO
+        moments = [NEAR, *(Fraction(number, 97) for number in range(1, 97)), 1 - NEAR]
+        try:
+            for moment in moments:
+                then = self._moved(action, bound, moment * duration)
+                if not then.meets(action, bound, OVER_ALL):
+                    return None
+            last = self._moved(action, bound, duration)
+            if not last.meets(action, bound, AT_END):
+                return None
+            return last.changed(action.effect, bound, AT_END)
+        except UndefinedEffectError:
+            return None
+
+    def meets(self, action: ActionLike, bound: Bindings, time: str) -> bool:
+        """Whether the conditions of a time hold."""
+        return all(self.holds(of_time(part, time), bound) for part in action.condition)
+
+    def _moved(self, action: ActionLike, bound: Bindings, passed: Fraction) -> Evaluator:
+        here = Evaluator(self.theory, self.state, self.duration, passed)
+        state = here.changed(action.effect, bound, "while")
+        return Evaluator(self.theory, state, self.duration)
+
+    @staticmethod
+    def _bound(action: ActionLike, arguments: Sequence[str]) -> Bindings:
+        names = [fold(parameter.name) for parameter in action.parameters]
+        return dict(zip(names, arguments, strict=True))
+
     def _changes(
         self, effect: Node, bound: Bindings, time: str | None
     ) -> Iterator[tuple[Node, Bindings]]:
@@ -305,7 +412,7 @@ class Evaluator:
             case Timed():
                 if effect.time == time:
                     yield from self._changes(effect.formula, bound, time)
-            case _:
+            case _ if is_continuous(effect) is (time == "while"):
                 yield effect, bound
 
     def _changed_fact(self, atom: Node, bound: Bindings) -> Ground:
@@ -327,6 +434,13 @@ class Evaluator:
         if key is None or value is None:
             raise UndefinedEffectError(f"{effect} has no value")
         return key, value
+
+
+def is_allowed(operator: str, difference: Fraction) -> bool:
+    """Whether a duration differs from its limit as it may, within the tolerance."""
+    if operator == "=":
+        return abs(difference) <= TOLERANCE
+    return difference <= TOLERANCE if operator == "<=" else -difference <= TOLERANCE
 
 
 def calculated(sign: str, operands: Sequence[N]) -> N | None:

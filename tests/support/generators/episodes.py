@@ -278,8 +278,20 @@ class Conditions(Formulas):
             if self.random.random() < 0.3:
                 made = When(Timed(time, self.goal(scope, 1)), made)
             effect.append(made)
-        lasts = Comparison("=", DURATION, Number(5))
-        return Action(DURATIVE_ACTION, name, scope, (lasts,), condition, tuple(effect))
+        changed = self.continuous(scope) if self.random.random() < 0.5 else None
+        return Action(
+            DURATIVE_ACTION,
+            name,
+            scope,
+            tuple(self.lasts(scope) for _ in range(self.pick([1, 1, 2]))),
+            condition,
+            (*effect, *([] if changed is None else [changed])),
+        )
+
+    def lasts(self, scope: Scope) -> Comparison:
+        """A constraint on a duration, which may contradict another one."""
+        limit = self.expression(scope, 1) if self.random.random() < 0.3 else Number(5)
+        return Comparison(self.pick(["=", "=", "<=", ">="]), DURATION, limit)
 
     def question(self) -> Question:
         columns = self.variables(self.random.sample(VARIABLES, self.pick([2, 1, 2, 0, 3])))

@@ -1,0 +1,319 @@
+"""What must hold before some effects so that a condition holds after them.
+
+Facts hold after that are added, or hold before and are not deleted; a fluent has the value that it
+is assigned, or its former one changed (regression; Reiter, The frame problem in the situation
+calculus, 1991). So one statement about the state before judges the state after.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from copy import copy
+from dataclasses import replace
+from itertools import product
+from math import prod
+
+from ..dto.formulas import TOTAL_COST
+from ..dto.lexical import fold
+from ..knowledge.conditions import (
+    FALSE,
+    TRUE,
+    AllOf,
+    Bound,
+    Compares,
+    FluentIs,
+    HasType,
+    HoldsFact,
+    Known,
+    Lacks,
+    NumberOf,
+    OneOf,
+    Operation,
+    Part,
+    Place,
+    Quantity,
+    SameObject,
+    Slot,
+    Witness,
+    all_of,
+    any_of,
+    negate,
+    parts_of,
+    replaced,
+)
+from ..knowledge.definitions import Definitions
+from ..knowledge.rules import DerivationRules, rules_of
+from .steps import EffectItem
+
+# A predicate (True) or a function, by id.
+Head = tuple[bool, int]
+# How many cases of one comparison are told apart.
+MOST_CASES = 16
+_OPERATORS = {"increase": "+", "decrease": "-", "scale-up": "*", "scale-down": "/"}
+
+
+class OpaqueError(Exception):
+    """No condition on the state before says what holds after."""
+
+
+def mapped(part: Part, of: Callable[[Part], Part]) -> Part:
+    """Replace what has no parts of its own."""
+    match part:
+        case AllOf(parts):
+            return all_of(mapped(each, of) for each in parts)
+        case OneOf(parts):
+            return any_of(mapped(each, of) for each in parts)
+        case Lacks(inner):
+            return negate(mapped(inner, of))
+        case Witness(bound, inner):
+            within = mapped(inner, of)
+            return FALSE if within == FALSE else Witness(bound, within)
+    return of(part)
+
+
+def with_quantities(quantity: Quantity, values: Mapping[Quantity, Quantity]) -> Quantity:
+    """Replace numbers within a number."""
+    if quantity in values:
+        return values[quantity]
+    if isinstance(quantity, Operation):
+        operands = tuple(with_quantities(each, values) for each in quantity.operands)
+        return Operation(quantity.operator, operands)
+    return quantity
+
+
+def heads_of(rules: DerivationRules, *parts: Part) -> set[Head]:
+    """Return what parts depend on, through rules, too."""
+    found: set[Head] = set()
+    pending = list(parts)
+    while pending:
+        for each in parts_of(pending.pop()):
+            head = head_of(each)
+            if head is not None and head not in found:
+                found.add(head)
+                if head[0]:
+                    pending += [rule.body for rule in rules.of(head[1])]
+    return found
+
+
+def head_of(part: Part | Quantity) -> Head | None:
+    """Return what a part without parts, or a number, is about."""
+    match part:
+        case HoldsFact(predicate, _):
+            return True, predicate
+        case FluentIs(function, _, _) | NumberOf(function, _):
+            return False, function
+    return None
+
+
+def same(left: Place, right: Place) -> Part:
+    """Return that two terms are one object."""
+    if left == right:
+        return TRUE
+    if isinstance(left, Known) and isinstance(right, Known):
+        return FALSE
+    return SameObject(left, right)
+
+
+class After:
+    """Says of the state before what holds after effects.
+
+    Args:
+        definitions: what is defined.
+        items: the effects.
+        numbers: gives the numbers of new variables.
+        is_whole: whether the rules are those of `rules`, which say what follows after.
+    """
+
+    def __init__(
+        self,
+        definitions: Definitions,
+        items: Sequence[EffectItem],
+        numbers: Iterator[int],
+        *,
+        is_whole: bool = False,
+    ) -> None:
+        self._functions = definitions.functions
+        self._rules = rules_of(definitions)
+        self._numbers = numbers
+        self._is_whole = is_whole
+        self._items: dict[Head, list[EffectItem]] = {}
+        for item in items:
+            head = item.operator in ("add", "delete"), item.head
+            self._items.setdefault(head, []).append(item)
+
+    def rules(self) -> DerivationRules:
+        """Return the rules by which facts follow after the effects."""
+        return self._rules.replaced(self.part)
+
+    def part(self, part: Part) -> Part:
+        """Return what holds before iff a part holds after.
+
+        Raises:
+            OpaqueError: no condition says it.
+        """
+        return mapped(part, self._leaf) if self._items else part
+
+    def _leaf(self, leaf: Part) -> Part:
+        match leaf:
+            case HoldsFact(predicate, terms):
+                if self._rules.of(predicate) and not leaf.is_stored:
+                    return self._derived(leaf)
+                items = self._items.get((True, predicate), ())
+                deleted = [self._hits(each, terms) for each in items if each.operator == "delete"]
+                added = [self._hits(each, terms) for each in items if each.operator == "add"]
+                return any_of([all_of([leaf, *map(negate, deleted)]), *added])
+            case FluentIs(function, terms, value):
+                items = self._items.get((False, function), ())
+                changed = [self._hits(each, terms) for each in items]
+                assigned = [self._hits(each, terms, value) for each in items]
+                return any_of([all_of([leaf, *map(negate, changed)]), *assigned])
+            case Compares():
+                return self._compares(leaf)
+        return leaf
+
+    def _derived(self, leaf: HoldsFact) -> Part:
+        if not self._is_whole and not heads_of(self._rules, leaf).isdisjoint(self._items):
+            raise OpaqueError
+        return leaf
+
+    def _hits(self, item: EffectItem, terms: Sequence[Place], value: Place | None = None) -> Part:
+        """Return that an effect takes place on some objects."""
+        part, _, _ = self._matched(item, terms, value)
+        return part
+
+    def _matched(
+        self, item: EffectItem, terms: Sequence[Place], value: Place | None = None
+    ) -> tuple[Part, dict[Slot, Place], tuple[Bound, ...]]:
+        """Return that, the objects of its variables, and the variables that are left."""
+        own = {each.slot: each for each in item.bound}
+        places: dict[Slot, Place] = {}
+        conditions: list[Part] = []
+        pairs = [*zip(item.terms, terms, strict=True)]
+        if value is not None:
+            assert isinstance(item.value, Slot | Known)
+            pairs.append((item.value, value))
+        for its, wanted in pairs:
+            if isinstance(its, Slot) and its in own and its not in places:
+                places[its] = wanted
+                conditions += [HasType(wanted, types) for types in own[its].types]
+            else:
+                conditions.append(same(its, wanted))
+        rest = tuple(each for each in item.bound if each.slot not in places)
+        inner = all_of([item.condition, *conditions])
+        whole = Witness(rest, inner) if rest and inner != FALSE else inner
+        return replaced(whole, places, self._numbers), places, rest
+
+    def _compares(self, leaf: Compares) -> Part:
+        numbers = [
+            each
+            for each in dict.fromkeys(parts_of(leaf))
+            if isinstance(each, NumberOf) and (False, each.function) in self._items
+        ]
+        choices = [self._values(each) for each in numbers]
+        if prod(map(len, choices)) > MOST_CASES:
+            raise OpaqueError
+        found = []
+        for chosen in product(*choices):
+            values: dict[Quantity, Quantity] = {
+                number: value for number, (_, value) in zip(numbers, chosen, strict=True)
+            }
+            sides = [with_quantities(side, values) for side in (leaf.left, leaf.right)]
+            guards = [guard for guard, _ in chosen]
+            found.append(all_of([*guards, Compares(leaf.operator, sides[0], sides[1])]))
+        return any_of(found)
+
+    def _values(self, number: NumberOf) -> list[tuple[Part, Quantity]]:
+        """Return the values that a fluent may have after, each with when it has it."""
+        items = self._items[False, number.function]
+        is_cost = fold(self._functions.live(number.function).name) == TOTAL_COST
+        if 2 ** len(items) > MOST_CASES or (is_cost and not self._is_whole):
+            raise OpaqueError
+        matched = [self._matched(each, number.terms) for each in items]
+        if any(rest for _, _, rest in matched):
+            # As many changes as there are objects.
+            raise OpaqueError
+        found = []
+        for hits in product((False, True), repeat=len(items)):
+            value: Quantity = number
+            guards = []
+            for item, (hit, places, _), is_hit in zip(items, matched, hits, strict=True):
+                guards.append(replaced(hit if is_hit else negate(hit), {}, self._numbers))
+                if is_hit:
+                    by = _replaced(item.value, places, self._numbers)
+                    operator = _OPERATORS.get(item.operator)
+                    value = by if operator is None else Operation(operator, (value, by))
+            guard = all_of(guards)
+            if guard != FALSE:
+                found.append((guard, value))
+        return found
+
+
+def _replaced(
+    value: Quantity | Place | None, places: dict[Slot, Place], numbers: Iterator[int]
+) -> Quantity:
+    assert value is not None
+    assert not isinstance(value, Slot | Known)
+    made: Quantity = replaced(value, copy(places), numbers)  # type: ignore[arg-type, assignment]
+    return made
+
+
+def ground_item(
+    operator: str, head: int, ids: Sequence[int], value: Quantity | Place | None = None
+) -> EffectItem:
+    """Make an effect that takes place once, on some objects."""
+    terms = tuple(map(Known, ids))
+    return EffectItem(operator, head, terms, value, (), TRUE, TRUE, FALSE, ())
+
+
+def weakened(part: Part, heads: set[Head], negated: bool = False) -> Part:
+    """Return a condition on numbers that change, as it holds at the ends of an open interval."""
+    match part:
+        case AllOf(parts):
+            return all_of(weakened(each, heads, negated) for each in parts)
+        case OneOf(parts):
+            return any_of(weakened(each, heads, negated) for each in parts)
+        case Lacks(inner):
+            return negate(weakened(inner, heads, not negated))
+        case Witness(bound, inner):
+            return Witness(bound, weakened(inner, heads, negated))
+        case Compares(operator, _, _) if not heads.isdisjoint(map(head_of, parts_of(part))):
+            changes = {"<=": "<", ">=": ">"} if negated else {"<": "<=", ">": ">="}
+            return replace(part, operator=changes.get(operator, operator))
+    return part
+
+
+def is_linear(part: Part, heads: set[Head], rules: DerivationRules, negated: bool = False) -> bool:
+    """Return whether a condition holds in an open interval of linear change if it does so inside.
+
+    That is: at its ends, where strict comparisons count as others, and at one moment within.
+    """
+
+    def depends(each: Part) -> bool:
+        return not heads_of(rules, each).isdisjoint(heads)
+
+    if not depends(part):
+        return True
+    match part:
+        case AllOf(parts) | OneOf(parts):
+            is_choice = isinstance(part, OneOf) != negated
+            return (not is_choice or sum(map(depends, parts)) < 2) and all(
+                is_linear(each, heads, rules, negated) for each in parts
+            )
+        case Lacks(inner):
+            return is_linear(inner, heads, rules, not negated)
+        case Witness(_, inner):
+            return negated and is_linear(inner, heads, rules, negated)
+        case Compares(operator, left, right):
+            degrees = [degree(side, heads) for side in (left, right)]
+            return max(degrees) < 2 and not (negated and operator == "=")
+    return False
+
+
+def degree(quantity: Quantity, heads: set[Head]) -> int:
+    """Return how a number grows with those that change: 0 not at all, 1 linearly, 2 otherwise."""
+    if not isinstance(quantity, Operation):
+        return int(head_of(quantity) in heads)
+    degrees = [degree(each, heads) for each in quantity.operands]
+    if quantity.operator == "/" and len(degrees) > 1 and degrees[1]:
+        return 2
+    return min(2, sum(degrees)) if quantity.operator == "*" else max(degrees)

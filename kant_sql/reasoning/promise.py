@@ -1,0 +1,469 @@
+"""What must hold so that a step can begin: one condition of the state before.
+
+A step can begin when its objects fit, its duration is allowed, its conditions at the start hold,
+its effects at the start have results, and what is over all holds right after them. The same
+condition judges a step, explains why it cannot begin, and finds all steps of an action.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from decimal import Decimal
+
+from ..dao.function_value import SCALE_UP, calculate
+from ..dto import formulas as f
+from ..dto.formulas import AT_START, OVER_ALL, TOTAL_COST
+from ..dto.lexical import fold
+from ..errors import NotApplicableError, TypeMismatchError, UnsupportedConstructError
+from ..knowledge.conditions import (
+    FALSE,
+    TRUE,
+    Bound,
+    Compares,
+    HasType,
+    Known,
+    Lacks,
+    Needed,
+    NumberOf,
+    Operation,
+    Parameter,
+    Part,
+    Place,
+    Quantity,
+    Slot,
+    TypeSet,
+    Witness,
+    all_of,
+    check_levels,
+    closure,
+    fits,
+    negate,
+    replaced,
+)
+from ..knowledge.definitions import FunctionDefinition
+from ..knowledge.rules import rules_of
+from ..sql.questions import GUARDS
+from ..sql.relations import ConditionStatement
+from ..store.caches import FluentKey
+from ..store.snapshot import DefinitionsMovedError, View
+from .after import After, Head, OpaqueError, heads_of, is_linear, mapped, same, with_quantities
+from .ask import asked, first_two, question, statement_key
+from .effects import EffectReader, StepChanges, settled
+from .explain import Changed, Explainer, number_of
+from .failures import TOLERANCE, FailedCondition, duration_failure
+from .grounding import bound, substitute
+from .steps import CONTINUOUS, EffectItem, GroundStep, PreparedAction, misfits, quantities_of
+
+AFTER_START = "right after the start"
+_ADDITIVE, _SCALING = ("increase", "decrease"), ("scale-up", "scale-down")
+_LASTING = Parameter(f.DURATION)
+_HALF = Decimal("0.5")
+Numbers = dict[str, Decimal]
+
+
+@dataclass(frozen=True)
+class Promise:
+    """What must hold so that steps of an action can begin.
+
+    Attributes:
+        part: the condition.
+        is_whole: whether it is all; else what is over all has to be judged for each step.
+        is_listed: whether steps without a duration can begin.
+        listed: the condition of these, that of their duration included.
+    """
+
+    part: Part
+    is_whole: bool
+    is_listed: bool
+    listed: Part
+
+
+def promise_of(action: PreparedAction) -> Promise:
+    """Return what must hold so that steps of an action can begin."""
+    found: Promise | None = action.kept.get(Promise)
+    if found is None:
+        found = action.kept[Promise] = _promise(action)
+    return found
+
+
+def _promise(action: PreparedAction) -> Promise:
+    items = action.items(AT_START)
+    conflicts = (
+        _conflict(action, one, other)
+        for number, one in enumerate(items)
+        for other in items[number:]
+    )
+    parts = [action.condition(AT_START), *(_has_result(action, each) for each in items), *conflicts]
+    is_whole = True
+    if action.is_durative:
+        try:
+            kept = After(action.definitions, items, action.numbers).part(action.condition(OVER_ALL))
+            check_levels(kept)
+            parts.append(kept)
+        except (OpaqueError, UnsupportedConstructError):
+            is_whole = False
+    part = all_of(parts)
+    is_listed, listed = True, part
+    if action.is_durative:
+        is_listed, listed = _with_duration(action, part)
+    return Promise(part, is_whole, is_listed, listed)
+
+
+def _fresh(action: PreparedAction, bound: Sequence[Bound], part: Part) -> Part:
+    """Return that there are objects, with variables that no other part has."""
+    whole = Witness(tuple(bound), part) if bound and part != FALSE else part
+    return replaced(whole, {}, action.numbers)
+
+
+def _has_result(action: PreparedAction, item: EffectItem) -> Part:
+    """Return that an effect has a result wherever it takes place."""
+    lacking = _fresh(action, item.around, item.lacking)
+    wanted = all_of([*_types_fit(action, item), *_is_defined(action, item)])
+    if wanted == TRUE:
+        return negate(lacking)
+    wrong = _fresh(action, item.bound, all_of([item.condition, negate(wanted)]))
+    return all_of([negate(lacking), negate(wrong)])
+
+
+def _types_fit(action: PreparedAction, item: EffectItem) -> Iterator[Part]:
+    """Yield that objects fit, where their variables have wider types."""
+    definitions = action.definitions
+    declared = definitions.predicates, definitions.functions
+    head = declared[item.operator not in ("add", "delete")].live(item.head)
+    places: list[tuple[Place, TypeSet]] = [
+        (term, closure(definitions, parameter.type_ids))
+        for term, parameter in zip(item.terms, head.parameters, strict=True)
+    ]
+    if isinstance(item.value, Slot | Known):
+        assert isinstance(head, FunctionDefinition)
+        places.append((item.value, closure(definitions, head.type_ids)))
+    types = {each.slot: each.types for each in (*action.parameters, *item.bound)}
+    for term, wanted in places:
+        if wanted is None:
+            continue
+        if isinstance(term, Known):
+            if not fits(definitions, term.id, wanted):
+                yield FALSE
+        elif not any(own is not None and own <= wanted for own in types[term]):
+            yield HasType(term, wanted)
+
+
+def _is_defined(action: PreparedAction, item: EffectItem) -> Iterator[Part]:
+    """Yield that a number and the fluent that it changes have values."""
+    value = item.value
+    if value is None or isinstance(value, Slot | Known):
+        return
+    if any(not isinstance(each, Decimal) for each in quantities_of(value)):
+        yield Compares("=", value, value)
+    function = action.definitions.functions.live(item.head)
+    if item.operator != "assign" and fold(function.name) != TOTAL_COST:
+        own = NumberOf(item.head, item.terms)
+        yield Compares("=", own, own)
+    if item.operator == "scale-down":
+        yield Lacks(Compares("=", value, Decimal(0)))
+
+
+def _conflict(action: PreparedAction, one: EffectItem, other: EffectItem) -> Part:
+    """Return that two effects do not change one fluent in ways that contradict each other."""
+    operators = {one.operator, other.operator}
+    is_same_kind = any(operators <= set(group) for group in (_ADDITIVE, _SCALING))
+    is_other = one.head != other.head or not operators.isdisjoint(("add", "delete"))
+    if is_other or is_same_kind or (one is other and not one.bound):
+        return TRUE
+    places: dict[Slot, Place] = {each.slot: Slot(next(action.numbers)) for each in other.bound}
+    copied = tuple(Bound(places[each.slot], each.types) for each in other.bound)  # type: ignore[arg-type]
+    terms = [places.get(each, each) if isinstance(each, Slot) else each for each in other.terms]
+    hit = [same(left, right) for left, right in zip(one.terms, terms, strict=True)]
+    differ: Part = TRUE
+    if operators == {"assign"}:
+        differ = negate(_equal(one.value, other.value, places, action.numbers))
+    inner = [one.condition, replaced(other.condition, dict(places), action.numbers), *hit, differ]
+    return negate(_fresh(action, (*one.bound, *copied), all_of(inner)))
+
+
+def _equal(
+    left: Quantity | Place | None,
+    right: Quantity | Place | None,
+    places: dict[Slot, Place],
+    numbers: Iterator[int],
+) -> Part:
+    """Return that two assigned values are the same."""
+    assert left is not None
+    assert right is not None
+    if isinstance(left, Slot | Known) and isinstance(right, Slot | Known):
+        return same(left, places.get(right, right) if isinstance(right, Slot) else right)
+    moved: Quantity = replaced(right, dict(places), numbers)  # type: ignore[arg-type, assignment]
+    assert not isinstance(left, Slot | Known)
+    return Compares("=", left, moved)
+
+
+# Durations.
+
+
+def _limits(action: PreparedAction) -> list[tuple[str, Quantity, Needed]]:
+    """Return the constraints on the duration at the start, each with its limit."""
+    found = []
+    for constraint in constraints(action, AT_START):
+        operator, side = constraint.operator, constraint.right
+        if constraint.right == f.Variable(f.DURATION):
+            operator, side = _MIRRORED[operator], constraint.left
+        limit, needed = action.resolver.number(side)
+        found.append((operator, limit, needed))
+    return found
+
+
+_MIRRORED = {"=": "=", "<=": ">=", "<": ">", ">=": "<=", ">": "<"}
+
+
+def constraints(action: PreparedAction, time: str) -> list[f.Comparison]:
+    """Return the constraints on the duration at a time."""
+    found = []
+    for node in action.duration:
+        its = node.time if isinstance(node, f.Timed) else AT_START
+        constraint = node.formula if isinstance(node, f.Timed) else node
+        if its == time and isinstance(constraint, f.Comparison):
+            found.append(constraint)
+    return found
+
+
+def _with_duration(action: PreparedAction, part: Part) -> tuple[bool, Part]:
+    """Return whether steps can begin without a duration, and their condition."""
+    limits = _limits(action)
+    fixed = next((limit for operator, limit, _ in limits if operator == "="), None)
+    if fixed is None and action.needs_duration:
+        return False, FALSE
+    parts = [part, *(each for _, limit, _ in limits for each in _has_value(limit))]
+    if fixed is not None:
+        values: dict[Quantity, Quantity] = {_LASTING: fixed}
+        parts[0] = mapped(part, lambda leaf: _with_numbers(leaf, values))
+        parts += [
+            each
+            for operator, limit, _ in [*limits, (">=", Decimal(0), None)]
+            if limit is not fixed
+            for each in _within(operator, fixed, limit, TOLERANCE if limit else Decimal(0))
+        ]
+    else:
+        lower = [limit for operator, limit, _ in limits if operator in (">", ">=")]
+        upper = [limit for operator, limit, _ in limits if operator in ("<", "<=")]
+        for most in upper:
+            parts += _within("<=", Decimal(0), most, TOLERANCE)
+            for least in lower:
+                parts += _within("<=", least, most, 2 * TOLERANCE)
+    variables = tuple(each for _, _, needed in limits for each in needed.bound)
+    inner = all_of([*(each for _, _, needed in limits for each in needed.needed), *parts])
+    return True, Witness(variables, inner) if variables and inner != FALSE else inner
+
+
+def _has_value(quantity: Quantity) -> list[Part]:
+    is_constant = isinstance(quantity, Decimal)
+    return [] if is_constant else [Compares("=", quantity, quantity)]
+
+
+def _with_numbers(leaf: Part, values: dict[Quantity, Quantity]) -> Part:
+    if not isinstance(leaf, Compares):
+        return leaf
+    sides = [with_quantities(side, values) for side in (leaf.left, leaf.right)]
+    return Compares(leaf.operator, sides[0], sides[1])
+
+
+def _within(operator: str, left: Quantity, right: Quantity, tolerance: Decimal) -> Iterator[Part]:
+    """Yield that a comparison holds within a tolerance."""
+    difference = Operation("-", (left, right))
+    if operator in ("<", "<=", "="):
+        yield Compares("<" if operator == "<" else "<=", difference, tolerance)
+    if operator in (">", ">=", "="):
+        yield Compares(">" if operator == ">" else ">=", difference, -tolerance)
+
+
+def duration_of(
+    view: View, step: GroundStep, time: str, known: Decimal | None
+) -> tuple[Numbers, list[FailedCondition]]:
+    """Find the duration where a constraint of a time fixes it, and check it against all of them."""
+    duration, action = known, step.action
+    binding = bound(action.variables, step.names)
+    found: list[tuple[f.Comparison, bool, Decimal | None]] = []
+    for constraint in constraints(action, time):
+        closed = substitute(constraint, binding)
+        is_left = constraint.left == f.Variable(f.DURATION)
+        limit = number_of(view, closed.right if is_left else closed.left, {})
+        found.append((closed, is_left, limit))
+        if duration is None and constraint.operator == "=":
+            duration = limit
+    failed = []
+    for closed, is_left, limit in found:
+        if duration is not None or limit is None:
+            wrong = duration_failure(closed, *((duration, limit) if is_left else (limit, duration)))
+            failed += [] if wrong is None else [wrong]
+    if duration is None and not failed:
+        failed = [*_contradictions(found)]
+    if duration is not None and duration < 0:
+        failed.append(FailedCondition("(>= ?duration 0)", f"the duration is {duration:f}"))
+    if duration is None and not failed and action.needs_duration:
+        reason = f"is not given; write it after the step, as in '{step} [5]'"
+        failed.append(FailedCondition("?duration", reason))
+    return {} if duration is None else {f.DURATION: duration}, failed
+
+
+def _contradictions(
+    found: Sequence[tuple[f.Comparison, bool, Decimal | None]],
+) -> Iterator[FailedCondition]:
+    """Yield the bounds that no duration is within."""
+    least: list[tuple[str, Decimal]] = [("0", Decimal(0))]
+    most: list[tuple[str, Decimal]] = []
+    for closed, is_left, limit in found:
+        operator = closed.operator if is_left else _MIRRORED[closed.operator]
+        assert limit is not None
+        (least if operator in (">", ">=") else most).append((str(closed), limit))
+    for upper, high in most:
+        for lower, low in least:
+            allowed = TOLERANCE if lower == "0" else 2 * TOLERANCE
+            if low - high > allowed:
+                text = upper if lower == "0" else f"(and {lower} {upper})"
+                reason = f"no duration is from {low:f} to {high:f}"
+                yield FailedCondition(text, reason, low, high)
+
+
+# Judging steps.
+
+
+def judge(
+    view: View, step: GroundStep, explains: bool = True
+) -> tuple[Numbers, list[FailedCondition]]:
+    """Return the duration of a step, and why it cannot begin; nothing if it can.
+
+    Without explanation, the reasons may be less than all, but for a step that can begin.
+    """
+    wrong = misfits(view.definitions, step)
+    if wrong:
+        return {}, wrong
+    action = step.action
+    if action.is_durative:
+        check_linear(action)
+        _need_snapshot(view)
+    numbers: Numbers = {} if step.duration is None else {f.DURATION: step.duration}
+    if action.is_durative:
+        numbers, wrong = duration_of(view, step, AT_START, step.duration)
+        if wrong:
+            return numbers, wrong
+    promise = promise_of(action)
+    if not is_true(view, step, None, numbers):
+        failed = _explain(view, step, numbers) if explains else []
+        return numbers, failed or [FailedCondition(str(step), "its condition does not hold")]
+    return numbers, [] if promise.is_whole else _explain(view, step, numbers)
+
+
+def _need_snapshot(view: View) -> None:
+    """Have several statements see one state."""
+    if view.definition_revision is not None:
+        raise DefinitionsMovedError
+
+
+def is_true(view: View, step: GroundStep, time: str | None, numbers: Mapping[str, Decimal]) -> bool:
+    """Return whether a step can begin, or with a time, whether its conditions of then hold."""
+    action = step.action
+    key = ("truth", time, *statement_key(view, numbers))
+    statement: ConditionStatement | None = action.kept.get(key)
+    if statement is None:
+        part = promise_of(action).part if time is None else action.condition(time)
+        statement = question(view, numbers).truths([part], step.places)
+        action.kept[key] = statement
+    given = {**step.values, **{name: float(value) for name, value in numbers.items()}}
+    [row] = asked(view, statement, given, first_two)
+    return bool(row[GUARDS])
+
+
+def _explain(view: View, step: GroundStep, numbers: Numbers) -> list[FailedCondition]:
+    """Return what fails of conditions at the start, of effects at the start, or of invariants."""
+    _need_snapshot(view)
+    failed = Explainer(view, numbers).failed(closed_nodes(step, AT_START))
+    if failed:
+        return failed
+    try:
+        read = EffectReader(view, step, numbers).read(step.action.items(AT_START))
+    except NotApplicableError as error:
+        return [*error.unsatisfied]
+    except TypeMismatchError as error:
+        return [FailedCondition(str(step), str(error))]
+    items, failed = settled(view, read)
+    if failed or not step.action.is_durative:
+        return failed
+    changed = Changed(view.definitions, items, AFTER_START)
+    return Explainer(view, numbers, changed).failed(closed_nodes(step, OVER_ALL))
+
+
+def closed_nodes(step: GroundStep, time: str) -> list[f.Formula]:
+    """Return the conditions of a time with the objects of a step."""
+    binding = bound(step.action.variables, step.names)
+    return [substitute(node, binding) for node in step.action.nodes(time)]
+
+
+# Continuous change.
+
+
+def changing(action: PreparedAction) -> set[Head]:
+    """Return the functions that an action changes continuously."""
+    return {(False, item.head) for item in action.items(CONTINUOUS)}
+
+
+def check_linear(action: PreparedAction) -> None:
+    """Refuse continuous change that is not linear, or that a condition over all cannot follow."""
+    items, heads = action.items(CONTINUOUS), changing(action)
+    functions = action.definitions.functions
+    for item in items:
+        for number in item.numbers:
+            if (False, number.function) in heads:
+                name = functions.live(number.function).name
+                raise UnsupportedConstructError(
+                    f"the action {action.name} changes {functions.live(item.head).name} "
+                    f"continuously at a rate that depends on {name}, which it changes, too: "
+                    "that is not linear in time, and only linear change can be executed"
+                )
+    rules = rules_of(action.definitions)
+    for node in action.nodes(OVER_ALL) if items else ():
+        part = action.resolver.part(node)
+        if not is_linear(part, heads, rules):
+            names = ", ".join(functions.live(head).name for _, head in sorted(heads))
+            raise UnsupportedConstructError(
+                f"the action {action.name} has the condition over all {node}, which cannot be "
+                f"followed while {names} changes continuously; comparisons that are linear in time "
+                "can, in conjunctions and universal quantifiers"
+            )
+
+
+def is_executable(action: PreparedAction) -> bool:
+    """Return whether its continuous change, if any, can be executed."""
+    try:
+        check_linear(action)
+    except UnsupportedConstructError:
+        return False
+    return True
+
+
+def until_end(
+    view: View, step: GroundStep, numbers: Mapping[str, Decimal]
+) -> list[FailedCondition]:
+    """Return what over all does not hold until right before the end, if time passes as planned."""
+    nodes, heads = closed_nodes(step, OVER_ALL), changing(step.action)
+    kept = step.action.condition(OVER_ALL)
+    if not heads or heads_of(rules_of(view.definitions), kept).isdisjoint(heads):
+        is_kept = is_true(view, step, OVER_ALL, numbers)
+        return [] if is_kept else Explainer(view, numbers).failed(nodes)
+    reader = EffectReader(view, step, numbers)
+    read = reader.read(step.action.items(CONTINUOUS))
+    moments = (Decimal(0), AFTER_START), (Decimal(1), "at the end"), (_HALF, "halfway")
+    for share, said in moments:
+        assignments: dict[FluentKey, tuple[str, list[tuple[str, Decimal | int]]]] = {
+            key: (
+                text,
+                [(operator, calculate(SCALE_UP, Decimal(by), share)) for operator, by in made],
+            )
+            for key, (text, made) in read.assignments.items()
+        }
+        items, failed = settled(view, StepChanges(assignments=assignments))
+        loosened = None if share == _HALF else heads
+        changed = Changed(view.definitions, items, said, loosened)
+        failed = failed or Explainer(view, numbers, changed).failed(nodes)
+        if failed:
+            return failed
+    return []
