@@ -83,4 +83,4 @@ def test_the_readme_of_a_package_index_has_no_relative_link() -> None:
     text = run("-m", "hatch_fancy_pypi_readme")
     assert not RELATIVE_LINK.search(text)
     assert "[KANT](https://doi.org/" in text
-    assert "- `docs/pddl.md`: " in text
+    assert "- `docs/index.md`: " in text
