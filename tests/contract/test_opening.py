@@ -290,9 +290,7 @@ def test_processes_that_create_a_store_at_once_leave_one_good_store(
     server: Server, shared_url: str, tmp_path: Path, round_: int
 ) -> None:
     is_file = shared_url.startswith("sqlite")
-    # With a timeout as short as that, locks have to be waited for by trying again.
-    query = "?timeout=0.01" if round_ else ""
-    url = sqlite_url(tmp_path / "new.db", query) if is_file else server.new_database()
+    url = sqlite_url(tmp_path / "new.db") if is_file else server.new_database()
     create = sharing.connect_and_write if is_file else sharing.upgrade_and_write
     revisions = in_processes(*[(create, url, number) for number in range(4)])
     assert sorted(revisions) == [1, 2, 3, 4]

@@ -124,7 +124,10 @@ def test_each_docstring_stands_once_and_is_inherited() -> None:
 def test_help_shows_signature_and_docstring() -> None:
     with kant_sql.connect("sqlite://") as kb:
         for method, words in (
-            (kb.propositions.save, ("save(dto: 'FactLike | Sequence[FactLike]')", "Save a fact or a goal")),
+            (
+                kb.propositions.save,
+                ("save(dto: 'FactLike | Sequence[FactLike]')", "Save a fact or a goal"),
+            ),
             (kb.log, ("log(since: 'When | None' = None", "Read revisions and their changes")),
             (kb.load_domain, ("load_domain(*sources: 'Source'", "Load a domain")),
             (kb.transaction, ("transaction(*, actor: 'str | None' = None", "Make many calls")),

@@ -631,7 +631,6 @@ _VIEW = Query(
 # Of its major versions, that of the tests which is the oldest.
 OLDEST_SERVER = 14
 LOCK_TIMEOUT = "20s"
-# Seconds that a thread waits for a connection of the pool: as long as for a lock.
 # The number of libpq's state of a transaction in which a statement has failed.
 _FAILED = 3
 _DURABLE = (
