@@ -387,6 +387,24 @@ def recreated_views(url: str) -> list[PredicateView]:
             session.rollback()
 
 
+def replaced_views(session: Session, kb_id: int | None) -> Iterator[tuple[str, str]]:
+    """Yield what has the name of a generated view without being one, with the view's predicate.
+
+    A relation of another program may have it, too. So there is no view of the predicate by another
+    name, and there are generated views of the knowledge base, or the relation has the columns.
+    """
+    views = session.backend.views
+    kbs: dict[int, str] = dict(session.rows(_KNOWLEDGE_BASES))
+    there = {name.lower(): mark for name, mark in views.list_relations(session.rows_of).items()}
+    marked = {mark[:3] for mark in there.values() if mark}
+    having = {mark[0] for mark in marked}
+    for view in _wanted(session, kbs, {kb_id, *having} & kbs.keys(), ()):
+        if view.name in there and there[view.name] is None and view.mark[:3] not in marked:
+            found = session.rows_of(views.columns.format(view.name))
+            if view.mark.kb_id in having or tuple(name for (name,) in found) == view.columns:
+                yield view.name, view.predicate
+
+
 def _change(url: str, kb_name: str | None, dry_run: bool, is_drop: bool) -> list[PredicateView]:
     optional_text(kb_name, "knowledge_base")
     flag(dry_run, "dry_run", InvalidArgumentError)
@@ -479,7 +497,7 @@ def _makes(
 
 
 def _wanted(
-    session: Session, kbs: Mapping[int, str], chosen: set[int], taken: set[str]
+    session: Session, kbs: Mapping[int, str], chosen: Collection[int | None], taken: Collection[str]
 ) -> Iterator[_Wanted]:
     begins = {kind: dict(zip(kbs, prefixes(kind, [*kbs.values()]), strict=True)) for kind in KINDS}
     for kb_id in [kb_id for kb_id in kbs if kb_id in chosen]:

@@ -230,6 +230,16 @@ POSTGRESQL = {
     " ' SET search_path TO evil, public'; END $$": (
         "relation that statements find in its place: evil.proposition_argument"
     ),
+    "CREATE SCHEMA evil; CREATE VIEW evil.audit_fact AS SELECT * FROM audit_fact WHERE false;"
+    "DO $$ BEGIN EXECUTE 'ALTER DATABASE ' || current_database() ||"
+    " ' SET search_path TO evil, public'; END $$": (
+        "relation that statements find in its place: evil.audit_fact"
+    ),
+    "CREATE SCHEMA kant_sql_evil; CREATE VIEW kant_sql_evil.audit_fact AS SELECT 1 AS n;"
+    "DO $$ BEGIN EXECUTE 'ALTER DATABASE ' || current_database() ||"
+    " ' SET search_path TO kant_sql_evil, public'; END $$": (
+        "relation that statements find in its place: kant_sql_evil.audit_fact"
+    ),
     "CREATE SCHEMA evil; DO $$ BEGIN EXECUTE 'ALTER DATABASE ' || current_database() ||"
     " ' SET search_path TO evil, public, pg_catalog'; END $$": (
         "schema evil, which the search path has before the system's own"
@@ -289,6 +299,32 @@ def test_a_generated_view_that_says_something_else_is_a_finding(
     kant_sql.drop_views(url)
     kant_sql.update_views(url)
     assert findings(url) == []
+
+
+def test_what_had_the_name_of_a_generated_view_before_is_none(filled: str) -> None:
+    tamper(filled, "CREATE TABLE fact_robot_at (a INTEGER)")
+    assert findings(filled) == []
+    kant_sql.update_views(filled)
+    assert findings(filled) == []
+
+
+# What takes the place of a generated view; the second of them looks like it.
+REPLACEMENTS = {
+    "a table": "CREATE TABLE fact_robot_at (a INTEGER)",
+    "a view": "CREATE VIEW fact_robot_at AS SELECT * FROM goal_robot_at",
+    "all of them": "CREATE TABLE fact_robot_at AS SELECT * FROM goal_robot_at;"
+    "DROP VIEW goal_robot_at",
+}
+
+
+@pytest.mark.parametrize("sql", REPLACEMENTS.values(), ids=REPLACEMENTS)
+def test_what_took_the_place_of_a_generated_view_is_a_finding(filled: str, sql: str) -> None:
+    kant_sql.update_views(filled)
+    assert findings(filled) == []
+    tamper(filled, "DROP VIEW fact_robot_at", *sql.split(";"))
+    (finding,) = findings(filled)
+    assert finding.table == "fact_robot_at"
+    assert "drop or rename it" in finding.message
 
 
 @pytest.mark.parametrize(
@@ -387,8 +423,12 @@ def test_a_store_with_roles_is_intact_for_its_owner_and_for_who_reads(server: An
     assert findings(url) == []
     with members(url, roles) as users, members(url, own) as limited:
         assert findings(users.reader) == findings(users.writer) == []
-        with kant_sql.connect(limited.reader, knowledge_base=MINE) as kb:
-            assert kb.verify().findings == ()
+        # Who may see one knowledge base may find the views of it first.
+        path = {"options": f"-csearch_path={own.schema},public"}
+        own_first = make_url(limited.reader).update_query_dict(path)
+        for reader in (limited.reader, own_first.render_as_string(hide_password=False)):
+            with kant_sql.connect(reader, knowledge_base=MINE) as kb:
+                assert kb.verify().findings == ()
     server.drop_database(url)
 
 

@@ -14,6 +14,7 @@ from sqlalchemy import ColumnElement, exists, func, literal_column, select, unio
 
 from ...sql.dialects.base import Session
 from ...sql.dialects.structure import Statement, parse_record
+from ...sql.predicate_views import replaced_views
 from ...sql.query import Query, integer
 from ...sql.rows import KB, table_of
 from ...sql.schema import VERSIONS, migrations_folder
@@ -58,8 +59,15 @@ def check_structure(session: Session, report: Report) -> None:
             report.add(None, found[0].relation, f"{_shown(head)} was changed: {message}")
 
 
-def check_generated(session: Session, report: Report) -> None:
-    """Compare generated views with their marks."""
+def check_generated(session: Session, kb_id: int | None, report: Report) -> None:
+    """Compare generated views with their marks, and find what took the place of one."""
+    for view, predicate in replaced_views(session, kb_id):
+        report.add(
+            None,
+            view,
+            f"{view} is not the view that 'kant-sql views' creates of predicate {predicate!r}; "
+            "drop or rename it, and create the view again with 'kant-sql views'",
+        )
     for view in session.backend.views.list_altered(session.rows_of):
         report.add(
             None,

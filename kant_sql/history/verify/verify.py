@@ -142,9 +142,10 @@ def verify(
 
         _guarded(session, report, find_start)
         if structure:
-            parts = (check_structure, check_generated, *(() if after else (check_indexes,)))
-            for common in parts:
-                _guarded(session, report, partial(common, session, report))
+            _guarded(session, report, partial(check_structure, session, report))
+            _guarded(session, report, partial(check_generated, session, kb_id, report))
+            if not after:
+                _guarded(session, report, partial(check_indexes, session, report))
         return _verify(session, kb_id, store.name, anchored, progress, report, kept, after)
 
     done, end = store.query_in_snapshot(check)

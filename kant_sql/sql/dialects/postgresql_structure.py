@@ -84,7 +84,8 @@ WHERE {which} AND NOT EXISTS (
 )
 ORDER BY c.relname COLLATE "C", x.relname COLLATE "C"
 """
-# What no migration creates, with the table or view that it belongs to.
+# What no migration creates, with the table or view that it belongs to. Auditors of one knowledge
+# base may find their own views before those of all.
 _OTHERS = """
 SELECT c.relname, 'trigger ' || t.tgname || ' on ' || c.relname
 FROM pg_trigger AS t JOIN pg_class AS c ON c.oid = t.tgrelid WHERE NOT t.tgisinternal AND {which}
@@ -114,10 +115,16 @@ UNION ALL
 SELECT c.relname, 'relation that statements find in its place: ' || n.nspname || '.' || c.relname
 FROM pg_class AS c JOIN pg_class AS found ON found.oid = to_regclass(quote_ident(c.relname))
 JOIN pg_namespace AS n ON n.oid = found.relnamespace
-WHERE c.relkind = 'r' AND found.oid <> c.oid AND {which}
+WHERE c.relkind IN ('r', 'v') AND found.oid <> c.oid AND {which} AND NOT (
+    c.relkind = 'v' AND starts_with(n.nspname, 'kant_sql_') AND found.relkind = 'v' AND EXISTS (
+        SELECT FROM pg_rewrite AS r JOIN pg_depend AS d ON d.objid = r.oid
+            AND d.classid = 'pg_rewrite'::regclass AND d.refclassid = 'pg_class'::regclass
+        WHERE r.ev_class = found.oid AND d.refobjid = c.oid
+    )
+)
 UNION ALL
 SELECT c.relname, 'relation that statements find in its place: none' FROM pg_class AS c
-WHERE c.relkind = 'r' AND to_regclass(quote_ident(c.relname)) IS NULL AND {which}
+WHERE c.relkind IN ('r', 'v') AND to_regclass(quote_ident(c.relname)) IS NULL AND {which}
 ORDER BY 2
 """
 # Schemas before pg_catalog in the search path can replace the system's functions.
@@ -439,6 +446,10 @@ class PostgresqlViews(ViewDialect):
         "SELECT c.relname, CASE c.relkind WHEN 'v' THEN obj_description(c.oid, 'pg_class') END "
         "FROM pg_class AS c WHERE pg_table_is_visible(c.oid) UNION ALL "
         "SELECT typname, NULL FROM pg_type WHERE typrelid = 0 AND pg_type_is_visible(oid)"
+    )
+    columns = (
+        "SELECT attname FROM pg_attribute WHERE attrelid = to_regclass('{0}') "
+        "AND attnum > 0 AND NOT attisdropped ORDER BY attnum"
     )
     is_goal = "v.is_goal"
     epoch = "CAST(extract(epoch FROM {0}) AS double precision)"

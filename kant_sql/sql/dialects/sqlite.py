@@ -166,6 +166,7 @@ class SqliteViews(ViewDialect):
     """Generated views on SQLite: the mark is a comment in the view's text."""
 
     relations = "SELECT name, CASE type WHEN 'view' THEN sql END FROM sqlite_master"
+    columns = "SELECT name FROM pragma_table_info('{0}') ORDER BY cid"
     is_goal = "v.is_goal = 1"
     epoch = "(strftime('%s', substr({0}, 1, 19)) * 1000000 + substr({0}, 21, 6)) / 1000000.0"
     seconds = (

@@ -96,6 +96,7 @@ class ViewDialect(ABC):
     Attributes:
         relations: the query of all names that a new view cannot have, each with the text that may
             hold a mark.
+        columns: the query of the columns of the relation `{0}`, in their order.
         is_goal: the condition that a version `v` of a proposition is of a goal.
         epoch: the time `{0}` in seconds since 1970, exact to the microsecond.
         seconds: the seconds from the time `{0}` to `{1}`, exact to the microsecond.
@@ -104,6 +105,7 @@ class ViewDialect(ABC):
     """
 
     relations: str
+    columns: str
     is_goal: str
     epoch: str
     seconds: str
