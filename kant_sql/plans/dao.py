@@ -472,7 +472,7 @@ class SqlPlanDao(SqlDao, PlanDao):
         if definition.revision < transaction.head.archived_revision:
             # It was moved since the problem was written.
             refuse_archived_revision(self._store, definition.revision)
-        plan = definition._replace(id=transaction.allocate())
+        plan = definition._replace(id=transaction.number_plan())
         rows = plan_rows(transaction.kb_id, transaction.number, plan)
         transaction.records.add(Change(ASSERTED, PLAN, plan.text), rows)
         steps = [

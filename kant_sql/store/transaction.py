@@ -13,15 +13,17 @@ from contextlib import contextmanager
 from datetime import timedelta
 from itertools import chain
 
+from sqlalchemy import func, select
+
 from ..errors import ConnectionLostError
 from ..knowledge.canonical import FORM, Metadata, revision_hash, time_text
 from ..knowledge.definitions import KINDS, Definition, Definitions, PendingDefinitions
-from ..sql.changes import Change, stream_changes
+from ..sql.changes import PLAN, Change, stream_changes
 from ..sql.dialects.base import Session
 from ..sql.plans import Step
-from ..sql.query import Insert
-from ..sql.rows import table_of
-from ..sql.tables import RevisionPlanStepRow, RevisionRow
+from ..sql.query import Insert, Query
+from ..sql.rows import KB, table_of
+from ..sql.tables import PlanRow, RevisionPlanStepRow, RevisionRow
 from .caches import Agreements, AtomCache, FluentCache
 from .head import Committed, Head, move_head
 from .journal import JournalScope
@@ -44,6 +46,8 @@ _NEW_PLAN_STEP = Insert(table_of(RevisionPlanStepRow), "kb_id", "number", "plan_
 
 # Flush above this count of pending propositions to bound memory.
 SPILL_AT = 10_000
+
+_LAST_PLAN = Query(select(func.max(PlanRow.id)).where(PlanRow.kb_id == KB))
 
 _PROPOSITIONS, _VALUES, _RECORDS, _STATUSES = "propositions", "values", "records", "statuses"
 # The order of writing: each refers to those before it only.
@@ -173,6 +177,14 @@ class Transaction:
     def allocate(self) -> int:
         """Allocate the next id."""
         return self._context.allocate(1)[0]
+
+    def number_plan(self) -> int:
+        """Return the number of the next plan: 1, 2, 3 ..., apart from the ids of elements."""
+        (last,) = self.session.first(_LAST_PLAN, kb=self.kb_id) or (None,)
+        number = 1 + (last or 0) + sum(change.kind == PLAN for change in self.records.pending)
+        # Verification expects no id beyond the head's.
+        self._context.reserve([number])
+        return number
 
     def look_up(self, kind: str, names: Iterable[str]) -> None:
         """Find the identities of names that are not live, in one statement."""

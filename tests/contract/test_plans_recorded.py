@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
 from decimal import Decimal
 from functools import partial
@@ -361,3 +362,19 @@ def test_a_plan_that_was_read_is_recorded(fresh_kb: KnowledgeBase) -> None:
     fresh_kb.load_problem(PROBLEM.replace("(:metric minimize (total-cost))", ""))
     bare = fresh_kb.plans.record(Plan.read(";;;; Solution Found\n; Cost: 7.50\n"))
     assert (bare.objective, bare.value) == (None, None)
+
+
+def test_plans_are_numbered_from_one(kb: KnowledgeBase) -> None:
+    kb.load_domain("(define (domain d) (:predicates (p)) (:action a :effect (p)))")
+    plan = Plan((PlanStep(None, "a"),), "by hand", "unknown")
+    numbers = [kb.plans.record(plan).id]
+    with kb.transaction():
+        numbers += [kb.plans.record(plan).id, kb.plans.record(plan).id]
+        with suppress(RuntimeError), kb.transaction():
+            kb.plans.record(plan)
+            raise RuntimeError
+        kb.propositions.save("(p)")
+        numbers += [kb.plans.record(plan).id]
+    numbers += [kb.plans.record(plan).id for _ in range(40)]
+    assert numbers == [*range(1, 45)]
+    assert kb.verify().is_intact
