@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Collection, Hashable, Iterable, Sequence
+from collections.abc import Collection, Hashable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
 from decimal import Decimal
 from functools import lru_cache
 from itertools import islice
@@ -464,6 +466,22 @@ def identify(transaction: Transaction, kind: str, name: str) -> tuple[int, str]:
     return transaction.intern(kind, name) if live is None else (live.id, live.name)
 
 
+_REDEFINING: ContextVar[bool] = ContextVar("kant_sql_redefining", default=False)
+
+
+@contextmanager
+def redefining_references() -> Iterator[None]:
+    """Let references redefine what nothing uses, as the original library does.
+
+    Two references of one element may contradict each other, so save it once more afterwards.
+    """
+    token = _REDEFINING.set(True)
+    try:
+        yield
+    finally:
+        _REDEFINING.reset(token)
+
+
 class Definer(ABC, Generic[D, F]):
     """Defines the elements of one kind in a transaction, as their DTOs say."""
 
@@ -501,17 +519,19 @@ class Definer(ABC, Generic[D, F]):
         stored: F | None = transaction.definitions.elements(self.kind).named(dto.name)
         if stored is None:
             return self._define(transaction, dto, False)[0]
-        self.check(transaction, dto, stored, role)
-        return stored
+        return self.check(transaction, dto, stored, role)
 
-    def check(self, transaction: Transaction, dto: D, stored: F, role: str) -> None:
-        """Refuse a reference that disagrees with the stored definition."""
+    def check(self, transaction: Transaction, dto: D, stored: F, role: str) -> F:
+        """Return what a reference means; refuse it if it disagrees with the stored definition."""
         if not self._agrees(transaction, dto, stored):
+            if _REDEFINING.get():
+                return self._define(transaction, dto, False)[0]
             raise ConflictError(
                 f"{self.kind} {dto.name!r} is stored as {_quoted(stored.text)}, but {role} refers "
                 f"to it as {_quoted(str(dto))}; use the stored definition, or save the {self.kind} "
                 "itself to redefine it"
             )
+        return stored
 
     def put(self, transaction: Transaction, dto: D, cascade: bool) -> bool:
         """Insert or redefine an element; return whether that is a change."""

@@ -3,13 +3,24 @@
 from __future__ import annotations
 
 import logging
+import subprocess
+import sys
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import pytest
 
-from kant_sql import InvalidUrlError
-from kant_sql.compat import DaoFactory, DaoFactoryMethod, DaoFamilies
+from kant_sql import InvalidArgumentError, InvalidUrlError, KnowledgeBase, compat
+from kant_sql.compat import (
+    DaoFactory,
+    DaoFactoryMethod,
+    DaoFamilies,
+    ParameterLoader,
+    Ros2DaoFactory,
+)
 from kant_sql.dto.actions import PddlActionDto, PddlConditionEffectDto
 from kant_sql.dto.elements import (
     Dto,
@@ -179,7 +190,7 @@ ILL_TYPED: dict[str, list[tuple[Any, str]]] = {
     "proposition": [
         (PddlPropositionDto(ROBOT_AT, [WP1, RB1]), "argument 1"),
         (PddlPropositionDto(ROBOT_AT, [RB1]), "1 arguments, expected 2"),
-        (PddlPropositionDto(ROBOT_AT, [RB1, PddlObjectDto(ROBOT, "wp1")]), "is stored as"),
+        (PddlPropositionDto(ROBOT_AT, [RB1, PddlObjectDto(ROBOT, "wp1")]), "argument 2"),
         (assigned(PddlPropositionDto(ROBOT_AT, [RB1, WP1]), predicate=None), "PddlPredicateDto"),
     ],
     "action": [
@@ -259,7 +270,6 @@ def test_a_fact_and_a_goal_are_two(factory: DaoFactory) -> None:
         {"uri": "sqlite://", "url": "sqlite://"},
         {"URI": "sqlite://"},
         {"url": "sqlite://"},
-        {},
     ],
 )
 def test_an_unknown_keyword_raises(options: dict[str, Any]) -> None:
@@ -289,3 +299,263 @@ def test_two_programs_share_a_store_by_its_uri(shared_url: str) -> None:
     assert one.create_pddl_proposition_dao().get_all() == []
     one._factory.close()
     other._factory.close()
+
+
+DOMAIN = """(define (domain tour) (:requirements :strips :typing)
+  (:types room dock - place place robot)
+  (:constants home - dock)
+  (:predicates (at ?r - robot ?p - place))
+  (:action leave :parameters (?r - robot) :precondition (at ?r home) :effect (not (at ?r home))))"""
+
+
+def test_a_mission_begins_anew_with_the_constants_and_actions_of_its_domain(
+    factory: DaoFactory,
+) -> None:
+    kb = KnowledgeBase(factory._factory)
+    kb.load_domain(DOMAIN)
+    objects, types = factory.create_pddl_object_dao(), factory.create_pddl_type_dao()
+    at = PddlPredicateDto("at", [ROBOT, PddlTypeDto("place")])
+    home = PddlObjectDto(PddlTypeDto("dock"), "home")
+    assert objects.save(home)
+    assert factory.create_pddl_proposition_dao().save(PddlPropositionDto(at, [RB1, home]))
+    before = kb.revision
+    assert objects.delete_all() is True
+    assert kb.revision == before + 1
+    (left,) = objects.get_all()
+    assert (str(left), left.is_constant) == ("home - dock", True)
+    assert kb.actions.get("leave") is not None
+    assert kb.propositions.get_all() == []
+    assert objects.delete(home)
+    # As in `:types`: what is of no type comes last, else it would be of the type that follows.
+    assert [str(each) for each in types.get_all()] == [
+        "dock - place",
+        "room - place",
+        "place",
+        "robot",
+    ]
+
+
+def test_named_elements_are_sorted_by_name(factory: DaoFactory) -> None:
+    types, objects = factory.create_pddl_type_dao(), factory.create_pddl_object_dao()
+    predicates, actions = factory.create_pddl_predicate_dao(), factory.create_pddl_action_dao()
+    for name in "zoe", "adam", "mia", "Bo":
+        assert types.save(PddlTypeDto(name))
+        assert objects.save(PddlObjectDto(ROBOT, name))
+        assert predicates.save(PddlPredicateDto(name, []))
+        assert actions.save(PddlActionDto(name, [], [], [], durative=False))
+    for dao in (objects, predicates, actions):
+        assert [each.get_name() for each in dao.get_all()] == ["Bo", "adam", "mia", "zoe"]
+    assert [each.get_name() for each in types.get_all()] == ["Bo", "adam", "mia", "robot", "zoe"]
+
+
+HUMAN = PddlTypeDto("human")
+WIDER = PddlPredicateDto("robot_at", [ROBOT, WAYPOINT, WAYPOINT])
+
+
+def test_a_reference_redefines_what_nothing_else_uses(factory: DaoFactory) -> None:
+    predicates, objects = factory.create_pddl_predicate_dao(), factory.create_pddl_object_dao()
+    propositions, actions = factory.create_pddl_proposition_dao(), factory.create_pddl_action_dao()
+    assert predicates.save(ROBOT_AT)
+    assert objects.save(PddlObjectDto(HUMAN, "wp2"))
+    # Nothing uses the predicate, and wp2.
+    revision = factory._factory.revision
+    assert propositions._save(PddlPropositionDto(WIDER, [RB1, WP1, WP2]))
+    assert factory._factory.revision == revision + 1
+    assert [str(each) for each in predicates.get_all()] == [str(WIDER)]
+    assert objects.get("wp2") == WP2
+    assert str(objects.get("wp2")) == "wp2 - wp"
+    # A fact uses them: nothing is written.
+    assert propositions.save(robot_at()) is False
+    assert (
+        propositions.save(PddlPropositionDto(WIDER, [RB1, WP1, PddlObjectDto(HUMAN, "wp2")]))
+        is False
+    )
+    assert factory._factory.revision == revision + 1
+    # Only the saved one does.
+    seen = PddlPredicateDto("seen", [PddlTypeDto("thing")])
+    thing = PddlObjectDto(PddlTypeDto("thing"), "cup")
+    assert propositions.save(PddlPropositionDto(seen, [thing]))
+    cup = PddlObjectDto(HUMAN, "cup")
+    assert propositions.save(PddlPropositionDto(PddlPredicateDto("seen", [HUMAN]), [cup]))
+    assert str(propositions.get_by_predicate("seen")[0].get_objects()[0]) == "cup - human"
+    # An action that alone uses a predicate says it anew.
+    assert propositions.delete_all()
+    assert actions.save(navigation()) is True
+    assert str(predicates.get("robot_at")) == str(ROBOT_AT)
+    action = navigation()
+    for literal in literals([*action.conditions, *action.effects]):
+        literal.set_predicate(WIDER)
+        literal.set_objects([*literal.get_objects(), literal.get_objects()[1]])
+    assert actions._update(action) is True
+    assert str(predicates.get("robot_at")) == str(WIDER)
+    assert actions.get("navigation") == action
+
+
+def test_references_that_contradict_each_other_redefine_nothing(factory: DaoFactory) -> None:
+    near = PddlPredicateDto("near", [WAYPOINT, ROBOT])
+    propositions = factory.create_pddl_proposition_dao()
+    assert factory.create_pddl_object_dao().save(PddlObjectDto(HUMAN, "wp1"))
+    revision = factory._factory.revision
+    both = [WP1, PddlObjectDto(ROBOT, "wp1")]
+    assert propositions.save(PddlPropositionDto(near, both)) is False
+    assert factory._factory.revision == revision
+    assert str(factory.create_pddl_object_dao().get("wp1")) == "wp1 - human"
+
+
+def test_a_type_without_a_parent_keeps_the_one_that_it_has(factory: DaoFactory) -> None:
+    types = factory.create_pddl_type_dao()
+    place, area = PddlTypeDto("place"), PddlTypeDto("area")
+    assert types.save(PddlTypeDto("wp", parent=place))
+    revision = factory._factory.revision
+    assert types.save(PddlTypeDto("wp"))
+    assert types._update(PddlTypeDto("WP"))
+    assert factory.create_pddl_object_dao().save(WP1)
+    found = types.get("wp")
+    assert found is not None
+    assert found.parent == place
+    assert factory._factory.revision == revision + 1
+    assert types.save(PddlTypeDto("wp", parent=area))
+    found = types.get("wp")
+    assert found is not None
+    assert found.parent == area
+
+
+@dataclass
+class Value:
+    """A parameter's value, as a message of ROS 2 has it."""
+
+    value: object
+
+
+@dataclass
+class RosNode:
+    """A node with the signatures of `rclpy`, and what a launch file sets."""
+
+    overrides: dict[str, object] = field(default_factory=dict)
+    name: str = "executor"
+    declared: dict[str, Value] = field(default_factory=dict)
+
+    def get_name(self) -> str:
+        return self.name
+
+    def has_parameter(self, name: str) -> bool:
+        return name in self.declared
+
+    def declare_parameter(
+        self,
+        name: str,
+        value: object = None,
+        descriptor: object = None,
+        ignore_override: bool = False,
+    ) -> Value:
+        assert name not in self.declared, "ParameterAlreadyDeclaredException"
+        assert type(value) in (int, str), "InvalidParameterTypeException"
+        self.declared[name] = Value(self.overrides.get(name, value))
+        return self.declared[name]
+
+    def get_parameter(self, name: str) -> Value:
+        return self.declared[name]
+
+
+def written_by(factory: DaoFactory) -> tuple[str, str | None]:
+    """Write, and tell to which knowledge base and as whom."""
+    assert factory.create_pddl_type_dao().save(PddlTypeDto("robot"))
+    made = factory._factory.create_history().revisions()[-1]
+    return factory._factory.name, made.actor
+
+
+@pytest.mark.parametrize("name", ["uri", "mongo_uri", None])
+def test_a_node_loads_the_factory_from_its_parameters(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str | None
+) -> None:
+    url = f"sqlite:///{tmp_path / 'store.db'}"
+    monkeypatch.setenv("KANT_SQL_URL", url if name is None else "sqlite:///elsewhere.db")
+    node = RosNode({name: url} if name else {})
+    factory = ParameterLoader(node).get_dao_factory()
+    assert (factory.get_uri(), factory.get_node()) == (url, node)
+    assert (factory.knowledge_base, factory.actor) == ("default", "executor")
+    assert written_by(factory) == ("default", "executor")
+    # A second one of the same node declares nothing again.
+    assert ParameterLoader(node).get_dao_factory().create_pddl_type_dao().get("robot") == ROBOT
+    more = {"uri": url, "knowledge_base": "tiago", "actor": "boss", "dao_family": 1}
+    factory = ParameterLoader(RosNode(more)).get_dao_factory()
+    assert written_by(factory) == ("tiago", "boss")
+    with pytest.raises(ValueError, match="is not a valid DaoFamilies"):
+        ParameterLoader(RosNode({**more, "dao_family": 7}))
+
+
+def test_a_factory_without_a_uri_takes_that_of_the_environment(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("KANT_SQL_URL", raising=False)
+    make = DaoFactoryMethod().create_dao_factory
+    with pytest.raises(InvalidUrlError, match=r"no database is named: give uri=.*KANT_SQL_URL"):
+        make(DaoFamilies.ROS2, node=RosNode())
+    url = f"sqlite:///{tmp_path / 'store.db'}"
+    monkeypatch.setenv("KANT_SQL_URL", url)
+    for factory in (make(DaoFamilies.ROS2, node=RosNode()), Ros2DaoFactory(RosNode())):
+        assert factory.get_uri() == url
+        assert written_by(factory) == ("default", "executor")
+    named = make(DaoFamilies.MONGO, uri=url, knowledge_base="tiago", actor="boss", node=RosNode())
+    assert written_by(named) == ("tiago", "boss")
+
+
+def test_a_factory_goes_to_another_database_and_to_another_node(tmp_path: Path) -> None:
+    one, other = (f"sqlite:///{tmp_path / name}.db" for name in ("one", "other"))
+    factory = DaoFactory(one)
+    assert written_by(factory) == ("default", None)
+    before = factory.create_pddl_type_dao()
+    factory.set_uri(other)
+    assert (factory.get_uri(), factory.create_pddl_type_dao().get_all()) == (other, [])
+    assert before.get_all() == [ROBOT]
+    node = RosNode(name="planner")
+    factory.set_node(node)
+    assert (factory.get_node(), factory.actor) == (node, "planner")
+    assert written_by(factory) == ("default", "planner")
+
+
+PROGRAM = """
+import sys
+from kant_sql import compat
+compat.install()
+compat.install()
+import kant_dao.dao_factory
+from kant_dao import ParameterLoader
+from kant_dao.parameter_loader import ParameterLoader as Same
+from kant_dao.dao_factory import DaoFactoryMethod, DaoFamilies
+from kant_dao.dao_factory.dao_factory_method import DaoFactoryMethod
+from kant_dao.dao_factory.dao_factories import DaoFactory, MongoDaoFactory, Ros2DaoFactory
+from kant_dao.dao_factory.dao_factories.dao_factory import DaoFactory
+from kant_dao.dao_interface import Dao, PddlActionDao, PddlObjectDao, PddlPredicateDao
+from kant_dao.dao_interface import PddlPropositionDao, PddlTypeDao
+from kant_dto import Dto, PddlActionDto, PddlConditionEffectDto, PddlObjectDto, PddlPredicateDto
+from kant_dto import PddlPropositionDto, PddlTypeDto
+from kant_dto.pddl_type_dto import PddlTypeDto as Type
+import kant_dto.pddl_action_dto
+assert kant_dto.pddl_action_dto.PddlActionDto is PddlActionDto
+assert (Same, Type, kant_dao.dao_factory.DaoFamilies) == (ParameterLoader, PddlTypeDto, DaoFamilies)
+factory = DaoFactoryMethod().create_dao_factory(DaoFamilies.MONGO, uri="sqlite://")
+dao = factory.create_pddl_type_dao()
+assert isinstance(dao, PddlTypeDao) and isinstance(dao, Dao) and isinstance(factory, DaoFactory)
+print(dao.save(PddlTypeDto("robot")), *dao.get_all())
+"""
+
+
+def test_a_program_keeps_its_imports() -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", PROGRAM], capture_output=True, text=True, check=False
+    )
+    assert (done.stdout, done.stderr) == ("True robot\n", "")
+
+
+def test_the_original_is_not_replaced_once_it_is_imported(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in [
+        name for name in sys.modules if name.partition(".")[0] in ("kant_dto", "kant_dao")
+    ]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, "kant_dao", ModuleType("kant_dao"))
+    with pytest.raises(
+        InvalidArgumentError, match="kant_dao of another package is imported already"
+    ):
+        compat.install()
+    assert "kant_dto" not in sys.modules

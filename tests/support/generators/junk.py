@@ -272,6 +272,7 @@ class World:
 
     def __post_init__(self) -> None:
         kb = self.kb
+        self.compat = kant_sql.compat.DaoFactory("sqlite://")
         if not kb.revision:
             depot.load(kb)
             kb.actions.save(PddlActionDto("rest", [PddlObjectDto(ROBOT, "t")], durative=False))
@@ -346,7 +347,7 @@ class World:
     def subjects(self) -> dict[str, Callable[[], Any]]:
         """Give how to get the objects whose methods are called: some take time to make."""
         kb = self.kb
-        compat = kant_sql.compat.DaoFactory(kb.factory)
+        compat = self.compat
         daos = typing.get_type_hints(KnowledgeBase)
         return {
             **{module.__name__: lambda module=module: module for module in MODULES},
