@@ -6,11 +6,13 @@ import threading
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from typing import Any
 
 import psycopg
 import pytest
 
 from kant_sql import ConnectionLostError, OutcomeUnknownError, StoreError
+from kant_sql.sql.dialects.postgresql import PostgresqlSession
 from tests.support.chain import check_chain
 from tests.support.faults import (
     BOUND,
@@ -79,6 +81,63 @@ def test_a_transaction_whose_connection_is_lost_raises_and_writes_nothing(
         a_transaction(kb)
     assert check_chain(shared_url) == {"default": 1}
     assert a_transaction(kb) is True
+
+
+# What a coordinator of Citus says of a worker that crashes, as an internal error.
+CRASHES = [
+    "failure on connection marked as essential: worker1:5432",
+    "server closed the connection unexpectedly",
+    "connection not open",
+]
+
+
+def crash_at(monkeypatch: pytest.MonkeyPatch, words: str, said: str, *, is_done: bool) -> None:
+    """Answer the next statement that begins with some words by this error."""
+    execute, times = PostgresqlSession._execute, iter([said])
+
+    def crash(self: PostgresqlSession, sql: str, parameters: Any = ()) -> None:
+        for text in times if sql.startswith(words) else ():
+            if is_done:
+                execute(self, sql, parameters)
+            raising = f"RAISE EXCEPTION ''{text}'' USING ERRCODE = ''internal_error''"
+            execute(self, f"DO 'BEGIN {raising}; END'")
+        execute(self, sql, parameters)
+
+    monkeypatch.setattr(PostgresqlSession, "_execute", crash)
+
+
+@pytest.mark.parametrize("said", CRASHES)
+@pytest.mark.parametrize("words", ["SELECT", "INSERT INTO proposition_version", "UPDATE head"])
+def test_a_worker_that_crashes_is_an_outage_as_others(
+    shared_url: str, connect: Connect, monkeypatch: pytest.MonkeyPatch, words: str, said: str
+) -> None:
+    kb = connect(shared_url)
+    kb.propositions.save(robot_at())
+    crash_at(monkeypatch, words, said, is_done=False)
+    assert one_call(kb) is True
+    assert check_chain(shared_url) == {"default": 2}
+
+
+def test_a_block_below_which_a_worker_crashes_writes_nothing(
+    shared_url: str, connect: Connect, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kb = connect(shared_url)
+    kb.propositions.save(robot_at())
+    crash_at(monkeypatch, "UPDATE head", CRASHES[0], is_done=False)
+    with pytest.raises(ConnectionLostError, match="nothing of the open transaction was written"):
+        a_transaction(kb)
+    assert check_chain(shared_url) == {"default": 1}
+    assert a_transaction(kb) is True
+
+
+def test_a_worker_that_crashes_after_the_commit_is_looked_up(
+    shared_url: str, connect: Connect, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kb = connect(shared_url)
+    kb.propositions.save(robot_at())
+    crash_at(monkeypatch, "COMMIT", CRASHES[0], is_done=True)
+    assert a_transaction(kb) is True
+    assert check_chain(shared_url) == {"default": 2}
 
 
 def test_a_lost_transaction_cannot_be_saved_by_ignoring_the_error(

@@ -215,6 +215,19 @@ _HANDED_ON = (
 )
 
 
+# How a coordinator tells of a node that it has lost when it has no state for it: in words of its
+# own, or in those of its driver.
+_LOST_NODE = re.compile(
+    "failure on connection marked as essential|server closed the connection unexpectedly"
+    "|connection not open|no connection to the server|could not (receive|send) data"
+)
+
+
+def has_lost_a_node(state: str, message: str) -> bool:
+    """Return whether an internal error is that of a connection to another node."""
+    return state == "XX000" and _LOST_NODE.search(message) is not None
+
+
 def read_handed_on(connection: Any) -> HandedOn | None:
     """Read what a new connection of the driver hands on; None where there is no cluster."""
     row = connection.execute(_HANDED_ON).fetchone()

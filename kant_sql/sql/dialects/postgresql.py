@@ -79,6 +79,7 @@ from .base import (
 from .citus import (
     Distributor,
     HandedOn,
+    has_lost_a_node,
     layout_fault,
     migrating,
     of_one_shard,
@@ -956,9 +957,10 @@ class PostgresqlBackend(Backend):
             return TableMissingError(f"{self.label}: {text}")
         if state.startswith("23"):
             return StoreIntegrityError(f"{self.label}: {text}; nothing was written")
-        if state.startswith(("57P", "08", "25P03", "25P04")) or (
+        is_lost = state.startswith(("57P", "08", "25P03", "25P04")) or (
             not state and isinstance(error, self.engine.dialect.loaded_dbapi.OperationalError)
-        ):
+        )
+        if is_lost or has_lost_a_node(state, text):
             return ConnectionLostError(
                 f"{self.label}: the connection was lost ({text}); nothing of the open transaction "
                 "was written, try again"
