@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Awaitable, Callable, Mapping
+from collections.abc import Awaitable, Callable, Mapping, Sequence
 from functools import partial
 from typing import Annotated, Any, NamedTuple, TypeVar
 
 from fastapi import APIRouter, Query, Request
-from fastapi.responses import HTMLResponse
+from fastapi.responses import HTMLResponse, Response
 
 from ..errors import (
     ArchivedError,
@@ -26,19 +26,21 @@ from ..errors import (
 from ..knowledge_base import KnowledgeBase
 from .rendering import render
 from .stores import OpenStore, answer
+from .tabular import csv_text
 
 F = TypeVar("F", bound=Callable[..., Any])
 
 KB_DESCRIPTION = "The knowledge base's name; not needed in a store of one."
-WRONG_INPUT = 400
+# Of a form: what it is asked with is wrong, or never was.
+WRONG_INPUT = 400, 404
 # The first that fits; another error of the library is the server's.
 _STATUS: tuple[tuple[type[KantSqlError], int], ...] = (
     (UnknownNameError, 404),
     (ArchivedError, 410),
     (UnknownRevisionError, 404),
-    (InvalidArgumentError, WRONG_INPUT),
-    (InvalidKnowledgeError, WRONG_INPUT),
-    (UnsupportedConstructError, WRONG_INPUT),
+    (InvalidArgumentError, 400),
+    (InvalidKnowledgeError, 400),
+    (UnsupportedConstructError, 400),
     (StoreBusyError, 503),
     (StoreUnreachableError, 503),
     (QuestionCancelledError, 503),
@@ -66,18 +68,24 @@ class Pages:
         self.html = APIRouter(include_in_schema=False)
         self.api = APIRouter(prefix="/api", tags=[topic])
 
-    def page(self, path: str, template: str, *, is_form: bool = False) -> Callable[[F], F]:
+    def page(
+        self, path: str, template: str, *, is_form: bool = False, rows: Sequence[str] = ()
+    ) -> Callable[[F], F]:
         """Register a function that gives a page's data.
 
         Its first argument is a knowledge base, or the store; the others are parameters of the
         query, by keyword, as FastAPI declares them. It returns a `TypedDict`, which documents the
         JSON. Its docstring describes the page. A form shows what is wrong with its input itself:
-        its template gets `error`, and None as its `page`.
+        its template gets `error`, and None as its `page`. `rows` are the places of the data whose
+        rows `/csv` followed by the path gives, the first that has any.
         """
 
         def register(function: F) -> F:
             self.json(path)(function)
-            respond = partial(_page, template=template)
+            respond = partial(_page, template=template, has_rows=bool(rows))
+            if rows:
+                listed = partial(_csv, rows=rows)
+                self.html.get(f"/csv{path}", response_class=Response)(_endpoint(function, listed))
             refuse = partial(_form, template=template) if is_form else None
             self.html.get(path, response_class=HTMLResponse)(_endpoint(function, respond, refuse))
             return function
@@ -109,8 +117,14 @@ async def _json(request: Request, found: _Answer) -> Any:
     return found.data
 
 
-async def _page(request: Request, found: _Answer, template: str) -> HTMLResponse:
-    return render(request, template, found.data, found.kb, head=found.head)
+async def _page(request: Request, found: _Answer, template: str, has_rows: bool) -> HTMLResponse:
+    return render(request, template, found.data, found.kb, head=found.head, has_rows=has_rows)
+
+
+async def _csv(request: Request, found: _Answer, rows: Sequence[str]) -> Response:
+    name = request.url.path.rpartition("/")[2] or "knowledge-bases"
+    headers = {"Content-Disposition": f'attachment; filename="{name}.csv"'}
+    return Response(csv_text(found.data, rows), media_type="text/csv", headers=headers)
 
 
 async def _form(request: Request, error: KantSqlError, template: str) -> HTMLResponse:
@@ -139,20 +153,23 @@ def _endpoint(
         store: OpenStore = request.app.state.store
         name = query.pop("kb_name", None)
 
+        is_asked = False
+
         def work() -> _Answer:
+            nonlocal is_asked
             if of_store:
                 head = store.read_catalog(lambda catalog: catalog.total())[1]
                 return _Answer(store.folders.hide_in(function(store, **query)), None, head)
             chosen = store.choose(name)
             with store.knowledge_base(chosen) as kb:
-                head = kb.revision
+                head, is_asked = kb.revision, True
                 return _Answer(store.folders.hide_in(function(kb, **query)), chosen, head)
 
         try:
             _check_texts(query)
             found = await answer(request, work)
         except KantSqlError as error:
-            if refuse is None or status_of(error) != WRONG_INPUT:
+            if refuse is None or not is_asked or status_of(error) not in WRONG_INPUT:
                 raise
             return await refuse(request, error)
         return await respond(request, found)

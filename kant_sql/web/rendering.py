@@ -24,6 +24,8 @@ from .plotly_script import style_ids
 STATIC = Path(__file__).parent / "static"
 # A longer text is cut in links and titles; its own page has all of it.
 SHORT = 200
+# What is in one line of a column: of a longer word, so many characters.
+_PIECE = re.compile(r"(?:\S{0,31}\s)+\S{0,32}|\S{1,32}|\s+")
 _LINE = re.compile(r"[^\t\n]+")
 
 
@@ -74,6 +76,11 @@ def _written(value: object) -> object:
 def lines(value: object) -> Markup:
     """Return a text that may have several lines, such as PDDL or a reason."""
     return escape(shown_text(value))
+
+
+def breaking(value: object) -> Markup:
+    """Return a text whose words may be broken only after so many characters, not in the middle."""
+    return Markup("<wbr>").join(map(escape, _PIECE.findall(shown_text(value))))
 
 
 def shorten(value: object, length: int = SHORT) -> str:
@@ -149,6 +156,8 @@ def environment() -> Environment:
     made.filters.update(
         exact=escape,
         lines=lines,
+        name=lambda value: visible(str(value)),
+        breaking=breaking,
         short=shorten,
         cut=cut,
         line=one_line,
@@ -174,16 +183,19 @@ def render(
     status: int = 200,
     error: str | None = None,
     head: int | None = None,
+    has_rows: bool = False,
 ) -> HTMLResponse:
     """Return a page; without data, it says what is wrong. Behind `head`, it follows changes."""
     path, query = request.url.path, request.url.query
+    asked = f"?{query}" if query else ""
     context = {
         "page": data,
         "error": error,
         "kb": kb,
         "head": head,
         "path": path,
-        "api": f"/api{path}" + (f"?{query}" if query else ""),
+        "api": f"/api{path}{asked}",
+        "csv": f"/csv{path}{asked}" if has_rows else None,
         "query": dict(request.query_params),
     }
     return HTMLResponse(render_text(template, context), status_code=status)

@@ -9,6 +9,24 @@ from tests.browser.conftest import Visit
 from tests.support.browsing import LOOKS, NARROW, PAPER, Serving
 from tests.support.crawling import PATHS
 
+# Words of tables that are on two lines; hashes may be.
+BROKEN_WORDS = """() => {
+  const found = [], range = document.createRange();
+  for (const cell of document.querySelectorAll("td, th")) {
+    const texts = document.createTreeWalker(cell, NodeFilter.SHOW_TEXT);
+    while (texts.nextNode()) {
+      const node = texts.currentNode;
+      for (const word of node.data.matchAll(/[A-Za-z0-9_]+/g)) {
+        range.setStart(node, word.index);
+        range.setEnd(node, word.index + word[0].length);
+        const lines = new Set([...range.getClientRects()].map((one) => one.top));
+        if (lines.size > 1) found.push(word[0]);
+      }
+    }
+  }
+  return found;
+}"""
+
 
 def test_every_page_is_visited() -> None:
     assert set(PATHS) == set(ADDRESSES), "say in addresses.py at which address a page is tested"
@@ -68,3 +86,41 @@ def test_a_page_can_be_printed(sqlite_served: Serving, visit: Visit, path: str) 
     colour = "getComputedStyle(document.body).backgroundColor"
     assert visitor.page.evaluate(colour) == "rgb(255, 255, 255)"
     assert visitor.page.pdf(format="A4").startswith(b"%PDF")
+
+
+def test_times_are_local_too_and_tables_sort(sqlite_served: Serving, visit: Visit) -> None:
+    visitor = visit(sqlite_served.address)
+    visitor.open(address("/state", kind="fact", at=9))
+    near = visitor.page.locator("td time").first.get_attribute("data-near") or ""
+    assert "local" in near
+    assert near.endswith("ago")
+    table = visitor.page.locator("table.elements")
+
+    def column(number: int) -> list[str]:
+        return table.locator(f"tbody td:nth-child({number})").all_inner_texts()
+
+    table.get_by_role("columnheader", name="Element").click()
+    assert column(2) == sorted(column(2), key=str.lower)
+    visitor.page.keyboard.press("Tab")
+    table.get_by_role("columnheader", name="Element").press("Enter")
+    assert column(2) == sorted(column(2), key=str.lower, reverse=True)
+
+
+def test_filters_fold_away_on_a_narrow_page_only(sqlite_served: Serving, visit: Visit) -> None:
+    for path in ("/log", "/state", "/timeline"):
+        wide, narrow = visit(sqlite_served.address), visit(sqlite_served.address, width=NARROW)
+        for visitor in (wide, narrow):
+            visitor.open(address(path))
+        field = "form.screen input[name=since], form.screen input[name=object]"
+        assert wide.page.locator(field).first.is_visible()
+        assert not narrow.page.locator(field).first.is_visible()
+        narrow.page.get_by_label("Filters").check()
+        assert narrow.page.locator(field).first.is_visible()
+
+
+def test_no_word_is_broken_in_the_middle(sqlite_served: Serving, visit: Visit) -> None:
+    visitor = visit(sqlite_served.address, width=1280)
+    for path in ALL:
+        visitor.open(path)
+        broken = visitor.page.evaluate(BROKEN_WORDS)
+        assert (path, broken) == (path, [])

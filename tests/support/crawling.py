@@ -24,7 +24,9 @@ PATHS = sorted(
         route.path
         for pages in TOPICS
         for route in pages.html.routes
-        if isinstance(route, Route) and "GET" in (route.methods or ())
+        if isinstance(route, Route)
+        and "GET" in (route.methods or ())
+        and not route.path.startswith("/csv")
     }
 )
 _BOOLEAN = {
@@ -186,7 +188,7 @@ def walk(client: Client, starts: Iterable[str] = ("/",), most: int = 400) -> Ite
         yield Visited(address, answer, markup)
         for link in markup.links if markup else ():
             parts = urlsplit(urljoin(address, link))
-            if parts.netloc or parts.path.startswith("/static/"):
+            if parts.netloc or parts.path.startswith(("/static/", "/csv")):
                 continue
             following = parts.path + (f"?{parts.query}" if parts.query else "")
             sort = (parts.path, *sorted({name for name, _ in parse_qsl(parts.query)}))

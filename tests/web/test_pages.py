@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
+import csv
+from io import StringIO
+
+import pytest
 from fastapi import FastAPI
 from fastapi.testclient import TestClient
 
 from kant_sql.errors import StoreBusyError
+from kant_sql.web.tabular import csv_text
+from tests.browser.addresses import ADDRESSES
+from tests.support.crawling import PATHS
 
 
 def test_the_home_page_lists_the_knowledge_bases(client: TestClient) -> None:
@@ -70,3 +77,52 @@ def test_the_id_of_an_event_that_is_no_number_to_python_is_no_error(client: Test
 def refuse(_: str | None) -> None:
     """Have no place for a reader."""
     raise StoreBusyError("full")
+
+
+def test_the_table_of_each_page_is_csv_too(client: TestClient) -> None:
+    for path in set(PATHS) - {"/api", "/given", "/verify"}:
+        for address in ADDRESSES[path]:
+            answer = client.get(f"/csv{address}")
+            assert answer.headers["content-type"] == "text/csv; charset=utf-8", address
+            assert answer.headers["content-disposition"].startswith("attachment")
+    asked = "?kb=courier&actor=executive"
+    rows = list(csv.DictReader(StringIO(client.get(f"/csv/log{asked}").text)))
+    revisions = client.get(f"/api/log{asked}").json()["revisions"]
+    assert [int(row["number"]) for row in rows] == [one["number"] for one in revisions]
+    assert [row["reason"] for row in rows] == [one["reason"] or "" for one in revisions]
+    assert 'href="/csv/log?kb=courier"' in client.get("/log?kb=courier").text
+
+
+@pytest.mark.parametrize(
+    ("text", "cell"),
+    [
+        *(
+            (text, f"'{text}")
+            for text in ("=1+1", "+cmd|' /C calc'!A0", "-2+3", "@SUM(A1)", "\t=1")
+        ),
+        *((text, text) for text in ("-5", "+", "a=1", "2")),
+    ],
+)
+def test_no_cell_is_a_formula(text: str, cell: str) -> None:
+    made = csv_text({"rows": [{"said": text, "list": [text]}]}, ["rows"])
+    (row,) = csv.DictReader(StringIO(made))
+    assert row == {"said": cell, "list": cell}
+
+
+@pytest.mark.parametrize(
+    ("address", "field"),
+    [
+        ("/log?kb=courier&actor=perceptoin", "perception"),
+        ("/log?kb=courier&element=rb9", "rb"),
+        ("/state?kb=courier&predicate=robotat", "robot_at"),
+        ("/timeline?kb=courier&object=rb9", "rb"),
+    ],
+)
+def test_a_filter_that_nothing_fits_keeps_its_form(
+    client: TestClient, address: str, field: str
+) -> None:
+    answer = client.get(address)
+    assert answer.status_code == 404
+    assert f"did you mean {field}" in answer.text
+    assert f'value="{address.rpartition("=")[2]}"' in answer.text
+    assert client.get(f"{address}&kb=nothing").text.count("<form") <= 1

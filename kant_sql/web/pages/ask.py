@@ -89,7 +89,7 @@ class CompletionsDocument(TypedDict):
     names: list[CompletionDocument]
 
 
-@PAGES.page("/ask", "ask.html", is_form=True)
+@PAGES.page("/ask", "ask.html", is_form=True, rows=["state.answers", "when.periods"])
 def ask(
     kb: KnowledgeBase,
     condition: Condition = "",

@@ -131,7 +131,7 @@ def _steps(steps: list[StepLine]) -> list[StepLineDocument]:
     ]
 
 
-@PAGES.page("/fact", "fact.html")
+@PAGES.page("/fact", "fact.html", rows=["versions"])
 def fact(kb: KnowledgeBase, text: FactText, before: Before = None) -> ElementDocument:
     """Show who asserted and retracted an element, when and why, and what is related to it."""
     found = read_versions_page(kb._reader(), text, before=before, limit=VERSIONS)
@@ -147,7 +147,7 @@ def fact(kb: KnowledgeBase, text: FactText, before: Before = None) -> ElementDoc
     }
 
 
-@PAGES.page("/object", "object.html")
+@PAGES.page("/object", "object.html", rows=["changes"])
 def object_(kb: KnowledgeBase, name: Name, before: Before = None) -> ObjectDocument:
     """Show everything that involves an object: now, and in the past, the newest first."""
     reader = kb._reader()
@@ -182,25 +182,25 @@ def object_(kb: KnowledgeBase, name: Name, before: Before = None) -> ObjectDocum
     }
 
 
-@PAGES.page("/action", "definition.html")
+@PAGES.page("/action", "definition.html", rows=["versions"])
 def action(kb: KnowledgeBase, name: Name, before: Before = None) -> DefinitionDocument:
     """Show the definitions of an action, a process or an event over time, and its steps."""
     return _definition(kb, "action", name, before)
 
 
-@PAGES.page("/predicate", "definition.html")
+@PAGES.page("/predicate", "definition.html", rows=["versions"])
 def predicate(kb: KnowledgeBase, name: Name, before: Before = None) -> DefinitionDocument:
     """Show the definitions of a predicate over time."""
     return _definition(kb, "predicate", name, before)
 
 
-@PAGES.page("/function", "definition.html")
+@PAGES.page("/function", "definition.html", rows=["versions"])
 def function(kb: KnowledgeBase, name: Name, before: Before = None) -> DefinitionDocument:
     """Show the definitions of a function over time."""
     return _definition(kb, "function", name, before)
 
 
-@PAGES.page("/type", "definition.html")
+@PAGES.page("/type", "definition.html", rows=["versions"])
 def type_(kb: KnowledgeBase, name: Name, before: Before = None) -> DefinitionDocument:
     """Show the definitions of a type over time."""
     return _definition(kb, "type", name, before)

@@ -45,7 +45,7 @@ class HomeDocument(TypedDict):
     next: str | None
 
 
-@PAGES.page("/", "home.html")
+@PAGES.page("/", "home.html", rows=["knowledge_bases"])
 def knowledge_bases(store: OpenStore, after: After = None, part: Part = None) -> HomeDocument:
     """List the knowledge bases with their heads, oldest first, 50 at a time."""
     found, has_more = store.read_catalog(lambda catalog: catalog.overview(after=after, part=part))

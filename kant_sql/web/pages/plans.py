@@ -112,14 +112,14 @@ def _line(line: PlanLine) -> PlanLineDocument:
     }
 
 
-@PAGES.page("/plans", "plans.html")
+@PAGES.page("/plans", "plans.html", rows=["plans"])
 def plans(kb: KnowledgeBase, before: BeforePlan = None) -> PlansDocument:
     """List the recorded plans, the newest first, with what became of their steps."""
     lines, end = read_plans_page(kb._reader(), before)
     return {"plans": [_line(line) for line in lines], "before": end}
 
 
-@PAGES.page("/plan", "plan.html")
+@PAGES.page("/plan", "plan.html", rows=["steps"])
 def plan(kb: KnowledgeBase, id: PlanId, offset: Offset = 0) -> PlanPage:
     """Show a plan: its steps, who set what became of each, and the revisions made meanwhile."""
     found = _find(kb, id)

@@ -122,7 +122,7 @@ def line_document(line: LogLine) -> LogLineDocument:
     }
 
 
-@PAGES.page("/log", "log.html")
+@PAGES.page("/log", "log.html", is_form=True, rows=["revisions"])
 def log(
     kb: KnowledgeBase,
     actor: Actor = "",
@@ -155,7 +155,7 @@ def _log(
     }
 
 
-@PAGES.page("/revision", "revision.html")
+@PAGES.page("/revision", "revision.html", rows=["revision.changes"])
 def revision(kb: KnowledgeBase, number: RevisionNumber, offset: Offset = 0) -> RevisionPage:
     """Show a revision: who wrote, when, why, and what changed."""
     found = read_revision_page(kb._reader(), number, offset, CHANGES)
@@ -180,7 +180,7 @@ OtherState = Annotated[
 ]
 
 
-@PAGES.page("/difference", "difference.html")
+@PAGES.page("/difference", "difference.html", rows=["changes"])
 def difference(
     kb: KnowledgeBase, a: OneState = "", b: OtherState = "", offset: Offset = 0
 ) -> DifferenceDocument:

@@ -48,7 +48,7 @@ class SearchDocument(TypedDict):
     is_cut: bool
 
 
-@PAGES.page("/search", "search.html")
+@PAGES.page("/search", "search.html", rows=["matches"])
 def search(kb: KnowledgeBase, q: Sought = "") -> SearchDocument:
     """Find objects, definitions, facts, values, actors or a revision by a part of a name."""
     text = q.strip()

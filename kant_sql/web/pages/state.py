@@ -95,7 +95,7 @@ class StatePage(TypedDict):
     kinds: dict[str, str]
 
 
-@PAGES.page("/state", "state.html")
+@PAGES.page("/state", "state.html", is_form=True, rows=["parts.elements"])
 def state(
     kb: KnowledgeBase,
     at: At = None,

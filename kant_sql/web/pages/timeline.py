@@ -126,7 +126,7 @@ class TimelineDocument(TypedDict):
     archived_until: str | None
 
 
-@PAGES.page("/timeline", "timeline.html", is_form=True)
+@PAGES.page("/timeline", "timeline.html", is_form=True, rows=["lanes.bars"])
 def timeline(
     kb: KnowledgeBase,
     since: SinceMoment = None,

@@ -73,6 +73,7 @@
   }
 
   function update(page) {
+    window.kantTimes?.(page);
     for (const part of document.querySelectorAll("[data-live][id]")) {
       const fresh = page.getElementById(part.id);
       const isTyping = part.contains(document.activeElement) && document.activeElement.matches("input, select, textarea");
