@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from .reasoning.durative import BrokenInvariant
     from .reasoning.failures import FailedCondition
     from .reasoning.held import Held, HeldPeriods
+    from .reasoning.undo import Aborted
     from .reasoning.validate import FailedStep, Validation, ViolatedConstraint
     from .reasoning.verdicts import Verdict, Verdicts
     from .sql.backup import Backup, backup
@@ -45,6 +46,7 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 __all__ = [
+    "Aborted",
     "Anchor",
     "AnchoredHead",
     "Answers",
@@ -128,6 +130,7 @@ _HOMES = {
         ".reasoning.complete": ("Completion",),
         ".reasoning.durative": ("BrokenInvariant",),
         ".reasoning.failures": ("FailedCondition",),
+        ".reasoning.undo": ("Aborted",),
         ".reasoning.validate": ("FailedStep", "Validation", "ViolatedConstraint"),
         ".reasoning.verdicts": ("Verdict", "Verdicts"),
         ".reasoning.held": ("Held", "HeldPeriods"),

@@ -12,6 +12,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from decimal import Decimal
 
+from ..arguments import flag
 from ..dto import formulas as f
 from ..dto.formulas import AT_END, AT_START, OVER_ALL
 from ..dto.lexical import fold
@@ -21,6 +22,7 @@ from ..knowledge.conditions import AllOf
 from ..planning import PlanStep
 from ..plans.dao import place_of, record_step, running_steps, set_status
 from ..plans.interfaces import RecordedStep
+from ..sql.changes import Change
 from ..store.snapshot import View
 from ..store.store import Store
 from ..store.transaction import Transaction
@@ -30,6 +32,7 @@ from .explain import Explainer
 from .failures import FailedCondition
 from .promise import closed_nodes, duration_of, until_end
 from .steps import CONTINUOUS, GroundStep, ground
+from .undo import Aborted, standing, start_effects, undo
 from .when import when
 
 
@@ -145,15 +148,26 @@ def end(
     return in_revision(store, running, reason, plan_step, "ended", work)
 
 
-def abort(store: Store, step: object, reason: str | None) -> int | None:
-    """Abort a running step; what its start changed stays."""
+def abort(store: Store, step: object, reason: str | None, undoes: bool) -> Aborted:
+    """Abort a running step; what its start changed stays, unless it is taken back."""
+    flag(undoes, "undo", PlanError)
     running, _ = _running(store, step)
+    effects = start_effects(store, running)
+    left: list[Change] = []
 
     def work(transaction: Transaction, found: GroundStep) -> None:
         del found
+        if undoes:
+            undo(transaction, running, effects)
+        stands = standing(transaction, effects or [])
+        for effect, is_so in zip(effects or [], stands, strict=True):
+            left.extend(effect.changes if is_so else ())
         set_status(transaction, running, "aborted")
 
-    return in_revision(store, running, reason, None, "aborted", work)
+    done = "aborted and undid" if undoes else "aborted"
+    made = in_revision(store, running, reason, None, done, work)
+    undone = tuple(each for effect in effects or [] for each in effect.changes) if undoes else ()
+    return Aborted(running, made, None if effects is None else tuple(left), undone)
 
 
 def _check_durative(step: GroundStep) -> None:

@@ -320,5 +320,20 @@ def settled(view: View, changes: StepChanges) -> tuple[list[EffectItem], list[Fa
     return items, failed
 
 
+def unchanged(view: View, items: Sequence[EffectItem]) -> set[FluentKey]:
+    """Return the fluents that have the numbers already that they are assigned."""
+    assigned = {
+        NumberOf(item.head, item.terms): item.value
+        for item in items
+        if isinstance(item.value, Decimal)
+    }
+    before = read_numbers(view, list(assigned)) or {}
+    return {
+        FluentKey(each.function, " ".join(str(term.id) for term in each.terms))  # type: ignore[union-attr]
+        for each, value in before.items()
+        if assigned[each] == value
+    }
+
+
 def _ids(key: AtomKey | FluentKey) -> tuple[int, ...]:
     return tuple(map(int, key.arguments.split()))

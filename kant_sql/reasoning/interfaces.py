@@ -21,6 +21,7 @@ from .failures import FailedCondition
 from .held import HeldPeriods
 from .rules import Rules
 from .steps import Step
+from .undo import Aborted
 from .validate import Validation
 from .verdicts import Verdicts
 
@@ -358,19 +359,35 @@ class Reasoning(Interface):
         """
 
     @required
-    def abort(self, step: Step, *, reason: str | None = None) -> int | None:
-        """Abort a running step: it gets the status `aborted`; what its start changed stays.
+    def abort(self, step: Step, *, reason: str | None = None, undo: bool = False) -> Aborted:
+        """Abort a running step: it gets the status `aborted`.
+
+        What its start changed stays, and the result says what of it still stands. With `undo`, it
+        is taken back in the same revision, if nothing else changed it since.
 
         Args:
             step: as for `end`.
             reason: the revision's reason.
+            undo: whether to take back what the start changed.
 
         Returns:
-            The revision, as `apply`.
+            The revision, as `apply`; what the start left, and what was taken back.
 
         Raises:
-            PlanError: the step is not running.
+            PlanError: the step is not running; or with `undo`, something else changed what its
+                start changed, which is named, or the state before is not known. Nothing is written.
             PddlError, InvalidKnowledgeError, ReadOnlyError: as `apply`.
+
+        Examples:
+            >>> kb.load_domain('''(define (domain doors) (:predicates (open) (busy))
+            ...   (:durative-action unlock :parameters () :duration (= ?duration 3)
+            ...     :effect (and (at start (busy)) (at end (open)))))''').revision
+            2
+            >>> print(kb.abort(kb.start("(unlock)")))
+            (unlock) was aborted; it leaves +(busy)
+            >>> _ = kb.propositions.delete_all()
+            >>> print(kb.abort(kb.start("(unlock)"), undo=True))
+            (unlock) was aborted, and +(busy) taken back
         """
 
     @required

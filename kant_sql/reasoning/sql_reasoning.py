@@ -27,6 +27,7 @@ from .held import HeldPeriods
 from .interfaces import Reasoning
 from .rules import Rules, check_rules
 from .steps import Step
+from .undo import Aborted
 from .validate import Validation, validate
 from .verdicts import Verdicts
 from .when import when
@@ -113,9 +114,9 @@ class SqlReasoning(SqlDao, Reasoning):
         return end(self._store, step, reason, plan_step)
 
     @override
-    def abort(self, step: Step, *, reason: str | None = None) -> int | None:
+    def abort(self, step: Step, *, reason: str | None = None, undo: bool = False) -> Aborted:
         self._check_writable()
-        return abort(self._store, step, reason)
+        return abort(self._store, step, reason, undo)
 
     @override
     def broken_invariants(self) -> list[BrokenInvariant]:

@@ -9,6 +9,7 @@ from decimal import Decimal
 import pytest
 
 from kant_sql import (
+    Change,
     FailedCondition,
     InvalidArgumentError,
     InvalidKnowledgeError,
@@ -405,7 +406,9 @@ def test_invariants_of_running_steps(kb: KnowledgeBase) -> None:
     )
     with pytest.raises(NotApplicableError, match=r"\(not \(lit c0\)\)"):
         kb.end(step)
-    assert kb.abort(step, reason="lights") == dusk + 1
+    aborted = kb.abort(step, reason="lights")
+    assert aborted.revision == dusk + 1
+    assert str(aborted) == "(long p1 c0 c1) was aborted; it leaves +(busy p1), -(at p1 c0)"
     assert kb.broken_invariants() == []
     read = kb.plans.get(step.plan_id)
     assert read is not None
@@ -587,6 +590,58 @@ def test_change_that_is_not_linear_is_refused_by_name(
         with pytest.raises(UnsupportedConstructError, match=re.escape(message)):
             ask(f"({name})")
     assert name not in " ".join(texts(rooms.applicable_actions()))
+
+
+# Aborting.
+
+
+def shown(changes: tuple[Change, ...] | None) -> list[str]:
+    return [f"{change.sign}{change.text}" for change in changes or ()]
+
+
+def state(kb: KnowledgeBase) -> list[str]:
+    return [*map(str, kb.propositions.get_no_goals()), *map(str, kb.function_values.get_all())]
+
+
+def test_an_aborted_step_is_undone_in_one_revision(rooms: KnowledgeBase) -> None:
+    rooms.function_values.unset("rate")
+    before, begun = state(rooms), rooms.revision
+    step = rooms.start("(drive) [4]")
+    done = rooms.abort(step, undo=True)
+    assert done.revision == begun + 2 == rooms.revision
+    assert (shown(done.undone), done.left) == (["+(lit)", "+(= (rate) 2)"], ())
+    assert sorted(state(rooms)) == sorted(before)
+    assert rooms.revisions(begun + 1)[0].reason == "aborted and undid (drive)"
+    read = rooms.plans.get(step.plan_id)
+    assert read is not None
+    assert read.steps[0].status == "aborted"
+    assert rooms.verify().is_intact
+    # What held before the start is no effect of it.
+    rooms.function_values.set("rate", objects=[], value=2)
+    assert shown(rooms.abort(rooms.start("(drive) [4]"), undo=True).undone) == ["+(lit)"]
+    with pytest.raises(PlanError, match="is not running"):
+        rooms.abort(step, undo=True)
+
+
+def test_what_something_else_changed_is_not_undone(rooms: KnowledgeBase) -> None:
+    rooms.function_values.set("x", objects=["r1"], value=1)
+    rooms.start("(drop)")
+    rooms.function_values.set("y", objects=[], value=7)
+    before = rooms.revision
+    with pytest.raises(PlanError, match=r"something else changed .*\+\(= \(y\) 3\)"):
+        rooms.abort("(drop)", undo=True)
+    assert rooms.revision == before
+    assert rooms.abort("(drop)").left == ()
+    assert rooms.function_values.get("y") == 7
+    # In the revision of the start, too.
+    with rooms.transaction():
+        rooms.function_values.increase("y", objects=[], by=1)
+        step = rooms.start("(drop)")
+        with pytest.raises(PlanError, match="not committed"):
+            rooms.abort(step, undo=True)
+    with pytest.raises(PlanError, match="something else changed"):
+        rooms.abort(step, undo=True)
+    rooms.abort(step)
 
 
 def test_durations(kb: KnowledgeBase) -> None:
