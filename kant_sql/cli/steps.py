@@ -41,7 +41,7 @@ _Step = Annotated[list[str], words_argument(_STEP_USAGE, "a step, such as '(move
 def why_not(words: _Step, kb: Name = None, at: At = None, as_json: AsJson = False) -> None:
     """Show which conditions of a step do not hold.
 
-    Of a durative action, those at its start count.
+    Of a durative action, its start counts, and what is over all right after it.
     """
     url, (step,) = split_url(words, _STEP_USAGE, _STEP_EXAMPLE)
     name, revision, failed = ask_state(url, kb, at, lambda state: state.why_not(step))

@@ -196,6 +196,9 @@ def _running(store: Store, step: object) -> tuple[RecordedStep, Earlier]:
     if recorded is None:
         others = ", ".join(str(each) for each in running) or "none"
         raise PlanError(f"{found} is not running: start it first; running are: {others}")
+    if found.duration not in (None, recorded.duration):
+        said = "without a duration" if recorded.duration is None else f"[{recorded.duration:f}]"
+        raise PlanError(f"{found} was started {said}, not [{found.duration:f}]; leave it out")
     items = found.action.items(AT_END)
     if not recorded.outcomes or all(each.earlier == AllOf(()) for each in items):
         return recorded, {}

@@ -200,11 +200,14 @@ class Reasoning(Interface):
             step: as for `apply`; its arguments may be of any type.
 
         Returns:
-            The arguments that do not fit their parameters; else the conditions that do not hold,
-            as `unsatisfied`: those `at start` of a durative action. Empty for an applicable step.
+            The arguments that do not fit their parameters; else what is wrong with the duration;
+            else the conditions `at start` that do not hold, as `unsatisfied`; else the effects at
+            the start without a result; else the conditions `over all` that do not hold right after
+            these effects. Empty for a step that `apply` can begin and `start` starts.
 
         Raises:
             PddlError, InvalidKnowledgeError: it names what is not known.
+            UnsupportedConstructError: the action has continuous change that is not linear.
 
         Examples:
             >>> kb.load_domain('''(define (domain doors) (:predicates (open) (key))
@@ -222,8 +225,9 @@ class Reasoning(Interface):
     ) -> Iterator[PlanStep]:
         """Find the steps that can be executed in this state.
 
-        Each action takes one statement, when its first step is needed. Of durative actions, the
-        conditions `at start` count; preferences do not.
+        Each action takes one statement, when its first step is needed. A durative step is one that
+        `start` starts: see `is_applicable`. A step whose duration has to be chosen is left out,
+        and so are actions with continuous change that is not linear. Preferences do not count.
 
         Args:
             name: an action's name; by default all actions in their order.
@@ -250,16 +254,22 @@ class Reasoning(Interface):
 
     @required
     def is_applicable(self, step: Step) -> bool:
-        """Return whether a step can be executed now, by its conditions at the start.
+        """Return whether a step can begin now.
+
+        Its objects fit its parameters, its duration is given or fixed where it matters and allowed,
+        its conditions `at start` hold, its effects `at start` have results, and its conditions
+        `over all` hold right after these effects. `why_not`, `applicable_actions`, `start` and
+        `apply` judge by the same condition; `apply` executes the end, too, which may fail then.
 
         Args:
             step: as for `apply`.
 
         Returns:
-            Whether its objects fit its parameters, and its conditions hold.
+            Whether it can begin.
 
         Raises:
             PddlError, InvalidKnowledgeError: it names what is not known.
+            UnsupportedConstructError: the action has continuous change that is not linear.
         """
 
     @required
@@ -269,8 +279,8 @@ class Reasoning(Interface):
         """Execute a step: check its conditions and write its effects, in one revision.
 
         Conditions and right-hand sides are evaluated in the state before, deletes come before adds,
-        numbers are exact (PDDL 2.1). A durative action is executed at once: its start, then its
-        end, each with its conditions. The head is locked meanwhile, so nothing changes between the
+        numbers are exact (PDDL 2.1). A durative action is executed at once: its start, its
+        continuous effects for its duration, then its end, each with its conditions. The head is locked meanwhile, so nothing changes between the
         check and the effects. A step of a recorded plan gets the status `succeeded`.
 
         Args:
@@ -283,10 +293,12 @@ class Reasoning(Interface):
             The revision; None when nothing changed, or within an open transaction.
 
         Raises:
-            NotApplicableError: a condition does not hold, or a right-hand side has no value;
-                nothing is written.
+            NotApplicableError: a condition does not hold, a duration is not allowed, or a
+                right-hand side has no value; nothing is written.
+            PlanError: the text gives a duration to an action without one.
             PddlError, InvalidKnowledgeError: the step names what is not known.
-            UnsupportedConstructError: it is a process or an event.
+            UnsupportedConstructError: it is a process or an event, or its continuous change is not
+                linear.
             ReadOnlyError: this is a view of the past.
 
         Examples:
@@ -316,9 +328,10 @@ class Reasoning(Interface):
             its own.
 
         Raises:
-            NotApplicableError: a condition at the start does not hold, the duration violates its
+            NotApplicableError: the step cannot begin (see `is_applicable`), its duration violates a
                 constraint by more than 0.01, or the same step is running already.
             PlanError: the action has no duration.
+            UnsupportedConstructError: as `apply`.
             PddlError, InvalidKnowledgeError, ReadOnlyError: as `apply`.
 
         Examples:
@@ -342,10 +355,13 @@ class Reasoning(Interface):
     ) -> int | None:
         """End a running step: its conditions and effects `at end`, in one revision.
 
-        What is `over all` must hold right before the end.
+        Continuous effects take place first: their rates in this state, times the duration that was
+        recorded at the start, not the time on the clock. Until then, readers see numbers as they
+        were last written. What is `over all` must hold throughout that change, until right before
+        the end; conditions and effects `at end` see the changed numbers.
 
         Args:
-            step: as for `apply`, or what `start` returned.
+            step: as for `apply`, or what `start` returned; its duration is that of the start.
             reason: as for `apply`.
             plan_step: as for `apply`.
 

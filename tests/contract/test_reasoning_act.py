@@ -655,6 +655,8 @@ def test_durations(kb: KnowledgeBase) -> None:
             kb.start(step)
     before = total(kb)
     kb.start("(free) [3]")
+    with pytest.raises(PlanError, match=r"was started \[3\], not \[4\]; leave it out"):
+        kb.end("(free) [4]")
     kb.end("(free)")
     assert isinstance(before, Decimal)
     assert total(kb) == before + 3
