@@ -6,11 +6,10 @@ import re
 from pathlib import Path
 from typing import Any
 
-from sqlalchemy import make_url
-
 from ..errors import KantSqlError, StoreError
 
 # A file's URL; a path in what the driver or the system said, where names of PDDL may have slashes.
+_FILE = re.compile(r"sqlite(?:\+\w+)?:///(?!:memory:)([^?]+)")
 _URL = re.compile(r"(sqlite:///)[^:;,?'\"()\n]*/")
 _PATH = re.compile(r"(?<![\w:/.…])/(?:[^\s/:;,'\"()]+/)+")
 
@@ -19,11 +18,9 @@ class Folders:
     """Writes `…/` for the folders of a server: readers are told which file, never where it is."""
 
     def __init__(self, url: str) -> None:
-        database = make_url(url).database
-        # In memory, or on a server of its own.
-        folder = None if not database or "://" not in url else Path(database).resolve().parent
-        is_file = url.startswith("sqlite") and folder is not None and folder != Path("/")
-        self._own = f"{folder}/" if is_file else None
+        file = _FILE.match(url)
+        folder = Path("/") if file is None else Path(file[1]).resolve().parent
+        self._own = None if folder == Path("/") else f"{folder}/"
 
     def hide(self, text: str) -> str:
         """Return a text without folders of URLs, and without the one of the store."""
