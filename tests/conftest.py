@@ -29,6 +29,7 @@ from tests.support.stores import (
     Migrations,
     extra_urls,
     make_store_url,
+    new_file_store,
 )
 
 profile.load()
@@ -170,7 +171,7 @@ def shared_url(request: pytest.FixtureRequest, tmp_path: Path) -> str:
 @pytest.fixture(scope="session")
 def sqlite_story(tmp_path_factory: pytest.TempPathFactory) -> str:
     """The URL of a store with a robot's day in it, on SQLite; it is only read."""
-    return record_store(f"sqlite:///{tmp_path_factory.mktemp('story') / 'store.db'}")
+    return record_store(new_file_store(tmp_path_factory.mktemp("story") / "store.db"))
 
 
 @pytest.fixture(scope="session")

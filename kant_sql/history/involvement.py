@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 from sqlalchemy import ColumnElement, Select, func, literal_column, select
 
-from ..sql.changes import PLAN_STEP, Change
+from ..sql.changes import PLAN_STEP, Change, in_range
 from ..sql.dialects.base import Session
 from ..sql.query import Query, first_rows, in_rows, integer
 from ..sql.rows import KB, PROPOSITION, VALUE, VERSION_COLUMNS, VersionColumns, table_of
@@ -104,7 +104,7 @@ def _involving(is_recent: bool) -> Query:
             # An expression has no index: what is found by ids is not looked for by revision.
             # Nor is it read in the order of that index.
             ends = end if is_recent else end + literal_column("0")
-            within = ends.between(integer("low"), integer("high"))
+            within = in_range(ends)
             parts.append(change_lines(columns, ends, retracted, own_text(columns), which, within))
     return paged(parts, by_text=False)
 

@@ -21,7 +21,7 @@ from ..arguments import optional_text
 from ..dao.known import refuse_unknown_actor
 from ..errors import ArchivedError
 from ..moment_text import When
-from ..sql.changes import REVISIONS, Change
+from ..sql.changes import REVISIONS, Change, in_range
 from ..sql.dialects.base import Session
 from ..sql.query import Query, first_rows, in_list, in_rows, integer
 from ..sql.rows import KB, PROPOSITION, VALUE, VERSION_COLUMNS
@@ -41,8 +41,6 @@ SEARCHED_OF_ELEMENT = 500
 LISTED = 60
 # Changes in which a page looks for a text, if they are of several revisions.
 SEARCHED_CHANGES = 20_000
-
-_LOW, _HIGH = integer("low"), integer("high")
 
 
 class LogFilter(NamedTuple):
@@ -109,7 +107,7 @@ def _changed() -> Select[Any]:
     for columns in VERSION_COLUMNS.values():
         version = columns.version
         for end in (version.since, version.until):
-            within = end.between(_LOW, _HIGH)
+            within = in_range(end)
             ends.append(
                 select(end.label("n")).where(version.kb_id == KB, within, contains(columns.text))
             )
@@ -122,7 +120,7 @@ def _end_of_search() -> Query:
     for name in (PROPOSITION, VALUE):
         version = VERSION_COLUMNS[name].version
         for end in (version.since, version.until):
-            newest = select(end.label("n")).where(version.kb_id == KB, end.between(_LOW, _HIGH))
+            newest = select(end.label("n")).where(version.kb_id == KB, in_range(end))
             bound: ColumnElement[int] = literal_column(str(SEARCHED_CHANGES))
             last = newest.order_by(end.desc()).limit(literal_column("1")).offset(bound)
             ends.append(select(last.subquery().c.n))
@@ -135,7 +133,7 @@ _END_OF_SEARCH = _end_of_search()
 @cache
 def _numbers(has_actor: bool, has_text: bool) -> Query:
     number = RevisionRow.number
-    rows = select(number).where(RevisionRow.kb_id == KB, number.between(_LOW, _HIGH))
+    rows = select(number).where(RevisionRow.kb_id == KB, in_range(number))
     if has_actor:
         rows = rows.where(RevisionRow.actor == bindparam("actor"))
     if has_text:

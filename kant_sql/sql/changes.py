@@ -24,7 +24,7 @@ from sqlalchemy import (
 from .. import html
 from ..errors import StoreIntegrityError, unreadable
 from .dialects.base import Row, Session
-from .query import Query, first_rows, in_list
+from .query import InRange, Query, first_rows, in_list
 from .rows import KB, KIND_TABLES, PROPOSITION, VALUE, VERSION_COLUMNS, table_of
 from .tables import (
     ArchiveRow,
@@ -89,7 +89,7 @@ class Change(NamedTuple):
 
 def in_range(column: Any) -> ColumnElement[bool]:
     """Return whether a column is a revision of the range from `low` to `high`."""
-    return column.between(LOW, HIGH)  # type: ignore[no-any-return]
+    return InRange(column, LOW, HIGH)
 
 
 def _end(table: Any, column: Any, retracted: str, kind: Any, text: Any, within: Any) -> Select[Any]:

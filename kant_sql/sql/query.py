@@ -106,6 +106,21 @@ def _at_key(element: AtKey, compiler: Any, **options: Any) -> str:
     return f"{column} = {value}"
 
 
+class InRange(FunctionElement[bool]):
+    """`column` is a whole number from a lower to an upper bound."""
+
+    type = Boolean()
+    inherit_cache = True
+    name = "in_range"
+    _is_implicitly_boolean = True
+
+
+@compiles(InRange)
+def _in_range(element: InRange, compiler: Any, **options: Any) -> str:
+    column, low, high = (compiler.process(clause, **options) for clause in element.clauses)
+    return f"{column} BETWEEN {low} AND {high}"
+
+
 class Listed(FunctionElement[Any]):
     """The values of a list parameter, as a relation with the column `value`."""
 

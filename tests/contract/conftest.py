@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import itertools
+import sqlite3
 from collections.abc import Iterator
+from contextlib import closing
 
 import pytest
 from sqlalchemy.sql.expression import Executable
@@ -18,7 +20,8 @@ from tests.support.reading import beside
 from tests.support.roles import MINE, Members, fill_store, members
 from tests.support.servers import Server
 from tests.support.sharding import DIALECT, unbound
-from tests.support.stores import BACKENDS, CITUS, extra_urls
+from tests.support.statistics import loses_bound
+from tests.support.stores import BACKENDS, CITUS, extra_urls, new_file_store
 
 COMMON = {"sqlite-file": "one_file", "postgresql": "one_database", "citus": "one_distributed"}
 _numbers = itertools.count(1)
@@ -39,7 +42,7 @@ def one_distributed(cluster: Cluster) -> str:
 @pytest.fixture(scope="session")
 def one_file(tmp_path_factory: pytest.TempPathFactory) -> str:
     """The URL of one SQLite file for many tests."""
-    return f"sqlite:///{tmp_path_factory.mktemp('common') / 'store.db'}"
+    return new_file_store(tmp_path_factory.mktemp("common") / "store.db")
 
 
 # What tests have the database refuse is no statement of the library.
@@ -62,13 +65,27 @@ def made_queries() -> Iterator[list[Query]]:
         yield made
 
 
+@pytest.fixture(scope="session")
+def analyzed(one_file: str) -> Iterator[sqlite3.Connection]:
+    """A connection to a store with statistics."""
+    with closing(sqlite3.connect(one_file.removeprefix("sqlite:///"))) as connection:
+        yield connection
+
+
 @pytest.fixture(autouse=True)
-def one_shard(request: pytest.FixtureRequest, made_queries: list[Query]) -> Iterator[None]:
-    """Whatever a test makes a statement of, each query in it names its knowledge base."""
+def sound_statements(
+    request: pytest.FixtureRequest, made_queries: list[Query], analyzed: sqlite3.Connection
+) -> Iterator[None]:
+    """Whatever a test makes a statement of, it loses no bound on any SQLite with statistics.
+
+    And each query in it names its knowledge base.
+    """
     made_queries.clear()
     yield
     if request.node.name.startswith(OWN_SQL):
         return
+    run = {query._texts.get("sqlite", "") for query in made_queries}
+    assert not [text for text in run if loses_bound(analyzed, text)]
     texts = {query.text(DIALECT) for query in made_queries}
     faults = {text: tables for text in texts if (tables := unbound(text))}
     # Indexes are compared with tables for all knowledge bases at once.

@@ -22,6 +22,7 @@ from kant_sql.sql.dialects.sqlite import SqliteBackend
 from kant_sql.sql.tables.base import VERSION_TABLE
 from tests.support.citus import Cluster, citus_url
 from tests.support.servers import Server
+from tests.support.statistics import add_statistics
 
 BACKENDS = ("sqlite-file", "sqlite-memory", "postgresql")
 # A distributed store, where there is a cluster for tests.
@@ -40,11 +41,12 @@ def _migrated_file() -> bytes:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder, "store.db")
         kant_sql.connect(f"sqlite:///{path}").close()
+        add_statistics(path)
         return path.read_bytes()
 
 
 def new_file_store(path: Path) -> str:
-    """Make a file with the tables in it, as a copy of one that was migrated, and give its URL."""
+    """Make a file with tables and statistics, as a copy of one that was migrated; give its URL."""
     path.write_bytes(_migrated_file())
     return f"sqlite:///{path}"
 

@@ -53,7 +53,18 @@ from ...errors import (
 )
 from ...knowledge.canonical import time_text
 from ...limits import Limit
-from ..query import Fork, FoundRows, InList, InRows, Listed, Query, StoreClock, StorePlace, raw
+from ..query import (
+    Fork,
+    FoundRows,
+    InList,
+    InRange,
+    InRows,
+    Listed,
+    Query,
+    StoreClock,
+    StorePlace,
+    raw,
+)
 from ..tables.base import UtcTime, text_time
 from .base import (
     FETCH_SIZE,
@@ -209,6 +220,13 @@ def _in_list(element: InList, compiler: Any, **options: Any) -> str:
 def _seeking(among: str, bounded: Sequence[str]) -> str:
     parts = [among, *(SQLITE_WORDS.bounded.format(column) for column in bounded)]
     return f"({''.join(parts)})" if bounded else among
+
+
+@compiles(InRange, "sqlite")
+def _in_range(element: InRange, compiler: Any, **options: Any) -> str:
+    column, low, high = (compiler.process(clause, **options) for clause in element.clauses)
+    # A lower bound that excludes its own value: see `bounded` in `words.py`.
+    return f"({column} > {low} - 1 AND {column} <= {high})"
 
 
 @compiles(Listed, "sqlite")

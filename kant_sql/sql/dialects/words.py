@@ -67,8 +67,9 @@ SQLITE_WORDS = Words(
     "{0}.is_goal = 0",
     "{0} IN (SELECT value FROM json_each({1}))",
     # With statistics, SQLite 3.34 to 3.41 may step through the index to the next value of an `IN`,
-    # and then jumps over the check of the upper bound. From a lower one that excludes its own value
-    # it always seeks; that all revisions are above it keeps the planner's estimates as they are.
+    # and then jumps over the check of an upper bound; up to 3.39 it also misses rows above a lower
+    # one. From a lower bound that excludes its own value it always seeks; that all revisions are
+    # above this one leaves the planner's estimates as they are.
     " AND likelihood({0} > 0, 1.0)",
     _sqlite_rows,
     _sqlite_list,
