@@ -182,8 +182,9 @@ class Commits:
 logger = logging.getLogger("kant_sql.sql")
 if logger.level == logging.NOTSET:
     # Else a program that sets the root logger to DEBUG, or to NOTSET, gets each statement: on a
-    # store in memory, a save took 2.7 times as long. A pool's logger is below this one.
-    logger.setLevel(logging.INFO)
+    # store in memory, a save took 2.7 times as long. The loggers of pools are below this one, and
+    # at INFO they would write of each connection where the root's level kept them silent.
+    logger.setLevel(logging.WARNING)
 
 FETCH_SIZE = 5_000
 LONGEST_LOGGED = 200
