@@ -179,7 +179,7 @@ def test_times_bound_it_inclusively(told: KnowledgeBase) -> None:
 
 def test_a_bound_that_is_not_there_is_refused_at_once(told: KnowledgeBase) -> None:
     tomorrow = datetime.now(UTC) + timedelta(days=1)
-    unknown: list[Any] = [11, -1, True, "3", datetime(2026, 1, 31), tomorrow]
+    unknown: list[Any] = [11, -1, True, "11", datetime(2026, 1, 31), tomorrow]
     for bound, when in itertools.product(("since", "until"), unknown):
         with pytest.raises(UnknownRevisionError):
             told.log(**{bound: when})
