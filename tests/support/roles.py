@@ -142,8 +142,9 @@ def refused(connection: psycopg.Connection[Any], statement: sql.Composed | str) 
     return False
 
 
-def mutations(table: Table) -> Iterator[sql.Composed]:
+def mutations(table: Table, server_version: int) -> Iterator[sql.Composed]:
     """Statements each of which would change or remove what is in a table, or the table."""
+    merge = "MERGE INTO {} AS t USING (SELECT 1) AS s ON true WHEN MATCHED THEN DELETE"
     for statement in (
         "DELETE FROM {}",
         "TRUNCATE {} CASCADE",
@@ -152,7 +153,7 @@ def mutations(table: Table) -> Iterator[sql.Composed]:
         "ALTER TABLE {} DISABLE ROW LEVEL SECURITY",
         "CREATE POLICY more ON {} USING (true)",
         "CREATE RULE more AS ON INSERT TO {} DO NOTHING",
-        "MERGE INTO {} AS t USING (SELECT 1) AS s ON true WHEN MATCHED THEN DELETE",
+        *([merge] if server_version >= 150_000 else []),
     ):
         yield named(statement, table.name)
     for column in table.columns:
