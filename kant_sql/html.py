@@ -41,8 +41,14 @@ class HasRow(Protocol):
     def _html_row_(self) -> Row: ...
 
 
-T_co = TypeVar("T_co", bound=HasRow, covariant=True)
-T = TypeVar("T", bound=HasRow)
+T_co = TypeVar("T_co", covariant=True)
+T = TypeVar("T")
+
+
+def row_of(item: object, noun: str) -> Row:
+    """Return an item as a row: its own, or its text under its noun."""
+    make: Callable[[], Row] | None = getattr(item, "_html_row_", None)
+    return {noun: str(item)} if make is None else make()
 
 
 def visible(text: str) -> str:
@@ -109,9 +115,9 @@ def counted(count: int, noun: str) -> str:
     return f"{count:,} {noun}{'' if count == 1 else 's'}"
 
 
-def listing(items: Sequence[HasRow], noun: str) -> str:
+def listing(items: Sequence[object], noun: str) -> str:
     """Return items as a table under their number."""
-    return titled([item._html_row_() for item in items[:ROWS]], len(items), noun)
+    return titled([row_of(item, noun) for item in items[:ROWS]], len(items), noun)
 
 
 def titled(rows: Sequence[Row], count: int, noun: str) -> str:
@@ -192,6 +198,6 @@ class Feed(Iterator[T_co], Generic[T_co]):
         found = list(islice(self._again(ROWS + 1), ROWS + 1))
         if len(found) <= ROWS:
             return listing(found, self._noun)
-        rows = [item._html_row_() for item in found[:ROWS]]
+        rows = [row_of(item, self._noun) for item in found[:ROWS]]
         title = heading(f"The first {ROWS} of more {self._noun}s")
         return title + table(rows, more="and more: iterate over it")

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Collection, Hashable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Hashable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from decimal import Decimal
-from functools import lru_cache
+from functools import lru_cache, wraps
 from itertools import islice
 from typing import Any, ClassVar, Generic, TypeVar
 
@@ -46,6 +46,7 @@ from ..errors import (
     reading_rows,
     unreadable,
 )
+from ..html import Listing
 from ..knowledge.canonical import with_text
 from ..knowledge.definitions import (
     ActionDefinition,
@@ -74,8 +75,35 @@ T = TypeVar("T")
 BATCH = 5_000
 
 
+# What returns lists, and what one item of them is called in a notebook.
+_LISTS = {
+    **dict.fromkeys(("get_all", "get_by_type"), "element"),
+    **dict.fromkeys(("get_by_predicate", "get_by_object", "get_facts", "get_no_goals"), "fact"),
+    **{"get_goals": "goal", "get_by_function": "value", "complete": "name"},
+    **dict.fromkeys(("unsatisfied", "unsatisfied_goals", "why_not"), "failed condition"),
+    "broken_invariants": "broken invariant",
+}
+
+
+def _listed(method: Callable[..., list[Any]], noun: str) -> Callable[..., list[Any]]:
+    @wraps(method)
+    def listed(self: object, *arguments: Any, **named: Any) -> list[Any]:
+        found = method(self, *arguments, **named)
+        return found if isinstance(found, Listing) else Listing(found, noun)
+
+    return listed
+
+
 class SqlDao:
-    """A DAO on a store: on its present, or on its past at one revision."""
+    """A DAO on a store: on its present, or on its past at one revision.
+
+    Notebooks show the lists that it returns as tables.
+    """
+
+    def __init_subclass__(cls) -> None:
+        super().__init_subclass__()
+        for name in _LISTS.keys() & vars(cls).keys():
+            setattr(cls, name, _listed(vars(cls)[name], _LISTS[name]))
 
     def __init__(self, store: Store, at: int | None = None) -> None:
         """Make a DAO."""

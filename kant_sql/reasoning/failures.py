@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from decimal import Decimal
 
+from .. import html
 from ..dto import formulas as f
 from ..dto.lexical import fold
 from ..history.revisions import Revision
@@ -49,6 +50,21 @@ class FailedCondition:
 
     def __str__(self) -> str:
         return f"{self.text}: {self.reason}"
+
+    def _html_row_(self) -> html.Row:
+        by = self.retracted
+        return {
+            "condition": self.text,
+            "reason": self.reason,
+            "left": self.left,
+            "right": self.right,
+            "retracted in": None if by is None else by.number,
+            "retracted at": None if by is None else by.committed_at,
+            "who, why, source": None if by is None else tuple(by.said()),
+        }
+
+    def _repr_html_(self) -> str:
+        return html.fields(self._html_row_())
 
 
 def duration_failure(

@@ -14,6 +14,7 @@ from ..documents.interfaces import State
 from ..dto import PddlObjectDto
 from ..dto.formulas import Formula, Node
 from ..history.moments import state_at
+from ..html import Feed
 from ..moment_text import When
 from ..planning import Plan, PlanStep
 from ..plans.interfaces import RecordedPlan, RecordedStep
@@ -86,7 +87,13 @@ class SqlReasoning(SqlDao, Reasoning):
     def applicable_actions(
         self, name: str | None = None, *, limit: int | None = None, **fixed: Binding
     ) -> Iterator[PlanStep]:
-        return applicable_actions(self._store, self._at, name, limit, fixed)
+        def found(most: int | None) -> Iterator[PlanStep]:
+            return applicable_actions(self._store, self._at, name, most, fixed)
+
+        def again(most: int) -> Iterator[PlanStep]:
+            return found(most if limit is None else min(most, limit))
+
+        return Feed(found(limit), again=again, noun="step")
 
     @override
     def is_applicable(self, step: Step) -> bool:

@@ -188,3 +188,33 @@ def test_repr_of_a_knowledge_base_reads_nothing(kb: KnowledgeBase) -> None:
         text = repr(kb)
     assert text.startswith("<KnowledgeBase 'tiago' of ")
     assert statements == []
+
+
+def test_lists_of_elements_failures_and_steps_are_tables(kb: KnowledgeBase) -> None:
+    kb.load_domain(
+        "(define (domain d) (:types wp) (:predicates (at ?w - wp)) (:functions (fuel ?w - wp))"
+        " (:action go :parameters (?w - wp) :precondition (not (at ?w)) :effect (at ?w)))"
+    )
+    kb.load_problem(
+        "(define (problem p) (:domain d) (:objects a b - wp)"
+        " (:init (at a) (= (fuel a) 2)) (:goal (at b)))"
+    )
+    shown = {
+        "(at a)": kb.propositions.get_all(),
+        "(at b)": kb.propositions.get_goals(),
+        "b - wp": kb.objects.get_all(),
+        "(= (fuel a) 2)": kb.function_values.get_all(),
+        "(:action go": kb.actions.get_all(),
+        "(not (at a))": kb.why_not("(go a)"),
+        "(go b)": kb.applicable_actions(),
+        "does not hold": kb.unsatisfied_goals(),
+    }
+    for text, found in shown.items():
+        made = found._repr_html_()  # type: ignore[attr-defined]
+        check_harmless(made)
+        assert "<table" in made
+        assert text in made
+    steps = kb.applicable_actions(limit=1)
+    assert "1 step<" in steps._repr_html_()  # type: ignore[attr-defined]
+    assert [str(step) for step in steps] == ["(go b)"]
+    assert kb.why_not("(go b)") == []
