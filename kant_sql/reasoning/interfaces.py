@@ -280,8 +280,9 @@ class Reasoning(Interface):
 
         Conditions and right-hand sides are evaluated in the state before, deletes come before adds,
         numbers are exact (PDDL 2.1). A durative action is executed at once: its start, its
-        continuous effects for its duration, then its end, each with its conditions. The head is locked meanwhile, so nothing changes between the
-        check and the effects. A step of a recorded plan gets the status `succeeded`.
+        continuous effects for its duration, then its end, each with its conditions. The head is
+        locked meanwhile, so nothing changes between the check and the effects. A step of a recorded
+        plan gets the status `succeeded`.
 
         Args:
             step: text such as `"(move rb1 hall kitchen)"`, with `[5]` for a duration, a

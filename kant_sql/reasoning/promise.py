@@ -41,7 +41,6 @@ from ..knowledge.conditions import (
     negate,
     replaced,
 )
-from ..knowledge.definitions import FunctionDefinition
 from ..knowledge.rules import rules_of
 from ..sql.questions import GUARDS
 from ..sql.relations import ConditionStatement
@@ -136,8 +135,8 @@ def _types_fit(action: PreparedAction, item: EffectItem) -> Iterator[Part]:
         for term, parameter in zip(item.terms, head.parameters, strict=True)
     ]
     if isinstance(item.value, Slot | Known):
-        assert isinstance(head, FunctionDefinition)
-        places.append((item.value, closure(definitions, head.type_ids)))
+        wanted_ids = definitions.functions.live(item.head).type_ids
+        places.append((item.value, closure(definitions, wanted_ids)))
     types = {each.slot: each.types for each in (*action.parameters, *item.bound)}
     for term, wanted in places:
         if wanted is None:
