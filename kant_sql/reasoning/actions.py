@@ -25,7 +25,7 @@ from ..errors import UnsupportedConstructError
 from ..pddl.cursor import hint
 from ..pddl.document import DURATIVE_ACTION, Action
 from ..pddl.formulas import flatten
-from .arithmetic import DECIMALS, LINEARS, Linear, decimal_of
+from .arithmetic import CHANGES, EXACT, LINEARS, Exact, Linear, decimal_of
 from .conditions import Compiler, Conditions, Env, Search
 from .failures import FailedCondition, duration_failure, failed_parts
 from .grounding import (
@@ -48,7 +48,7 @@ class Update(NamedTuple):
     """A change of a fluent: `assign` and the like, with the value of the right-hand side."""
 
     operator: str
-    value: Decimal | str
+    value: Exact | str
 
 
 @dataclass
@@ -219,14 +219,12 @@ def _assignment(world: World, compiler: Compiler, leaf: f.Assign) -> _Apply:
     return apply
 
 
-def _value(
-    world: World, compiler: Compiler, leaf: f.Assign
-) -> Callable[[Env], Decimal | str | None]:
+def _value(world: World, compiler: Compiler, leaf: f.Assign) -> Callable[[Env], Exact | str | None]:
     """Compile the right-hand side of an assignment."""
     if world.is_numeric(leaf.fluent.function):
         assert not isinstance(leaf.value, f.Constant)
         number = compiler.expression(leaf.value)
-        return lambda env: number(env, DECIMALS)
+        return lambda env: number(env, EXACT)
     assert isinstance(leaf.value, f.Variable | f.Constant | f.Fluent)
     row_of = compiler.row((leaf.value,))
 
@@ -550,7 +548,7 @@ def _objects(
 
 def apply_changes(world: World, changes: Sequence[Changes]) -> None:
     """Apply the changes of actions at one time: deletes, then adds, then updates."""
-    updates: dict[FluentRow, Decimal | str] = {}
+    updates: dict[FluentRow, Exact | str] = {}
     for one in changes:
         for fluent, several in one.updates.items():
             value = updates.get(fluent, world.table(fluent[0]).get(fluent[1]))
@@ -565,20 +563,15 @@ def apply_changes(world: World, changes: Sequence[Changes]) -> None:
         for predicate, row in one.adds:
             world.add(predicate, row)
     for (function, row), value in updates.items():
-        world.set(function, row, value)
+        world.set(function, row, value if isinstance(value, str) else decimal_of(value))
 
 
-def _updated(update: Update, value: Decimal | str | None) -> Decimal | str:
+def _updated(update: Update, value: Exact | str | None) -> Exact | str:
     operator, by = update
     if operator == "assign" or isinstance(by, str):
         return by
-    assert isinstance(value, Decimal)
-    result = {
-        "increase": DECIMALS.add,
-        "decrease": DECIMALS.subtract,
-        "scale-up": DECIMALS.multiply,
-        "scale-down": DECIMALS.divide,
-    }[operator](value, by)
+    assert isinstance(value, Decimal | Fraction)
+    result = CHANGES[operator](value, by)
     assert result is not None
     return result
 

@@ -1,26 +1,28 @@
 """The numbers of conditions, effects and continuous change.
 
-Conditions compare doubles, effects calculate exactly, and while numbers change linearly, both sides
-of a comparison are exact linear functions of the time since the change began.
+Conditions and effects calculate exactly: with decimals, and with fractions where a quotient has no
+end. While numbers change linearly, both sides of a comparison are exact linear functions of the
+time since the change began.
 """
 
 from __future__ import annotations
 
-import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from decimal import Decimal
+from decimal import MAX_EMAX, MAX_PREC, MIN_EMIN, Context, Decimal, Inexact
 from fractions import Fraction
-from typing import Generic, NamedTuple, TypeVar
+from typing import Any, Generic, NamedTuple, TypeVar
 
 from typing_extensions import override
 
-from ..dao.function_value import DECREASE, INCREASE, SCALE_DOWN, SCALE_UP, calculate
+from ..dao.function_value import INCREASE, SCALE_DOWN, calculate
+from ..dto.lexical import MAX_DIGITS
 from ..errors import UnsupportedConstructError
 
 T = TypeVar("T")
+Exact = Decimal | Fraction
 
-COMPARE: dict[str, Callable[[float | Fraction, float | Fraction], bool]] = {
+COMPARE: dict[str, Callable[[Any, Any], bool]] = {
     "<": lambda left, right: left < right,
     "<=": lambda left, right: left <= right,
     "=": lambda left, right: left == right,
@@ -53,56 +55,45 @@ class Numbers(ABC, Generic[T]):
         """Divide."""
 
 
-class Doubles(Numbers[float]):
-    """Doubles, as databases and VAL compare."""
+# Sums and products of decimals have an end, so this many digits are never used up.
+_EXACT = Context(prec=MAX_PREC, Emax=MAX_EMAX, Emin=MIN_EMIN)
+
+
+class Exacts(Numbers[Exact]):
+    """Decimals, or fractions where a quotient of decimals has no end."""
 
     @override
-    def of(self, number: Decimal) -> float:
-        return float(number)
-
-    @override
-    def add(self, left: float, right: float) -> float | None:
-        return _finite(left + right)
-
-    @override
-    def subtract(self, left: float, right: float) -> float | None:
-        return _finite(left - right)
-
-    @override
-    def multiply(self, left: float, right: float) -> float | None:
-        return _finite(left * right)
-
-    @override
-    def divide(self, left: float, right: float) -> float | None:
-        return _finite(left / right) if right else None
-
-
-def _finite(number: float) -> float | None:
-    return number if math.isfinite(number) else None
-
-
-class Decimals(Numbers[Decimal]):
-    """Decimals, exact as in `kb.function_values.increase()`."""
-
-    @override
-    def of(self, number: Decimal) -> Decimal:
+    def of(self, number: Decimal) -> Exact:
         return number
 
     @override
-    def add(self, left: Decimal, right: Decimal) -> Decimal:
-        return calculate(INCREASE, left, right)
+    def add(self, left: Exact, right: Exact) -> Exact:
+        if isinstance(left, Decimal) and isinstance(right, Decimal):
+            return _EXACT.add(left, right)
+        return Fraction(left) + Fraction(right)
 
     @override
-    def subtract(self, left: Decimal, right: Decimal) -> Decimal:
-        return calculate(DECREASE, left, right)
+    def subtract(self, left: Exact, right: Exact) -> Exact:
+        if isinstance(left, Decimal) and isinstance(right, Decimal):
+            return _EXACT.subtract(left, right)
+        return Fraction(left) - Fraction(right)
 
     @override
-    def multiply(self, left: Decimal, right: Decimal) -> Decimal:
-        return calculate(SCALE_UP, left, right)
+    def multiply(self, left: Exact, right: Exact) -> Exact:
+        if isinstance(left, Decimal) and isinstance(right, Decimal):
+            return _EXACT.multiply(left, right)
+        return Fraction(left) * Fraction(right)
 
     @override
-    def divide(self, left: Decimal, right: Decimal) -> Decimal | None:
-        return calculate(SCALE_DOWN, left, right) if right else None
+    def divide(self, left: Exact, right: Exact) -> Exact | None:
+        if not right:
+            return None
+        if isinstance(left, Decimal) and isinstance(right, Decimal):
+            context = Context(prec=MAX_DIGITS)
+            result = context.divide(left, right)
+            if not context.flags[Inexact]:
+                return result
+        return Fraction(left) / Fraction(right)
 
 
 class Linear(NamedTuple):
@@ -157,10 +148,17 @@ def _not_linear(construct: str) -> UnsupportedConstructError:
     )
 
 
-DOUBLES, DECIMALS, LINEARS = Doubles(), Decimals(), Linears()
+EXACT, LINEARS = Exacts(), Linears()
+CHANGES: dict[str, Callable[[Exact, Exact], Exact | None]] = {
+    "increase": EXACT.add,
+    "decrease": EXACT.subtract,
+    "scale-up": EXACT.multiply,
+    "scale-down": EXACT.divide,
+}
 
 
-def decimal_of(number: Fraction) -> Decimal:
-    """Convert a fraction, exactly where it has a decimal expansion."""
-    found = calculate(SCALE_DOWN, Decimal(number.numerator), Decimal(number.denominator))
-    return found.normalize() if found else Decimal(0)
+def decimal_of(number: Exact) -> Decimal:
+    """Convert a number as it is written: exactly, unless it has no end or too many digits."""
+    if isinstance(number, Decimal):
+        return calculate(INCREASE, number, Decimal(0))
+    return calculate(SCALE_DOWN, Decimal(number.numerator), Decimal(number.denominator))

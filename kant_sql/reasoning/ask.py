@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from decimal import Decimal
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar, overload
 
 from .. import html
 from ..arguments import expect, shown, whole_number
 from ..dto import PddlObjectDto
 from ..dto import formulas as f
-from ..dto.lexical import either_text, fold
+from ..dto.lexical import decimal_text, either_text, fold
 from ..errors import InvalidArgumentError, InvalidKnowledgeError, TypeMismatchError
 from ..knowledge.conditions import (
     Column,
@@ -92,6 +93,11 @@ def statement_key(view: View, numbers: Iterable[str] = ()) -> tuple[Any, ...]:
     session = view.session
     generation = estimates_of(view.definitions).current(session, view.kb_id)
     return view.at is not None, session.backend.dialect.name, generation, *sorted(numbers)
+
+
+def given_numbers(numbers: Mapping[str, Decimal]) -> dict[str, str]:
+    """Write numbers that come with an evaluation as parameters of its statement."""
+    return {name: decimal_text(number) for name, number in numbers.items()}
 
 
 def question(

@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 from ..dto import formulas as f
 from ..dto.lexical import fold
 from ..errors import InvalidKnowledgeError, UnsupportedConstructError
-from .arithmetic import COMPARE, DECIMALS, DOUBLES, LINEARS, Linear, Numbers
+from .arithmetic import COMPARE, EXACT, LINEARS, Exact, Linear, Numbers, decimal_of
 from .grounding import Binding
 from .junctions import Literal, alternatives, junction, merged
 from .relations import Relation, Row, picker
@@ -209,7 +209,7 @@ class Compiler:
         def test(env: Env) -> bool:
             if world.rates:
                 return _compare_linear(world, part.operator, left, right, env)
-            first, second = left(env, DOUBLES), right(env, DOUBLES)
+            first, second = left(env, EXACT), right(env, EXACT)
             return first is not None and second is not None and compare(first, second)
 
         return test
@@ -631,9 +631,7 @@ def _compare_linear(
     difference = LINEARS.subtract(first, second)
     if difference.rate:
         world.roots.add(-difference.value / difference.rate)
-        return COMPARE[operator](difference.at(world.elapsed), Fraction(0))
-    # What does not change is compared as ever.
-    return COMPARE[operator](float(first.value), float(second.value))
+    return COMPARE[operator](difference.at(world.elapsed), Fraction(0))
 
 
 class Condition:
@@ -692,13 +690,13 @@ class Expression:
         self,
         arguments: Sequence[str] = (),
         duration: Decimal | None = None,
-        numbers: Numbers[Any] = DECIMALS,
-    ) -> Any:
+    ) -> Exact | None:
         """Return the value now; None without one."""
         env = self._template.copy()
         env[: len(arguments)] = arguments
         env[self._duration] = duration
-        return self._run(env, numbers)
+        found: Exact | None = self._run(env, EXACT)
+        return found
 
 
 class Conditions:
@@ -725,8 +723,14 @@ class Conditions:
     def number(
         self, expression: f.Expression, binding: Binding, duration: Decimal | None = None
     ) -> Decimal | None:
+        """Return the value of an expression as it is written; None without one."""
+        found = self.exact_number(expression, binding, duration)
+        return None if found is None else decimal_of(found)
+
+    def exact_number(
+        self, expression: f.Expression, binding: Binding, duration: Decimal | None = None
+    ) -> Exact | None:
         """Return the value of an expression now; None without one."""
         parameters = [f.TypedName(name) for name in binding]
         compiled = Expression(self._world, expression, parameters)
-        value: Decimal | None = compiled.value(tuple(binding.values()), duration)
-        return value
+        return compiled.value(tuple(binding.values()), duration)

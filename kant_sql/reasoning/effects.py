@@ -10,9 +10,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from decimal import Decimal
+from fractions import Fraction
 from typing import Any
 
-from ..dao.function_value import DECREASE, INCREASE, SCALE_DOWN, SCALE_UP, calculate
 from ..dto.elements import atom_text
 from ..dto.formulas import TOTAL_COST
 from ..dto.lexical import decimal_text, either_text, fold
@@ -25,17 +25,12 @@ from ..store.caches import AtomKey, FluentKey, FluentValue
 from ..store.snapshot import View
 from ..store.transaction import Transaction
 from .after import ground_item
-from .ask import question, statement_key
+from .arithmetic import CHANGES, Exact, decimal_of
+from .ask import given_numbers, question, statement_key
 from .explain import decimals, exact, read_numbers
 from .failures import FailedCondition
 from .steps import EffectItem, GroundStep
 
-_CHANGES = {
-    "increase": INCREASE,
-    "decrease": DECREASE,
-    "scale-up": SCALE_UP,
-    "scale-down": SCALE_DOWN,
-}
 # Changes of these commute; a set has one of them.
 _GROUPS = ({"increase", "decrease"}, {"scale-up", "scale-down"})
 
@@ -56,7 +51,7 @@ class StepChanges:
 
     deletes: dict[AtomKey, None] = field(default_factory=dict)
     adds: dict[AtomKey, str] = field(default_factory=dict)
-    assignments: dict[FluentKey, tuple[str, list[tuple[str, Decimal | int]]]] = field(
+    assignments: dict[FluentKey, tuple[str, list[tuple[str, Exact | int]]]] = field(
         default_factory=dict
     )
 
@@ -167,7 +162,7 @@ class EffectReader:
             asking = question(view, self._numbers)
             statement = asking.effects(condition, bound, numbers, self._step.places)
             action.kept[key] = statement
-        given = {**self._step.values, **{k: float(v) for k, v in self._numbers.items()}}
+        given = {**self._step.values, **given_numbers(self._numbers)}
         rows = run(view.session, statement, kb=view.kb_id, at=view.at, given=given)
         # Without columns, a row says that the condition holds.
         has_columns = item.around if which == "lacking" else item.bound
@@ -223,7 +218,7 @@ class EffectReader:
         objects: Mapping[Slot, int],
         values: Mapping[NumberOf, Decimal],
         text: str,
-    ) -> Decimal | int:
+    ) -> Exact | int:
         if isinstance(item.value, Slot | Known):
             id_ = self._object(item.value, objects)
             self._check_fit(id_, function.type_ids, f"({item.operator} {text} ...)")
@@ -276,7 +271,7 @@ def write(transaction: Transaction, step: GroundStep, changes: StepChanges) -> N
 
 
 def combined(
-    text: str, made: Sequence[tuple[str, Decimal | int]], before: Decimal | None
+    text: str, made: Sequence[tuple[str, Exact | int]], before: Decimal | None
 ) -> Decimal | int | FailedCondition:
     """Return the value that a fluent gets, or why it gets none."""
     operators = {operator for operator, _ in made}
@@ -284,18 +279,22 @@ def combined(
         values = {value for _, value in made}
         if len(operators) > 1 or len(values) > 1:
             return FailedCondition(text, "the step assigns it several values")
-        return values.pop()
+        value = values.pop()
+        return value if isinstance(value, int) else decimal_of(value)
     if not any(operators <= group for group in _GROUPS):
         return FailedCondition(text, "the step both adds to it and scales it")
     # The cost of a plan begins at 0, also where the problem does not say so, as VAL has it.
     if before is None and fold(text) != f"({TOTAL_COST})":
         return FailedCondition(text, "has no value that could be changed")
-    number = Decimal(0) if before is None else before
+    number: Exact | None = Decimal(0) if before is None else before
     for operator, by in made:
         if operator == "scale-down" and not by:
             return FailedCondition(text, "the step divides it by 0")
-        number = calculate(_CHANGES[operator], number, Decimal(by))
-    return number
+        assert number is not None
+        assert isinstance(by, Decimal | Fraction)
+        number = CHANGES[operator](number, by)
+    assert number is not None
+    return decimal_of(number)
 
 
 def settled(view: View, changes: StepChanges) -> tuple[list[EffectItem], list[FailedCondition]]:
@@ -305,7 +304,7 @@ def settled(view: View, changes: StepChanges) -> tuple[list[EffectItem], list[Fa
     numbers = {
         key: NumberOf(key.function_id, tuple(map(Known, _ids(key))))
         for key, (_, made) in changes.assignments.items()
-        if any(isinstance(value, Decimal) for _, value in made)
+        if any(isinstance(value, Decimal | Fraction) for _, value in made)
     }
     values = read_numbers(view, list(numbers.values())) or {}
     failed = []

@@ -9,10 +9,9 @@ from itertools import count, islice
 from typing import Any
 
 from ..dao.formula import read_formula, read_formulas
-from ..dao.function_value import DECREASE, INCREASE, SCALE_DOWN, SCALE_UP, calculate
 from ..dao.proposition import GOALS
 from ..dto import formulas as f
-from ..dto.lexical import decimal_text, fold
+from ..dto.lexical import fold
 from ..errors import InvalidKnowledgeError, UnsupportedConstructError
 from ..history.revisions import Revision, read_numbered
 from ..knowledge.conditions import (
@@ -38,8 +37,18 @@ from ..sql.questions import GUARDS, run
 from ..store.snapshot import View
 from ..store.store import Store
 from .after import After, Head, weakened
-from .ask import EXAMPLE, Binding, asked, find_object, first_two, given_variable, question
-from .failures import MAX_INSTANCES, FailedCondition
+from .arithmetic import EXACT, Exact, decimal_of
+from .ask import (
+    EXAMPLE,
+    Binding,
+    asked,
+    find_object,
+    first_two,
+    given_numbers,
+    given_variable,
+    question,
+)
+from .failures import MAX_INSTANCES, FailedCondition, failed_comparison
 from .grounding import substitute
 from .steps import EffectItem, of_time, quantities_of
 
@@ -48,7 +57,12 @@ TOGETHER = 200
 # Numbers of variables that no condition has.
 _FAR = 2_000_000
 _NOTHING = Needed((), [])
-OPERATIONS = {"+": INCREASE, "-": DECREASE, "*": SCALE_UP, "/": SCALE_DOWN}
+OPERATIONS = {
+    "+": EXACT.add,
+    "-": EXACT.subtract,
+    "*": EXACT.multiply,
+    "/": EXACT.divide,
+}
 
 
 class Changed:
@@ -103,7 +117,7 @@ class Explainer:
         self._view = view
         self._changed = changed
         self._exact = {} if numbers is None else dict(numbers)
-        self._numbers = {name: float(value) for name, value in self._exact.items()}
+        self._numbers = given_numbers(self._exact)
 
     def failed(self, formulas: Iterable[f.Formula]) -> list[FailedCondition]:
         """Return the parts that do not hold, in order."""
@@ -195,11 +209,10 @@ class Explainer:
         if isinstance(node, f.Comparison):
             values = {} if changed is None else changed.values
             left, right = (
-                number_of(self._view, one, self._exact, values) for one in (node.left, node.right)
+                exact_number(self._view, one, self._exact, values)
+                for one in (node.left, node.right)
             )
-            said = ["no value" if one is None else decimal_text(one) for one in (left, right)]
-            reason = f"the sides are {said[0]} and {said[1]}{when}"
-            return FailedCondition(str(node), reason, left, right)
+            return failed_comparison(str(node), left, right, when)
         return FailedCondition(str(node), f"does not hold{when}")
 
     def _with_history(
@@ -248,12 +261,18 @@ def _conjuncts(formula: f.Formula) -> list[f.Formula]:
     return found
 
 
-def number_of(
+def number_of(view: View, node: f.Expression, numbers: Mapping[str, Decimal]) -> Decimal | None:
+    """Evaluate a closed expression as it is written; None where a fluent has no value."""
+    found = exact_number(view, node, numbers)
+    return None if found is None else decimal_of(found)
+
+
+def exact_number(
     view: View,
     node: f.Expression,
     numbers: Mapping[str, Decimal],
     changed: Mapping[NumberOf, Decimal] | None = None,
-) -> Decimal | None:
+) -> Exact | None:
     """Evaluate a closed expression exactly; None where a fluent has no value.
 
     Fluents that are changed have other values than in the state.
@@ -289,7 +308,7 @@ def decimals(numbers: Sequence[NumberOf], texts: Sequence[str | None]) -> dict[N
 
 def exact(
     quantity: Quantity, values: Mapping[NumberOf, Decimal], numbers: Mapping[str, Decimal]
-) -> Decimal | None:
+) -> Exact | None:
     """Calculate a number exactly; None without a value, and for a division by zero."""
     if isinstance(quantity, Decimal):
         return quantity
@@ -302,12 +321,11 @@ def exact(
     if len(known) < len(operands):
         return None
     if len(known) == 1:
-        return -known[0]
-    result = known[0]
+        return EXACT.subtract(Decimal(0), known[0])
+    result: Exact | None = known[0]
     for operand in islice(known, 1, None):
-        if quantity.operator == "/" and not operand:
-            return None
-        result = calculate(OPERATIONS[quantity.operator], result, operand)
+        if result is not None:
+            result = OPERATIONS[quantity.operator](result, operand)
     return result
 
 

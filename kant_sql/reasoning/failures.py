@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from decimal import Decimal
+from fractions import Fraction
 
 from .. import html
 from ..dto import formulas as f
 from ..dto.lexical import fold
 from ..history.revisions import Revision
+from .arithmetic import Exact, decimal_of
 from .conditions import Compiler, Condition, Conditions, Env
 from .grounding import Binding, substitute
 from .junctions import Literal, junction
@@ -183,15 +185,32 @@ def _failure(
     ground = substitute(part, binding)
     text = str(f.Not(ground) if negated else ground)
     if isinstance(part, f.Comparison):
-        left = conditions.number(part.left, binding, duration)
-        right = conditions.number(part.right, binding, duration)
-        return FailedCondition(text, sides_text(left, right), left, right)
+        left = conditions.exact_number(part.left, binding, duration)
+        right = conditions.exact_number(part.right, binding, duration)
+        return failed_comparison(text, left, right)
     return FailedCondition(text, "does not hold")
 
 
-def sides_text(left: Decimal | None, right: Decimal | None) -> str:
+def failed_comparison(
+    text: str, left: Exact | None, right: Exact | None, when: str = ""
+) -> FailedCondition:
+    """Say what the sides of a comparison are that does not hold."""
+    first, second = (None if side is None else decimal_of(side) for side in (left, right))
+    return FailedCondition(text, f"{sides_text(left, right)}{when}", first, second)
+
+
+def sides_text(left: Exact | None, right: Exact | None) -> str:
     """Write the values of both sides of a comparison."""
-    first, second = (
-        "no value" if side is None else f"{side.normalize():f}" for side in (left, right)
-    )
-    return f"the sides are {first} and {second}"
+    return f"the sides are {_side(left)} and {_side(right)}"
+
+
+def _side(side: Exact | None) -> str:
+    if side is None:
+        return "no value"
+    number = decimal_of(side)
+    text = f"{number:f}"
+    text = text.rstrip("0").rstrip(".") if "." in text else text
+    if number == side:
+        return text
+    fraction = str(Fraction(side))
+    return fraction if len(fraction) <= len(text) else f"about {text}"

@@ -37,7 +37,7 @@ class Reasoning(Interface):
 
         A condition is evaluated in the database, in one statement unless it needs recursion. A
         fluent without a value makes the comparison or the atom around it false, as the validator
-        VAL has it; so does a division by zero. Numbers are compared as doubles. Facts count, goals
+        VAL has it; so does a division by zero. Numbers are compared exactly. Facts count, goals
         do not; a derived predicate holds by its rules (PDDL 2.2), or as a stored fact.
 
         Args:

@@ -11,7 +11,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from decimal import Decimal
 
-from ..dao.function_value import SCALE_UP, calculate
 from ..dto import formulas as f
 from ..dto.formulas import AT_START, OVER_ALL, TOTAL_COST
 from ..dto.lexical import fold
@@ -47,7 +46,8 @@ from ..sql.relations import ConditionStatement
 from ..store.caches import FluentKey
 from ..store.snapshot import DefinitionsMovedError, View
 from .after import After, Head, OpaqueError, heads_of, is_linear, mapped, same, with_quantities
-from .ask import asked, first_two, question, statement_key
+from .arithmetic import EXACT, Exact
+from .ask import asked, first_two, given_numbers, question, statement_key
 from .effects import EffectReader, StepChanges, settled
 from .explain import Changed, Explainer, number_of
 from .failures import TOLERANCE, FailedCondition, duration_failure
@@ -367,7 +367,7 @@ def is_true(view: View, step: GroundStep, time: str | None, numbers: Mapping[str
         part = promise_of(action).part if time is None else action.condition(time)
         statement = question(view, numbers).truths([part], step.places)
         action.kept[key] = statement
-    given = {**step.values, **{name: float(value) for name, value in numbers.items()}}
+    given = {**step.values, **given_numbers(numbers)}
     [row] = asked(view, statement, given, first_two)
     return bool(row[GUARDS])
 
@@ -452,10 +452,13 @@ def until_end(
     read = reader.read(step.action.items(CONTINUOUS))
     moments = (Decimal(0), AFTER_START), (Decimal(1), "at the end"), (_HALF, "halfway")
     for share, said in moments:
-        assignments: dict[FluentKey, tuple[str, list[tuple[str, Decimal | int]]]] = {
+        assignments: dict[FluentKey, tuple[str, list[tuple[str, Exact | int]]]] = {
             key: (
                 text,
-                [(operator, calculate(SCALE_UP, Decimal(by), share)) for operator, by in made],
+                [
+                    (operator, EXACT.multiply(Decimal(by) if isinstance(by, int) else by, share))
+                    for operator, by in made
+                ],
             )
             for key, (text, made) in read.assignments.items()
         }

@@ -4,7 +4,7 @@
   or a subtype of it.
 - A fluent without a value makes the atom, the equality or the comparison around it false, as in
   VAL; so does a division by zero. Negation is classical: `(not (< (f) 3))` holds then.
-- Conditions compare numbers as doubles, effects calculate exactly.
+- Conditions and effects calculate exactly; what an effect writes has an end.
 - A derived predicate holds of what its rules derive, and of the facts that the state has of it: the
   least fixpoint, stratum by stratum (Thiebaux, Hoffmann and Nebel, In defense of PDDL axioms,
   Artificial Intelligence 168, 2005).

@@ -13,10 +13,8 @@ from __future__ import annotations
 import re
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
-from decimal import Decimal
 from typing import Any
 
-from ..errors import UnsupportedConstructError
 from ..knowledge.conditions import (
     AllOf,
     Bound,
@@ -28,11 +26,8 @@ from ..knowledge.conditions import (
     Lacks,
     NumberOf,
     OneOf,
-    Operation,
-    Parameter,
     Part,
     Place,
-    Quantity,
     SameObject,
     Slot,
     TypeSet,
@@ -42,6 +37,7 @@ from ..knowledge.conditions import (
 )
 from ..knowledge.definitions import Definitions
 from ..knowledge.rules import DerivationRule, DerivationRules, rules_of
+from .comparisons import ComparisonWriter
 from .dialects.words import Words
 from .estimates import Size
 
@@ -218,8 +214,7 @@ class ConditionWriter(ABC):
             case HasType(term, types):
                 return self.has_type(term, types, places)
             case Compares(operator, left, right):
-                sides = self.number(left, places), self.number(right, places)
-                return f"COALESCE({sides[0]} {operator} {sides[1]}, FALSE)"
+                return ComparisonWriter(self, places).text(operator, left, right)
             case Lacks(inner):
                 text = self.truth(inner, places)
                 # For NOT IN, SQLite looks for NULL in all rows of the list, for each row that asks.
@@ -389,25 +384,6 @@ class ConditionWriter(ABC):
 
     # Numbers.
 
-    def number(self, quantity: Quantity, places: Places) -> str:
-        """Write a number; NULL where a fluent has no value, and for a division by zero."""
-        match quantity:
-            case Decimal():
-                return f"CAST({self.parameter(float(quantity))} AS DOUBLE PRECISION)"
-            case Parameter(name):
-                if name not in self.known_numbers:
-                    raise UnsupportedConstructError(f"{name} has no value in a state")
-                return f"CAST(:{name} AS DOUBLE PRECISION)"
-            case NumberOf():
-                return self.value_of(quantity, places, "number")
-            case Operation(operator, operands):
-                found = [self.number(each, places) for each in operands]
-                if len(found) == 1:
-                    return f"(- {found[0]})"
-                if operator == "/":
-                    return f"({found[0]} / NULLIF({found[1]}, 0))"
-                return f"({balanced(operator, found)})"
-
     def value_of(self, fluent: NumberOf, places: Places, column: str) -> str:
         """Write a column of the version of a fluent; NULL without a value."""
         versions, where = self.value_version(fluent.function, fluent.terms, places)
@@ -417,14 +393,17 @@ class ConditionWriter(ABC):
     def value_version(
         self, function: int, terms: Sequence[Place], places: Places
     ) -> tuple[str, list[str]]:
-        """Write the version of a fluent whose arguments are bound; the last table has it."""
+        """Write the version of a fluent whose arguments are bound, as a table and conditions."""
         fluent, version = self.alias("f"), self.alias("w")
+        # No join: without statistics PostgreSQL would read all values for each one that it needs.
+        id_ = (
+            f"SELECT {fluent}.id FROM function_value AS {fluent} WHERE {fluent}.kb_id = :kb "
+            f"AND {fluent}.function_id = {self.parameter(function)} "
+            f"AND {fluent}.arguments = {self._key(terms, places)}"
+        )
         where = [
-            f"{fluent}.kb_id = :kb",
-            f"{fluent}.function_id = {self.parameter(function)}",
-            f"{fluent}.arguments = {self._key(terms, places)}",
             f"{version}.kb_id = :kb",
-            f"{version}.function_value_id = {fluent}.id",
+            f"{version}.function_value_id = ({id_})",
             self.held(version),
         ]
         if self.is_past:
@@ -432,11 +411,10 @@ class ConditionWriter(ABC):
             last = self.alias("w")
             where.append(
                 f"{version}.since = (SELECT {last}.since FROM function_value_version AS {last} "
-                f"WHERE {last}.kb_id = :kb AND {last}.function_value_id = {fluent}.id "
+                f"WHERE {last}.kb_id = :kb AND {last}.function_value_id = ({id_}) "
                 f"AND {last}.since <= :at ORDER BY {last}.since DESC LIMIT 1)"
             )
-        tables = f"function_value AS {fluent} CROSS JOIN function_value_version AS {version}"
-        return tables, where
+        return f"function_value_version AS {version}", where
 
     # Joins.
 

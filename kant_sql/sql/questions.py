@@ -10,7 +10,7 @@ import json
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from ..knowledge.conditions import Bound, Column, NumberOf, Part, Quantity, Slot
+from ..knowledge.conditions import Bound, Column, NumberOf, Part, Slot
 from ..knowledge.definitions import Definitions
 from ..knowledge.rules import DerivationRules
 from .dialects.base import Row, Session
@@ -59,16 +59,10 @@ class Question:
         if rules is not None:
             self._compiler.rules = rules
 
-    def truths(
-        self,
-        parts: Iterable[Part],
-        places: Mapping[Slot, str],
-        numbers: Iterable[Quantity] = (),
-    ) -> ConditionStatement:
-        """Write the statement of whether parts hold, as 0 or 1, and of some numbers."""
+    def truths(self, parts: Iterable[Part], places: Mapping[Slot, str]) -> ConditionStatement:
+        """Write the statement of whether parts hold, as 0 or 1."""
         compiler = self._compiler
         found = [f"CASE WHEN {compiler.truth(part, places)} THEN 1 ELSE 0 END" for part in parts]
-        found += [compiler.number(number, places) for number in numbers]
         return compiler.statement(f"SELECT {', '.join([_GUARD, *found])}")
 
     def answers(

@@ -15,7 +15,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from itertools import chain, count, product
-from math import prod
+from math import inf, prod
 from typing import Any, NamedTuple
 
 from sqlalchemy import text
@@ -100,6 +100,9 @@ class ConditionStatement:
             value = known[found[1]]
             if isinstance(value, str):
                 return quoted(value)
+            if value in (inf, -inf):
+                # More than a double holds, as both dialects read it.
+                return f"{'-' if value < 0 else ''}9e999"
             return words.list_text(value) if isinstance(value, tuple | list) else repr(value)
 
         return _PARAMETER.sub(write, self.sql)

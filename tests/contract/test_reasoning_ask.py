@@ -23,6 +23,7 @@ from kant_sql import (
     UnsupportedConstructError,
 )
 from kant_sql.pddl import Atom, Derived, Not, Or, Variable
+from kant_sql.sql.dialects.decimals import add_functions
 from tests.support.statements import count
 from tests.support.worlds import graph
 
@@ -319,6 +320,8 @@ def test_the_sql_of_answers_is_the_statement_with_its_values(
         past = {c: kb.at(then).query(c).sql for c in ANSWERS}
         limited = kb.query("(reach ?a ?b)", limit=2, a="w2").sql
     with sqlite3.connect(path) as reader:
+        # What is calculated calls functions that the shell of SQLite has, and Python's has not.
+        add_functions(reader)
         for of_state in (texts, past):
             for condition, (columns, rows) in ANSWERS.items():
                 cursor = reader.execute(of_state[condition])

@@ -49,7 +49,7 @@ Bindings = Mapping[str, str]
 Typing = Mapping[str, tuple[str, ...]]
 N = TypeVar("N", float, Fraction)
 
-COMPARE: dict[str, Callable[[float, float], bool]] = {
+COMPARE: dict[str, Callable[[Fraction, Fraction], bool]] = {
     "<": operator.lt,
     "<=": operator.le,
     "=": operator.eq,
@@ -229,8 +229,8 @@ class Evaluator:
         if isinstance(formula, Equal):
             value = self.term(formula.left, bound)
             return value is not None and value == self.term(formula.right, bound)
-        left = self.number(formula.left, bound, float)
-        right = self.number(formula.right, bound, float)
+        left = self.number(formula.left, bound, Fraction)
+        right = self.number(formula.right, bound, Fraction)
         if left is None or right is None:
             return False
         return COMPARE[formula.operator](left, right)

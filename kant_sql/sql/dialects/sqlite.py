@@ -79,6 +79,7 @@ from .base import (
     refuse_unknown_options,
     url_label,
 )
+from .decimals import add_functions
 from .guard import StatementGuard
 from .sqlite_file import WAL_LIMIT, StoreFile
 from .structure import (
@@ -724,13 +725,15 @@ class SqliteBackend(Backend):
         def make() -> sqlite3.Connection:
             self._refuse_torn()
             # Without an isolation level the driver issues no BEGIN of its own.
-            return sqlite3.connect(
+            made = sqlite3.connect(
                 name,
                 timeout=self.patience,
                 isolation_level=None,
                 check_same_thread=False,
                 uri=is_uri,
             )
+            add_functions(made)
+            return made
 
         with NO_FORK:
             return make() if self.in_memory else self.file.open(make)

@@ -9,6 +9,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
+from .decimals import POSTGRESQL_ARITHMETIC, SQLITE_ARITHMETIC, Arithmetic
+
 
 class Words(NamedTuple):
     """How one dialect writes what differs.
@@ -20,6 +22,7 @@ class Words(NamedTuple):
             next in an index.
         rows: the relation of a parameter that holds rows of ids, as JSON, with columns `c0` ...
         list_text: writes a list as a literal.
+        arithmetic: how decimals are calculated with.
         fence: what ends a subquery that is to be planned by itself; empty where no planner would
             change the order of a join.
         levels: how deep the parentheses of a statement may be nested; None for any depth.
@@ -30,6 +33,7 @@ class Words(NamedTuple):
     bounded: str
     rows: Callable[[str, int], str]
     list_text: Callable[[Sequence[int] | Sequence[str]], str]
+    arithmetic: Arithmetic
     fence: str
     levels: int | None = None
 
@@ -73,6 +77,7 @@ SQLITE_WORDS = Words(
     " AND likelihood({0} > 0, 1.0)",
     _sqlite_rows,
     _sqlite_list,
+    SQLITE_ARITHMETIC,
     "",
     # The parser has a stack of 100 entries up to SQLite 3.45.
     levels=45,
@@ -83,5 +88,6 @@ POSTGRESQL_WORDS = Words(
     "",
     _postgresql_rows,
     _postgresql_list,
+    POSTGRESQL_ARITHMETIC,
     " OFFSET 0",
 )
