@@ -21,6 +21,7 @@ from kant_sql import (
     SchemaMissingError,
     SchemaOutdatedError,
     SchemaTooNewError,
+    StoreError,
     StoreUnreachableError,
 )
 from kant_sql.sql import schema
@@ -130,6 +131,19 @@ def test_an_empty_file_becomes_a_store(tmp_path: Path, connect: Connect) -> None
 
 
 @migrates
+@pytest.mark.parametrize(("version", "is_refused"), [((3, 34, 1), True), ((3, 35, 0), False)])
+def test_an_old_sqlite_is_refused_by_its_version(
+    monkeypatch: pytest.MonkeyPatch, version: tuple[int, int, int], is_refused: bool
+) -> None:
+    monkeypatch.setattr(sqlite3, "sqlite_version_info", version)
+    monkeypatch.setattr(sqlite3, "sqlite_version", "3.34.1")
+    if is_refused:
+        with pytest.raises(StoreError, match=r"uses SQLite 3\.34\.1, .* needs 3\.35\.0 or later"):
+            kant_sql.connect("sqlite://")
+    else:
+        kant_sql.connect("sqlite://").close()
+
+
 def test_each_store_in_memory_is_new(connect: Connect) -> None:
     connect("sqlite://").propositions.save(robot_at())
     assert connect("sqlite://").revision == 0

@@ -569,6 +569,8 @@ def _keep_for_ever(kept: object) -> None:
 
 
 OPTIONS = {"synchronous", "timeout", "mode"}
+# The first that knows AS MATERIALIZED.
+OLDEST_SQLITE = (3, 35, 0)
 # Steps of SQLite's machine, about a millisecond, between questions whether a statement must end.
 STEPS = 50_000
 # SQLite counts milliseconds in 31 bits.
@@ -631,6 +633,11 @@ class SqliteBackend(Backend):
 
     def create_engine(self) -> Engine:
         """Create the engine; sessions control transactions."""
+        if sqlite3.sqlite_version_info < OLDEST_SQLITE:
+            raise StoreError(
+                f"{self.label}: this Python uses SQLite {sqlite3.sqlite_version}, and kant_sql needs "
+                f"{'.'.join(map(str, OLDEST_SQLITE))} or later; upgrade SQLite or Python"
+            )
         query = self.url.query
         synchronous = str(query.get("synchronous", "normal")).upper()
         if synchronous not in ("NORMAL", "FULL"):
