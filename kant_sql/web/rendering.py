@@ -25,7 +25,7 @@ STATIC = Path(__file__).parent / "static"
 # A longer text is cut in links and titles; its own page has all of it.
 SHORT = 200
 # What is in one line of a column: of a longer word, so many characters.
-_PIECE = re.compile(r"(?:\S{0,31}\s)+\S{0,32}|\S{1,32}|\s+")
+_PIECE = re.compile(r"(?:\S{0,32}\s)+\S{0,32}|\S{1,32}|\s+")
 _LINE = re.compile(r"[^\t\n]+")
 
 

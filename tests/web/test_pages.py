@@ -10,6 +10,7 @@ from fastapi import FastAPI
 from fastapi.testclient import TestClient
 
 from kant_sql.errors import StoreBusyError
+from kant_sql.web.rendering import breaking
 from kant_sql.web.tabular import csv_text
 from tests.browser.addresses import ADDRESSES
 from tests.support.crawling import PATHS
@@ -126,3 +127,10 @@ def test_a_filter_that_nothing_fits_keeps_its_form(
     assert f"did you mean {field}" in answer.text
     assert f'value="{address.rpartition("=")[2]}"' in answer.text
     assert client.get(f"{address}&kb=nothing").text.count("<form") <= 1
+
+
+def test_only_long_words_may_be_broken() -> None:
+    words = "navigation_controller_left_front (robot_at rb1 kitchen)"
+    assert breaking(words) == words
+    long = "a" * 70
+    assert breaking(f"<b> {long}") == f"&lt;b&gt; {'a' * 32}<wbr>{'a' * 32}<wbr>{'a' * 6}"
