@@ -425,6 +425,10 @@ _FOR_EVERYBODY = text(
     "SELECT format('REVOKE TEMPORARY ON DATABASE %I FROM PUBLIC', datname), "
     "has_database_privilege('public', oid, 'TEMPORARY'), pg_has_role(datdba, 'USAGE') "
     "FROM pg_database WHERE datname = current_database() UNION ALL "
+    # Granted before PostgreSQL 15.
+    "SELECT format('REVOKE CREATE ON SCHEMA %I FROM PUBLIC', nspname), "
+    "has_schema_privilege('public', oid, 'CREATE'), pg_has_role(nspowner, 'USAGE') "
+    "FROM pg_namespace WHERE nspname IN ('public', :schema) UNION ALL "
     "SELECT format('REVOKE EXECUTE ON FUNCTION %s FROM PUBLIC', oid::regprocedure), "
     "has_function_privilege('public', oid, 'EXECUTE'), pg_has_role(proowner, 'USAGE') "
     "FROM pg_proc WHERE pronamespace = 'pg_catalog'::regnamespace "
@@ -542,7 +546,7 @@ class RoleMaker:
 
         A role cannot lack a right that PUBLIC has.
         """
-        rows = self._connection.execute(_FOR_EVERYBODY)
+        rows = self._query(_FOR_EVERYBODY)
         return [row[0] for row in rows if row[1] and row[2] == by_caller]
 
     def _grants(self, scope: RoleScope, roles: Roles) -> Iterator[str]:
