@@ -104,15 +104,9 @@ def question(
     view: View, numbers: Iterable[str] = (), rules: DerivationRules | None = None
 ) -> Question:
     """Begin a question about a state."""
-    session, kb_id, estimates = view.session, view.kb_id, estimates_of(view.definitions)
-    return Question(
-        session.backend.words,
-        view.definitions,
-        view.at is not None,
-        numbers,
-        lambda predicate: estimates.size(session, kb_id, predicate),
-        rules,
-    )
+    size = estimates_of(view.definitions).of(view.session, view.kb_id)
+    words = view.session.backend.words
+    return Question(words, view.definitions, view.at is not None, numbers, size, rules)
 
 
 def find_object(definitions: Definitions, given: Binding) -> ObjectDefinition:

@@ -12,7 +12,9 @@ from __future__ import annotations
 
 import re
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from itertools import chain
 from typing import Any
 
 from ..knowledge.conditions import (
@@ -39,7 +41,7 @@ from ..knowledge.definitions import Definitions
 from ..knowledge.rules import DerivationRule, DerivationRules, rules_of
 from .comparisons import ComparisonWriter
 from .dialects.words import Words
-from .estimates import Size
+from .estimates import COUNTED, Size, sample
 
 # The first arguments of a fact that its version has, too.
 ARGUMENT_COLUMNS = ("first_object_id", "second_object_id")
@@ -47,8 +49,8 @@ ARGUMENT_COLUMNS = ("first_object_id", "second_object_id")
 MAX_INLINED = 60
 # From this many ground facts of one predicate on, one list replaces as many lookups.
 FEW_GROUND = 8
-# The `sqlite` library joins at most 64 tables.
-MAX_JOINED = 40
+# To look up when an atom held takes as long as to read so many facts that held at a revision.
+LOOKED_UP = 4
 
 Places = Mapping[Slot, str]
 _ALIAS = re.compile(r"\b([a-z]\d+)\.")
@@ -56,6 +58,11 @@ _ALIAS = re.compile(r"\b([a-z]\d+)\.")
 _LISTED = re.compile(r"\([^()]*\) IN \(SELECT c0")
 # A table of the schema with its alias.
 _STORED = re.compile(r"[a-z_]+ AS [a-z]\d+")
+_COLUMN = re.compile(r"\b[a-z]\d+\.\w+")
+# What begins the name of the relation of what held of a predicate, and a table that is that or of
+# the schema: not what a recursive statement has found.
+PAST = "past_"
+_PLAIN = re.compile(rf"(?:{PAST}\w+|object_version|(?:proposition|function_value)\w*) AS ")
 
 
 class JoinedTables:
@@ -73,7 +80,7 @@ class JoinedTables:
         """Write it as a SELECT."""
         tables, where = (self.tables, self.where)
         if self._words.fence:
-            tables, where = self._fenced()
+            tables, where, columns = self._fenced(columns)
         sql = f"SELECT {columns}"
         if tables:
             sql += " FROM " + " CROSS JOIN ".join(tables)
@@ -81,7 +88,7 @@ class JoinedTables:
             sql += f" WHERE {balanced('AND', where)}"
         return sql
 
-    def _fenced(self) -> tuple[list[str], list[str]]:
+    def _fenced(self, columns: str) -> tuple[list[str], list[str], str]:
         """Keep a planner to the order of the tables: each one looks up what those before found.
 
         Without statistics PostgreSQL takes every lookup for one row, whatever index finds it, and
@@ -89,18 +96,49 @@ class JoinedTables:
         """
         number = {table.split()[-1]: n for n, table in enumerate(self.tables)}
         own: list[list[str]] = [[] for _ in self.tables]
-        rest: list[str] = []
+        rest: list[tuple[int, str]] = []
         for condition in self.where:
             last = max((number.get(alias, -1) for alias in _ALIAS.findall(condition)), default=-1)
-            is_stored = last >= 0 and _STORED.fullmatch(self.tables[last])
-            (own[last] if is_stored else rest).append(condition)
-        tables = []
-        for table, where in zip(self.tables, own, strict=True):
+            if last >= 0 and _STORED.fullmatch(self.tables[last]):
+                own[last].append(condition)
+            else:
+                rest.append((last, condition))
+        tables: list[str] = []
+        for n, table in enumerate(self.tables):
             alias = table.split()[-1]
-            select = f"SELECT {alias}.* FROM {table} WHERE {balanced('AND', where)}"
+            if n > 1 and table.startswith(PAST) and all(map(_PLAIN.match, self.tables[:n])):
+                # The planner chooses how a relation is joined, by hashes, but not the order.
+                where = [condition for last, condition in rest if last < n]
+                later = [*(text for last, text in rest if last >= n), *chain(*own[n:]), columns]
+                group, rename = _grouped(f"g{alias[1:]}", tables, where, later)
+                tables = [f"({group}{self._words.fence}) AS g{alias[1:]}"]
+                rest = [(last, rename(text)) for last, text in rest if last >= n]
+                own[n:] = [[rename(text) for text in texts] for texts in own[n:]]
+                columns = rename(columns)
+            select = f"SELECT {alias}.* FROM {table} WHERE {balanced('AND', own[n])}"
             fenced = f"LATERAL ({select}{self._words.fence}) AS {alias}"
-            tables.append(fenced if where else table)
-        return tables, rest
+            tables.append(fenced if own[n] else table)
+        return tables, [condition for _, condition in rest], columns
+
+
+def _grouped(
+    name: str, tables: Sequence[str], where: Sequence[str], later: Iterable[str]
+) -> tuple[str, Callable[[str], str]]:
+    """Write a join as one table; return what renames its columns in the texts that follow."""
+    known = {table.split()[-1] for table in tables}
+    used = dict.fromkeys(found[0] for text in later for found in _COLUMN.finditer(text))
+    names = {one: one.replace(".", "_") for one in used if one.split(".")[0] in known}
+    listed = ", ".join(f"{one} AS {own}" for one, own in names.items()) or "1 AS present"
+    sql = f"SELECT {listed} FROM {' CROSS JOIN '.join(tables)}"
+    if where:
+        sql += f" WHERE {balanced('AND', where)}"
+
+    def rename(text: str) -> str:
+        return _COLUMN.sub(
+            lambda found: f"{name}.{names[found[0]]}" if found[0] in names else found[0], text
+        )
+
+    return sql, rename
 
 
 def balanced(operator: str, parts: Sequence[str]) -> str:
@@ -132,7 +170,10 @@ class ConditionWriter(ABC):
         words: the dialect's.
         definitions: what is defined in the state.
         is_past: whether the state is that of the parameter `at`, not the present.
-        size: returns how many facts of a predicate hold, about; None where that is not known.
+        size: estimates of how many facts hold; None where that is not known.
+
+    Attributes:
+        asked: how often what is being written is evaluated, about.
     """
 
     def __init__(
@@ -144,6 +185,7 @@ class ConditionWriter(ABC):
     ) -> None:
         self.words = words
         self.size = size
+        self.asked = 1.0
         self.definitions = definitions
         self.is_past = is_past
         self.rules: DerivationRules = rules_of(definitions)
@@ -156,6 +198,35 @@ class ConditionWriter(ABC):
         self._parameters: dict[tuple[type[Any], Any], str] = {}
         self._aliases = 0
         self._inlined = 0
+
+    # Estimates.
+
+    @contextmanager
+    def asking(self, asked: float) -> Iterator[None]:
+        """Write what is evaluated so many times."""
+        before, self.asked = self.asked, asked
+        try:
+            yield
+        finally:
+            self.asked = before
+
+    def facts_of(self, predicate: int, compared: float = 0) -> float:
+        """Estimate how many facts of a predicate hold, to compare them with a number."""
+        return COUNTED if self.size is None else self.size.facts(predicate, compared)
+
+    def mentions(self, term: Place, types: TypeSet) -> float:
+        """Estimate how many atoms, of any time, mention an object: that, or one of some types."""
+        if self.size is None:
+            return 1
+        is_known = isinstance(term, Known)
+        objects = (term.id,) if is_known else sample(self.definitions, types)  # type: ignore[union-attr]
+        return self.size.mentions(objects)
+
+    def is_read(self, predicate: int, lookups: float) -> bool:
+        """Return whether to read all that held of a predicate, and not to look up some atoms."""
+        if not self.is_past or self.size is None or lookups <= 1:
+            return False
+        return LOOKED_UP * lookups > self.facts_of(predicate, LOOKED_UP * lookups)
 
     # Parameters and names.
 
@@ -329,6 +400,8 @@ class ConditionWriter(ABC):
                 for column, term in zip(ARGUMENT_COLUMNS, terms, strict=False)
             ]
             return self.exists(f"proposition_version AS {version}", where)
+        if terms and self.is_read(fact.predicate, self.asked):
+            return self._listed_in(self.past(fact.predicate, len(terms)), terms, places)
         atom = self.alias("p")
         where = self.atom(atom, fact.predicate)
         where += [f"{atom}.arguments = {self._key(terms, places)}", self.atom_holds(atom)]
@@ -352,9 +425,13 @@ class ConditionWriter(ABC):
         relation = f"{self.relation(fact, given, places)} AS facts"
         if not fact.terms:
             return f"EXISTS (SELECT 1 FROM {relation})"
+        return self._listed_in(relation, fact.terms, places)
+
+    def _listed_in(self, relation: str, terms: Sequence[Place], places: Places) -> str:
+        """Write that a relation has some terms."""
         # Uncorrelated, so that SQLite builds one index for all rows that ask.
-        values = ", ".join(self.place(term, places) for term in fact.terms)
-        columns = ", ".join(f"c{n}" for n in range(len(fact.terms)))
+        values = ", ".join(self.place(term, places) for term in terms)
+        columns = ", ".join(f"c{n}" for n in range(len(terms)))
         return f"({values}) IN (SELECT {columns} FROM {relation})"
 
     def has_type(self, term: Place, types: TypeSet, places: Places) -> str:
@@ -423,6 +500,13 @@ class ConditionWriter(ABC):
         self, parts: Iterable[Part], bound: Iterable[Bound], places: Places
     ) -> JoinedTables:
         """Join what gives variables their objects, and filter by all else."""
+
+    @abstractmethod
+    def past(self, predicate: int, arity: int, given: Mapping[int, str] | None = None) -> str:
+        """Return the relation of the facts of a predicate that held, with columns `c0` ...
+
+        `given` has the parameters for some terms.
+        """
 
     @abstractmethod
     def relation(self, fact: HoldsFact, given: Mapping[int, Place], places: Places) -> str:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from typing import Any, NamedTuple
 
 from sqlalchemy import text
 
@@ -20,11 +21,26 @@ from .query import Query
 # Up to this number facts are counted; they are counted again after so many seconds, and statements
 # are written anew when a number has changed so many times over.
 COUNTED, COUNTED_FOR, CHANGED = 10_000, 10.0, 4
-Size = Callable[[int], float]
+# Up to this number where reading all that held of a predicate is weighed against many lookups.
+COUNTED_OF_MANY = 100_000
+# How many objects of a type stand for all of them, and how many of their atoms are counted.
+SAMPLE, MENTIONED = 8, 20_000
+
+
+class Size(NamedTuple):
+    """Estimates for one statement.
+
+    Attributes:
+        facts: returns how many facts of a predicate hold, about, to compare them with a number.
+        mentions: returns how many atoms, of any time, mention one of some objects, on average.
+    """
+
+    facts: Callable[[int, float], float]
+    mentions: Callable[[tuple[int, ...]], float]
 
 
 class Estimates:
-    """The numbers of facts that hold, by predicate.
+    """The numbers of facts that hold by predicate, and of atoms by the objects they mention.
 
     Attributes:
         generation: changes with the numbers; statements are kept by it.
@@ -32,24 +48,41 @@ class Estimates:
 
     def __init__(self) -> None:
         self.generation = 0
-        self._sizes: dict[int, int] = {}
+        # By predicate, or by objects: the number, and up to which number it was counted.
+        self._sizes: dict[int | tuple[int, ...], tuple[int, int]] = {}
         self._counted_at = time.monotonic()
 
-    def size(self, session: Session, kb_id: int | None, predicate: int) -> int:
-        """Return how many facts of a predicate hold, up to `COUNTED`."""
-        found = self._sizes.get(predicate)
-        if found is None:
-            found = self._sizes[predicate] = _count(session, kb_id, predicate)
-        return found
+    def of(self, session: Session, kb_id: int | None) -> Size:
+        """Return the estimates as they are counted in a session."""
+
+        def facts(predicate: int, compared: float) -> float:
+            upto = int(min(compared, COUNTED_OF_MANY))
+            return self._size(session, kb_id, predicate, max(upto, COUNTED))
+
+        def mentions(objects: tuple[int, ...]) -> float:
+            return self._size(session, kb_id, objects, MENTIONED) / max(len(objects), 1)
+
+        return Size(facts, mentions)
+
+    def _size(
+        self, session: Session, kb_id: int | None, of: int | tuple[int, ...], upto: int
+    ) -> int:
+        size, counted = self._sizes.get(of, (0, 0))
+        if size >= counted < upto:
+            size = _count(session, kb_id, of, upto)
+            self._sizes[of] = size, upto
+        return size
 
     def current(self, session: Session, kb_id: int | None) -> int:
         """Return the generation; count again when that was long ago."""
         if time.monotonic() - self._counted_at > COUNTED_FOR:
             self._counted_at = time.monotonic()
-            for predicate, size in list(self._sizes.items()):
-                now = _count(session, kb_id, predicate)
+            for of, (known, counted) in list(self._sizes.items()):
+                # More than this need not be known again: it would take long.
+                upto = min(counted, COUNTED)
+                size, now = min(known, upto), _count(session, kb_id, of, upto)
                 if not size <= CHANGED * now <= CHANGED * CHANGED * size:
-                    self._sizes[predicate] = now
+                    self._sizes[of] = now, upto
                     self.generation += 1
         return self.generation
 
@@ -62,22 +95,42 @@ def estimates_of(definitions: Definitions) -> Estimates:
     return found
 
 
-_queries: dict[Words, Query] = {}
+_queries: dict[tuple[Words, bool], Query] = {}
 
 
-def _count(session: Session, kb_id: int | None, predicate: int) -> int:
-    words = session.backend.words
-    query = _queries.get(words)
+def _count(session: Session, kb_id: int | None, of: int | tuple[int, ...], upto: int) -> int:
+    words, is_predicate = session.backend.words, isinstance(of, int)
+    query = _queries.get((words, is_predicate))
     if query is None:
-        query = _queries[words] = Query(
-            text(
-                "SELECT count(*) FROM (SELECT 1 FROM proposition_version AS v WHERE v.kb_id = :kb"
-                f" AND v.predicate_id = :predicate AND {words.is_fact.format('v')}"
-                f" AND v.until IS NULL LIMIT {COUNTED}) AS counted"
+        if is_predicate:
+            rows = (
+                "proposition_version AS v WHERE v.kb_id = :kb AND v.predicate_id = :of"
+                f" AND {words.is_fact.format('v')} AND v.until IS NULL"
             )
+        else:
+            among = words.in_list.format("a.object_id", ":of")
+            rows = f"proposition_argument AS a WHERE a.kb_id = :kb AND {among}"
+        query = _queries[words, is_predicate] = Query(
+            text(f"SELECT count(*) FROM (SELECT 1 FROM {rows} LIMIT :upto) AS counted")
         )
-    [row] = session.rows(query, kb=kb_id, predicate=predicate)
+    wanted: Any = of if isinstance(of, int) else session.list_value(of)
+    [row] = session.rows(query, kb=kb_id, of=wanted, upto=upto)
     return int(row[0])
+
+
+def sample(definitions: Definitions, types: frozenset[int] | None) -> tuple[int, ...]:
+    """Return a few of the objects that fit some types."""
+    samples: dict[frozenset[int] | None, tuple[int, ...]]
+    samples = definitions.derived.setdefault(sample, {})
+    found = samples.get(types)
+    if found is None:
+        ids = [
+            object_.id
+            for object_ in definitions.objects
+            if types is None or not types.isdisjoint(object_.type_ids)
+        ]
+        found = samples[types] = tuple(ids[:: max(len(ids) // SAMPLE, 1)][:SAMPLE])
+    return found
 
 
 def domain_size(definitions: Definitions, types: frozenset[int] | None) -> int:

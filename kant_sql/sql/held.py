@@ -13,11 +13,9 @@ from functools import cache
 from typing import Any, NamedTuple
 
 from sqlalchemy import (
-    Select,
     and_,
     bindparam,
     desc,
-    func,
     literal_column,
     or_,
     select,
@@ -33,12 +31,6 @@ from .query import Query, found_rows, in_list, in_rows, integer
 from .rows import KB
 from .tables import (
     TABLES,
-    FunctionValueArgumentRow,
-    FunctionValueRow,
-    FunctionValueVersionRow,
-    PropositionArgumentRow,
-    PropositionRow,
-    PropositionVersionRow,
 )
 
 LOW, HIGH = integer("low"), integer("high")
@@ -96,67 +88,35 @@ def _shape(pattern: Pattern) -> str:
     return _SOME if pattern.is_restricted else _ALL
 
 
-class _Table(NamedTuple):
-    """The tables of propositions, or of fluents."""
-
-    identity: Any
-    owner: Any
-    argument: Any
-    argument_of: Any
-    version: Any
-    version_of: Any
-
-
-_TABLES = {
-    True: _Table(
-        PropositionRow,
-        PropositionRow.predicate_id,
-        PropositionArgumentRow,
-        PropositionArgumentRow.proposition_id,
-        PropositionVersionRow,
-        PropositionVersionRow.proposition_id,
-    ),
-    False: _Table(
-        FunctionValueRow,
-        FunctionValueRow.function_id,
-        FunctionValueArgumentRow,
-        FunctionValueArgumentRow.function_value_id,
-        FunctionValueVersionRow,
-        FunctionValueVersionRow.function_value_id,
-    ),
-}
-
-
-def _facts_of(shape: str, place: int, are_facts: bool) -> Select[Any]:
-    """Select what matches one pattern; positions are compared later."""
-    table = _TABLES[are_facts]
-    row, version, argument = table.identity, table.version, table.argument
-    count: Any = literal_column("0")
+def _facts_text(loops: NestedLoops, shape: str, place: int, are_facts: bool) -> str:
+    """Select what matches one pattern; positions but the first known one are compared later."""
+    table, owner = ("proposition", "predicate") if are_facts else ("function_value", "function")
+    count = "0"
+    # As a sum, the owner is no condition of an index: without statistics a planner reads all that
+    # it ever had, to find those few that have the object.
+    is_owner = f"i.{owner}_id{' + 0' if shape == _SOME else ''} = :owner{place}"
+    where = f"i.kb_id = :kb AND {is_owner}" + (" AND i.is_goal = :is_goal" if are_facts else "")
+    tables = f"{table} AS i WHERE {where}"
     if shape == _GROUND:
+        tables += f" AND i.arguments = :arguments{place}"
         count = (
-            select(func.count())
-            .where(version.kb_id == KB, table.version_of == row.id)
-            .where(version.since.between(LOW, HIGH))
-            .scalar_subquery()
+            f"(SELECT count(*) FROM {table}_version AS v WHERE v.kb_id = :kb"
+            f" AND v.{table}_id = i.id AND v.since BETWEEN :low AND :high)"
         )
-    columns = row.id, row.arguments, count
-    found: Select[Any] = select(literal_column(str(place)), *columns).where(
-        row.kb_id == KB, table.owner == integer(f"owner{place}")
-    )
-    if are_facts:
-        found = found.where(row.is_goal == bindparam("is_goal"))
-    if shape == _GROUND:
-        return found.where(row.arguments == bindparam(f"arguments{place}"))
-    if shape == _SOME:
-        wanted = argument.kb_id == KB, argument.object_id == integer(f"object{place}")
-        return found.where(in_rows(row.id, select(table.argument_of).where(*wanted)))
-    return found
+    elif shape == _SOME:
+        found = (
+            f"(SELECT a.{table}_id AS id FROM {table}_argument AS a WHERE a.kb_id = :kb"
+            f" AND a.object_id = :object{place} AND a.position = :position{place}) AS found"
+        )
+        tables = found + loops.loop("i", table, f"{where} AND i.id = found.id")
+    return f"SELECT {place}, i.id, i.arguments, {count} FROM {tables}"
 
 
 @cache
-def _facts(shapes: tuple[str, ...], are_facts: bool) -> Query:
-    parts = (_facts_of(shape, place, are_facts) for place, shape in enumerate(shapes))
-    return Query(union_all(*parts))
+def _facts(dialect: str, shapes: tuple[str, ...], are_facts: bool) -> Query:
+    loops = NESTED_LOOPS[dialect]
+    parts = [_facts_text(loops, shape, place, are_facts) for place, shape in enumerate(shapes)]
+    return Query(text(" UNION ALL ".join(parts)))
 
 
 def find_facts(
@@ -176,8 +136,9 @@ def find_facts(
             parameters[f"arguments{place}"] = " ".join(map(str, known))
         elif known:
             parameters[f"object{place}"] = known[0]
+            parameters[f"position{place}"] = objects.index(known[0])
     found: list[list[FoundFact]] = [[] for _ in patterns]
-    query = _facts(tuple(map(_shape, patterns)), are_facts)
+    query = _facts(session.backend.dialect.name, tuple(map(_shape, patterns)), are_facts)
     for place, id_, arguments, versions in session.rows(query, **parameters):
         own = tuple([int(one) for one in arguments.split()])
         if patterns[place].matches(own):
@@ -204,20 +165,15 @@ _VERSION = "proposition_version"
 
 def _overlaps_text(loops: NestedLoops, count: int) -> str:
     since, until = ":before", ":after"
-    tables = f"{loops.rows('facts', count)} AS wanted"
+    tables, where = f"{loops.rows('facts', count)} AS wanted", []
     for n in range(count):
-        one = f"l{n}", _VERSION, "proposition_id", f"wanted.id{n}"
-        last = loops.last(*one, since, f"l{n}.since")
-        conditions = (
-            f"v{n}.kb_id = :kb AND v{n}.proposition_id = wanted.id{n} "
-            f"AND v{n}.since >= coalesce({last}, 0) "
-            f"AND v{n}.since < {until} "
-            f"AND (v{n}.until IS NULL OR v{n}.until > {loops.larger}({since}, :low))"
-        )
-        tables += loops.loop(f"v{n}", _VERSION, conditions)
+        one = f"v{n}", _VERSION, "proposition_id", f"wanted.id{n}"
+        last = loops.last(f"l{n}", *one[1:], since, f"l{n}.since")
+        tables += loops.range(*one, f"coalesce({last}, 0)", f"{until} - 1")
+        where.append(f"(v{n}.until IS NULL OR v{n}.until > {loops.larger}({since}, :low))")
         since = f"{loops.larger}({since}, v{n}.since)"
         until = f"{loops.smaller}({until}, coalesce(v{n}.until, :after))"
-    return f"SELECT wanted.place, {since}, {until} FROM {tables}"
+    return f"SELECT wanted.place, {since}, {until} FROM {tables} WHERE {' AND '.join(where)}"
 
 
 @cache

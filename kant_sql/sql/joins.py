@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from abc import abstractmethod
 from collections.abc import Iterable, Sequence
 
 from typing_extensions import override
@@ -28,10 +27,10 @@ from ..knowledge.conditions import (
 )
 from ..knowledge.trees import ParameterDefinition
 from .conditions import ARGUMENT_COLUMNS, ConditionWriter, JoinedTables, Places
-from .estimates import COUNTED, domain_size
+from .estimates import domain_size
 
-# Up to this number the facts that held of a predicate are read at once.
-FEW_HELD = 1_000
+# How many rows a relation gives for each one that is joined with it, where nothing is counted.
+SOME = 100.0
 # SQLite joins at most 64 tables.
 MAX_JOINED = 60
 
@@ -59,6 +58,8 @@ class _Join:
         self._equalities: list[SameObject] = []
         self._choices: list[OneOf] = []
         self._filters: list[Part] = []
+        # How many rows there are, about.
+        self._rows = writer.asked
         # The types that variables have by what binds them.
         self._have: dict[Slot, tuple[TypeSet, ...]] = {}
 
@@ -74,7 +75,8 @@ class _Join:
         filters = [part for part in self._filters if not self._is_fitting(part)]
         rest = [*self._equalities, *self._facts, *self._choices, *filters]
         selection = self._selection
-        selection.where += self._writer.conjuncts(rest, selection.places)
+        with self._writer.asking(self._rows):
+            selection.where += self._writer.conjuncts(rest, selection.places)
         if len(selection.tables) > MAX_JOINED:
             raise UnsupportedConstructError(
                 f"a conjunction of the condition binds {len(selection.tables)} variables or more, "
@@ -90,6 +92,7 @@ class _Join:
             if fact.predicate in self._writer.growing:
                 self._facts.remove(fact)
                 self._join_relation(fact)
+                self._rows *= SOME
 
     def _open(self, bound: Iterable[Bound]) -> None:
         bound = tuple(bound)
@@ -181,12 +184,16 @@ class _Join:
             equal.sort(key=lambda n: (self._rows_of(self._facts[n]), ranks[n], n))
         fact = self._facts[equal[0]]
         self._facts.remove(fact)
+        found = self._rows_of(fact) if self._writer.is_past else 1
         if isinstance(fact, FluentIs):
+            found = SOME if ranks[equal[0]][0] else 1
             self._join_value(fact)
         elif self._writer.is_derived(fact):
+            found = SOME
             self._join_relation(fact)
         else:
             self._join_fact(fact)
+        self._rows = max(self._rows * found, 1)
         return True
 
     def _rank(self, fact: HoldsFact | FluentIs) -> tuple[float, ...] | None:
@@ -210,7 +217,7 @@ class _Join:
         writer = self._writer
         if isinstance(fact, FluentIs) or writer.is_derived(fact):
             return 0
-        found = COUNTED if writer.size is None else writer.size(fact.predicate)
+        found = writer.facts_of(fact.predicate)
         parameters = writer.definitions.predicates.live(fact.predicate).parameters
         for term, parameter in zip(fact.terms, parameters, strict=True):
             if self._is_bound(term):
@@ -256,17 +263,19 @@ class _Join:
         """Join what held of a predicate."""
         writer, selection = self._writer, self._selection
         arity = len(fact.terms)
-        bound = [n for n, term in enumerate(fact.terms) if self._is_bound(term)]
-        is_given = any(isinstance(term, Known) or term in self._outer for term in fact.terms)
-        # Many atoms of the past may mention an object of which few facts held at a time.
-        is_small = writer.size is not None and writer.size(fact.predicate) <= FEW_HELD
-        if not bound or (is_small and not is_given):
+        bound = self._fewest_mentioned(fact)
+        if bound is None or self._is_read(fact, *bound):
             alias = writer.alias("h")
-            selection.tables.append(f"{writer.past(fact.predicate, arity)} AS {alias}")
+            given = {
+                n: writer.place(term, selection.places)
+                for n, term in enumerate(fact.terms)
+                if writer.is_given(term, self._outer)
+            }
+            selection.tables.append(f"{writer.past(fact.predicate, arity, given)} AS {alias}")
             return [f"{alias}.c{n}" for n in range(arity)]
-        # What is bound finds few atoms, each of which is looked up at that time: the relation of
-        # all of the predicate's facts would be read and indexed for it.
-        order = [bound[0], *(n for n in range(arity) if n != bound[0])]
+        # What is bound finds few atoms, each of which is looked up at that time.
+        _, first = bound
+        order = [first, *(n for n in range(arity) if n != first)]
         aliases = {n: writer.alias("a") for n in order}
         atom = writer.alias("p")
         for n, alias in aliases.items():
@@ -284,6 +293,24 @@ class _Join:
             writer.atom_holds(atom),
         ]
         return [f"{aliases[n]}.object_id" for n in range(arity)]
+
+    def _fewest_mentioned(self, fact: HoldsFact) -> tuple[float, int] | None:
+        """Return the bound term that the fewest atoms mention: how many, and its position."""
+        writer = self._writer
+        parameters = writer.definitions.predicates.live(fact.predicate).parameters
+        found = [
+            (writer.mentions(term, closure(writer.definitions, parameters[n].type_ids)), n)
+            for n, term in enumerate(fact.terms)
+            if self._is_bound(term)
+        ]
+        return min(found, default=None)
+
+    def _is_read(self, fact: HoldsFact, mentioned: float, n: int) -> bool:
+        """Return whether to join all that held of a predicate, and not to look up atoms."""
+        # No index of it is made for what each row of an outer query asks again.
+        is_given = isinstance(fact.terms[n], Known) or fact.terms[n] in self._outer
+        lookups = self._rows * mentioned / (self._writer.asked if is_given else 1)
+        return self._writer.is_read(fact.predicate, lookups)
 
     def _match(
         self,
@@ -333,6 +360,10 @@ class _Join:
             selection.where += where
         else:
             version = writer.alias("w")
+            if writer.is_past:
+                forks = writer.alias("f")
+                selection.tables.append(f"{writer.words.each.format(':forks')} AS {forks}")
+                selection.where.append(f"{version}.fork = {forks}.value")
             selection.tables.append(f"function_value_version AS {version}")
             selection.where += [
                 f"{version}.kb_id = :kb",
@@ -373,7 +404,9 @@ class _Join:
         columns = [slot for slot in slots if slot not in given]
         bound = [Bound(slot, writer.types_of(slot)) for slot in columns]
         alias = writer.alias("u")
-        selection.tables.append(f"{writer.union(choice, bound, given)} AS {alias}")
+        with writer.asking(1):
+            selection.tables.append(f"{writer.union(choice, bound, given)} AS {alias}")
+        self._rows *= SOME
         for number, slot in enumerate(columns):
             column = f"{alias}.c{number}"
             if slot in self._unbound:
@@ -389,6 +422,8 @@ class _Join:
         selection.tables.append(f"object_version AS {version}")
         selection.where += writer.objects(version, types)
         self._bind(slot, f"{version}.object_id", types)
+        wanted = types or (None,)
+        self._rows *= min(domain_size(writer.definitions, each) for each in wanted)
 
 
 class JoinWriter(ConditionWriter):
@@ -414,7 +449,8 @@ class JoinWriter(ConditionWriter):
         `first` is a table that the places refer to.
         """
         bound = tuple(bound)
-        selection = self.selection(parts, bound, places)
+        with self.asking(self.asked * SOME if first else self.asked):
+            selection = self.selection(parts, bound, places)
         if first:
             selection.tables.insert(0, first)
         terms = [each.slot for each in bound] if columns is None else columns
@@ -431,7 +467,3 @@ class JoinWriter(ConditionWriter):
         """Write the relation of the variables for which one of some parts holds."""
         branches = [self.rows([part], bound, places) for part in choice.parts]
         return f"({' UNION '.join(branches)})"
-
-    @abstractmethod
-    def past(self, predicate: int, arity: int) -> str:
-        """Return the relation of the facts of a predicate that held, with columns `c0` ..."""

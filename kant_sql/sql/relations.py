@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Set as AbstractSet
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from itertools import chain, count, product
@@ -44,7 +45,7 @@ from ..knowledge.conditions import (
 )
 from ..knowledge.definitions import Definitions
 from ..knowledge.rules import DerivationRule
-from .conditions import ARGUMENT_COLUMNS, Places
+from .conditions import ARGUMENT_COLUMNS, PAST, JoinedTables, Places
 from .dialects.words import Words, quoted
 from .estimates import Size
 from .joins import JoinWriter
@@ -179,32 +180,39 @@ class ConditionCompiler(JoinWriter):
         self._tables.append(f"{name} ({listed}) AS ({sql})")
 
     @override
-    def past(self, predicate: int, arity: int) -> str:
-        name = f"past_{predicate}"
-        if ("past", predicate) not in self._relations:
-            self._relations["past", predicate] = name
-            among = self.words.in_list.format("v.fork", ":forks")
-            among += self.words.bounded.format("v.since")
-            columns = [f"v.{column}" for column in ARGUMENT_COLUMNS[:arity]]
-            tables = "proposition_version AS v"
-            where = [
-                "v.kb_id = :kb",
-                f"v.predicate_id = {self.parameter(predicate)}",
-                self.words.is_fact.format("v"),
-                among,
-                self.held("v"),
+    def past(self, predicate: int, arity: int, given: Mapping[int, str] | None = None) -> str:
+        given = {} if given is None else given
+        key = ("past", predicate, *sorted(given.items()))
+        name = self._relations.get(key)
+        if name is not None:
+            return name
+        name = f"{PAST}{predicate}" + (f"_{len(self._tables)}" if given else "")
+        self._relations[key] = name
+        # The forks as a table: for `fork IN` a planner without statistics expects few rows, and
+        # then compares all of them with each row that they are joined to.
+        selection = JoinedTables(self.words, {})
+        selection.tables = [f"{self.words.each.format(':forks')} AS f0"]
+        selection.tables.append("proposition_version AS v0")
+        selection.where = [
+            "v0.kb_id = :kb",
+            f"v0.predicate_id = {self.parameter(predicate)}",
+            self.words.is_fact.format("v0"),
+            "v0.fork = f0.value",
+            self.held("v0"),
+        ]
+        columns = [f"v0.{column}" for column in ARGUMENT_COLUMNS[:arity]]
+        for n in range(len(columns), arity):
+            selection.tables.append(f"proposition_argument AS a{n}")
+            selection.where += [
+                f"a{n}.kb_id = :kb",
+                f"a{n}.proposition_id = v0.proposition_id",
+                f"a{n}.position = {n}",
             ]
-            for n in range(len(columns), arity):
-                tables += f" CROSS JOIN proposition_argument AS a{n}"
-                where += [
-                    f"a{n}.kb_id = :kb",
-                    f"a{n}.proposition_id = v.proposition_id",
-                    f"a{n}.position = {n}",
-                ]
-                columns.append(f"a{n}.object_id")
-            sql = f"SELECT {', '.join(columns) or '1'} FROM {tables} WHERE {' AND '.join(where)}"
-            listed = ", ".join(f"c{n}" for n in range(arity)) or "present"
-            self._tables.append(f"{name} ({listed}) AS MATERIALIZED ({sql})")
+            columns.append(f"a{n}.object_id")
+        selection.where += [f"{columns[n]} = {place}" for n, place in given.items()]
+        sql = selection.text(", ".join(columns) or "1")
+        listed = ", ".join(f"c{n}" for n in range(arity)) or "present"
+        self._tables.append(f"{name} ({listed}) AS MATERIALIZED ({sql})")
         return name
 
     # Depth.
@@ -212,13 +220,13 @@ class ConditionCompiler(JoinWriter):
     @override
     def truth(self, part: Part, places: Places) -> str:
         weight = _weight(part)
-        if not self._is_too_deep(part, weight):
+        if not self._is_too_deep(part, weight) and not self._is_asked_often(part, places):
             with self._at(self._level + weight):
                 return super().truth(part, places)
         slots = sorted(slots_of(part), key=lambda slot: slot.number)
         given = {slot: places[slot] for slot in slots if places[slot].startswith(":")}
         columns = [slot for slot in slots if slot not in given]
-        with self._at(0):
+        with self._at(0), self.asking(1):
             bound = [Bound(slot, self.types_of(slot)) for slot in columns]
             name = self._apart(self.rows([part], bound, given), len(columns))
         if not columns:
@@ -252,13 +260,39 @@ class ConditionCompiler(JoinWriter):
         if not self._level:
             return False
         spare = 0 if weight >= _SUBQUERY else 15
-        if self._level + weight <= levels + spare:
-            return False
-        # What a recursive statement has found so far is known in that statement alone.
-        return not any(
+        return self._level + weight > levels + spare and not self._is_growing(part)
+
+    def _is_growing(self, part: Part) -> bool:
+        """Return whether a part uses what a recursive statement has found so far.
+
+        That is known in that statement alone.
+        """
+        return any(
             isinstance(inner, HoldsFact) and self.growing.get(inner.predicate, "(")[0] != "("
             for inner in parts_of(part)
         )
+
+    def _is_asked_often(self, part: Part, places: Places) -> bool:
+        """Return whether to find all for which there is a witness, and not to look for each one.
+
+        In the past, what held of a predicate is read as a whole, and has no index for each row.
+        """
+        if not self.is_past or not isinstance(part, Witness) or self._is_growing(part):
+            return False
+        facts = [fact for fact in _conjuncts(part) if not self.is_derived(fact)]
+        asking = {slot for slot in slots_of(part) if not places[slot].startswith(":")}
+        if not asking or not _are_connected(facts, asking):
+            return False
+        return any(
+            self.is_read(fact.predicate, self.asked * self.mentions(term, types))
+            for fact in facts
+            for term, types in zip(fact.terms, self._declared(fact), strict=True)
+            if term in asking
+        )
+
+    def _declared(self, fact: HoldsFact) -> list[TypeSet]:
+        declared = self.definitions.predicates.live(fact.predicate).parameters
+        return [closure(self.definitions, each.type_ids) for each in declared]
 
     @contextmanager
     def _at(self, level: int) -> Iterator[None]:
@@ -491,6 +525,32 @@ class ConditionCompiler(JoinWriter):
         """Return the relation of the facts of a predicate that a parameter has."""
         declared = self.definitions.predicates.live(predicate).parameters
         return self.words.rows(parameter, len(declared))
+
+
+def _conjuncts(part: Part) -> Iterator[HoldsFact]:
+    """Yield the facts that a part is a conjunction of, with those of its quantifiers."""
+    parts = [part]
+    while parts:
+        match parts.pop():
+            case HoldsFact() as fact:
+                yield fact
+            case AllOf(inner):
+                parts += inner
+            case Witness(_, inner_part):
+                parts.append(inner_part)
+
+
+def _are_connected(facts: Iterable[HoldsFact], slots: AbstractSet[Slot]) -> bool:
+    """Return whether facts bind some variables, and are no product of facts that share none."""
+    groups: list[set[Place]] = []
+    for fact in facts:
+        own: set[Place] = {term for term in fact.terms if isinstance(term, Slot)}
+        joined = [group for group in groups if not group.isdisjoint(own)]
+        groups = [group for group in groups if group.isdisjoint(own)]
+        groups.append(own.union(*joined))
+    return sum(not group.isdisjoint(slots) for group in groups) == 1 and any(
+        slots <= group for group in groups
+    )
 
 
 def _is_closure(

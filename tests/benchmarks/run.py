@@ -10,8 +10,17 @@ import sys
 from pathlib import Path
 
 BENCHMARKS = (
-    *("coffee_shop", "present", "importing", "bulk", "history", "asof", "held", "verifying"),
-    *("reading", "documents", "footprint", "answering", "acting", "timeline", "following"),
+    *("coffee_shop", "present", "importing", "bulk", "history", "asof", "past", "held"),
+    *(
+        "verifying",
+        "reading",
+        "documents",
+        "footprint",
+        "answering",
+        "acting",
+        "timeline",
+        "following",
+    ),
     *("exporting", "sizing", "pushing", "knowledge_bases"),
 )
 

@@ -20,6 +20,7 @@ SMALL = {
     "following": ["--readers", "3", "--windows", "2", "--backend", "sqlite"],
     "held": ["--changes", "30000", "--small", "20000", "--backend", "sqlite"],
     "knowledge_bases": ["--robots", "4", "--revisions", "4", "--backend", "sqlite"],
+    "past": ["--boxes", "40", "--revisions", "30", "--backend", "sqlite"],
     "present": ["--repeat", "1", "--backends", "sqlite-file", "sqlite-memory"],
     "pushing": ["--changes", "2000", "--one", "500", "--backend", "sqlite"],
     "sizing": ["--revisions", "120", "--backend", "sqlite"],

@@ -7,7 +7,7 @@ and what holds at any moment is about as much as at any other.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from datetime import UTC, datetime, timedelta
 from random import Random
 from typing import NamedTuple
@@ -87,21 +87,21 @@ class Writer:
         }
         self.atoms: dict[Key, int] = {}
 
-    def write(self, changes: int, seed: int) -> int:
-        """Write so many changes; gives the last revision."""
+    def write(self, versions: Iterable[Version], last: int) -> int:
+        """Write versions after what there is, up to a last revision; gives that."""
         first = self.revision + 1
-        last = first + changes // 2
         facts: list[Row] = []
         values: list[Row] = []
-        for key, since, until in simulate(changes, seed, first):
+        for key, since, until in versions:
             if key[0] == "level":
                 values.append(self.value(key, since, until))
             else:
                 facts.append(self.fact(key, since, until))
         self.store.insert("revision", 9, self.revisions(first, last))
         self.identities()
-        self.store.insert("proposition_version", len(facts[0]), facts)
-        self.store.insert("function_value_version", len(values[0]), values)
+        for table, rows in (("proposition_version", facts), ("function_value_version", values)):
+            if rows:
+                self.store.insert(table, len(rows[0]), rows)
         self.store.execute(
             "UPDATE head SET revision = ?, next_id = ?, hash = ?, committed_at = ? WHERE kb_id = ?",
             (last, self.next_id, f"{last:064x}", self.moment(last), self.kb),
@@ -192,7 +192,9 @@ def fill(url: str, changes: int, knowledge_bases: int = 10) -> int:
     store.without_checks()
     for number in range(knowledge_bases):
         store.execute("BEGIN")
-        last = Writer(store, f"robot{number}").write(changes // knowledge_bases, number)
+        writer = Writer(store, f"robot{number}")
+        first, own = writer.revision + 1, changes // knowledge_bases
+        last = writer.write(simulate(own, number, first), first + own // 2)
         store.execute("COMMIT")
     store.settle()
     store.close()

@@ -7,7 +7,7 @@ PostgreSQL is asked both before it has any, as right after a bulk load, and afte
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from itertools import islice, product
 from typing import Any, NamedTuple
 
@@ -19,7 +19,7 @@ from kant_sql import KnowledgeBase, PddlPropositionDto
 from tests.benchmarks.history import HOT, Past, define, fact, load
 from tests.benchmarks.support import bare
 from tests.support.servers import Server, is_old
-from tests.support.statements import Statement, explain, is_bracket, seen
+from tests.support.statements import Statement, explain, is_bracket, seen, work
 
 pytestmark = pytest.mark.slow
 
@@ -207,29 +207,13 @@ def test_the_index_covers_what_is_read_of_versions(subject: Subject, name: str) 
     assert any(text in step for step in steps for text in covering), "\n".join(steps)
 
 
-def rows_touched(url: str, statement: Statement) -> int:
-    """Run a statement, undo it, and give how many rows the busiest step of its plan looked at."""
-    query: Any = f"EXPLAIN (ANALYZE, FORMAT JSON) {statement.sql}"
-    with psycopg.connect(url) as connection:
-        ((plan,),) = connection.execute(query, statement.parameters).fetchall()
-        connection.rollback()
-
-    def touched(node: dict[str, Any]) -> Iterator[float]:
-        removed = sum(node[key] for key in node if key.startswith("Rows Removed"))
-        yield (node["Actual Rows"] + removed) * node["Actual Loops"]
-        for child in node.get("Plans", ()):
-            yield from touched(child)
-
-    return round(max(touched(plan[0]["Plan"])))
-
-
 @pytest.mark.parametrize("subject", [BEFORE, AFTER], indirect=True)
 @pytest.mark.parametrize("name", READS)
 def test_postgresql_looks_at_no_more_rows_than_hold(subject: Subject, name: str) -> None:
     if (subject.name, name) == (BEFORE, "get_by_predicate of the past") and is_old(subject.url):
         pytest.skip("before version 17 it reads all facts that there are")
     for statement in subject.ask(READS[name][0]):
-        assert rows_touched(subject.url, statement) <= FACTS + LIT + GOALS + HOT
+        assert work(subject.url, statement) <= FACTS + LIT + GOALS + HOT
 
 
 @pytest.mark.parametrize("subject", [BEFORE, AFTER], indirect=True)
@@ -239,4 +223,4 @@ def test_postgresql_looks_at_a_handful_of_rows_to_write_one(subject: Subject, na
     for sql, parameters in subject.ask(WRITES[name][0]):
         # Again, in a revision to come.
         later = parameters | ({"at": FAR} if "at" in parameters else {})
-        assert rows_touched(subject.url, Statement(sql, later)) <= most
+        assert work(subject.url, Statement(sql, later)) <= most

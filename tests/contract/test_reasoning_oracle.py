@@ -33,6 +33,7 @@ from kant_sql.dto.formulas import walk as nodes_of
 from kant_sql.dto.lexical import fold
 from kant_sql.pddl import write
 from kant_sql.pddl.document import DURATIVE_ACTION, Action
+from kant_sql.sql import conditions
 from tests.support.evaluator import (
     Bindings,
     Evaluator,
@@ -322,6 +323,24 @@ def test_answers_are_those_of_the_plain_evaluator(fresh_kb: KnowledgeBase) -> No
         Judge(kb, episode, states[2], "present again").check()
         for revision, state in zip(revisions, states, strict=False):
             Judge(kb.at(revision), episode, state, "past").check()
+
+    same()
+
+
+@pytest.mark.parametrize("weight", [0, 10**9], ids=["looked up", "read"])
+def test_the_past_has_the_same_answers_looked_up_and_read(
+    fresh_kb: KnowledgeBase, monkeypatch: pytest.MonkeyPatch, weight: int
+) -> None:
+    monkeypatch.setattr(conditions, "LOOKED_UP", weight)
+
+    @hunting(PROFILE.episodes)
+    @given(EPISODES)
+    def same(episode: Episode) -> None:
+        kb = opened(fresh_kb, episode)
+        make(kb, episode.changes[0])
+        Judge(kb.at(1), episode, episode.first, "past").check()
+        second = episode.changes[0].of(episode.first)
+        Judge(kb.at(kb.revision), episode, second, "past").check()
 
     same()
 

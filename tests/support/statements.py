@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import logging
 import sqlite3
 from collections.abc import Callable, Iterator, Sequence
@@ -124,3 +125,30 @@ def explain(url: str, statement: Statement) -> list[str]:
     query: Any = f"EXPLAIN (COSTS OFF) {statement.sql}"
     with psycopg.connect(url) as connection:
         return [row[0] for row in connection.execute(query, statement.parameters)]
+
+
+def work(url: str, statement: Statement) -> float:
+    """Run a statement and undo it; count what it visits.
+
+    Returns:
+        The steps of SQLite's virtual machine, or how many rows the busiest step of PostgreSQL's
+        plan looked at.
+    """
+    if url.startswith("sqlite"):
+        steps = itertools.count()
+        with closing(sqlite3.connect(url.removeprefix("sqlite:///"))) as lite:
+            lite.set_progress_handler(lambda: next(steps) < 0, 10)
+            lite.execute(statement.sql, statement.parameters).fetchall()
+        return 10 * next(steps)
+    query: Any = f"EXPLAIN (ANALYZE, FORMAT JSON) {statement.sql}"
+    with psycopg.connect(url) as connection:
+        ((plan,),) = connection.execute(query, statement.parameters).fetchall()
+        connection.rollback()
+
+    def touched(node: dict[str, Any]) -> Iterator[float]:
+        removed = sum(node[key] for key in node if key.startswith("Rows Removed"))
+        yield (node["Actual Rows"] + removed) * node["Actual Loops"]
+        for child in node.get("Plans", ()):
+            yield from touched(child)
+
+    return round(max(touched(plan[0]["Plan"])))

@@ -25,6 +25,7 @@ class NestedLoops(NamedTuple):
             most so many: an alias, its table, the column of the identity, that identity, the two
             revisions, the number, and what it gives of each row.
         walk: writes an inner loop over such rows; the first revision is included.
+        range: writes the same loop, however many rows it has.
         times: the relation of a parameter that holds times as JSON texts, with columns `place`,
             from 0, and `moment`.
         larger: the function of the largest of some numbers.
@@ -36,6 +37,7 @@ class NestedLoops(NamedTuple):
     last: Callable[[str, str, str, str, str, str], str]
     part: Callable[[str, str, str, str, str, str, str, str], str]
     walk: Callable[[str, str, str, str, str, str], str]
+    range: Callable[[str, str, str, str, str, str], str]
     times: Callable[[str], str]
     larger: str
     smaller: str
@@ -144,6 +146,15 @@ def _postgresql_walk(
     return f" CROSS JOIN LATERAL ({inner}) AS {alias}"
 
 
+# Rows are compared as in a walk: by an index of revisions alone, a planner would read all of them.
+def _postgresql_range(
+    alias: str, table: str, column: str, identity: str, first: str, upto: str
+) -> str:
+    key = f"({alias}.{column}, {alias}.since)"
+    conditions = f"{alias}.kb_id = :kb AND {key} >= ({identity}, {first})"
+    return _postgresql_loop(alias, table, f"{conditions} AND {key} <= ({identity}, {upto})")
+
+
 def _sqlite_times(parameter: str) -> str:
     return f"(SELECT key AS place, value AS moment FROM json_each(:{parameter}))"
 
@@ -161,6 +172,7 @@ NESTED_LOOPS = {
         _sqlite_last,
         _sqlite_part,
         _sqlite_walk,
+        _sqlite_walk,
         _sqlite_times,
         "max",
         "min",
@@ -171,6 +183,7 @@ NESTED_LOOPS = {
         _postgresql_last,
         _postgresql_part,
         _postgresql_walk,
+        _postgresql_range,
         _postgresql_times,
         "greatest",
         "least",

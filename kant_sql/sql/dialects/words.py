@@ -20,6 +20,8 @@ class Words(NamedTuple):
         in_list: the condition that an expression is among the values of a list parameter.
         bounded: what follows it if an upper bound of the revisions in a column does, which comes
             next in an index.
+        each: the relation of the values of a list parameter of numbers, with the column `value`. A
+            planner takes it for so many that it makes an index of what is found for them.
         rows: the relation of a parameter that holds rows of ids, as JSON, with columns `c0` ...
         list_text: writes a list as a literal.
         arithmetic: how decimals are calculated with.
@@ -31,6 +33,7 @@ class Words(NamedTuple):
     is_fact: str
     in_list: str
     bounded: str
+    each: str
     rows: Callable[[str, int], str]
     list_text: Callable[[Sequence[int] | Sequence[str]], str]
     arithmetic: Arithmetic
@@ -75,6 +78,8 @@ SQLITE_WORDS = Words(
     # one. From a lower bound that excludes its own value it always seeks; that all revisions are
     # above this one leaves the planner's estimates as they are.
     " AND likelihood({0} > 0, 1.0)",
+    # Each `json_each` counts as 25 rows, also that of one value.
+    "(SELECT f.value FROM json_each('[0]') CROSS JOIN json_each({0}) AS f)",
     _sqlite_rows,
     _sqlite_list,
     SQLITE_ARITHMETIC,
@@ -86,6 +91,7 @@ POSTGRESQL_WORDS = Words(
     "NOT {0}.is_goal",
     "{0} = ANY({1})",
     "",
+    "(SELECT unnest(CAST({0} AS bigint[])) AS value)",
     _postgresql_rows,
     _postgresql_list,
     POSTGRESQL_ARITHMETIC,

@@ -1,0 +1,92 @@
+"""What is asked of the past visits about as much as what is asked of the present.
+
+The stores have a history that is far larger than any state, with and without statistics. What a
+statement visits is counted, in steps of SQLite's virtual machine or rows of PostgreSQL's plans.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import pytest
+
+import kant_sql
+from tests.benchmarks.past import ALL, CONDITIONS, NAME, PERIODS, fill
+from tests.benchmarks.support import bare
+from tests.contract.test_plans import keep_without_statistics
+from tests.support.servers import Server
+from tests.support.statements import is_bracket, seen, work
+
+pytestmark = pytest.mark.slow
+
+BOXES, REVISIONS = 1_200, 600
+LAST = REVISIONS + 3
+
+
+def filled(url: str) -> str:
+    fill(url, BOXES, REVISIONS)
+    return url
+
+
+@pytest.fixture(scope="module")
+def filled_server(server: Server) -> str:
+    url = server.new_store()
+    keep_without_statistics(url)
+    return filled(url)
+
+
+@pytest.fixture(
+    scope="module",
+    params=["sqlite", "sqlite after ANALYZE", "postgresql", "postgresql after ANALYZE"],
+)
+def url(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> str:
+    name: str = request.param
+    if name.startswith("sqlite"):
+        url = filled(f"sqlite:///{tmp_path_factory.mktemp('past') / 'store.db'}")
+    else:
+        server: Server = request.getfixturevalue("server")
+        url = request.getfixturevalue("filled_server")
+        if name.endswith("ANALYZE"):
+            url = server.copy(url)
+    if name.endswith("ANALYZE"):
+        store = bare(url)
+        store.execute("ANALYZE")
+        store.close()
+    return url
+
+
+def visited(url: str, call: Callable[[kant_sql.KnowledgeBase], Any]) -> float:
+    """Count what the statements of a call visit, once it is prepared."""
+    with kant_sql.connect(url, knowledge_base=NAME) as kb:
+        call(kb)
+        with seen() as statements:
+            call(kb)
+    return sum(work(url, each) for each in statements if not is_bracket(each.sql))
+
+
+def answers(text: str, at: int | None, kb: kant_sql.KnowledgeBase) -> list[Any]:
+    return list((kb if at is None else kb.at(at)).query(text))
+
+
+@pytest.mark.parametrize("at", [4, LAST // 2, LAST - 1])
+@pytest.mark.parametrize("name", CONDITIONS)
+def test_an_answer_of_the_past_visits_as_much_as_one_of_the_present(
+    url: str, name: str, at: int
+) -> None:
+    now, then = (visited(url, partial(answers, CONDITIONS[name], each)) for each in (None, at))
+    # What the present finds by an index, the past finds among the facts of that revision.
+    whole = visited(url, partial(answers, ALL, at))
+    assert then <= max(3 * now, 2 * whole)
+
+
+@pytest.mark.parametrize("name", ["of one box", "of two boxes", "of one fact"])
+def test_periods_are_found_by_the_objects_of_their_facts(url: str, name: str) -> None:
+    periods = visited(url, lambda kb: kb.when(PERIODS[name]))
+    assert periods <= visited(url, partial(answers, ALL, None))
+
+
+def test_a_question_about_one_object_visits_what_mentions_it(url: str) -> None:
+    then = visited(url, partial(answers, "(at b7 ?s)", LAST // 2))
+    assert 4 * then <= visited(url, partial(answers, ALL, LAST // 2))
