@@ -119,9 +119,10 @@ class HeldDocument(TypedDict):
 
 
 class VerdictDocument(TypedDict):
-    """Whether a rule is satisfied, and the revision that violates it."""
+    """Whether a rule is kept, and the revision that violates it."""
 
     rule: str
+    verdict: str
     is_satisfied: bool
     is_preference: bool
     preference: str | None
@@ -304,6 +305,7 @@ def verdict_document(verdict: Verdict) -> VerdictDocument:
     """Return the verdict of a rule as JSON data."""
     return {
         "rule": verdict.text,
+        "verdict": verdict.verdict,
         "is_satisfied": verdict.is_satisfied,
         "is_preference": verdict.is_preference,
         "preference": verdict.preference,

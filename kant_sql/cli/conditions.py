@@ -34,7 +34,7 @@ from .common import (
     words_argument,
 )
 from .history import metadata
-from .output import FAILED, Document, Printer, write_json
+from .output import FAILED, NOT_JUDGED, Document, Printer, write_json
 
 if TYPE_CHECKING:
     from ..history.revisions import Revision
@@ -312,6 +312,7 @@ def rules(
 ) -> int:
     """Hold rules against the past; exit with 1 if one is violated.
 
+    Exits with 3 if none is, but one was not judged, as no state of the range has all its names.
     Rules are trajectory constraints of PDDL 3.0. Preferences do not count.
     """
     example = "sqlite:///robot.db '(always (not (robot_at rb1 wp1)))'"
@@ -326,7 +327,10 @@ def rules(
         write_json({**header, "is_satisfied": found.is_satisfied, "rules": verdicts})
     else:
         _write_verdicts(Printer(), found)
-    return 0 if found.is_satisfied else FAILED
+    if found.is_satisfied:
+        return 0
+    hard = any(not one.is_preference for one in found.violated)
+    return FAILED if hard else NOT_JUDGED
 
 
 def rules_source(given: str) -> Source:
@@ -342,9 +346,8 @@ def _write_verdicts(printer: Printer, verdicts: Iterable[Verdict]) -> None:
     if not found:
         printer.line("there are no rules")
     for verdict in found:
-        said = "satisfied" if verdict.is_satisfied else "violated"
         kind = "preference" if verdict.is_preference else "rule"
         style = "green" if verdict.is_satisfied else "red"
-        printer.line(f"{said} {kind}: {verdict.text}", style)
+        printer.line(f"{verdict.verdict} {kind}: {verdict.text}", style)
         if verdict.revision is not None:
             _write_end(printer, "in", verdict.revision, "  ")

@@ -24,6 +24,8 @@ from rich.text import Text
 from ..errors import printable
 
 FAILED = 1
+# No rule is violated, but one could not be judged.
+NOT_JUDGED = 3
 
 Document = dict[str, object]
 

@@ -527,8 +527,9 @@ class Reasoning(Interface):
         The states of the range are the trajectory: each one at the time of its revision, in seconds
         from the first revision of the range, whose state is the initial one. The semantics is that
         of Gerevini, Haslum, Long, Saetti and Dimopoulos (Artificial Intelligence 173, 2009).
-        A rule is judged where its names have a meaning. A quantifier around a rule makes one rule
-        for each object, which is judged in the states that have the object.
+        A rule is judged where its names have a meaning; one whose names have none in the range is
+        not judged, and not satisfied. A quantifier around a rule makes one rule for each object,
+        which is judged in the states that have the object.
 
         Args:
             rules: constraints and preferences: a path, PDDL text such as

@@ -9,9 +9,10 @@ from __future__ import annotations
 
 from array import array
 from bisect import bisect_left, bisect_right
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from datetime import datetime, timedelta
 from decimal import Decimal
+from operator import itemgetter
 from typing import NamedTuple
 
 from ..arguments import one_of
@@ -56,7 +57,7 @@ def check_rules(
 
     def work(session: Session, kb_id: int | None) -> Verdicts:
         if kb_id is None or bounds.high < bounds.low:
-            return Verdicts([], first=0, last=0)
+            return Verdicts([*_not_judged(constraints)], first=0, last=0)
         span = read_range(session, kb_id, bounds)
         judge = _Judge(session, kb_id, constraints, definitions, span, clock)
         return Verdicts(judge.run(), first=span.low, last=span.high)
@@ -122,6 +123,8 @@ class _Judge:
         numbers = (number for one in nodes if isinstance(one, f.Modal) for number in one.numbers)
         self._bounds = sorted({number.value for number in numbers})
         self._known: dict[_Key, _Known] = {}
+        # The constraints that had a meaning in some world.
+        self._meant: set[int] = set()
         # The rules that have a meaning in the present world.
         self._live: list[Rule] = []
         self._last: dict[int, Moment] = {}
@@ -144,7 +147,12 @@ class _Judge:
             last = self._last[id(rule)]
             for monitor in rule.monitors:
                 monitor.conclude(last)
-        return self._verdicts([rule for _, rule in rules])
+        verdicts = self._verdicts([rule for _, rule in rules])
+        found = [(order[0], verdict) for (order, _), verdict in zip(rules, verdicts, strict=True)]
+        for number, constraint in enumerate(self._constraints):
+            if number not in self._meant:
+                found += [(number, verdict) for verdict in _not_judged([constraint])]
+        return [verdict for _, verdict in sorted(found, key=itemgetter(0))]
 
     def _observe(self, now: Moment) -> None:
         conditions = self._conditions
@@ -165,6 +173,7 @@ class _Judge:
                 read = read_rules(str(constraint), symbols=symbols)
             except InvalidKnowledgeError:
                 continue
+            self._meant.add(number)
             for rule in (rule for one in read for rule in rules_of(one, world.range_of)):
                 binding = tuple(sorted((fold(name), one) for name, one in rule.binding.items()))
                 key = number, fold(str(rule.formula)), binding
@@ -245,6 +254,20 @@ class _Judge:
     def _since(self, begin: Revision, revision: Revision) -> Decimal:
         moments = [self._moment(one.committed_at, one.observed_at) for one in (begin, revision)]
         return max(Decimal(0), _seconds(*moments))
+
+
+def _not_judged(constraints: Iterable[f.Formula]) -> Iterator[Verdict]:
+    """Yield the verdicts on constraints whose names no state has."""
+    for constraint in constraints:
+        if isinstance(constraint, f.And):
+            yield from _not_judged(constraint.formulas)
+            continue
+        inner: f.Formula = constraint
+        while isinstance(inner, f.Forall):
+            inner = inner.formula
+        name = inner.name if isinstance(inner, f.Preference) else None
+        is_soft = isinstance(inner, f.Preference)
+        yield Verdict(str(constraint), False, is_soft, name, is_judged=False)
 
 
 def _seconds(first: datetime, moment: datetime) -> Decimal:

@@ -15,16 +15,17 @@ from ..history.revisions import Revision
 
 @dataclass(frozen=True)
 class Verdict:
-    """Whether what was recorded satisfies a rule.
+    """Whether what was recorded keeps a rule.
 
     Attributes:
         text: the rule as PDDL text, with objects for the variables of quantifiers around it.
-        is_satisfied: whether it is satisfied.
+        is_satisfied: whether it was judged, and is kept.
         is_preference: whether it is a preference.
         preference: the name of the preference; None for another rule, or without a name.
-        revision: the first revision that violates it, with who made it, when and why; None if it is
-            satisfied.
-        time: its time in seconds from the first revision of the range; None if it is satisfied.
+        revision: the first revision that violates it, with who made it, when and why; None if none
+            does.
+        time: its time in seconds from the first revision of the range; None without one.
+        is_judged: whether its names had a meaning in some state of the range.
     """
 
     text: str
@@ -33,12 +34,20 @@ class Verdict:
     preference: str | None = None
     revision: Revision | None = None
     time: Decimal | None = None
+    is_judged: bool = True
+
+    @property
+    def verdict(self) -> str:
+        """The verdict in words: `kept`, `violated` or `not judged`."""
+        if not self.is_judged:
+            return "not judged"
+        return "kept" if self.is_satisfied else "violated"
 
     def _html_row_(self) -> html.Row:
         revision = self.revision
         return {
             "rule": self.text,
-            "verdict": "satisfied" if self.is_satisfied else "violated",
+            "verdict": self.verdict,
             "preference": self.preference or ("without a name" if self.is_preference else None),
             "revision": None if revision is None else revision.number,
             "committed at": None if revision is None else revision.committed_at,
@@ -51,8 +60,10 @@ class Verdict:
         return html.fields(self._html_row_())
 
     def __str__(self) -> str:
+        if not self.is_judged:
+            return f"{self.text} is not judged: no state of the range has all its names"
         if self.revision is None:
-            return f"{self.text} is satisfied"
+            return f"{self.text} is kept"
         revision = self.revision
         said = [revision.committed_at.isoformat(timespec="seconds")]
         said += revision.said()
@@ -81,13 +92,23 @@ class Verdicts(Sequence[Verdict]):
 
     @property
     def is_satisfied(self) -> bool:
-        """Whether all rules are satisfied; preferences do not count."""
+        """Whether all rules were judged and are kept; preferences do not count."""
         return all(one.is_satisfied or one.is_preference for one in self)
 
     @property
     def violated(self) -> list[Verdict]:
         """The rules and preferences that are violated."""
-        return [one for one in self if not one.is_satisfied]
+        return [one for one in self if one.is_judged and not one.is_satisfied]
+
+    @property
+    def not_judged(self) -> list[Verdict]:
+        """The rules and preferences whose names had no meaning in the range."""
+        return [one for one in self if not one.is_judged]
+
+    @property
+    def worst_first(self) -> list[Verdict]:
+        """All of them: first those that are violated, then those that were not judged."""
+        return [*self.violated, *self.not_judged, *(one for one in self if one.is_satisfied)]
 
     @property
     def violated_preferences(self) -> Mapping[str, int]:
@@ -115,14 +136,15 @@ class Verdicts(Sequence[Verdict]):
         """Return the verdicts as dictionaries, for tables and JSON.
 
         Returns:
-            For each one `rule`, `is_satisfied`, `is_preference`, `preference`, and of the first
-            violation `revision`, `committed_at`, `observed_at`, `actor`, `reason`, `source` and
-            `time`; None without one.
+            For each one `rule`, `verdict`, `is_satisfied`, `is_preference`, `preference`, and of
+            the first violation `revision`, `committed_at`, `observed_at`, `actor`, `reason`,
+            `source` and `time`; None without one.
         """
         ends = "committed_at", "observed_at", "actor", "reason", "source"
         return [
             {
                 "rule": one.text,
+                "verdict": one.verdict,
                 "is_satisfied": one.is_satisfied,
                 "is_preference": one.is_preference,
                 "preference": one.preference,
@@ -140,6 +162,4 @@ class Verdicts(Sequence[Verdict]):
         return f"<{len(self)} verdicts, {len(self.violated)} of violations>"
 
     def _repr_html_(self) -> str:
-        # Violations first, of more rules than a table shows.
-        ordered = [*self.violated, *(one for one in self if one.is_satisfied)]
-        return html.listing(ordered, "verdict")
+        return html.listing(self.worst_first, "verdict")

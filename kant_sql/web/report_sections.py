@@ -138,6 +138,7 @@ class ReportRules(ReportSection):
 
     verdicts: list[VerdictDocument]
     violated: int
+    not_judged: int
     count: int
 
 
@@ -314,13 +315,14 @@ class ReportReader(NamedTuple):
     def rules(self, rules: Rules | None) -> ReportRules:
         """Hold rules against the range."""
         verdicts = self.kb.check_rules(rules, since=self.tally.first, until=self.tally.last)
-        ordered = [*verdicts.violated, *(one for one in verdicts if one.is_satisfied)]
+        ordered = verdicts.worst_first
         left = len(ordered) - RULES
         return {
             "left_out": f"{left:,} more rules" if left > 0 else None,
             "command": self.ranged("rules", *(() if rules is None else ("RULES",))),
             "verdicts": [verdict_document(one) for one in ordered[:RULES]],
             "violated": len(verdicts.violated),
+            "not_judged": len(verdicts.not_judged),
             "count": len(verdicts),
         }
 

@@ -272,7 +272,7 @@ def test_a_violated_rule_is_exit_code_1(breakfast: str) -> None:
 
 
 def test_rules_are_judged_in_a_range(breakfast: str) -> None:
-    satisfied = f"satisfied rule: {RULE}\n"
+    satisfied = f"kept rule: {RULE}\n"
     for words in (["--at", "1"], ["--until", "1"]):
         result = run("rules", breakfast, RULE, *words)
         assert (result.exit_code, result.stdout) == (0, satisfied)
@@ -281,8 +281,22 @@ def test_rules_are_judged_in_a_range(breakfast: str) -> None:
     assert "clock" in complaint("rules", breakfast, RULE, "--clock", "sun")
 
 
+def test_a_rule_that_is_not_judged_has_an_exit_code(tmp_path: Path) -> None:
+    later = f"sqlite:///{tmp_path / 'later.db'}"
+    write_breakfast(later)
+    with kant_sql.connect(later) as kb:
+        kb.propositions.delete_all()
+        kb.objects.delete_all()
+        since = kb.revision
+    rule = "(sometime (at rb1 kitchen))"
+    result = run("rules", later, rule, "--since", str(since))
+    assert (result.exit_code, result.stdout) == (3, f"not judged rule: {rule}\n")
+    found = document("rules", later, rule, "--since", str(since), code=3)
+    assert (found["is_satisfied"], found["rules"][0]["verdict"]) == (False, "not judged")
+
+
 def test_rules_come_from_the_store_or_a_file(breakfast: str, tmp_path: Path) -> None:
-    assert run("rules", breakfast).stdout == "satisfied rule: (sometime (at rb1 kitchen))\n"
+    assert run("rules", breakfast).stdout == "kept rule: (sometime (at rb1 kitchen))\n"
     assert document("rules", breakfast, "--at", "1", code=1)["is_satisfied"] is False
     file = tmp_path / "safety.pddl"
     file.write_text(f"; of the house\n{RULE}\n(preference warm (always (at rb1 table1)))\n")

@@ -103,7 +103,7 @@ def test_a_safety_rule_is_one_line(day: KnowledgeBase) -> None:
     assert "violated in revision 4" in str(verdicts)
     assert "driver did it" in str(verdicts)
     assert day.check_rules(SAFETY, until=3).is_satisfied
-    assert str(day.check_rules(SAFETY, until=3)) == f"{SAFETY} is satisfied"
+    assert str(day.check_rules(SAFETY, until=3)) == f"{SAFETY} is kept"
 
 
 def test_each_operator(day: KnowledgeBase) -> None:
@@ -276,6 +276,20 @@ def test_definitions_are_those_of_each_revision(day: KnowledgeBase) -> None:
     assert judge(day, SAFETY) == 4
     with pytest.raises(PddlError):
         day.check_rules("(always (child_in cellar))")
+
+
+def test_a_rule_without_its_names_is_not_judged(day: KnowledgeBase) -> None:
+    rule, soft = "(sometime (robot_at rb2 hall))", "(preference near (always (robot_at rb2 hall)))"
+    day.propositions.delete(at(RB2, KITCHEN))
+    since = day.objects.delete(RB2) and day.revision
+    judged = day.check_rules(f"{SAFETY} {rule} {soft}", since=since)
+    assert [one.verdict for one in judged] == ["kept", "not judged", "not judged"]
+    assert (judged.is_satisfied, judged.violated, judged.violated_preferences) == (False, [], {})
+    assert judged.not_judged == [judged[1], judged[2]]
+    assert str(judged[1]) == f"{rule} is not judged: no state of the range has all its names"
+    assert judged.to_dicts()[1]["verdict"] == "not judged"
+    assert day.check_rules(f"{SAFETY} {soft}", since=since).is_satisfied
+    assert day.check_rules(rule).is_satisfied
 
 
 def test_numbers_and_derived_predicates(fresh_kb: KnowledgeBase) -> None:
