@@ -231,6 +231,9 @@ def _insertable(table: Table, mine: str, last: str, names: Qualifier) -> str:
         return f"{is_new} AND {_open(table, mine)}" if "until" in table.c else is_new
     # Identities and their parts: only new ones.
     owner = _owner(table)
+    if owner == "plan_id":
+        # Plans are numbered by themselves, not by the head.
+        return _is_of_new_row(mine, owner, names)
     is_new = f"{mine}.{names.quote(owner)} >= {_locked_head('next_id', mine, names)}"
     return is_new if owner == "id" else f"{is_new} AND {_is_of_new_row(mine, owner, names)}"
 
