@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable
 from decimal import Decimal
 from typing import NamedTuple, TypeVar
@@ -16,6 +17,7 @@ from .lexer import STRING, Text
 from .symbols import ANY, BoundVariable, Entity, SymbolTable
 
 T = TypeVar("T")
+_TOKEN = re.compile(r"[()]|[^\s()]+")
 
 
 class ReadCondition(NamedTuple):
@@ -118,6 +120,25 @@ def _declared(symbols: SymbolTable, parameters: str) -> tuple[f.TypedName, ...]:
     if reader.tokens[reader.at]:
         reader.fail("the end of the parameters")
     return found
+
+
+def disjuncts(text: str) -> list[str]:
+    """Return the parts of a disjunction, and of those within it, as texts, whatever they name."""
+    tokens = _TOKEN.findall(Text(STRING, whole=text).code)
+    parts: list[list[str]] = []
+    # How deep the part is that is being read, below the disjunctions around it.
+    depth, place = 0, 0
+    while place < len(tokens):
+        token = tokens[place]
+        if not depth and [token, *map(str.lower, tokens[place + 1 : place + 2])] == ["(", "or"]:
+            place += 1
+        elif depth or token != ")":
+            if not depth:
+                parts.append([])
+            parts[-1].append(token)
+            depth += (token == "(") - (token == ")")
+        place += 1
+    return [" ".join(part) for part in parts]
 
 
 def read_condition(

@@ -4,18 +4,20 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from itertools import chain
 from typing import Any, NamedTuple
 
 from ..dto import formulas as f
 from ..dto.lexical import ROOT_TYPE, fold
-from ..errors import InvalidKnowledgeError
+from ..errors import InvalidArgumentError, InvalidKnowledgeError
 from ..history.moments import find_bounds
 from ..history.revisions import Revision, read_numbered
 from ..knowledge.definitions import Definitions, PredicateDefinition
 from ..knowledge.formulas import typed_name
 from ..knowledge.symbols import symbols_of
 from ..moment_text import When
-from ..pddl.conditions import ReadCondition
+from ..pddl.conditions import ReadCondition, disjuncts, text_of
 from ..sql.dialects.base import Session
 from ..sql.held import (
     FoundFact,
@@ -28,7 +30,7 @@ from ..sql.held import (
 from ..store.store import Store
 from .conditions import Compiler, Condition
 from .held import HeldPeriods, Span, span_order
-from .questions import PastQuestion, ask
+from .questions import EXAMPLE, PastQuestion, ask
 from .relations import picker
 from .sweep import RULE, Range, Sweep, Visit, object_id, read_range
 from .world import World
@@ -45,7 +47,8 @@ def when(
 ) -> HeldPeriods:
     """Find the periods during which a condition held; see `Reasoning.when`."""
     bounds = find_bounds(store, since, until, upto)
-    question = ask(store, condition, parameters, bindings, upto)
+    text = text_of(condition, EXAMPLE)
+    questions = _questions(lambda part: ask(store, part, parameters, bindings, upto), text)
 
     def work(session: Session, kb_id: int | None) -> tuple[list[Span], dict[int, str]]:
         if kb_id is None:
@@ -53,7 +56,8 @@ def when(
         span = read_range(session, kb_id, bounds)
         if span.high < span.low:
             return [], {}
-        spans = _Search(session, kb_id, question, span).run()
+        found = [_Search(session, kb_id, question, span).run() for question in questions]
+        spans = found[0] if len(found) == 1 else sorted(_united(found), key=span_order)
         objects = {id_ for span in spans for id_ in span.objects}
         return spans, read_names(session, kb_id, sorted(objects)) if objects else {}
 
@@ -64,7 +68,33 @@ def when(
             lambda session, kb_id: {} if kb_id is None else read_numbered(session, kb_id, numbers)
         )
 
-    return HeldPeriods(question.columns, spans=spans, first=bounds.low, names=names, read=read)
+    columns = questions[0].columns
+    return HeldPeriods(columns, spans=spans, first=bounds.low, names=names, read=read)
+
+
+def _questions(read: Callable[[str], PastQuestion], text: str) -> list[PastQuestion]:
+    """Read a condition; a disjunction whose names no state has together, part by part."""
+    try:
+        return [read(text)]
+    except InvalidKnowledgeError:
+        with suppress(InvalidKnowledgeError, InvalidArgumentError):
+            found = [read(part) for part in disjuncts(text)]
+            if len({question.columns for question in found}) == 1:
+                return found
+        raise
+
+
+def _united(found: Iterable[Iterable[Span]]) -> Iterator[Span]:
+    """Unite the periods of the parts of a disjunction."""
+    ends: dict[tuple[int, ...], list[Span]] = {}
+    for span in sorted(chain(*found), key=span_order):
+        own = ends.setdefault(span.objects, [])
+        before = own[-1].until if own else span.since - 1
+        if before is not None and before < span.since:
+            own.append(span)
+        elif before is not None and (span.until is None or span.until > before):
+            own[-1] = own[-1]._replace(until=span.until)
+    yield from chain(*ends.values())
 
 
 class _Search:

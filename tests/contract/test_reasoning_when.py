@@ -325,6 +325,27 @@ def test_a_name_that_is_gone_still_has_a_past(day: KnowledgeBase) -> None:
     ]
 
 
+def test_objects_that_never_coexisted_are_asked_about_together(fresh_kb: KnowledgeBase) -> None:
+    kb = fresh_kb
+    step(kb, "installer", ("+", at(RB1, HALL)))
+    kb.objects.delete(RB1)
+    step(kb, "installer", ("+", at(RB2, HALL)))
+    step(kb, "driver", ("-", at(RB2, HALL)), ("+", at(RB2, KITCHEN)))
+    first, second = "(robot_at rb1 hall)", "(robot_at rb2 hall)"
+    assert numbers(kb.when(f"(or {first} {second})")) == [(1, 2), (3, 4)]
+    assert numbers(kb.when(f"(or {first} {second})", since=2)) == [(3, 4)]
+    assert numbers(kb.when(f"(or {first} (or {second} (robot_at rb2 kitchen)))")) == [
+        (1, 2),
+        (3, None),
+    ]
+    both = "(or (robot_at rb1 ?w) (robot_at rb2 ?w))"
+    assert numbers(kb.when(both)) == [("hall", 1, 2), ("hall", 3, 4), ("kitchen", 4, None)]
+    assert numbers(kb.when(both, w="hall")) == [(1, 2), (3, 4)]
+    for text in (f"(or {first} (robot_at rb3 hall))", f"(or {first} {second} (robot_at rb2 ?w))"):
+        with pytest.raises(InvalidKnowledgeError):
+            kb.when(text)
+
+
 def test_a_name_that_never_was_is_refused(day: KnowledgeBase) -> None:
     for text, word in (
         ("(robot_ta rb1 hall)", "robot_at"),
