@@ -169,6 +169,7 @@ class InventoryDocument(TypedDict):
     committed_at: str | None
     actor: str | None
     reason: str | None
+    source: object
     facts: int
     has_more_facts: bool
     goals: int
@@ -193,6 +194,7 @@ def inventory_document(one: Inventory) -> InventoryDocument:
         "committed_at": _optional_time(one.committed_at),
         "actor": one.actor,
         "reason": one.reason,
+        "source": one.source,
         "facts": one.facts,
         "has_more_facts": one.has_more_facts,
         "goals": one.goals,

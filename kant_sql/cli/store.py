@@ -28,7 +28,7 @@ from .common import (
     split_url,
     words_argument,
 )
-from .output import Document, Printer, bar, plural, write_json
+from .output import Document, Printer, bar, json_text, plural, write_json
 
 if TYPE_CHECKING:
     from ..history.archive.archive import Archived
@@ -251,6 +251,8 @@ def kbs(url: Url, as_json: AsJson = False) -> None:
         "actor": lambda one: printable(one.actor or ""),
         "reason": lambda one: printable(one.reason or ""),
     }
+    if any(one.source is not None for one in found):
+        columns["source"] = lambda one: "" if one.source is None else json_text(one.source)
     if any(one.origin is not None for one in found):
         columns |= {"origin": lambda one: printable(one.origin or ""), "behind": _behind}
     if any(one.verified_revision is not None for one in found):

@@ -15,6 +15,7 @@ from sqlalchemy import ColumnElement, select
 from .. import html
 from ..arguments import shown, whole_number
 from ..errors import UNREADABLE, StoreIntegrityError, UnknownRevisionError, unreadable
+from ..knowledge.canonical import read_source
 from ..sql.changes import OWN_COLUMNS, REVISIONS, STEP_COLUMNS, Change, in_range, stream_changes
 from ..sql.dialects.base import Row, Session
 from ..sql.query import Query, in_list
@@ -27,7 +28,6 @@ LARGEST = 2**63 - 1
 # The bounds of Python's datetime in UTC; another zone can express times beyond.
 FIRST_MOMENT = datetime.min.replace(tzinfo=UTC)
 LAST_MOMENT = datetime.max.replace(tzinfo=UTC)
-LARGEST_EXACT = 2**53 - 1
 # PostgreSQL plans a list parameter generically for ten values. For a shorter list a custom plan
 # looks cheaper, so it plans each call, which takes longer than the query.
 PLANNED_LIST = 11
@@ -165,17 +165,6 @@ def read_numbered(session: Session, kb_id: int, numbers: Collection[int]) -> dic
     listed += listed[-1:] * (PLANNED_LIST - len(listed))
     rows = session.rows(_NUMBERED, kb=kb_id, numbers=session.list_value(listed))
     return {row[0]: make_revision(session, row) for row in rows}
-
-
-def _number(text: str) -> int | float:
-    """Read a number without a point: RFC 8785 writes large floats so, too."""
-    number = int(text)
-    return number if abs(number) <= LARGEST_EXACT else float(text)
-
-
-def read_source(text: str | None) -> Any:
-    """Read the source of a revision."""
-    return None if text is None else json.loads(text, parse_int=_number)
 
 
 def make_revision(session: Session, row: Row) -> Revision:

@@ -13,6 +13,7 @@ from sqlalchemy import func, literal_column, select
 from ..arguments import iterate, one_of, optional_text, refusal, shown, whole_number
 from ..dto.lexical import fold
 from ..errors import InvalidArgumentError, reading_rows
+from ..knowledge.canonical import read_source
 from ..moment_text import Moment, When, read_when
 from ..sql.dialects.base import Session
 from ..sql.lanes import LaneFilter, LanePlace, read_tellers
@@ -21,7 +22,7 @@ from ..sql.rows import KB
 from ..sql.tables import HeadRow, RevisionRow
 from ..store.store import Store
 from .moments import check_number, check_zone, last_until
-from .revisions import FIRST_MOMENT, LARGEST, LAST_MOMENT, missing_revision, read_source
+from .revisions import FIRST_MOMENT, LARGEST, LAST_MOMENT, missing_revision
 
 PLAN = "plan"
 LaneKind = Literal["fact", "goal", "value"]

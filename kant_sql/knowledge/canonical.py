@@ -39,6 +39,9 @@ from .trees import ParameterDefinition
 
 D = TypeVar("D", bound=Definition)
 
+# The largest whole number that every reader of JSON takes as it is (RFC 8785, appendix D).
+_LARGEST_EXACT = 2**53 - 1
+
 
 def canonical_text(definitions: Definitions, definition: Definition) -> str:
     """Write a definition, with the names of the elements it refers to."""
@@ -193,6 +196,17 @@ def make_metadata(
     except (rfc8785.CanonicalizationError, UnicodeError, RecursionError, TypeError) as error:
         raise InvalidMetadataError(f"source is not a JSON document: {error}") from error
     return Metadata(actor, reason, text, *own)
+
+
+def read_source(text: str | None) -> Any:
+    """Read the source of a revision from its canonical JSON."""
+    return None if text is None else json.loads(text, parse_int=_number)
+
+
+def _number(text: str) -> int | float:
+    """Read a number without a point: RFC 8785 writes large floats so, too."""
+    number = int(text)
+    return number if abs(number) <= _LARGEST_EXACT else float(text)
 
 
 def _observed(moment: datetime | None) -> datetime | None:

@@ -12,9 +12,20 @@ from contextlib import closing
 from datetime import datetime
 from typing import Any, NamedTuple, TypeVar
 
-from sqlalchemy import ColumnElement, Select, and_, bindparam, func, literal_column, select
+from sqlalchemy import (
+    ColumnElement,
+    Select,
+    Text,
+    and_,
+    bindparam,
+    cast,
+    func,
+    literal_column,
+    select,
+)
 
 from ..errors import UNREADABLE, StoreError, missing_revision, reading_rows, unreadable
+from ..knowledge.canonical import read_source
 from ..knowledge.definitions import DERIVED_PREDICATE, GOAL
 from .dialects import create_backend
 from .dialects.base import Backend, Session, retrying
@@ -49,6 +60,8 @@ _COLUMNS: tuple[Any, ...] = (
     RevisionRow.committed_at,
     RevisionRow.actor,
     RevisionRow.reason,
+    # As text: a driver decodes a JSON string, and the result is no longer JSON.
+    cast(RevisionRow.source, Text),
     HeadRow.origin,
     HeadRow.origin_revision,
     HeadRow.origin_committed_at,
@@ -191,6 +204,7 @@ class Inventory(NamedTuple):
         committed_at: when that was made, in UTC.
         actor: who made it.
         reason: why.
+        source: where its knowledge comes from, as JSON values.
         facts: how many facts hold, counted up to a limit.
         has_more_facts: whether there are more than were counted.
         goals: how many atoms are goals, counted up to 1,000.
@@ -212,6 +226,7 @@ class Inventory(NamedTuple):
     committed_at: datetime | None
     actor: str | None
     reason: str | None
+    source: Any
     facts: int
     has_more_facts: bool
     goals: int
@@ -374,14 +389,14 @@ def _read_row(session: Session, id_: Any) -> tuple[Any, ...]:
 def _inventory(
     session: Session, row: tuple[Any, ...], counts: tuple[int, ...], most: int
 ) -> Inventory:
-    last: tuple[int | None, datetime | None, str | None, str | None] = (None, None, None, None)
+    last: tuple[int | None, datetime | None, str | None, str | None, Any] = (None,) * 5
     error = None
     try:
         last = _last_revision(session, row)
     except StoreError as damage:
         # Whoever reads this knows the store, or may not know where it is.
         error = str(damage).removeprefix(f"{session.backend.label}: ")
-    origin, at_origin, said_at, heard_at, verified, verified_at, complete_at = row[7:]
+    origin, at_origin, said_at, heard_at, verified, verified_at, complete_at = row[8:]
     facts, goals, reached, formulas = counts
     return Inventory(
         row[1] if isinstance(row[1], str) else f"id {row[0]}",
@@ -403,9 +418,9 @@ def _inventory(
 
 def _last_revision(
     session: Session, row: tuple[Any, ...]
-) -> tuple[int, datetime, str | None, str | None]:
-    """Return number, time, actor and reason of the last revision."""
-    name, revision, number, committed_at, actor, reason = row[1:7]
+) -> tuple[int, datetime, str | None, str | None, Any]:
+    """Return number, time, actor, reason and source of the last revision."""
+    name, revision, number, committed_at, actor, reason, source = row[1:8]
     if isinstance(revision, StoreError):
         raise revision
     with reading_rows("knowledge_base", f"id {row[0]!r}"):
@@ -420,7 +435,7 @@ def _last_revision(
         for column, text in (("actor", actor), ("reason", reason)):
             if text is not None and not isinstance(text, str):
                 raise TypeError(f"column {column} has {text!r}, no text")
-        return revision, session.to_time(committed_at), actor, reason
+        return revision, session.to_time(committed_at), actor, reason, read_source(source)
 
 
 # No history depends on where a replica comes from, and on what was verified: what cannot be read of

@@ -407,6 +407,7 @@ def test_kbs_lists_the_knowledge_bases_with_their_last_changes(own_store: str) -
         "committed_at": time_text(only.committed_at),
         "actor": "operator",
         "reason": "a new shift",
+        "source": None,
         "facts": 0,
         "has_more_facts": False,
         "goals": 0,

@@ -40,14 +40,15 @@ def test_it_says_who_changed_what_and_what_there_is(shared_url: str, connect: Co
     kb = connect(shared_url, knowledge_base="tiago", actor="perception")
     kb.propositions.save(robot_at())
     kb.propositions.save(robot_at(is_goal=True))
-    with kb.transaction(actor="operator", reason="a new mission"):
+    source = {"topic": "/missions", "stamp": 2.0**60}
+    with kb.transaction(actor="operator", reason="a new mission", source=source):
         kb.propositions.save(robot_at(place=WP2, is_goal=True))
     connect(shared_url, knowledge_base="never written")
     with catalog_of(shared_url) as catalog:
         [one], has_more = catalog.overview()
         assert not has_more
         assert (one.name, one.revision) == ("tiago", 3)
-        assert (one.actor, one.reason) == ("operator", "a new mission")
+        assert (one.actor, one.reason, one.source) == ("operator", "a new mission", source)
         assert one.committed_at == kb.revisions()[-1].committed_at
         assert (one.facts, one.has_more_facts, one.goals, one.reached) == (1, False, 2, 1)
         assert catalog.find("tiago") == one

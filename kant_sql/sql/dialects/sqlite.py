@@ -635,8 +635,8 @@ class SqliteBackend(Backend):
         """Create the engine; sessions control transactions."""
         if sqlite3.sqlite_version_info < OLDEST_SQLITE:
             raise StoreError(
-                f"{self.label}: this Python uses SQLite {sqlite3.sqlite_version}, and kant_sql needs "
-                f"{'.'.join(map(str, OLDEST_SQLITE))} or later; upgrade SQLite or Python"
+                f"{self.label}: this Python uses SQLite {sqlite3.sqlite_version}, and kant_sql "
+                f"needs {'.'.join(map(str, OLDEST_SQLITE))} or later; upgrade SQLite or Python"
             )
         query = self.url.query
         synchronous = str(query.get("synchronous", "normal")).upper()
