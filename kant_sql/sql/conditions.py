@@ -106,11 +106,13 @@ class JoinedTables:
         tables: list[str] = []
         for n, table in enumerate(self.tables):
             alias = table.split()[-1]
-            if n > 1 and table.startswith(PAST) and all(map(_PLAIN.match, self.tables[:n])):
-                # The planner chooses how a relation is joined, by hashes, but not the order.
+            if n and table.startswith(PAST) and all(map(_PLAIN.match, self.tables[:n])):
+                # A relation is joined in this order, too, and by hashes: the planner takes what was
+                # found before for many rows.
                 where = [condition for last, condition in rest if last < n]
                 later = [*(text for last, text in rest if last >= n), *chain(*own[n:]), columns]
-                group, rename = _grouped(f"g{alias[1:]}", tables, where, later)
+                many = [*tables, f"{self._words.many} AS m{alias[1:]}"]
+                group, rename = _grouped(f"g{alias[1:]}", many, where, later)
                 tables = [f"({group}{self._words.fence}) AS g{alias[1:]}"]
                 rest = [(last, rename(text)) for last, text in rest if last >= n]
                 own[n:] = [[rename(text) for text in texts] for texts in own[n:]]

@@ -38,6 +38,7 @@ class Words(NamedTuple):
     list_text: Callable[[Sequence[int] | Sequence[str]], str]
     arithmetic: Arithmetic
     fence: str
+    many: str = ""
     levels: int | None = None
 
 
@@ -96,4 +97,5 @@ POSTGRESQL_WORDS = Words(
     _postgresql_list,
     POSTGRESQL_ARITHMETIC,
     " OFFSET 0",
+    "generate_series(1, (SELECT 1))",
 )
