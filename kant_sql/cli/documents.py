@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
-from ..errors import KantSqlError, SchemaMissingError, printable
+from ..errors import KantSqlError, SchemaMissingError, UnknownRevisionError, printable
 from ..pddl import PddlWarning
 from ..pddl.cursor import Diagnostics
 from ..pddl.forms import DOMAIN, PROBLEM, Form, Scanner
@@ -248,6 +248,11 @@ def dump(
     'kant-sql load' accepts both in one file.
     """
     with open_state(url, kb, at) as (name, state):
+        if at is not None and not state.revision:
+            raise UnknownRevisionError(
+                f"--at {at} is before the first revision of knowledge base {name!r}, so there is "
+                "nothing to write; give a later one"
+            )
         texts = {"domain": state.domain_pddl()} if domain or not problem else {}
         if problem or not domain:
             texts["problem"] = state.problem_pddl()

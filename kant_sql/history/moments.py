@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 from sqlalchemy import bindparam, literal_column, select
 
 from ..arguments import whole_number
-from ..errors import UnknownRevisionError, reading_rows
+from ..errors import InvalidArgumentError, UnknownRevisionError, reading_rows
 from ..moment_text import Moment, When, is_now, read_when
 from ..sql.dialects.base import Session
 from ..sql.query import Query, StoreClock, first_rows
@@ -201,7 +201,26 @@ def find_bounds(store: Store, since: When | None, until: When | None, upto: int 
         high = min(head.found[-1], last)
     elif until is not None:
         high = check_number(store, until, last)
+    _refuse_reversed(since, until, Bounds(low, high, head.redefined))
     return Bounds(low, high, head.redefined)
+
+
+def _refuse_reversed(since: Moment | None, until: Moment | None, bounds: Bounds) -> None:
+    """Refuse a range that ends before it begins; between two times there may be no revision."""
+    if since is None or until is None:
+        return
+    if isinstance(since, datetime) and isinstance(until, datetime):
+        is_reversed = since > until
+    elif isinstance(since, datetime) or isinstance(until, datetime):
+        is_reversed = bounds.low > bounds.high
+    else:
+        is_reversed = since > until
+    if is_reversed:
+        shown = [one.isoformat() if isinstance(one, datetime) else one for one in (since, until)]
+        raise InvalidArgumentError(
+            f"the range ends before it begins: since {shown[0]} is after until {shown[1]}; "
+            "exchange them"
+        )
 
 
 def _moment_before(since: Moment | None) -> datetime | None:

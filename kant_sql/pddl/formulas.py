@@ -372,6 +372,8 @@ class FormulaReader(Cursor):
     def _constraint(self, operator: str, wanted: int, formulas: int) -> Steps[f.Formula]:
         self.at += 2
         numbers = tuple([self._time_span(operator) for _ in range(wanted)])
+        if wanted == 2 and numbers[0].value > numbers[1].value:
+            self.fail(f"the end of {operator}, not before its begin", at=self.at - 1)
         parts = []
         for _ in range(formulas):
             parts.append((yield self._begin(MODAL)))
@@ -380,8 +382,8 @@ class FormulaReader(Cursor):
 
     def _time_span(self, operator: str) -> f.Number:
         number = self.number_here()
-        if number is None:
-            self.fail(f"a number, the time of {operator}")
+        if number is None or number.value < 0:
+            self.fail(f"a number from 0 on, the time of {operator}")
         self.at += 1
         return number
 

@@ -37,6 +37,13 @@ def test_domain_and_problem_are_one_text_that_the_reader_reads(url: str) -> None
     assert read(dumped(url)) == [domain, read_problem(PROBLEM, domain=domain)]
 
 
+@pytest.mark.parametrize("at", ["0", "2020-01-01"])
+def test_before_the_first_revision_there_is_nothing_to_write(url: str, at: str) -> None:
+    result = run("dump", url, "--at", at)
+    assert (result.exit_code, result.stdout) == (1, "")
+    assert f"--at {at} is before the first revision of knowledge base 'default'" in result.stderr
+
+
 def test_one_of_them_can_be_had_alone(url: str) -> None:
     domain, problem = dumped(url, "--domain"), dumped(url, "--problem")
     assert [type(each).__name__ for each in read(domain)] == ["Domain"]
@@ -65,7 +72,6 @@ def test_a_revision_of_the_past_is_dumped(store: str) -> None:
     with kant_sql.connect(store, knowledge_base="tiago") as kb:
         moment = kb.revisions()[0].committed_at
     assert dumped(store, "--at", moment.isoformat()) == dumped(store, "--at", "1")
-    assert "robot" not in dumped(store, "--at", "0")
 
 
 def test_both_are_of_one_state_whatever_is_written_meanwhile(

@@ -230,6 +230,8 @@ def test_what_is_no_rule_is_refused(day: KnowledgeBase) -> None:
         "(always (child_in ?w))",
         "(always (child_in kitchen)",
         "()x",
+        "(within -1 (child_in kitchen))",
+        "(hold-during 5 1 (child_in kitchen))",
     ):
         with pytest.raises(PddlError):
             day.check_rules(text)
@@ -242,6 +244,18 @@ def test_what_is_no_rule_is_refused(day: KnowledgeBase) -> None:
         anything.check_rules(3)
     with pytest.raises(UnknownRevisionError):
         day.check_rules(SAFETY, until=99)
+
+
+def test_a_range_that_ends_before_it_begins_is_refused(day: KnowledgeBase) -> None:
+    first, last = (day.revisions(one, limit=1)[0].committed_at for one in (2, 5))
+    for since, until in ((5, 2), (last, first), (5, first), (last, 2)):
+        for asked in (
+            lambda **span: list(day.log(**span)),
+            lambda **span: day.when("(child_in ?w)", **span),
+            lambda **span: day.check_rules(SAFETY, **span),
+        ):
+            with pytest.raises(InvalidArgumentError, match="the range ends before it begins"):
+                asked(since=since, until=until)
 
 
 def test_a_range_is_a_trajectory_of_its_own(day: KnowledgeBase) -> None:

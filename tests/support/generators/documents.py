@@ -377,9 +377,10 @@ class Formulas(Words):
         if operator == AT_END:
             return Timed(AT_END, self.goal(scope, 1))
         numbers, formulas = MODALS[operator]
+        times = sorted((self.number(0) for _ in range(numbers)), key=lambda one: one.value)
         return Modal(
             operator,
-            tuple(self.number(0) for _ in range(numbers)),
+            tuple(times),
             tuple(
                 self.modal(scope, depth - 1) if depth and self.flip() else self.goal(scope, 1)
                 for _ in range(formulas)
