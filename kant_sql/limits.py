@@ -14,8 +14,9 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from typing import Protocol
 
+from .arguments import expect
 from .arguments import seconds as seconds_of
-from .errors import QuestionCancelledError
+from .errors import InvalidArgumentError, QuestionCancelledError
 
 __all__ = ["Limit", "limited"]
 
@@ -122,6 +123,7 @@ class Limit:
         """
         self.seconds: float = seconds_of(seconds)
         if outer is not None:
+            expect(outer, Limit, "the outer limit", InvalidArgumentError)
             self.seconds = min(self.seconds, outer.seconds)
         around = None if outer is None else questions_of(outer)
         self._questions = Questions(around)
