@@ -178,6 +178,11 @@ def whole_number(
     return value  # type: ignore[no-any-return]
 
 
+def count_limit(value: Any, role: str = "the limit") -> int:
+    """Check how many are wanted at most; there are never more than a database counts."""
+    return min(whole_number(value, role), sys.maxsize)
+
+
 def seconds(timeout: Any) -> float:
     """Check a timeout; None is infinite."""
     if timeout is None:

@@ -78,8 +78,21 @@ def printable(text: str) -> str:
     return _CONTROLS.sub(lambda match: json.dumps(match[0])[1:-1], text)
 
 
+# A longer message loses its middle: what it is about stands at its ends.
+MAX_MESSAGE = 2_000
+_SURROGATES = re.compile("[\ud800-\udfff]")
+
+
 class KantSqlError(Exception):
     """The base class of all errors that this library raises."""
+
+    def __str__(self) -> str:
+        """Return the message, bounded, as text that any output can encode."""
+        text = _SURROGATES.sub(lambda match: json.dumps(match[0])[1:-1], super().__str__())
+        if len(text) <= MAX_MESSAGE:
+            return text
+        half = MAX_MESSAGE // 2 - 20
+        return f"{text[:half]} ... ({len(text):,} characters) ... {text[-half:]}"
 
 
 class InvalidKnowledgeError(KantSqlError, ValueError):

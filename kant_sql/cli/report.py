@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Annotated
 
 from ..errors import ExtraMissingError
+from ..pddl.lexer import read_file
 from .check import STANDARD_INPUT as STANDARD_OUTPUT
 from .common import AnchorFile, Name, Since, Until, Url, choose, option, parse_optional
 from .conditions import rules_source
@@ -59,7 +60,7 @@ def report(
     from ..sql.catalog import written_names
 
     earliest, latest = parse_optional(since, "--since"), parse_optional(until, "--until")
-    anchored = None if anchor is None else parse_anchor(anchor.read_bytes())
+    anchored = None if anchor is None else parse_anchor(read_file(anchor))
     name = choose(kb, written_names(url))
     with (
         connect(url, knowledge_base=name, read_only=True) as knowledge_base,

@@ -19,6 +19,7 @@ import typer
 from ..errors import InvalidMetadataError, KantSqlError, printable
 from ..json_documents import verification_document
 from ..knowledge.canonical import time_text
+from ..pddl.lexer import read_file
 from .common import AnchorFile, Name, Url, choose, json_lines, option, parse_when
 from .output import FAILED, Printer, bar, plural, write_json
 
@@ -86,7 +87,7 @@ def verify(
     if jobs > 1 and not verify_all:
         raise typer.BadParameter("give --all with it", param_hint="--jobs")
     since = _parse_since(complete_since, is_continued)
-    anchored = None if anchor is None else parse_anchor(anchor.read_bytes())
+    anchored = None if anchor is None else parse_anchor(read_file(anchor))
     wants = verify_all or since is not None if is_continued is None else is_continued
     names = _chosen(url, kb, verify_all, anchored)
     tasks = _tasks(url, names, anchored, wants, since)

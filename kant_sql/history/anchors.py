@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections import Counter
+from datetime import datetime
 from typing import NamedTuple
 
 from sqlalchemy import literal_column, select
@@ -158,11 +159,19 @@ def check_anchor(anchor: Anchor) -> Anchor:
     return anchor
 
 
+def _is_time(text: str) -> bool:
+    try:
+        return time_text(datetime.fromisoformat(text)) == text
+    except (ValueError, OverflowError):
+        return False
+
+
 def _checked_head(position: int, head: AnchoredHead) -> AnchoredHead:
     name, revision, digest, time = head
     has_texts = all(isinstance(text, str) for text in (name, digest, time))
     is_number = isinstance(revision, int) and not isinstance(revision, bool)
-    if not (has_texts and is_number and revision > 0 and _HASH.fullmatch(digest)):
+    is_whole = has_texts and is_number and revision > 0 and _HASH.fullmatch(digest)
+    if not (is_whole and _is_time(time)):
         raise AnchorError(
             f"head {position} of this anchor lacks {', '.join(AnchoredHead._fields)}, or one of "
             "them is damaged; take another copy of it"

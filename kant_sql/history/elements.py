@@ -20,6 +20,7 @@ from sqlalchemy import (
 
 from ..arguments import expect, expect_list, flag, shown
 from ..dao.known import refuse_unknown
+from ..dao.predicate import MAX_ARITY
 from ..dto import (
     PddlActionDto,
     PddlFunctionDto,
@@ -151,26 +152,28 @@ def _applied(kinds: Iterable[str], name: str, arguments: Iterable[str]) -> Appli
 
 
 def _of_text(text: str) -> Iterator[Sought]:
-    words = tokenize(fold(text))
-    if words[:1] != ["("]:
-        yield _of_declaration(words, text)
-        return
-    end = _end(words)
-    head, tail = words[1:2], words[end:]
-    if head in ([], ["("], [")"]) or tail[:1] not in ([], ["-"]):
-        raise _refusal(text)
-    if tail:
-        # A function's text may end with the type of its values.
-        yield Named(("function",), head[0])
-    else:
-        yield from _of_list(head[0], words)
+    pending = [text]
+    while pending:
+        part = pending.pop()
+        words = tokenize(fold(part))
+        if words[:1] != ["("]:
+            yield _of_declaration(words, part)
+            continue
+        end = _end(words)
+        head, tail = words[1:2], words[end:]
+        if head in ([], ["("], [")"]) or tail[:1] not in ([], ["-"]):
+            raise _refusal(part)
+        if tail:
+            # A function's text may end with the type of its values.
+            yield Named(("function",), head[0])
+        elif head == ["and"]:
+            pending += reversed([*_parts(words[2:-1])])
+        else:
+            yield from _of_list(head[0], words)
 
 
 def _of_list(head: str, words: list[str]) -> Iterator[Sought]:
-    if head == "and":
-        for conjunct in _parts(words[2:-1]):
-            yield from _of_text(conjunct)
-    elif head in _DEFINITIONS or head == "define":
+    if head in _DEFINITIONS or head == "define":
         kind = _DEFINITIONS.get(head, "document")
         yield Named((kind,), next((word for word in words[2:] if word not in "()"), ""))
     elif len(words) > 3 and words[2][0] == "?" and is_word(head):
@@ -239,9 +242,14 @@ def lookups(wanted: Sequence[Sought]) -> tuple[Lookup, ...]:
     return tuple(
         lookup
         for part, each in enumerate(wanted)
-        if not isinstance(each, Written) and all(map(is_word, _names_in(each)))
+        if not isinstance(each, Written) and _may_be(_names_in(each))
         for lookup in _lookups(part, each)
     )
+
+
+def _may_be(names: Sequence[str]) -> bool:
+    """Return whether an element can have these names: its own, and those of its objects."""
+    return len(names) <= MAX_ARITY + 1 and all(map(is_word, names))
 
 
 def _names_in(wanted: Named | Applied) -> tuple[str, ...]:

@@ -7,7 +7,7 @@ from contextlib import AbstractContextManager
 from decimal import Decimal
 from typing import Any
 
-from ..arguments import expect, optional_text, whole_number
+from ..arguments import count_limit, expect, optional_text, shown
 from ..dto.formulas import AT_END
 from ..errors import InvalidArgumentError
 from ..knowledge.definitions import ActionDefinition, Definitions
@@ -95,7 +95,7 @@ def applicable_actions(
 ) -> Iterator[PlanStep]:
     """Return the steps that can be executed, action by action."""
     if limit is not None:
-        whole_number(limit, "the limit")
+        limit = count_limit(limit)
     if name is not None:
         expect(name, str, "the name of an action", InvalidArgumentError)
 
@@ -250,6 +250,10 @@ def in_revision(
 
 def _shown(step: object) -> str:
     if not isinstance(step, str):
-        return str(step)
+        try:
+            return str(step)
+        except Exception:
+            # No step, which is refused by its class.
+            return shown(step)
     text = " ".join(step.split())
     return text if "(" in text else f"({text})"

@@ -8,7 +8,7 @@ from decimal import Decimal
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar, overload
 
 from .. import html
-from ..arguments import expect, shown, whole_number
+from ..arguments import count_limit, expect, shown
 from ..dto import PddlObjectDto
 from ..dto import formulas as f
 from ..dto.lexical import decimal_text, either_text, fold
@@ -465,7 +465,7 @@ def query(
 ) -> Answers:
     """Prepare the answers to a condition."""
     if limit is not None:
-        whole_number(limit, "the limit")
+        limit = count_limit(limit)
     asking = _Asking(condition, parameters, limit, bindings)
     return Answers(
         lambda: store.read(asking.read, at),

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from itertools import islice
 from typing import NamedTuple
 
-from ..arguments import expect, whole_number
+from ..arguments import count_limit, expect
 from ..dto.lexical import fold
 from ..errors import InvalidArgumentError
 from ..knowledge.definitions import Definition, Definitions
@@ -50,7 +50,7 @@ class _Named(NamedTuple):
 def complete(store: Store, at: int | None, beginning: str, limit: int) -> list[Completion]:
     """Return the names that begin with a text, and then those that contain it."""
     wanted = fold(expect(beginning, str, "the beginning of a name", InvalidArgumentError))
-    most = whole_number(limit, "limit")
+    most = count_limit(limit, "limit")
 
     def work(definitions: Definitions) -> list[Completion]:
         found = islice(_matches(_names(definitions), wanted), most)

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple, TypeVar
 from ..arguments import shown
 from ..dto import PddlObjectDto
 from ..dto import formulas as f
-from ..dto.lexical import either_text, fold
+from ..dto.lexical import either_text, fold, is_word
 from ..errors import InvalidArgumentError, InvalidKnowledgeError, TypeMismatchError
 from ..history.revisions import LARGEST, read_archived_revision
 from ..knowledge.definitions import Definitions
@@ -155,7 +155,7 @@ def read_at_last(
 
 def _earlier(store: Store, text: str, high: int) -> Iterator[Definitions]:
     """Yield the definitions of the last revisions at which names of a text had a meaning."""
-    words = sorted({fold(word) for word in _WORD.findall(text)})
+    words = sorted({fold(word) for word in _WORD.findall(text) if is_word(word)})
 
     def work(session: Session, kb_id: int | None) -> list[int]:
         if kb_id is None:

@@ -9,13 +9,23 @@ import asyncio
 import inspect
 import random
 from pathlib import Path
+from typing import Any
 from unittest import mock
 
 import pytest
 
 import kant_sql
-from kant_sql import NoPlanError, aio
-from kant_sql.errors import InvalidTimeoutError
+from kant_sql import (
+    KantSqlError,
+    KnowledgeBase,
+    NoPlanError,
+    PddlObjectDto,
+    PddlPredicateDto,
+    PddlPropositionDto,
+    PddlTypeDto,
+    aio,
+)
+from kant_sql.errors import InvalidKnowledgeError, InvalidTimeoutError, PlanError, UnknownNameError
 from kant_sql.factory import Daos
 from kant_sql.planning import plan
 from tests.support.generators.junk import JUNK, SLOW, Calling, Case, World, cases, sample
@@ -142,3 +152,49 @@ def test_a_planner_is_given_a_sensible_time(timeout: float, connect: Connect) ->
         pytest.raises(InvalidTimeoutError),
     ):
         kb.plan(timeout=timeout)
+
+
+MANY = f"(p {' '.join(f'a{n}' for n in range(900))})"
+
+
+@pytest.mark.parametrize("text", ["(" * 500 + "p" + ")" * 500, MANY, f"(= {MANY} 3)"])
+def test_hostile_elements_are_refused(fresh_kb: KnowledgeBase, text: str) -> None:
+    fresh_kb.predicates.save(PddlPredicateDto("p", []))
+    for ask in (fresh_kb.history, fresh_kb.blame, lambda text: [*fresh_kb.log(element=text)]):
+        with pytest.raises((InvalidKnowledgeError, UnknownNameError)):
+            ask(text)
+
+
+def test_what_is_nested_or_wide_is_found(fresh_kb: KnowledgeBase) -> None:
+    kind = PddlTypeDto("t")
+    wide = PddlPredicateDto("wide", [kind] * 100)
+    fresh_kb.propositions.save(
+        PddlPropositionDto(wide, [PddlObjectDto(kind, f"a{n}") for n in range(100)])
+    )
+    names = " ".join(f"a{n}" for n in range(100))
+    for text in (f"(wide {names})", "(and " * 500 + f"(wide {names})" + ")" * 500):
+        assert [one.text for one in fresh_kb.history(text)] == [f"(wide {names})"]
+        assert fresh_kb.blame(text) is not None
+        assert len([*fresh_kb.log(element=text)]) == 1
+
+
+def test_numbers_beyond_all_bounds(fresh_kb: KnowledgeBase) -> None:
+    fresh_kb.predicates.save(PddlPredicateDto("p", []))
+    assert [one.name for one in fresh_kb.complete("p", limit=2**64)] == ["p"]
+    assert [*fresh_kb.query("(p)", limit=2**64)] == []
+    assert [*fresh_kb.applicable_actions(limit=2**64)] == []
+    anything: Any = fresh_kb
+    for step in (10**5000, [10**5000]):
+        with pytest.raises(PlanError, match="an integer of 16610 bits"):
+            anything.apply(step)
+
+
+def test_messages_are_bounded_and_can_be_written(fresh_kb: KnowledgeBase) -> None:
+    for text in (f"({'x' * 50_000})", "(p \ud800)", "(\ud800)"):
+        for ask in (fresh_kb.holds, fresh_kb.when, fresh_kb.apply):
+            with pytest.raises(KantSqlError) as caught:
+                ask(text)
+            assert len(str(caught.value).encode()) <= 2_000
+    with pytest.raises(KantSqlError) as caught:
+        fresh_kb.check_rules("(always (\ud800))")
+    assert "\\ud800" in str(caught.value)

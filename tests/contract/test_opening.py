@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sqlite3
 import tempfile
 from collections.abc import Callable, Iterator
@@ -216,6 +217,18 @@ def test_a_file_that_is_no_sound_database_is_refused(
 
 
 @migrates
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no pipes in folders")
+def test_a_pipe_is_refused_at_once(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    url = f"sqlite:///{tmp_path / 'pipe'}"
+    for refused in (
+        lambda: kant_sql.connect(url),
+        lambda: kant_sql.knowledge_bases(url),
+    ):
+        with pytest.raises(StoreUnreachableError, match="no regular file"):
+            refused()
+
+
 def test_tables_that_another_process_makes_at_this_moment_are_found(
     tmp_path: Path, connect: Connect, monkeypatch: pytest.MonkeyPatch
 ) -> None:

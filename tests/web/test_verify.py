@@ -16,6 +16,7 @@ from fastapi.testclient import TestClient
 
 import kant_sql
 from kant_sql import KnowledgeBase, parse_anchor
+from kant_sql.errors import AnchorError
 from kant_sql.history.sql_history import SqlHistory
 from kant_sql.web import verifying
 from kant_sql.web.application import create_app
@@ -80,6 +81,10 @@ def test_an_anchor_is_a_file_to_keep_and_to_check(client: TestClient) -> None:
     assert head is not None
     assert head.revision == 36
     assert parse_anchor(client.get("/api/anchor?kb=courier").content).heads == anchor.heads
+    for moment in ("9999-99-99", "9999-12-31T24:00:00.000000Z", "2026-01-31"):
+        wrong = answer.text.replace(anchor.heads[0].committed_at, moment)
+        with pytest.raises(AnchorError, match=r"lacks .*committed_at, or one of them is damaged"):
+            parse_anchor(wrong)
     assert client.post("/verify?kb=courier", data={"anchor": answer.text}).status_code == 200
     last = result_of(client)
     assert last["result"]["anchored"] == 36

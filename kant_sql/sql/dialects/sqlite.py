@@ -7,6 +7,7 @@ import json
 import os
 import re
 import sqlite3
+import stat
 import threading
 import time
 from collections.abc import Callable, Collection, Hashable, Iterator, Sequence
@@ -742,8 +743,22 @@ class SqliteBackend(Backend):
             add_functions(made)
             return made
 
+        if not self.in_memory:
+            self._refuse_pipe()
         with NO_FORK:
             return make() if self.in_memory else self.file.open(make)
+
+    def _refuse_pipe(self) -> None:
+        """Refuse what is no file: to open a pipe waits for whoever writes to it."""
+        try:
+            mode = os.stat(self.file.path).st_mode
+        except (OSError, ValueError):
+            return
+        if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
+            raise StoreUnreachableError(
+                f"{self.label}: this is no regular file, so it cannot be a store; give the path of "
+                "an SQLite file"
+            )
 
     def copy_to(self, file: Path, progress: Callable[[int, int], None] | None) -> None:
         """Copy the file by SQLite's online backup; the copy is as secret as the file."""
