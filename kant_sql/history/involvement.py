@@ -61,7 +61,7 @@ def involving(
         if most is not None:
             # In the order of an index.
             ids = first_rows(ids.order_by(arguments[key[0]]), literal_column(str(most)))
-        found = in_rows(columns.owner, ids)
+        found = in_rows(columns.owner, ids, bounded=columns.version.since)
         yield columns, found if len(key) == 1 else found & named
     value, arguments, key = _NAMING[1]
     is_value = value.version.object_id == object_
