@@ -30,6 +30,7 @@ from ..errors import (
     printable,
 )
 from ..pddl.document import Domain, Problem
+from .advice import WAYS_OUT
 from .names import require_unified_planning
 from .plan_text import read_plan
 
@@ -280,7 +281,8 @@ def _run(directory: str, timeout: float) -> str:
             # Longer waits overflow the system's clock; they mean no timeout.
             process.wait(timeout if timeout <= threading.TIMEOUT_MAX else None)
         except subprocess.TimeoutExpired:
-            raise NoPlanError(f"no plan was found within {timeout:g} seconds", "timeout") from None
+            message = f"no plan was found within {timeout:g} seconds; {WAYS_OUT}"
+            raise NoPlanError(message, "timeout") from None
         finally:
             _end(process)
         log.seek(0)

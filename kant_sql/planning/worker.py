@@ -28,6 +28,7 @@ from ..dto.lexical import fold
 from ..errors import KantSqlError, PlannerMissingError, UnsupportedConstructError
 from ..pddl.document import Domain, Problem, formulas
 from ..pddl.writer import write
+from .advice import WAYS_OUT, absent, unsupported
 from .plan import Plan, PlanStep, Task
 from .soft_goals import MOST_COMPILED_EFFECTS, Variant, refusal, variants
 from .to_up import convert, convert_whole
@@ -280,10 +281,7 @@ class Search:
         """Try the engines in turn."""
         installed, engine = self._environment.factory.engines, self._task.engine
         if engine is not None and engine not in installed:
-            planners = ", ".join(_planners(installed, self._environment))
-            raise PlannerMissingError(
-                f"engine {engine} is not installed; install it, or choose one of {planners}"
-            )
+            raise PlannerMissingError(absent(engine, _planners(installed, self._environment)))
         domain, problem = self._task.domain, self._task.problem
         if self._task.strict:
             # What it refuses is refused here, in the same words.
@@ -348,13 +346,26 @@ class Search:
         if self._failures:
             tried = ", ".join(f"{name}: {why}" for name, why in self._failures.items())
             status = list(self._failures.values())[-1].split(" ")[0]
-            return "NoPlanError", f"no plan was found ({tried})", status
-        reasons = "; ".join(
-            f"{name} does not know {', '.join(sorted(features)).lower()}"
-            for name, features in self._missing.items()
-        )
-        message = f"no installed engine supports the problem: {reasons or 'install one'}"
+            return "NoPlanError", f"no plan was found ({tried}); {WAYS_OUT}", status
+        reasons = unsupported(self._missing, self._suitable(), self._environment)
+        whose = "installed engine" if self._task.engine is None else "engine that was asked"
+        message = f"no {whose} supports the problem: {reasons}; {WAYS_OUT}"
         return "NoPlanError", message, "unsupported_problem"
+
+    def _suitable(self) -> list[str]:
+        """Return other engines that support the whole problem, where one was chosen."""
+        if self._task.engine is None:
+            return []
+        variant = next(iter(variants(self._task.domain, self._task.problem)))
+        return list(
+            dict.fromkeys(
+                name
+                for form in forms(variant, self._convert)
+                for name in candidates(form.problem, bool(variant.steps))
+                if name in self._environment.factory.engines
+                and form_for(form, name, self._environment) is not None
+            )
+        )
 
     def _convert(self, variant: Variant, integers: bool) -> UpProblem:
         context = convert(variant.domain, variant.problem, self._environment, integers)

@@ -329,6 +329,7 @@ def test_no_plan(engine: str | None) -> None:
     with pytest.raises(NoPlanError, match="no plan was found") as caught:
         solve_pair(documents(goal="(and (at rb a) (at rb c))"), engine=engine, timeout=60)
     assert caught.value.status.startswith("unsolvable")
+    assert "in a branch, kb.branch(), you can relax the goal" in str(caught.value)
 
 
 @pytest.mark.usefixtures("quick_start")
@@ -336,11 +337,30 @@ def test_an_engine_that_does_not_suit() -> None:
     with pytest.raises(NoPlanError, match=r"pyperplan does not know .*continuous_time") as caught:
         solve_pair(TEMPORAL, engine="pyperplan", timeout=60)
     assert caught.value.status == "unsupported_problem"
+    for advice in ("aries would do", "tamer knows continuous_time", "pip install up-tamer"):
+        assert advice in str(caught.value)
+    assert "Plan.read(text)" in str(caught.value)
+    assert "kb.branch()" in str(caught.value)
+
+
+def test_an_engine_that_cannot_be_imported_is_not_called_missing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "up_tamer").mkdir()
+    (tmp_path / "up_tamer" / "__init__.py").write_text("")
+    (tmp_path / "up_tamer" / "engine.py").write_text("import tamer_without_its_library")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    for engine, error in (("tamer", PlannerMissingError), ("pyperplan", NoPlanError)):
+        with pytest.raises(error, match="tamer is installed, but cannot be imported") as caught:
+            solve_pair(TEMPORAL, engine=engine, timeout=60)
+        assert "No module named 'tamer_without_its_library'" in str(caught.value)
 
 
 @pytest.mark.usefixtures("quick_start")
 def test_an_engine_that_is_not_there() -> None:
-    with pytest.raises(PlannerMissingError, match=r"engine hal9000 is not installed.*pyperplan"):
+    with pytest.raises(
+        PlannerMissingError, match=r"hal9000 is not installed; install it.*pyperplan"
+    ):
         solve_pair(documents(), engine="hal9000", timeout=60)
 
 

@@ -12,7 +12,7 @@ from decimal import MAX_EMAX, MAX_PREC, MIN_EMIN, Context, Decimal
 from typing import NamedTuple
 
 
-class Arithmetic(NamedTuple):
+class DecimalWords(NamedTuple):
     """How one dialect calculates with exact decimals.
 
     Attributes:
@@ -54,7 +54,7 @@ def _by_texts(operator: str, left: str, right: str) -> str:
 
 
 _NAMES = {"+": "decimal_add", "-": "decimal_sub", "*": "decimal_mul"}
-SQLITE_ARITHMETIC = Arithmetic(
+SQLITE_ARITHMETIC = DecimalWords(
     lambda operator, left, right: f"{_NAMES[operator]}({left}, {right})",
     sign="decimal_cmp({}, '0')",
     compare="decimal_cmp({0}, {2}) {1} 0",
@@ -62,7 +62,7 @@ SQLITE_ARITHMETIC = Arithmetic(
     by_texts=_by_texts,
     is_fast=False,
 )
-POSTGRESQL_ARITHMETIC = Arithmetic(
+POSTGRESQL_ARITHMETIC = DecimalWords(
     lambda operator, left, right: f"({left} {operator} {right})",
     sign="sign({})",
     compare="{} {} {}",

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
-from .decimals import POSTGRESQL_ARITHMETIC, SQLITE_ARITHMETIC, Arithmetic
+from .decimals import POSTGRESQL_ARITHMETIC, SQLITE_ARITHMETIC, DecimalWords
 
 
 class Words(NamedTuple):
@@ -36,7 +36,7 @@ class Words(NamedTuple):
     each: str
     rows: Callable[[str, int], str]
     list_text: Callable[[Sequence[int] | Sequence[str]], str]
-    arithmetic: Arithmetic
+    arithmetic: DecimalWords
     fence: str
     many: str = ""
     levels: int | None = None
