@@ -31,6 +31,7 @@ def test_the_slider_opens_states_by_keyboard(served: Serving, visit: Visit) -> N
 def test_a_state_is_chosen_without_scripts(served: Serving, visit: Visit) -> None:
     visitor = visit(served.address, java_script_enabled=False, width=NARROW)
     visitor.page.goto(served.address + address("/state"))
+    visitor.page.get_by_label("Filters").check()
     visitor.page.get_by_label("Time or revision").fill("2026-03-02 14:03")
     visitor.page.get_by_label("Predicate or function").fill("robot_at")
     visitor.page.get_by_role("button", name="Show").click()

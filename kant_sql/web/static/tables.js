@@ -20,7 +20,7 @@
       const moment = new Date(time.dateTime);
       if (!Number.isNaN(moment.getTime())) time.dataset.near = near(moment);
     }
-    for (const head of root.querySelectorAll("thead th[scope=col]")) {
+    for (const head of root.querySelectorAll("table:not(.fixed) thead th[scope=col]")) {
       if (!head.textContent.trim() || head.closest("table").tBodies[0].rows.length < 2) continue;
       head.classList.add("sortable");
       head.tabIndex = 0;
