@@ -15,8 +15,7 @@ from typing import Any, Generic, NamedTuple, TypeVar
 
 from typing_extensions import override
 
-from ..dao.function_value import INCREASE, SCALE_DOWN, calculate
-from ..dto.lexical import MAX_DIGITS
+from ..dao.function_value import INCREASE, ROUNDED_DIGITS, SCALE_DOWN, calculate
 from ..errors import UnsupportedConstructError
 
 T = TypeVar("T")
@@ -89,7 +88,7 @@ class Exacts(Numbers[Exact]):
         if not right:
             return None
         if isinstance(left, Decimal) and isinstance(right, Decimal):
-            context = Context(prec=MAX_DIGITS)
+            context = Context(prec=ROUNDED_DIGITS)
             result = context.divide(left, right)
             if not context.flags[Inexact]:
                 return result
