@@ -12,10 +12,6 @@ on an argument begin at the object (20 ms instead of 500 ms on 100,000 versions)
 row, so that PostgreSQL finds it by the primary key: for a table that it takes for small, it might
 choose another index that begins with `kb_id`, and scan the knowledge base each time.
 
-DuckDB reads an SQLite file by the text of its views, and does not understand what is best asked of
-SQLite. So there the text has a second query, with joins and with types: where a comment within a
-comment ends, SQLite reads on, and DuckDB, in which comments nest, does not.
-
 The text contains only numbers and identifiers, so that no name can inject SQL.
 """
 
@@ -175,25 +171,6 @@ SELECT{columns}
 FROM proposition_version AS v
 WHERE v.kb_id = {kb_id} AND v.predicate_id = {predicate_id} AND {condition}"""
 
-_IN_DUCKDB = """\
-SELECT {columns} FROM proposition_version AS v \
-LEFT JOIN revision AS s ON s.kb_id = v.kb_id AND s.number = v.since \
-LEFT JOIN revision AS u ON u.kb_id = v.kb_id AND u.number = v.until{joins} \
-WHERE v.kb_id = {kb_id} AND v.predicate_id = {predicate_id} AND {condition}"""
-# One pass for arguments however many: a join for each of 90 takes DuckDB seconds to plan.
-_ARGUMENTS = """ \
-LEFT JOIN (SELECT p.id, {columns} FROM proposition AS p \
-JOIN proposition_argument AS a ON a.kb_id = p.kb_id AND a.proposition_id = p.id \
-JOIN object AS o ON o.kb_id = a.kb_id AND o.id = a.object_id \
-WHERE p.kb_id = {kb_id} AND p.predicate_id = {predicate_id} GROUP BY p.id) AS a \
-ON a.id = v.proposition_id"""
-_TIME = "CAST({}.committed_at AS TIMESTAMPTZ)"
-_FOR_BOTH = """\
-/* DuckDB nests comments, and reads the last line but one only. /* */
-{}
-    -- */ {}
-/* the end */"""
-
 
 def _definition(
     dialect: ViewDialect,
@@ -202,48 +179,6 @@ def _definition(
     reckoned: Sequence[str],
 ) -> str:
     """Write the definition of a view, of a knowledge base, predicate and kind."""
-    query = _view_query(dialect, view, names, reckoned)
-    if not dialect.is_for_duckdb:
-        return query
-    return _FOR_BOTH.format(query, _duckdb_query(view, names, reckoned))
-
-
-def _duckdb_query(view: tuple[int, int, str], names: Sequence[str], reckoned: Sequence[str]) -> str:
-    """Write the query of a view for DuckDB, on one line."""
-    kb_id, predicate_id, kind = view
-    numbers = range(len(names))
-    arguments = _ARGUMENTS.format(
-        columns=", ".join(
-            f"max(o.name) FILTER (WHERE a.position = {number}) AS a{number}" for number in numbers
-        ),
-        kb_id=kb_id,
-        predicate_id=predicate_id,
-    )
-    since, until = _TIME.format("s"), _TIME.format("u")
-    values = (
-        *(f"a.a{number}" for number in numbers),
-        *("v.since", since, "v.until", until),
-        *("s.actor", "s.reason", "u.actor", "u.reason"),
-        *(f"epoch_us({since}) / 1e6", f"epoch_us({until}) / 1e6"),
-        f"(epoch_us({until}) - epoch_us({since})) / 1e6",
-    )
-    named = zip(values, (*names, *INTERVAL, *METADATA, *reckoned), strict=True)
-    return _IN_DUCKDB.format(
-        columns=", ".join(f"{value} AS {name}" for value, name in named),
-        joins=arguments if names else "",
-        kb_id=kb_id,
-        predicate_id=predicate_id,
-        condition="v.is_goal = 1" if kind == "goal" else "v.is_goal = 0",
-    )
-
-
-def _view_query(
-    dialect: ViewDialect,
-    view: tuple[int, int, str],
-    names: Sequence[str],
-    reckoned: Sequence[str],
-) -> str:
-    """Write the query of a view, in the database's own words."""
     kb_id, predicate_id, kind = view
     arguments = [
         _ARGUMENT.format(kb_id=kb_id, position=position, name=name)

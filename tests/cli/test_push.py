@@ -462,7 +462,7 @@ def test_it_waits_for_upgrades(source: str, replica: str, is_source: bool, versi
 
     def act(events: Report) -> bool:
         if len(names_of(events)) == 2:
-            damage(url, "UPDATE kant_sql_version SET version_num = '0006'")
+            damage(url, "UPDATE kant_sql_version SET version_num = '0007'")
         return events[-1].event == "pushed"
 
     events = followed(source, replica, act)

@@ -67,6 +67,8 @@ def test_migrations_are_told(tmp_path: Path, log: pytest.LogCaptureFixture) -> N
         f"{url}: migrating from 0003 to 0004",
         f"{url}: migrating from 0004 to 0005",
         f"{url}: migrating from 0005 to 0006",
+        f"{url}: migrating from 0006 to 0007",
+        f"{url}: migrating from 0007 to 0006",
         f"{url}: migrating from 0006 to 0005",
         f"{url}: migrating from 0005 to 0004",
         f"{url}: migrating from 0004 to 0003",

@@ -186,7 +186,6 @@ class SqliteViews(ViewDialect):
         "((strftime('%s', substr({1}, 1, 19)) - strftime('%s', substr({0}, 1, 19)))"
         " * 1000000 + substr({1}, 21, 6) - substr({0}, 21, 6)) / 1000000.0"
     )
-    is_for_duckdb = True
     preparer = SQLiteDialect().identifier_preparer
 
     def read_mark(self, text: str | None) -> Mark | None:

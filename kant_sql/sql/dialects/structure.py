@@ -100,7 +100,6 @@ class ViewDialect(ABC):
         is_goal: the condition that a version `v` of a proposition is of a goal.
         epoch: the time `{0}` in seconds since 1970, exact to the microsecond.
         seconds: the seconds from the time `{0}` to `{1}`, exact to the microsecond.
-        is_for_duckdb: whether DuckDB reads the text of a view, so that it needs one of its own.
         preparer: quotes identifiers.
     """
 
@@ -109,7 +108,6 @@ class ViewDialect(ABC):
     is_goal: str
     epoch: str
     seconds: str
-    is_for_duckdb = False
     preparer: IdentifierPreparer
 
     @abstractmethod
