@@ -5,7 +5,7 @@ The checks accept what the PDDL reader accepts, so the text of a stored formula 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from enum import Enum
 from typing import Any, ClassVar, Generic, NamedTuple, NoReturn, TypeVar, get_args
 
@@ -50,6 +50,7 @@ from ..dto.formulas import (
     TypedName,
     Variable,
     When,
+    check_nesting,
     variables_text,
     walk,
 )
@@ -138,14 +139,6 @@ _WITHIN_TIMED = {
     Symbol.TRAJECTORY: Symbol.CONDITION,
 }
 _Parts = Iterable[tuple[object, FormulaContext]]
-# A fluent whose terms are yet to be added: its position, the fluent, and its function.
-_OpenFluent = tuple[int, Fluent, FunctionDefinition]
-
-
-class _ScopeEnd(NamedTuple):
-    """Marks the end of a quantifier's body, where its variables go out of scope."""
-
-    bound: BoundVariables
 
 
 class TreeWriter:
@@ -178,6 +171,8 @@ class TreeWriter:
 
     def conjunction(self, formulas: Iterable[Node], symbol: Symbol) -> Tree:
         """Make the tree of a conjunction."""
+        formulas = tuple(formulas)
+        check_nesting(*formulas)
         self._nodes = []
         root = self._open(None, kinds.AND)
         for formula in formulas:
@@ -186,29 +181,27 @@ class TreeWriter:
 
     def tree(self, formula: Node, symbol: Symbol) -> Tree:
         """Make the tree of a formula."""
+        check_nesting(formula)
         self._nodes = []
         self._add(formula, None, FormulaContext(symbol, allows_preferences=symbol in _HARD))
         return tuple(self._nodes)
 
-    def _add(self, formula: object, parent: int | None, context: FormulaContext) -> None:
-        """Add a formula, iteratively: its depth has no limit."""
-        pending: list[tuple[object, int | None, FormulaContext]] = [(formula, parent, context)]
-        while pending:
-            part, above, around = pending.pop()
-            if isinstance(part, _ScopeEnd):
-                self._leave(part.bound)
-                continue
-            if type(part) not in _HANDLERS:
-                self._fail(f"{shown(part)} is no formula but {type(part).__name__}")
-            handler, symbols = _HANDLERS[type(part)]
-            if symbols:
-                self._expect(part, around, *symbols)
-            position = len(self._nodes)
-            below = [*handler(self, part, above, around)]
-            if bound := self._nodes[position].variables:
-                self._enter(position, bound)
-                pending.append((_ScopeEnd(bound), None, context))
-            pending += [(child, position, inner) for child, inner in reversed(below)]
+    def _add(self, part: object, parent: int | None, context: FormulaContext) -> None:
+        """Add a formula with its parts."""
+        if type(part) not in _HANDLERS:
+            self._fail(f"{shown(part)} is no formula but {type(part).__name__}")
+        handler, symbols = _HANDLERS[type(part)]
+        if symbols:
+            self._expect(part, context, *symbols)
+        position = len(self._nodes)
+        below = handler(self, part, parent, context)
+        bound = self._nodes[position].variables
+        if bound:
+            self._enter(position, bound)
+        for child, inner in below:
+            self._add(child, position, inner)
+        if bound:
+            self._leave(bound)
 
     def _expect(self, formula: object, context: FormulaContext, *symbols: Symbol) -> None:
         if context.symbol not in symbols:
@@ -374,16 +367,13 @@ class TreeWriter:
 
     # Expressions.
 
-    def _expression(self, expression: object, parent: int, context: FormulaContext) -> None:
-        """Add an expression, iteratively: its depth has no limit."""
-        pending = [(expression, parent)]
-        while pending:
-            part, above = pending.pop()
-            if isinstance(part, Arithmetic):
-                position = self._arithmetic(part, above)
-                pending += [(operand, position) for operand in reversed(part.operands)]
-            else:
-                self._number(part, above, context)
+    def _expression(self, part: object, parent: int, context: FormulaContext) -> None:
+        if isinstance(part, Arithmetic):
+            position = self._arithmetic(part, parent)
+            for operand in part.operands:
+                self._expression(operand, position, context)
+        else:
+            self._number(part, parent, context)
 
     def _number(self, expression: object, parent: int, context: FormulaContext) -> None:
         match expression:
@@ -471,23 +461,7 @@ class TreeWriter:
         owner: PredicateDefinition | FunctionDefinition,
         context: FormulaContext,
     ) -> None:
-        """Add the terms of a node, iteratively: their depth has no limit."""
-        pending = [self._terms(position, formula, owner, context)]
-        while pending:
-            below = next(pending[-1], None)
-            if below is None:
-                pending.pop()
-            else:
-                pending.append(self._terms(*below, context))
-
-    def _terms(
-        self,
-        position: int,
-        formula: Atom | Fluent,
-        owner: PredicateDefinition | FunctionDefinition,
-        context: FormulaContext,
-    ) -> Iterator[_OpenFluent]:
-        """Add the terms of a node; yield each fluent among them, whose own terms are still open."""
+        """Add the terms of a node."""
         terms = formula.terms
         if len(terms) != len(owner.parameters):
             raise ArityError(
@@ -496,14 +470,11 @@ class TreeWriter:
             )
         made = []
         for number, (term, wanted) in enumerate(zip(terms, owner.parameters, strict=True), start=1):
-            child = len(self._nodes)
-            term_, types, function = self._begin_term(term, position, context)
+            term_, types = self._term(term, position, context)
             if not self._may_fit(term, types, wanted.type_ids):
                 raise TypeMismatchError(
                     f"{self._role}: term {number} of {shown(formula)} does not fit {owner.text}"
                 )
-            if function is not None and isinstance(term, Fluent):
-                yield child, term, function
             made.append(term_)
         self._set_terms(position, made)
 
@@ -519,23 +490,13 @@ class TreeWriter:
         self, term: object, position: int, context: FormulaContext
     ) -> tuple[TreeTerm, TypeIds]:
         """Add a term with all its subterms."""
-        child = len(self._nodes)
-        made, types, function = self._begin_term(term, position, context)
-        if function is not None and isinstance(term, Fluent):
-            self._give_terms(child, term, function, context)
-        return made, types
-
-    def _begin_term(
-        self, term: object, position: int, context: FormulaContext
-    ) -> tuple[TreeTerm, TypeIds, FunctionDefinition | None]:
-        """Add a term; for a fluent, also return its function: its own terms are still open."""
         if isinstance(term, Variable):
-            return *self._bound(term), None
+            return self._bound(term)
         if isinstance(term, Constant):
             object_ = self._definitions.objects.named(term.name)
             if object_ is None:
                 self._fail(f"object {term.name!r} is not known; save it first")
-            return TreeTerm(object_id=object_.id), object_.type_ids, None
+            return TreeTerm(object_id=object_.id), object_.type_ids
         if isinstance(term, Fluent):
             if context.symbol is Symbol.INITIAL:
                 self._fail(f"{shown(term)} is no object, as the initial state asks for")
@@ -543,7 +504,8 @@ class TreeWriter:
             function = self._open_fluent(term, position)
             if not function.type_ids:
                 self._fail(f"{shown(term)} is a number, not an object")
-            return TreeTerm(child=child), function.type_ids, function
+            self._give_terms(child, term, function, context)
+            return TreeTerm(child=child), function.type_ids
         return self._fail(f"{shown(term)} is no term; give a Variable, a Constant or a Fluent")
 
     def _assign_object(

@@ -1,7 +1,7 @@
 """The nodes of conditions, effects, goals, constraints and metrics: immutable data.
 
-Generated formulas, such as a sum of all preferences, are nested thousands of levels deep. So no
-method of a node recurses.
+Methods may recurse: formulas nested more than `MAX_NESTING` levels deep are refused where they are
+read, stored or asked.
 
 Each node is a construct of the language, with its name in the papers: PDDL 2.1 (Fox and Long,
 2003), PDDL 2.2 (Edelkamp and Hoffmann, 2004), PDDL 3.0 (Gerevini and Long, 2005), PDDL 3.1
@@ -18,7 +18,16 @@ from itertools import chain, groupby
 from typing import Any, Self, get_args, get_origin, get_type_hints
 
 from ..arguments import Readable, expect, expect_tuple, items
+from ..errors import InvalidKnowledgeError
 from .lexical import ROOT_TYPE, check_number, decimal_text, either_text
+
+# Three times the deepest formula of the planning competitions. Each database evaluates as many
+# quantifiers: SQLite refuses expressions of 1,000 levels and joins of 64 tables.
+MAX_NESTING = 50
+NESTING_REMEDY = (
+    f"at most {MAX_NESTING} levels; name a part by a derived predicate, or give one (and ...), "
+    "(or ...) or (+ ...) all of its operands"
+)
 
 
 class Checked:
@@ -64,35 +73,9 @@ class FormulaNode(Node):
 
 
 class Branch(Node):
-    """A node that may contain nodes of its own class, at any depth.
-
-    It compares and prints without recursion. Other nodes never contain their own class, so the
-    methods of a dataclass suffice.
-    """
+    """A node that may contain nodes of its own class: a level of nesting."""
 
     __slots__ = ()
-
-    def __eq__(self, other: object) -> bool:
-        if type(self) is not type(other) or not isinstance(other, Branch):
-            return NotImplemented
-        return self is other or _records(self) == _records(other)
-
-    def __hash__(self) -> int:
-        return hash(_records(self))
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return _rebuilt, (_records(self),)
-
-    def __repr__(self) -> str:
-        texts: list[str] = []
-        stack: list[Branch | str] = [self]
-        while stack:
-            part = stack.pop()
-            if isinstance(part, Branch):
-                stack.extend(reversed([*_repr_parts(part)]))
-            else:
-                texts.append(part)
-        return "".join(texts)
 
 
 def children(node: Node) -> tuple[Node, ...]:
@@ -149,88 +132,17 @@ def walk(*nodes: Node) -> Iterator[Node]:
         stack.extend(reversed(children(node)))
 
 
-def depth(node: Node) -> int:
-    """Return the number of levels of a tree."""
-    deepest, level = 0, [node]
+def check_nesting(*nodes: Node) -> None:
+    """Refuse formulas that are nested too deeply."""
+    level = list(nodes)
+    levels = 0
     while level:
-        deepest += 1
-        level = [child for parent in level for child in children(parent)]
-    return deepest
-
-
-def _records(node: Branch) -> tuple[object, ...]:
-    """Return the content of a node as one flat tuple, in preorder.
-
-    A branch is a tuple of its class and its fields, with an ellipsis for a child and the length of
-    a tuple of children. Other nodes stand for themselves.
-    """
-    found: list[object] = []
-    stack: list[Any] = [node]
-    while stack:
-        part = stack.pop()
-        if not isinstance(part, Branch):
-            found.append(part)
-            continue
-        record: list[object] = [type(part)]
-        within: list[Any] = []
-        names: tuple[str, ...] = type(part).__slots__
-        for name in names:
-            value = getattr(part, name)
-            if isinstance(value, Node):
-                record.append(...)
-                within.append(value)
-            elif _is_of_nodes(value):
-                record.append(len(value))
-                within += value
-            else:
-                record.append(value)
-        found.append(tuple(record))
-        within.reverse()
-        stack += within
-    return tuple(found)
-
-
-def _is_of_nodes(value: object) -> bool:
-    return type(value) is tuple and bool(value) and isinstance(value[0], Node)
-
-
-def _rebuilt(records: tuple[Any, ...]) -> Node:
-    """Rebuild a node from its records, where children follow their parent."""
-    stack: list[Any] = []
-    for record in reversed(records):
-        if not isinstance(record, tuple):
-            stack.append(record)
-            continue
-        kind, *fields = record
-        values: list[object] = []
-        for field in fields:
-            if field is ...:
-                values.append(stack.pop())
-            elif isinstance(field, int):
-                values.append(tuple([stack.pop() for _ in range(field)]))
-            else:
-                values.append(field)
-        stack.append(kind(*values))
-    node: Node = stack.pop()
-    return node
-
-
-def _repr_parts(node: Branch) -> Iterator[Branch | str]:
-    """Return the parts of the `repr()` that a dataclass has."""
-    names: tuple[str, ...] = type(node).__slots__
-    opening = f"{type(node).__qualname__}("
-    for name in names:
-        value = getattr(node, name)
-        yield f"{opening}{name}="
-        opening = ", "
-        if _is_of_nodes(value):
-            for number, one in enumerate(value):
-                yield ", " if number else "("
-                yield one if isinstance(one, Branch) else repr(one)
-            yield ",)" if len(value) == 1 else ")"
-        else:
-            yield value if isinstance(value, Branch) else repr(value)
-    yield ")"
+        levels += any(isinstance(node, (FormulaNode, Branch, IsViolated)) for node in level)
+        level = [child for node in level for child in children(node)]
+    if levels > MAX_NESTING:
+        raise InvalidKnowledgeError(
+            f"the formula is nested {levels} levels deep, expected {NESTING_REMEDY}"
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -275,7 +187,7 @@ class Constant(Node):
         return self.name
 
 
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
+@dataclass(frozen=True, slots=True)
 class Fluent(Branch):
     """A function applied to terms, with a number or an object (PDDL 3.1) as its value.
 
@@ -314,7 +226,7 @@ class ContinuousTime(Node):
         return "#t"
 
 
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
+@dataclass(frozen=True, slots=True)
 class Arithmetic(Branch):
     """An operation on numbers.
 
@@ -417,28 +329,28 @@ class Comparison(FormulaNode):
     right: Expression
 
 
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
+@dataclass(frozen=True, slots=True)
 class Not(Branch, FormulaNode):
     """A negation; as an effect, a delete."""
 
     formula: Formula
 
 
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
+@dataclass(frozen=True, slots=True)
 class And(Branch, FormulaNode):
     """A conjunction, in order."""
 
     formulas: tuple[Formula, ...] = ()
 
 
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
+@dataclass(frozen=True, slots=True)
 class Or(Branch, FormulaNode):
     """A disjunction, in order."""
 
     formulas: tuple[Formula, ...] = ()
 
 
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
+@dataclass(frozen=True, slots=True)
 class Imply(Branch, FormulaNode):
     """An implication.
 
@@ -451,7 +363,7 @@ class Imply(Branch, FormulaNode):
     formula: Formula
 
 
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
+@dataclass(frozen=True, slots=True)
 class Forall(Branch, FormulaNode):
     """A formula, or an effect, for all objects of the variables' types."""
 
@@ -459,7 +371,7 @@ class Forall(Branch, FormulaNode):
     formula: Formula
 
 
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
+@dataclass(frozen=True, slots=True)
 class Exists(Branch, FormulaNode):
     """A formula that holds for some objects of the variables' types."""
 
@@ -467,7 +379,7 @@ class Exists(Branch, FormulaNode):
     formula: Formula
 
 
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
+@dataclass(frozen=True, slots=True)
 class Timed(Branch, FormulaNode):
     """A condition or an effect at a time of a durative action; `at end` also in constraints.
 
@@ -480,7 +392,7 @@ class Timed(Branch, FormulaNode):
     formula: Formula
 
 
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
+@dataclass(frozen=True, slots=True)
 class Preference(Branch, FormulaNode):
     """A soft goal, precondition or constraint (PDDL 3.0, section 3).
 
@@ -493,7 +405,7 @@ class Preference(Branch, FormulaNode):
     formula: Formula
 
 
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
+@dataclass(frozen=True, slots=True)
 class Modal(Branch, FormulaNode):
     """A constraint on the trajectory (PDDL 3.0, section 2).
 
@@ -509,7 +421,7 @@ class Modal(Branch, FormulaNode):
     formulas: tuple[Formula, ...]
 
 
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
+@dataclass(frozen=True, slots=True)
 class When(Branch, FormulaNode):
     """A conditional effect."""
 

@@ -10,7 +10,7 @@ validator VAL has it (Howey, Long, Fox 2004); a negation outside of that is clas
 
 from __future__ import annotations
 
-from collections.abc import Collection, Generator, Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from decimal import Decimal
@@ -235,28 +235,6 @@ def fits(definitions: Definitions, object_id: int, types: TypeSet) -> bool:
     return not types.isdisjoint(definitions.objects.live(object_id).type_ids)
 
 
-T = TypeVar("T")
-_Steps = Generator[Any, Any, T]
-
-
-def run(steps: _Steps[T]) -> T:
-    """Run nested steps on an explicit stack: formulas may be deeper than the interpreter's."""
-    stack: list[_Steps[Any]] = [steps]
-    given: Any = None
-    while True:
-        try:
-            inner = stack[-1].send(given)
-        except StopIteration as end:
-            stack.pop()
-            given = end.value
-            if not stack:
-                result: T = given
-                return result
-            continue
-        stack.append(inner)
-        given = None
-
-
 class Needed(NamedTuple):
     """The variables that stand for the values of object fluents, and what must hold of them."""
 
@@ -301,7 +279,7 @@ class Resolver:
 
     def part(self, formula: f.Node) -> Part:
         """Resolve a formula."""
-        return run(self._formula(formula, False))
+        return self._formula(formula, False)
 
     @contextmanager
     def within(self, variables: Sequence[f.TypedName]) -> Iterator[tuple[Bound, ...]]:
@@ -337,14 +315,14 @@ class Resolver:
         if function.type_ids:
             assert isinstance(value, f.Variable | f.Constant | f.Fluent)
             return self._term(value, needed, bound), Needed(tuple(bound), needed)
-        found = run(self._expression(value, needed, bound))
+        found = self._expression(value, needed, bound)
         return found, Needed(tuple(bound), needed)
 
     def number(self, expression: f.Expression) -> tuple[Quantity, Needed]:
         """Resolve a number."""
         needed: list[Part] = []
         bound: list[Bound] = []
-        found = run(self._expression(expression, needed, bound))
+        found = self._expression(expression, needed, bound)
         return found, Needed(tuple(bound), needed)
 
     def allowed(self, slot: Slot) -> tuple[TypeSet, ...]:
@@ -367,32 +345,29 @@ class Resolver:
         ids = [found.id for name in names if (found := named(name)) is not None]
         return closure(self._definitions, ids)
 
-    def _formula(self, node: f.Node, negative: bool) -> _Steps[Part]:
+    def _formula(self, node: f.Node, negative: bool) -> Part:
         match node:
             case f.Not(inner):
-                denied: Part = yield self._formula(inner, not negative)
-                return denied
+                return self._formula(inner, not negative)
             case f.And(parts) | f.Or(parts):
-                found = []
-                for part in parts:
-                    found.append((yield self._formula(part, negative)))
+                found = [self._formula(part, negative) for part in parts]
                 return (all_of if isinstance(node, f.And) != negative else any_of)(found)
             case f.Imply(condition, formula):
-                first = yield self._formula(condition, not negative)
-                second = yield self._formula(formula, negative)
+                first = self._formula(condition, not negative)
+                second = self._formula(formula, negative)
                 return (all_of if negative else any_of)([first, second])
             case f.Exists(variables, formula) | f.Forall(variables, formula):
                 is_universal = isinstance(node, f.Forall)
                 bound = self.variables(variables)
-                within = yield self._formula(formula, is_universal)
+                within = self._formula(formula, is_universal)
                 for variable in variables:
                     self._scope[fold(variable.name)].pop()
                 witness: Part = FALSE if within == FALSE else Witness(bound, within)
                 return negate(witness) if negative != is_universal else witness
-        leaf = yield self._leaf(node)
+        leaf = self._leaf(node)
         return negate(leaf) if negative else leaf
 
-    def _leaf(self, node: f.Node) -> _Steps[Part]:
+    def _leaf(self, node: f.Node) -> Part:
         needed: list[Part] = []
         bound: list[Bound] = []
         found: Part
@@ -405,8 +380,8 @@ class Resolver:
                 sides = [self._term(term, needed, bound) for term in (left, right)]
                 found = self._same(*sides)
             case f.Comparison(operator, first, second):
-                least = yield self._expression(first, needed, bound)
-                most = yield self._expression(second, needed, bound)
+                least = self._expression(first, needed, bound)
+                most = self._expression(second, needed, bound)
                 found = Compares(operator, least, most)
             case _:
                 raise UnsupportedConstructError(
@@ -484,7 +459,7 @@ class Resolver:
 
     def _expression(
         self, node: f.Expression | f.Term, needed: list[Part], bound: list[Bound]
-    ) -> _Steps[Quantity]:
+    ) -> Quantity:
         match node:
             case f.Number(value):
                 return value
@@ -497,9 +472,11 @@ class Resolver:
             case f.Arithmetic(operator, operands):
                 found: list[Quantity] = []
                 for operand in operands:
-                    inner = yield self._expression(operand, needed, bound)
-                    is_same = isinstance(inner, Operation) and inner.operator == operator
-                    found += inner.operands if is_same and operator in "+*" else (inner,)
+                    inner = self._expression(operand, needed, bound)
+                    if isinstance(inner, Operation) and inner.operator == operator in ("+", "*"):
+                        found += inner.operands
+                    else:
+                        found.append(inner)
                 return Operation(operator, tuple(found))
             case f.Variable(name):
                 return Parameter(fold(name))
@@ -607,27 +584,24 @@ def exists(condition: ResolvedCondition) -> Part:
 
 def replaced(part: Part, places: dict[Slot, Place], resolver: Iterator[int]) -> Part:
     """Copy a part, with places for some variables and new variables for all others it binds."""
-    made: Any = run(_replace(part, places, resolver))
+    made: Any = _replace(part, places, resolver)
     return made  # type: ignore[no-any-return]
 
 
-def _replace(part: Any, places: dict[Slot, Place], numbers: Iterator[int]) -> _Steps[Any]:
+def _replace(part: Any, places: dict[Slot, Place], numbers: Iterator[int]) -> Any:
     match part:
         case Witness(bound, inner):
             for variable in bound:
                 places[variable.slot] = Slot(next(numbers))
             made = tuple(Bound(places[each.slot], each.types) for each in bound)  # type: ignore[arg-type]
-            return Witness(made, (yield _replace(inner, places, numbers)))
+            return Witness(made, _replace(inner, places, numbers))
         case Lacks(inner):
-            return Lacks((yield _replace(inner, places, numbers)))
+            return Lacks(_replace(inner, places, numbers))
         case Compares(operator, left, right):
-            first = yield _replace(left, places, numbers)
-            return Compares(operator, first, (yield _replace(right, places, numbers)))
+            sides = [_replace(each, places, numbers) for each in (left, right)]
+            return Compares(operator, *sides)
         case AllOf(parts) | OneOf(parts) | Operation(_, parts):
-            copies = []
-            for one in parts:
-                copies.append((yield _replace(one, places, numbers)))
-            copied = tuple(copies)
+            copied = tuple([_replace(one, places, numbers) for one in parts])
             if isinstance(part, Operation):
                 return Operation(part.operator, copied)
             return type(part)(copied)

@@ -12,8 +12,6 @@ from .formulas import (
     PREFERENCES,
     TIMED,
     FormulaReader,
-    Steps,
-    finished,
     flatten,
 )
 from .hierarchy import Fit, Types
@@ -107,21 +105,27 @@ class ActionReader(FormulaReader):
         if self.is_empty():
             self.at += 2
             return ()
-        return flatten(finished(self._duration()))
+        return flatten(self._duration())
 
-    def _duration(self) -> Steps[f.Formula]:
+    def _duration(self) -> f.Formula:
         head = self.peek_head("a duration, such as (= ?duration 5)", _DURATION).lower()
         time = self.time_here()
+        self.enter()
+        found = self._inner_duration(head, time)
+        self.level -= 1
+        return found
+
+    def _inner_duration(self, head: str, time: str | None) -> f.Formula:
         if head == "and":
             self.at += 2
             parts = []
             while self.tokens[self.at] != ")":
-                parts.append((yield self._duration()))
+                parts.append(self._duration())
             self.at += 1
             return f.And(tuple(parts))
         if time is not None:
             self.at += 3
-            formula = yield self._duration()
+            formula = self._duration()
             self.expect(")", f"')' after the duration {time}")
             return f.Timed(time, formula)
         return self._duration_constraint(head)

@@ -1,16 +1,14 @@
 """Reading formulas: terms, numeric expressions, conditions, effects, constraints and preferences.
 
-Formulas may be nested to any depth, so no method recurses: a method that reads a node with formulas
-inside is a generator, which yields each inner formula to read and receives it (`finished`).
+A formula nested deeper than `MAX_NESTING` levels is refused, so methods recurse.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Generator
+from collections.abc import Callable
 from decimal import Decimal
-from types import GeneratorType
-from typing import Any, Final, NoReturn, TypeVar, overload
+from typing import Final, NoReturn
 
 from ..arguments import shown
 from ..dto import formulas as f
@@ -40,35 +38,6 @@ _NO_EFFECTS: Final = frozenset(
     {"or", "imply", "exists", "preference", "=", "<", "<=", ">=", ">", "oneof", "probabilistic"}
 )
 _STANDARD_NUMBER = re.compile(r"-?[0-9]+(\.[0-9]+)?")
-
-T = TypeVar("T")
-Steps = Generator[Any, Any, T]
-
-
-@overload
-def finished(found: Steps[T]) -> T: ...
-@overload
-def finished(found: T) -> T: ...
-def finished(found: Any) -> Any:
-    """Return a node, or run the steps that read it on an explicit stack."""
-    if not isinstance(found, GeneratorType):
-        return found
-    stack: list[Steps[Any]] = [found]
-    given: Any = None
-    while True:
-        try:
-            part = stack[-1].send(given)
-        except StopIteration as end:
-            stack.pop()
-            given = end.value
-            if not stack:
-                return given
-            continue
-        if isinstance(part, f.Node):
-            given = part
-        else:
-            stack.append(part)
-            given = None
 
 
 def flatten(formula: f.Formula) -> tuple[f.Formula, ...]:
@@ -137,6 +106,7 @@ class FormulaReader(Cursor):
         duration_allowed: whether `?duration` is the duration of the action.
         time_allowed: whether `#t` may be used.
         metric: whether it reads a metric, which has `total-time` and `is-violated`.
+        level: how many levels of formulas are around the next token.
     """
 
     duration_allowed = False
@@ -153,16 +123,25 @@ class FormulaReader(Cursor):
         """Go to the beginning of a section, with no variables in scope."""
         super().open(section, nesting, tokens)
         self.scope = Scope()
+        self.level = 0
+
+    def enter(self) -> None:
+        """Count a level of nesting; whoever reads to its end subtracts it."""
+        self.level += 1
+        if self.level > f.MAX_NESTING:
+            self.fail(f.NESTING_REMEDY, f"a formula {self.level} levels deep")
 
     # Conditions and effects.
 
     def conjuncts(self, context: int) -> tuple[f.Formula, ...]:
         """Read a top-level formula, which may be `()` or a conjunction, as its conjuncts."""
-        return flatten(self._empty() if self.is_empty() else self.formula(context))
-
-    def formula(self, context: int) -> f.Formula:
-        """Read a formula."""
-        return finished(self._begin(context))
+        if self.is_empty():
+            return flatten(self._empty())
+        # A list of formulas is written as one conjunction, which is no level of theirs.
+        self.level = -(self.tokens[self.at + 1].lower() == "and")
+        found = flatten(self.formula(context))
+        self.level = 0
+        return found
 
     def is_empty(self) -> bool:
         """Return whether `()` is next."""
@@ -172,8 +151,8 @@ class FormulaReader(Cursor):
         self.at += 2
         return f.And()
 
-    def _begin(self, context: int) -> f.Formula | Steps[f.Formula]:
-        """Read a formula, or return the steps that read a formula with inner formulas."""
+    def formula(self, context: int) -> f.Formula:
+        """Read a formula."""
         tokens, at = self.tokens, self.at
         if tokens[at] != "(":
             self.fail(f"{_called(context)}, which begins with '('")
@@ -183,7 +162,12 @@ class FormulaReader(Cursor):
         if kind is None:
             kind = self._head(head, context)
         if not isinstance(kind, Signature):
-            return kind(self, context)
+            self.enter()
+            found = kind(self, context)
+            self.level -= 1
+            return found
+        if self.level == f.MAX_NESTING:
+            self.enter()
         if context & _WRAPPED:
             self._misplaced(context)
         if not kind.accepted:
@@ -234,7 +218,7 @@ class FormulaReader(Cursor):
         del context
         return self._empty()
 
-    def _junction(self, context: int) -> Steps[f.Formula]:
+    def _junction(self, context: int) -> f.Formula:
         tokens = self.tokens
         kind = f.And if tokens[self.at + 1].lower() == "and" else f.Or
         if kind is f.Or:
@@ -242,15 +226,14 @@ class FormulaReader(Cursor):
         self.at += 2
         formulas = []
         while tokens[self.at] != ")":
-            found = self._begin(context)
-            formulas.append(found if isinstance(found, f.Node) else (yield found))
+            formulas.append(self.formula(context))
         self.at += 1
         return kind(tuple(formulas))
 
-    def _not(self, context: int) -> Steps[f.Formula]:
+    def _not(self, context: int) -> f.Formula:
         context = self._plain("not", context)
         self.at += 2
-        formula = yield self._begin(context)
+        formula = self.formula(context)
         self.expect(")", "')' after the formula that is negated")
         return f.Not(formula)
 
@@ -265,32 +248,32 @@ class FormulaReader(Cursor):
         self.expect(")", "')' after the atom that is deleted")
         return f.Not(formula)
 
-    def _imply(self, context: int) -> Steps[f.Formula]:
+    def _imply(self, context: int) -> f.Formula:
         context = self._plain("imply", context)
         self.at += 2
-        condition = yield self._begin(context)
-        formula = yield self._begin(context)
+        condition = self.formula(context)
+        formula = self.formula(context)
         self.expect(")", "')' after the two formulas of imply")
         return f.Imply(condition, formula)
 
-    def _when(self, context: int) -> Steps[f.Formula]:
+    def _when(self, context: int) -> f.Formula:
         if context & INSIDE_TIME:
             expected = "(when ...) around (at start ...) or (at end ...), with times inside"
             self.deviate(expected, "read as a condition at the time of the effect")
         self.at += 2
-        condition = self._empty() if self.is_empty() else (yield self._begin(context & ~EFFECT))
-        effect = yield self._begin(context)
+        condition = self._empty() if self.is_empty() else self.formula(context & ~EFFECT)
+        effect = self.formula(context)
         self.expect(")", "')' after the condition and the effect of when")
         return f.When(condition, effect)
 
-    def _quantified(self, context: int) -> Steps[f.Formula]:
+    def _quantified(self, context: int) -> f.Formula:
         operator = self.tokens[self.at + 1].lower()
         if operator == "exists":
             context = self._plain("exists", context)
         outside = self.scope.mark()
         self.at += 2
         variables = self.variables()
-        formula = yield self._begin(context)
+        formula = self.formula(context)
         self.expect(")", f"')' after the {_noun(context)} of {operator}")
         self.scope.release(outside)
         return (f.Forall if operator == "forall" else f.Exists)(variables, formula)
@@ -305,7 +288,7 @@ class FormulaReader(Cursor):
         words = self.tokens[self.at + 1].lower(), self.tokens[self.at + 2].lower()
         return _TIMES.get(words) if self.tokens[self.at + 3] == "(" else None
 
-    def _at_time(self, context: int) -> f.Formula | Steps[f.Formula]:
+    def _at_time(self, context: int) -> f.Formula:
         time = self.time_here()
         if time is None:
             if context & EFFECT and context & TIMED:
@@ -318,9 +301,9 @@ class FormulaReader(Cursor):
             self.fail("a formula without a time", f"({time} ...)")
         return self._inside_time(time, context & EFFECT and EFFECT | INSIDE_TIME)
 
-    def _inside_time(self, time: str, context: int) -> Steps[f.Formula]:
+    def _inside_time(self, time: str, context: int) -> f.Formula:
         self.at += 3
-        formula = yield self._begin(context)
+        formula = self.formula(context)
         self.expect(")", f"')' after the {_noun(context)} {time}")
         return f.Timed(time, formula)
 
@@ -336,7 +319,7 @@ class FormulaReader(Cursor):
         unknown = self.symbols.unknown_domain
         return unknown or self.symbols.predicates.find(self.tokens[self.at + 1]) is not None
 
-    def _preference(self, context: int) -> f.Formula | Steps[f.Formula]:
+    def _preference(self, context: int) -> f.Formula:
         # A preference holds a formula, alone or after a name; terms are no formulas.
         following = self.tokens[self.at + 2 : self.at + (4 if context & PREFERENCES else 3)]
         if (following[0] == ")" or "(" not in following) and self._may_be_predicate():
@@ -345,12 +328,12 @@ class FormulaReader(Cursor):
             self.fail("a formula; a preference belongs to the top of a goal or precondition")
         return self._preferred(context)
 
-    def _preferred(self, context: int) -> Steps[f.Formula]:
+    def _preferred(self, context: int) -> f.Formula:
         self.at += 2
         name = None if self.tokens[self.at] == "(" else self.declared_name("preference")
         if name is not None:
             self.symbols.preferences.setdefault(fold(name), name)
-        formula = yield self._begin(context & ~PREFERENCES)
+        formula = self.formula(context & ~PREFERENCES)
         self.expect(")", "')' after the formula that is preferred")
         return f.Preference(name, formula)
 
@@ -360,7 +343,7 @@ class FormulaReader(Cursor):
         found = self.is_number(2) if numbers else self.tokens[self.at + 2] == "("
         return found or not self._may_be_predicate()
 
-    def _modal(self, context: int) -> f.Formula | Steps[f.Formula]:
+    def _modal(self, context: int) -> f.Formula:
         operator = self.tokens[self.at + 1].lower()
         wanted, formulas = f.MODALS[operator]
         if not self._takes_operands(wanted):
@@ -369,14 +352,14 @@ class FormulaReader(Cursor):
             self.fail("a formula; constraints belong to (:constraints ...)")
         return self._constraint(operator, wanted, formulas)
 
-    def _constraint(self, operator: str, wanted: int, formulas: int) -> Steps[f.Formula]:
+    def _constraint(self, operator: str, wanted: int, formulas: int) -> f.Formula:
         self.at += 2
         numbers = tuple([self._time_span(operator) for _ in range(wanted)])
         if wanted == 2 and numbers[0].value > numbers[1].value:
             self.fail(f"the end of {operator}, not before its begin", at=self.at - 1)
         parts = []
         for _ in range(formulas):
-            parts.append((yield self._begin(MODAL)))
+            parts.append(self.formula(MODAL))
         self.expect(")", f"')' after the {formulas} formula{'s' * (formulas - 1)} of {operator}")
         return f.Modal(operator, numbers, tuple(parts))
 
@@ -467,15 +450,16 @@ class FormulaReader(Cursor):
 
     def expression(self) -> f.Expression:
         """Read a numeric expression."""
-        return finished(self._begin_expression())
-
-    def _begin_expression(self) -> f.Expression | Steps[f.Expression]:
-        """Read a number, or return the steps that read an operation."""
         token = self.tokens[self.at]
         if token == "(":
             head = self.tokens[self.at + 1]
             if head in f.ARITHMETIC:
-                return self._arithmetic(head)
+                self.enter()
+                found = self._arithmetic(head)
+                self.level -= 1
+                return found
+            if self.level == f.MAX_NESTING:
+                self.enter()
             if self.metric and head.lower() == "is-violated":
                 return self._is_violated()
             return self._fluent(numeric=True)
@@ -487,17 +471,19 @@ class FormulaReader(Cursor):
             return number
         return self._bare_fluent(token)
 
-    def _arithmetic(self, operator: str) -> Steps[f.Expression]:
+    def _arithmetic(self, operator: str) -> f.Expression:
         start = self.at
         self.at += 2
         operands = []
         while self.tokens[self.at] != ")":
-            found = self._begin_expression()
-            operands.append(found if isinstance(found, f.Node) else (yield found))
+            operands.append(self.expression())
         if not operands or (len(operands) == 1 and operator != "-"):
             self.fail(f"two operands of {operator}", f"{len(operands)}")
         if len(operands) > 2 and operator in "-/":
             self.deviate(f"two operands of {operator}", "read from the left", at=start)
+            self.level += len(operands) - 3
+            self.enter()
+            self.level -= len(operands) - 2
             for operand in operands[2:]:
                 operands[:2] = [f.Arithmetic(operator, tuple(operands[:2])), operand]
             del operands[2:]
@@ -674,7 +660,7 @@ class FormulaReader(Cursor):
     def term(self) -> Entity:
         """Read a term."""
         if self.tokens[self.at] == "(":
-            return finished(self._object_fluent())
+            return self._object_fluent()
         return self._named_term()
 
     def _named_term(self) -> Entity:
@@ -699,10 +685,11 @@ class FormulaReader(Cursor):
         expected = f"a variable that is bound here{hint(token, names)}"
         self.fail(expected, f"the variable '{token}'")
 
-    def _object_fluent(self) -> Steps[Entity]:
+    def _object_fluent(self) -> Entity:
         signature, start = self._function_here(), self.at
         if signature.parameters is not None and not signature.types:
             self.fail("a term", f"the number ({signature.name} ...)")
+        self.enter()
         self.at += 2
         terms: list[f.Term] = []
         declared = signature.parameters is not None
@@ -710,16 +697,14 @@ class FormulaReader(Cursor):
             declared and len(terms) == len(signature.accepted)
         ):
             at = self.at
-            if self.tokens[at] == "(":
-                entity: Entity = yield self._object_fluent()
-            else:
-                entity = self._named_term()
+            entity = self._object_fluent() if self.tokens[at] == "(" else self._named_term()
             if declared:
                 self._check_fit(signature, len(terms), entity, at)
             terms.append(entity[0])
         if self.tokens[self.at] != ")" or (declared and len(terms) < len(signature.accepted)):
             self._wrong_number(signature, start, self.at)
         self.at += 1
+        self.level -= 1
         return f.Fluent(signature.name, tuple(terms)), signature.types
 
     def _function_here(self) -> Signature:
@@ -773,7 +758,7 @@ def _called(context: int) -> str:
     return "an effect" if context & EFFECT else "a formula"
 
 
-_Operators = dict[str, Callable[[FormulaReader, int], f.Formula | Steps[f.Formula]]]
+_Operators = dict[str, Callable[[FormulaReader, int], f.Formula]]
 _CONDITIONS: _Operators = {
     "and": FormulaReader._junction,
     "or": FormulaReader._junction,

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Iterable
-from typing import Any, NamedTuple
+from collections.abc import Callable, Iterable
+from typing import NamedTuple
 
 from ..dto.formulas import Atom, Constant, Formula, Preference, Term, TypedName, Variable, walk
 from ..dto.lexical import ROOT_TYPE, fold, is_name
@@ -89,7 +89,7 @@ class BoundVariable(NamedTuple):
 
 
 # The meaning of the word after a parenthesis: a predicate, or the reader's method for an operator.
-Head = Signature | Callable[..., Formula | Generator[Any, Any, Formula]]
+Head = Signature | Callable[..., Formula]
 
 
 class SymbolTable:

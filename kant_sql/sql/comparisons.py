@@ -33,6 +33,8 @@ _TINY = "1e-290"
 _FEW = 8
 # A longer text becomes a step of its own, so that steps within steps do not multiply.
 _LONG = 120
+# A parser may have room for so many levels of a calculation in one expression.
+MAX_LEVELS = 6
 
 
 class NumberWriter(Protocol):
@@ -74,6 +76,7 @@ class ComparisonWriter:
         self._doubles: dict[Quantity, str] = {}
         self._texts: dict[Quantity, str] = {}
         self._steps: list[str] | None = None
+        self._long = _LONG
 
     def text(self, operator: str, left: Quantity, right: Quantity) -> str:
         """Write it as a condition that is true or false."""
@@ -85,6 +88,9 @@ class ComparisonWriter:
         if is_plain:
             found = self._stored(operator, left, right)
         elif self._arithmetic.is_fast:
+            found = self._exactly(operator, left, right)
+        elif levels_of(left, right) > MAX_LEVELS:
+            self._long = 0
             found = self._exactly(operator, left, right)
         else:
             found = self._by_doubles(operator, left, right)
@@ -190,7 +196,7 @@ class ComparisonWriter:
         found = [self._number(each) for each in quantity.operands]
         if len(found) == 1:
             zero = self._arithmetic.decimal.format("'0'")
-            return _Number(self._write("-", zero, found[0].value), found[0].divisor)
+            return self._step(_Number(self._write("-", zero, found[0].value), found[0].divisor))
 
         def calculated(left: _Number, right: _Number) -> _Number:
             return self._step(self._calculated(quantity.operator, left, right))
@@ -219,7 +225,7 @@ class ComparisonWriter:
 
     def _step(self, number: _Number) -> _Number:
         """Calculate a long number once."""
-        is_long = any(len(text) > _LONG for text in number if text is not None)
+        is_long = any(len(text) > self._long for text in number if text is not None)
         if not is_long or self._steps is None:
             return number
         name = self._writer.alias("s")
@@ -243,6 +249,15 @@ def _folded(operator: str, operands: Sequence[T], join: Callable[[T, T], T]) -> 
             _folded(operator, operands[:half], join), _folded(operator, operands[half:], join)
         )
     return reduce(join, operands)
+
+
+def levels_of(*quantities: Quantity) -> int:
+    """Return how many levels the calculations of numbers have."""
+    levels, level = 0, list(quantities)
+    while level:
+        level = [inner for each in level if isinstance(each, Operation) for inner in each.operands]
+        levels += 1
+    return levels
 
 
 def _nodes(quantity: Quantity) -> Iterable[Quantity]:

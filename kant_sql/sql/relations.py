@@ -22,7 +22,6 @@ from typing import Any, NamedTuple
 from sqlalchemy import text
 from typing_extensions import override
 
-from ..errors import UnsupportedConstructError
 from ..knowledge.conditions import (
     FALSE,
     AllOf,
@@ -38,13 +37,13 @@ from ..knowledge.conditions import (
     TypeSet,
     Witness,
     closure,
-    inner_parts,
     parts_of,
     replaced,
     slots_of,
 )
 from ..knowledge.definitions import Definitions
 from ..knowledge.rules import DerivationRule
+from .comparisons import MAX_LEVELS, levels_of
 from .conditions import ARGUMENT_COLUMNS, PAST, JoinedTables, Places
 from .dialects.words import Words, quoted
 from .estimates import Size
@@ -130,8 +129,6 @@ def delta_parameter(predicate: int) -> str:
 
 # How many entries of a parser's stack a subquery takes.
 _SUBQUERY = 10
-# How deep calculations may be nested where the depth is limited; sums and products are flat.
-MAX_CALCULATED = 20
 
 
 def _weight(part: Part) -> int:
@@ -144,11 +141,7 @@ def _weight(part: Part) -> int:
         case Lacks():
             return 2
         case Compares(_, left, right):
-            levels, level = 0, [left, right]
-            while level:
-                level = [inner for outer in level for inner in inner_parts(outer)]
-                levels += 1
-            return 3 * levels
+            return 3 * min(levels_of(left, right), MAX_LEVELS)
     return 0
 
 
@@ -252,11 +245,6 @@ class ConditionCompiler(JoinWriter):
         levels = self.words.levels
         if levels is None or not weight:
             return False
-        if isinstance(part, Compares) and weight > 3 * MAX_CALCULATED:
-            raise UnsupportedConstructError(
-                f"a number is calculated in {weight // 3} nested steps, and at most "
-                f"{MAX_CALCULATED} can be evaluated; compare parts of it"
-            )
         if not self._level:
             return False
         spare = 0 if weight >= _SUBQUERY else 15

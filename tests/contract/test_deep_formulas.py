@@ -1,17 +1,15 @@
-"""Formulas of any depth go through the store, and come back equal."""
+"""Formulas as deep as the limit come back equal from the store; deeper ones are refused."""
 
 from __future__ import annotations
 
-import inspect
 import pickle
-import sys
-from collections.abc import Iterator
 from typing import Any
 
 import pytest
 
-from kant_sql import KnowledgeBase
+from kant_sql import InvalidKnowledgeError, KnowledgeBase, PddlActionDto
 from kant_sql.dto.formulas import (
+    MAX_NESTING,
     Arithmetic,
     Atom,
     Comparison,
@@ -25,9 +23,6 @@ from kant_sql.dto.formulas import (
     Variable,
 )
 from kant_sql.pddl import read_domain, read_problem, write
-from tests.support.profile import PROFILE
-
-pytestmark = pytest.mark.slow
 
 DOMAIN = """
 (define (domain deep) (:requirements :adl :fluents :derived-predicates :constraints)
@@ -41,18 +36,8 @@ PROBLEM = """
 (define (problem deeper) (:domain deep) (:init (= (f) 0)) (:goal {goal})
   (:metric minimize {value}))
 """
-# A recursion fails at `LEVELS`, for which `short_stack` has no room; what takes the square of the
-# levels takes minutes at 10,000.
-LEVELS, MANY = (1_000, 50_000) if PROFILE.is_whole else (400, 10_000)
-
-
-@pytest.fixture(autouse=True)
-def short_stack(fresh_kb: KnowledgeBase) -> Iterator[None]:
-    """Leave room for fewer frames than a formula has levels."""
-    limit = sys.getrecursionlimit()
-    sys.setrecursionlimit(len(inspect.stack(0)) + LEVELS)
-    yield
-    sys.setrecursionlimit(limit)
+# With the atom within, and what is around some of these formulas.
+LEVELS = MAX_NESTING - 2
 
 
 def load(kb: KnowledgeBase, opening: str, levels: int) -> tuple[Any, Any]:
@@ -101,9 +86,9 @@ def test_daos_take_and_give_what_is_deep(fresh_kb: KnowledgeBase) -> None:
     )
     term: Any = Variable("x")
     total: Any = Number(1)
-    for _ in range(LEVELS):
+    for _ in range(LEVELS // 2):
         term, total = Fluent("next", (term,)), Arithmetic("-", (total,))
-    goal = Exists((TypedName("x", ("t",)),), nested(Atom("q", (term,)), LEVELS))
+    goal = Exists((TypedName("x", ("t",)),), nested(Atom("q", (term,)), LEVELS // 2))
     fresh_kb.goals.save(goal)
     fresh_kb.goals.save(Comparison("<", total, Fluent("f")))
     fresh_kb.metric.set(Metric("minimize", total))
@@ -119,9 +104,39 @@ def test_daos_take_and_give_what_is_deep(fresh_kb: KnowledgeBase) -> None:
     assert fresh_kb.goals.get_all() == []
 
 
-def test_as_deep_as_programs_write(fresh_kb: KnowledgeBase) -> None:
-    fresh_kb.load_domain("(define (domain d) (:requirements :adl) (:predicates (p)))")
-    goal = nested(Atom("p"), MANY)
-    fresh_kb.goals.save(goal)
-    assert fresh_kb.goals.get_all() == [goal]
-    assert fresh_kb.verify().is_intact
+TOO_DEEP = "levels deep, expected at most 50 levels; name a part by a derived predicate"
+
+
+def test_what_is_deeper_is_refused_wherever_it_comes_from(fresh_kb: KnowledgeBase) -> None:
+    fresh_kb.load_domain(
+        "(define (domain d) (:requirements :adl :fluents) (:predicates (p)) (:functions (f)))"
+    )
+    for deepest in (nested(Atom("p"), MAX_NESTING - 1), numbered(MAX_NESTING)):
+        fresh_kb.goals.save(deepest)
+        assert fresh_kb.goals.get_all() == [deepest]
+        assert fresh_kb.holds(str(deepest)) in (True, False)
+        assert fresh_kb.goals.delete(deepest)
+    fresh_kb.goals.save(nested(Atom("p"), MAX_NESTING - 1))
+    before = fresh_kb.revision
+    for levels in (MAX_NESTING + 1, 50_000):
+        for wrong in (nested(Atom("p"), levels - 1), numbered(levels)):
+            for save in (
+                lambda wrong=wrong: fresh_kb.goals.save(wrong),
+                lambda wrong=wrong: fresh_kb.goals.save(str(wrong)),
+                lambda wrong=wrong: fresh_kb.derived_predicates.save(Derived("p", (), wrong)),
+                lambda wrong=wrong: fresh_kb.actions.save(
+                    PddlActionDto("a", [], [wrong], [], durative=False)
+                ),
+                lambda wrong=wrong: fresh_kb.holds(str(wrong)),
+                lambda wrong=wrong: fresh_kb.query(str(wrong)),
+            ):
+                with pytest.raises(InvalidKnowledgeError, match=TOO_DEEP):
+                    save()
+    assert fresh_kb.revision == before
+
+
+def numbered(levels: int) -> Comparison:
+    total: Any = Fluent("f")
+    for _ in range(levels - 2):
+        total = Arithmetic("-", (total,))
+    return Comparison("<", total, Number(1))

@@ -9,6 +9,7 @@ import pytest
 
 from kant_sql import KnowledgeBase, PddlActionDto, PddlObjectDto, PddlTypeDto
 from kant_sql.dto.formulas import (
+    MAX_NESTING,
     And,
     Arithmetic,
     Assign,
@@ -386,13 +387,12 @@ def test_a_parameter_hides_no_object_of_its_name(fresh_kb: KnowledgeBase) -> Non
     check_text(fresh_kb)
 
 
-@pytest.mark.slow
 def test_what_is_wrong_deep_within_is_said_briefly(fresh_kb: KnowledgeBase) -> None:
     load(fresh_kb)
     sums: Any = IsViolated("p")
     fluent: Any = Constant("nobody")
     formula: Any = Atom("unknown")
-    for _ in range(20_000):
+    for _ in range(MAX_NESTING - 4):
         sums = Arithmetic("-", (sums,))
         fluent = Fluent("home", (fluent,))
         formula = Not(formula)

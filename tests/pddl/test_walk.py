@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from decimal import Decimal
 
+import pytest
+
 from kant_sql.dto.formulas import (
+    MAX_NESTING,
     And,
     Assign,
     Atom,
@@ -13,6 +16,7 @@ from kant_sql.dto.formulas import (
     Derived,
     Fluent,
     Forall,
+    Formula,
     Modal,
     Node,
     Not,
@@ -20,10 +24,11 @@ from kant_sql.dto.formulas import (
     TimedLiteral,
     TypedName,
     Variable,
+    check_nesting,
     children,
-    depth,
     walk,
 )
+from kant_sql.errors import InvalidKnowledgeError
 
 X, A = Variable("x"), Constant("a")
 P = Atom("p", (X, Fluent("f", (A,))))
@@ -51,7 +56,11 @@ def test_walking_is_in_preorder() -> None:
     assert list(walk()) == []
 
 
-def test_depth_counts_the_longest_way_down() -> None:
-    assert depth(A) == 1
-    assert depth(And()) == 1
-    assert depth(And((Not(P), P))) == 5
+def test_nesting_counts_formulas_and_functions_but_no_names() -> None:
+    nested: Formula = P
+    for _ in range(MAX_NESTING - 2):
+        nested = Not(nested)
+    check_nesting(nested, P)
+    check_nesting(Derived("p", (TypedName("x"),), nested))
+    with pytest.raises(InvalidKnowledgeError, match="nested 51 levels deep, expected at most 50"):
+        check_nesting(P, And((P, nested)))
