@@ -31,6 +31,7 @@ OF_ALL = {
     "kant_sql.sql.catalog._COMPLETE",
     "kant_sql.sql.catalog._REVISIONS",
     "kant_sql.sql.catalog._STATES",
+    "kant_sql.sql.inventory._BY_ID",
     "kant_sql.sql.inventory._COUNTS",
     "kant_sql.sql.inventory._EVERY",
     "kant_sql.sql.inventory._FOUND",

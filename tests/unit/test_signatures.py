@@ -20,8 +20,8 @@ from kant_sql.factory import FAMILIES
 from tests.support.worlds.robots import robot_at
 
 MODULES = (kant_sql, kant_sql.aio, kant_sql.pddl, kant_sql.planning)
-# Two states of one kind, in the order of `git diff A B`.
-TWO_OF_A_KIND = {"diff"}
+# Two states of one kind, in the order of `git diff A B`; from and to, in that of `cp`.
+TWO_OF_A_KIND = {"diff", "backup"}
 POSITIONAL = (inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)
 
 
