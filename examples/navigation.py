@@ -11,6 +11,7 @@ import sys
 
 from kant_sql import (
     DaoFactory,
+    KnowledgeBase,
     PddlActionDto,
     PddlConditionEffectDto,
     PddlObjectDto,
@@ -63,7 +64,7 @@ def walk_through(factory: DaoFactory) -> None:
     print("Facts now:", *propositions.get_no_goals(), sep="\n  ")
     print(f"Facts at revision {before}:", *past.get_no_goals(), sep="\n  ")
     print("All that happened:")
-    for entry in factory.create_history().log():
+    for entry in KnowledgeBase(factory).log():
         print(f"  {entry.revision.number} {entry.revision.actor}: {entry.revision.reason or '-'}")
         for change in entry.changes:
             print(f"    {change.sign} {change.kind} {change.text.splitlines()[0]}")

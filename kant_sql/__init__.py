@@ -11,7 +11,7 @@ from .dto import *  # noqa: F403
 from .errors import *  # noqa: F403
 
 if TYPE_CHECKING:
-    from .documents.interfaces import Loaded
+    from .documents.exchange import Loaded
     from .factory import DaoFactory, create_dao_factory
     from .history.anchors import Anchor, AnchoredHead, parse_anchor
     from .history.archive.archive import Archived
@@ -110,7 +110,7 @@ __all__ += errors.__all__
 _HOMES = {
     name: module
     for module, names in {
-        ".documents.interfaces": ("Loaded",),
+        ".documents.exchange": ("Loaded",),
         ".factory": ("DaoFactory", "create_dao_factory"),
         ".history.anchors": ("Anchor", "AnchoredHead", "parse_anchor"),
         ".history.archive.archive": ("Archived",),

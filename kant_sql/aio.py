@@ -35,8 +35,9 @@ from .dao.interfaces import (
 from .dto import Dto, PddlObjectDto
 from .dto.formulas import Node
 from .errors import ClosedError, StoreBusyError, TransactionCancelledError, TransactionOpenError
-from .history.diff import diff_lines
-from .knowledge_base import KnowledgeBase
+from .history.diff import diff_lines, state_lines
+from .history.follow import watch_until
+from .knowledge_base import KnowledgeBase, state_of
 from .knowledge_store import KnowledgeStore
 from .moment_text import When
 from .plans.interfaces import PlanDao
@@ -798,8 +799,10 @@ class AsyncKnowledgeBase(_Part):
         """Compare this state with that of another knowledge base, as `KnowledgeBase.diff_with`."""
         if not isinstance(other, AsyncKnowledgeBase):
             return await self._door.read(partial(self._kb.diff_with, other))
-        here = await self._door.read(self._kb._state_lines)
-        return diff_lines(here, await other._door.read(other._kb._state_lines))
+        here, there = [
+            await one._door.read(partial(_state_lines, one._kb)) for one in (self, other)
+        ]
+        return diff_lines(here, there)
 
     async def revision(self) -> int:
         """Read the number of the last revision, as `KnowledgeBase.revision`."""
@@ -838,7 +841,7 @@ class AsyncKnowledgeBase(_Part):
         lane, cancelled = _Lane(), threading.Event()
         try:
             return await asyncio.wrap_future(
-                lane.submit(partial(self._kb._watch, after, timeout, cancelled.is_set))
+                lane.submit(partial(_watch, self._kb, after, timeout, cancelled.is_set))
             )
         finally:
             cancelled.set()
@@ -854,6 +857,16 @@ class AsyncKnowledgeBase(_Part):
 
     async def __aexit__(self, *error: object) -> None:
         await self.close()
+
+
+def _state_lines(kb: KnowledgeBase) -> list[tuple[str, str]]:
+    return state_lines(state_of(kb))
+
+
+def _watch(
+    kb: KnowledgeBase, after: int | None, timeout: float | None, is_ended: Callable[[], bool]
+) -> int | None:
+    return watch_until(state_of(kb), after, timeout, is_ended)
 
 
 class AsyncKnowledgeStore:

@@ -30,13 +30,9 @@ from .dao.object import SqlObjectDao
 from .dao.predicate import SqlPredicateDao
 from .dao.proposition import SqlPropositionDao
 from .dao.type import SqlTypeDao
-from .documents.exchange import SqlExchange
-from .documents.interfaces import Exchange
 from .errors import InvalidArgumentError, InvalidUrlError
 from .history.branch import read_origin, write_branch
-from .history.interfaces import History
 from .history.moments import head_revision, state_at
-from .history.sql_history import SqlHistory
 from .moment_text import When
 from .plans.dao import SqlPlanDao, check_step, place_of
 from .plans.interfaces import PlanDao, RecordedStep
@@ -44,6 +40,7 @@ from .reasoning.interfaces import Reasoning
 from .reasoning.sql_reasoning import SqlReasoning
 from .sql.dialects import BACKENDS, create_backend, dialect_name
 from .sql.dialects.base import Backend
+from .store.state import State
 from .store.store import Store
 
 
@@ -297,14 +294,6 @@ class DaoFactory(Connection):
         """Create the DAO of recorded plans."""
 
     @abstractmethod
-    def create_exchange(self) -> Exchange:
-        """Create the part that loads and writes whole documents."""
-
-    @abstractmethod
-    def create_history(self) -> History:
-        """Create the part that reads the past."""
-
-    @abstractmethod
     def create_reasoning(self) -> Reasoning:
         """Create the part that asks conditions, acts and validates."""
 
@@ -432,6 +421,11 @@ class SqlDaoFactory(DaoFactory):
         self._open_store.refuse_closed()
         return self._open_store
 
+    @property
+    def state(self) -> State:
+        """What questions are asked of."""
+        return State(self._store, self._at)
+
     create_pddl_type_dao = _creates(SqlTypeDao)
     create_pddl_object_dao = _creates(SqlObjectDao)
     create_pddl_predicate_dao = _creates(SqlPredicateDao)
@@ -449,8 +443,6 @@ class SqlDaoFactory(DaoFactory):
     create_domain_constraint_dao = _creates(formulas.SqlDomainConstraintDao)
     create_metric_dao = _creates(formulas.SqlMetricDao)
     create_plan_dao = _creates(SqlPlanDao)
-    create_exchange = _creates(SqlExchange)
-    create_history = _creates(SqlHistory)
     create_reasoning = _creates(SqlReasoning)
 
     @override

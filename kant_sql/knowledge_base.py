@@ -2,26 +2,111 @@
 
 from __future__ import annotations
 
-from typing import Self
+import inspect
+from collections.abc import Callable
+from functools import wraps
+from typing import Concatenate, ParamSpec, Self, TypeVar
 
 from typing_extensions import override
 
 from . import html
 from .arguments import expect
+from .dao.base import refuse_past
 from .dao.interfaces import forwarding
-from .documents.interfaces import Exchange
-from .errors import InvalidArgumentError
-from .factory import Connection, DaoFactory, Daos, create_dao_factory
-from .history.interfaces import History
+from .documents.exchange import (
+    domain,
+    domain_pddl,
+    load_domain,
+    load_problem,
+    problem,
+    problem_pddl,
+    requirements,
+)
+from .documents.planners import load_unified_planning, plan, to_unified_planning
+from .errors import InvalidArgumentError, InvalidUrlError
+from .factory import Connection, DaoFactory, Daos, SqlDaoFactory, create_dao_factory
+from .history.anchors import anchor
+from .history.archive.archive import archive
+from .history.audit import to_arrow
+from .history.diff import diff, diff_lines, state_lines
+from .history.follow import changes, watch
+from .history.log import log, revisions
+from .history.overview import read_overview
+from .history.replication.calls import push
+from .history.replication.promote import promote
+from .history.restore import restore
+from .history.timeline import timeline
+from .history.verify.verify import verify
+from .history.versions import blame, history
 from .moment_text import When
 from .reasoning.interfaces import Reasoning
+from .sql.changes import Change
+from .store.state import State
+
+P = ParamSpec("P")
+R = TypeVar("R")
 
 # Revisions that a notebook shows of a knowledge base.
 _LATEST = 5
 
 
-@forwarding(factory=Connection, _exchange=Exchange, _history=History, _reasoning=Reasoning)
-class KnowledgeBase(Daos, Exchange, History, Reasoning, Connection):
+def state_of(kb: KnowledgeBase) -> State:
+    """Return what functions of a state are asked of.
+
+    Raises:
+        InvalidUrlError: the DAO family is not built on an SQL store, and has DAOs only.
+        ClosedError: the store was closed.
+    """
+    if not isinstance(kb.factory, SqlDaoFactory):
+        raise InvalidUrlError(
+            f"{type(kb.factory).__name__}: this DAO family has DAOs only; history, documents and "
+            "reasoning need an SQL store, as sqlite:// or postgresql://"
+        )
+    return kb.factory.state
+
+
+def question(
+    function: Callable[Concatenate[State, P], R],
+) -> Callable[Concatenate[KnowledgeBase, P], R]:
+    """Bind a function of a state: a method with its docstring, arguments and defaults."""
+
+    @wraps(function)
+    def ask(self: KnowledgeBase, /, *args: P.args, **kwargs: P.kwargs) -> R:
+        return function(state_of(self), *args, **kwargs)
+
+    return _method(ask)
+
+
+def change(
+    function: Callable[Concatenate[State, P], R],
+) -> Callable[Concatenate[KnowledgeBase, P], R]:
+    """Bind a function that writes, as `question`; views of the past refuse it."""
+
+    @wraps(function)
+    def write(self: KnowledgeBase, /, *args: P.args, **kwargs: P.kwargs) -> R:
+        state = state_of(self)
+        if state.at is not None:
+            refuse_past(state.store, state.at)
+        return function(state, *args, **kwargs)
+
+    return _method(write)
+
+
+def _method(
+    bound: Callable[Concatenate[KnowledgeBase, P], R],
+) -> Callable[Concatenate[KnowledgeBase, P], R]:
+    """Show `self` in place of the state, to `help` and to who reads annotations."""
+    shown = inspect.signature(bound)
+    state, *others = shown.parameters.values()
+    own = state.replace(name="self", annotation=inspect.Parameter.empty)
+    bound.__signature__ = shown.replace(parameters=[own, *others])  # type: ignore[attr-defined]
+    hints = bound.__annotations__.items()
+    bound.__annotations__ = {name: hint for name, hint in hints if name != state.name}
+    return bound
+
+
+@forwarding(factory=Connection, _reasoning=Reasoning)
+class KnowledgeBase(Daos, Reasoning, Connection):
     """A robot's knowledge: its present state, its history, and its documents.
 
     Threads may share it. Use it as a context manager, or call `close`.
@@ -37,10 +122,60 @@ class KnowledgeBase(Daos, Exchange, History, Reasoning, Connection):
             factory: the factory; the knowledge base owns it.
         """
         self.factory = expect(factory, DaoFactory, "the factory", InvalidArgumentError)
-        self._exchange = factory.create_exchange()
-        self._history = factory.create_history()
         self._reasoning = factory.create_reasoning()
         self._create(factory)
+
+    load_domain = change(load_domain)
+    load_problem = change(load_problem)
+    load_unified_planning = change(load_unified_planning)
+    domain = question(domain)
+    problem = question(problem)
+    domain_pddl = question(domain_pddl)
+    problem_pddl = question(problem_pddl)
+    requirements = question(requirements)
+    to_unified_planning = question(to_unified_planning)
+    plan = question(plan)
+
+    revisions = question(revisions)
+    log = question(log)
+    changes = question(changes)
+    watch = question(watch)
+    diff = question(diff)
+    history = question(history)
+    blame = question(blame)
+    timeline = question(timeline)
+    to_arrow = question(to_arrow)
+    restore = change(restore)
+    verify = question(verify)
+    anchor = question(anchor)
+    archive = change(archive)
+    push = change(push)
+    promote = change(promote)
+
+    def diff_with(self, other: KnowledgeBase) -> list[Change]:
+        """Compare this state with that of another knowledge base, in any store.
+
+        Args:
+            other: the other one, in the present or the past.
+
+        Returns:
+            What would turn this state into the other's: `+` for what holds only there, `-` for what
+            holds only here, sorted by sign, kind and text. Pending changes of open transactions
+            count.
+
+        Raises:
+            InvalidArgumentError: `other` is not a knowledge base.
+
+        Examples:
+            >>> with kb.branch() as trial:
+            ...     _ = trial.propositions.save(PddlPropositionDto(robot_at, [rb1, wp2]))
+            ...     for change in kb.diff_with(trial):
+            ...         print(change.sign, change.kind, change.text)
+            + fact (robot_at rb1 wp2)
+            + object wp2 - wp
+        """
+        expect(other, KnowledgeBase, "what it is compared with", InvalidArgumentError)
+        return diff_lines(state_lines(state_of(self)), state_lines(state_of(other)))
 
     @override
     def at(self, when: When) -> Self:
@@ -67,7 +202,7 @@ class KnowledgeBase(Daos, Exchange, History, Reasoning, Connection):
         head = self.revision
         last = [each._html_row_() for each in self.revisions(after=max(0, head - _LATEST))][::-1]
         latest = html.heading("The latest revisions") + html.table(last) if last else ""
-        counts = {"revision": head, **self._overview()._asdict()}
+        counts = {"revision": head, **read_overview(state_of(self))._asdict()}
         return html.heading(self.factory.label) + html.fields(counts) + latest
 
     def __enter__(self) -> Self:

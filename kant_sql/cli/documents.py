@@ -36,7 +36,7 @@ from .output import Document, Printer, bar, is_terminal, plural, printable_lines
 
 if TYPE_CHECKING:
     from ..dao.interfaces import Progress
-    from ..documents.interfaces import Mode
+    from ..documents.exchange import Mode
     from ..history.revisions import Revision
     from ..knowledge_base import KnowledgeBase
 

@@ -2,6 +2,6 @@
 
 from __future__ import annotations
 
-from .interfaces import Exchange, Loaded, Mode
+from .exchange import Loaded, Mode
 
-__all__ = ["Exchange", "Loaded", "Mode"]
+__all__ = ["Loaded", "Mode"]

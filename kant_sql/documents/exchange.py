@@ -1,183 +1,327 @@
-"""Loading PDDL files into an SQL store, and writing them from it."""
+"""Domains and problems: load them, from text or documents, and write them.
+
+Each load is one transaction, unless the task or thread has one open.
+"""
 
 from __future__ import annotations
 
 import dataclasses
 import logging
 from collections.abc import Callable
-from typing import TypeVar
-
-from typing_extensions import override
+from typing import Literal, NamedTuple, TypeVar
 
 from ..arguments import one_of, optional_call
-from ..dao.base import SqlDao
 from ..dao.interfaces import Progress
 from ..dto.lexical import is_name
 from ..errors import InvalidKnowledgeError, PddlError, printable
-from ..knowledge.definitions import DOMAIN, Definitions
+from ..knowledge.definitions import DOMAIN
 from ..pddl import read_domain, read_problem, used_requirements
 from ..pddl.document import Domain, PddlWarning, Problem
 from ..pddl.lexer import Source
 from ..pddl.reader import without_collector
 from ..pddl.writer import write, write_domain
 from ..store.snapshot import View, read_revision
+from ..store.state import State
+from ..store.store import Store
 from ..store.transaction import Transaction
 from .build import build_domain, build_problem, domain_title, problem_text
-from .interfaces import Exchange, Loaded, Mode, State
-from .load import load_domain, load_problem
+from .load import store_domain, store_problem
 
 T = TypeVar("T")
 
 logger = logging.getLogger("kant_sql.documents")
 
+Mode = Literal["replace", "merge"]
 
-class SqlExchange(SqlDao, Exchange):
-    """Loads domains and problems into an SQL store, and builds them from it."""
 
-    @override
-    def load_domain(
-        self,
-        *sources: Source,
-        mode: Mode = "replace",
-        strict: bool = False,
-        progress: Progress | None = None,
-    ) -> Loaded:
-        optional_call(progress, "progress")
-        domain = read_domain(*sources, strict=strict)
-        replace = self._is_replacing(mode)
-        revision = self._write(
-            lambda transaction: load_domain(transaction, domain, replace, progress)
+class Loaded(NamedTuple):
+    """The result of loading a document.
+
+    Attributes:
+        revision: the new revision; None when nothing changed, or within an open transaction.
+        warnings: deviations from the standard that can be read in one way only.
+    """
+
+    revision: int | None
+    warnings: tuple[PddlWarning, ...]
+
+
+class PlanningTask(NamedTuple):
+    """Domain and problem of one revision; within a transaction, of the one it began from."""
+
+    revision: int
+    domain: Domain
+    problem: Problem
+
+
+def load_domain(
+    state: State,
+    *sources: Source,
+    mode: Mode = "replace",
+    strict: bool = False,
+    progress: Progress | None = None,
+) -> Loaded:
+    """Load a domain, in at most one revision.
+
+    Args:
+        *sources: paths, or texts that begin with `(`; several files form one domain if they
+            do not contradict each other.
+        mode: `replace` retracts what the domain does not declare: types, constants, predicates,
+            functions, constraints, derived predicates, actions, and the facts, values and formulas
+            that no longer fit. `merge` keeps it, and refuses a domain that contradicts it.
+        strict: refuse deviations from the standard, instead of warning.
+        progress: called with the number of elements written, and the number in total; they
+            are not committed yet.
+
+    Returns:
+        The revision, and the warnings with their positions.
+
+    Raises:
+        PddlError: the text is not valid; the error has the position, what was found and what
+            was expected.
+        SourceMissingError: a file does not exist; this is a `FileNotFoundError`, too.
+        SourceError: a file cannot be read.
+        ConflictError: with mode `merge`, the domain contradicts what is stored.
+        ReadOnlyError: this is a view of the past.
+
+    Examples:
+        >>> kb.load_domain('''(define (domain doors)
+        ...   (:requirements :strips)
+        ...   (:predicates (open)))''')
+        Loaded(revision=2, warnings=())
+        >>> print(*kb.predicates.get_all())
+        (open)
+    """
+    optional_call(progress, "progress")
+    read = read_domain(*sources, strict=strict)
+    replace = _is_replacing(mode)
+    revision = _write(
+        state.store, lambda transaction: store_domain(transaction, read, replace, progress)
+    )
+    return _loaded(state.store, "domain", read.name, revision, read.warnings)
+
+
+@without_collector()
+def load_problem(
+    state: State,
+    source: Source,
+    *,
+    mode: Mode = "replace",
+    strict: bool = False,
+    progress: Progress | None = None,
+) -> Loaded:
+    """Load a problem of the stored domain, in at most one revision.
+
+    Args:
+        source: a path, or a text that begins with `(`.
+        mode: `replace` retracts what the problem does not declare: objects, initial state, goal,
+            constraints and metric. `merge` keeps it, and refuses a problem that contradicts it.
+        strict: as `load_domain`.
+        progress: as `load_domain`.
+
+    Returns:
+        The revision, and the warnings with their positions.
+
+    Raises:
+        PddlError: the text is not valid, or does not fit the domain.
+        SourceMissingError: the file does not exist; this is a `FileNotFoundError`, too.
+        SourceError: the file cannot be read.
+        ConflictError: with mode `merge`, the problem contradicts what is stored.
+        ReadOnlyError: this is a view of the past.
+
+    Examples:
+        >>> loaded = kb.load_problem('''(define (problem patrol) (:domain tiago)
+        ...   (:objects rb1 - robot wp1 wp2 - wp)
+        ...   (:init (robot_at rb1 wp2)) (:goal (robot_at rb1 wp1)))''')
+        >>> print(*kb.propositions.get_no_goals())
+        (robot_at rb1 wp2)
+    """
+    store = state.store
+    optional_call(progress, "progress")
+    replace = _is_replacing(mode)
+    of_domain = domain(state)
+    read = _read_problem(store, source, of_domain, strict)
+
+    def work(transaction: Transaction) -> None:
+        nonlocal read
+        now = build_domain(transaction.definitions, _default_name(store))
+        if now != of_domain:
+            # Another writer changed the domain after the problem was checked against it.
+            read = _read_problem(store, source, now, strict)
+        store_problem(transaction, read, replace, progress)
+
+    revision = _write(store, work)
+    return _loaded(store, "problem", read.name, revision, read.warnings)
+
+
+@without_collector()
+def load_documents(store: Store, of_domain: Domain, given: Problem, mode: Mode) -> Loaded:
+    """Load a domain and its problem from any maker, in at most one revision."""
+    replace = _is_replacing(mode)
+    # They pass the reader's checks before they are stored.
+    checked = read_domain(write(of_domain))
+    own = read_problem(write(given), domain=checked)
+
+    def work(transaction: Transaction) -> None:
+        store_domain(transaction, checked, replace)
+        store_problem(transaction, own, replace)
+
+    warnings = of_domain.warnings + given.warnings
+    return _loaded(store, "domain and problem", given.name, _write(store, work), warnings)
+
+
+def domain(state: State) -> Domain:
+    """Build the domain.
+
+    Returns:
+        The domain; named like the knowledge base if none was loaded.
+
+    Examples:
+        >>> kb.domain().name
+        'tiago'
+    """
+    name = _default_name(state.store)
+    return state.store.read_definitions(lambda known: build_domain(known, name), state.at)
+
+
+@without_collector()
+def problem(state: State) -> Problem:
+    """Build the problem: the present state as initial state, and the goals.
+
+    Returns:
+        The problem; named like the knowledge base if none was loaded.
+
+    Examples:
+        >>> kb.problem().facts
+        (Atom(predicate='robot_at', terms=(Constant(name='rb1'), Constant(name='wp1'))),)
+    """
+    return _read(state, build_problem)
+
+
+@without_collector()
+def read_task(state: State) -> PlanningTask:
+    """Build the domain and the problem of one state."""
+
+    def build(view: View, own: str, of_domain: str) -> PlanningTask:
+        made = build_problem(view, own, of_domain)
+        return PlanningTask(read_revision(view), build_domain(view.definitions, own), made)
+
+    return _read(state, build)
+
+
+def domain_pddl(state: State) -> str:
+    """Write the domain as PDDL.
+
+    Returns:
+        The text.
+
+    Examples:
+        >>> print(kb.domain_pddl(), end="")
+        (define (domain tiago)
+          (:requirements :strips :typing)
+          (:types
+            robot wp - object
+          )
+          (:predicates
+            (robot_at ?r0 - robot ?w1 - wp)
+          )
         )
-        return self._loaded("domain", domain.name, revision, domain.warnings)
+    """
+    return write_domain(domain(state))
 
-    @override
-    @without_collector()
-    def load_problem(
-        self,
-        source: Source,
-        *,
-        mode: Mode = "replace",
-        strict: bool = False,
-        progress: Progress | None = None,
-    ) -> Loaded:
-        optional_call(progress, "progress")
-        replace = self._is_replacing(mode)
-        domain = self.domain()
-        problem = self._read_problem(source, domain, strict)
 
-        def work(transaction: Transaction) -> None:
-            nonlocal problem
-            now = self._build_domain(transaction.definitions)
-            if now != domain:
-                # Another writer changed the domain after the problem was checked against it.
-                problem = self._read_problem(source, now, strict)
-            load_problem(transaction, problem, replace, progress)
+@without_collector()
+def problem_pddl(state: State) -> str:
+    """Write the problem as PDDL, from one consistent state.
 
-        revision = self._write(work)
-        return self._loaded("problem", problem.name, revision, problem.warnings)
+    Returns:
+        The text.
 
-    @override
-    @without_collector()
-    def _load(self, domain: Domain, *, problem: Problem, mode: Mode) -> Loaded:
-        replace = self._is_replacing(mode)
-        # Documents from any maker pass the reader's checks before they are stored.
-        checked = read_domain(write(domain))
-        own = read_problem(write(problem), domain=checked)
-
-        def work(transaction: Transaction) -> None:
-            load_domain(transaction, checked, replace)
-            load_problem(transaction, own, replace)
-
-        warnings = domain.warnings + problem.warnings
-        return self._loaded("domain and problem", problem.name, self._write(work), warnings)
-
-    @override
-    def domain(self) -> Domain:
-        return self._store.read_definitions(self._build_domain, self._at)
-
-    @override
-    @without_collector()
-    def problem(self) -> Problem:
-        return self._read(lambda view: build_problem(view, *self._names(view.definitions)))
-
-    @override
-    @without_collector()
-    def _state(self) -> State:
-        def work(view: View) -> State:
-            definitions = view.definitions
-            problem = build_problem(view, *self._names(definitions))
-            return State(read_revision(view), self._build_domain(definitions), problem)
-
-        return self._read(work)
-
-    @override
-    def domain_pddl(self) -> str:
-        return write_domain(self.domain())
-
-    @override
-    @without_collector()
-    def problem_pddl(self) -> str:
-        return self._read(lambda view: problem_text(view, *self._names(view.definitions)))
-
-    @override
-    def requirements(self) -> tuple[str, ...]:
-        state = self._state()
-        return used_requirements(state.domain, problem=state.problem)
-
-    def _loaded(
-        self, kind: str, name: str, revision: int | None, warnings: tuple[PddlWarning, ...]
-    ) -> Loaded:
-        logger.info(
-            "knowledge base %r: loaded %s %r, revision %s, %d warnings",
-            self._store.name,
-            kind,
-            name,
-            revision,
-            len(warnings),
+    Examples:
+        >>> print(kb.problem_pddl(), end="")
+        (define (problem tiago)
+          (:domain tiago)
+          (:objects
+            rb1 - robot
+            wp1 - wp
+          )
+          (:init
+            (robot_at rb1 wp1)
+          )
+          (:goal (and))
         )
-        for warning in warnings:
-            logger.info("%s", printable(str(warning)))
-        return Loaded(revision, warnings)
+    """
+    return _read(state, problem_text)
 
-    def _read(self, work: Callable[[View], T]) -> T:
-        return self._store.read_in_snapshot(work, self._at)
 
-    def _write(self, work: Callable[[Transaction], None]) -> int | None:
-        self._check_writable()
-        made: list[Transaction] = []
+def requirements(state: State) -> tuple[str, ...]:
+    """Compute the requirements that domain and problem use.
 
-        def remember(transaction: Transaction) -> None:
-            made[:] = [transaction]
-            work(transaction)
+    Returns:
+        The requirements, in the order of the standard.
 
-        self._store.write(remember)
-        committed = made[0].committed
-        return None if committed is None else committed.number
+    Examples:
+        >>> kb.requirements()
+        (':strips', ':typing')
+    """
+    task = read_task(state)
+    return used_requirements(task.domain, problem=task.problem)
 
-    def _read_problem(self, source: Source, domain: Domain, strict: bool) -> Problem:
-        if self._store.read_definitions(lambda known: known.documents.named(DOMAIN)) is not None:
-            return read_problem(source, domain=domain, strict=strict)
-        # A domain that was made through DAOs fits any name.
-        named = read_problem(source, strict=strict).domain
-        try:
-            own = dataclasses.replace(domain, name=named)
-            return read_problem(source, domain=own, strict=strict)
-        except PddlError as error:
-            place = (error.source, error.line, error.column, error.found)
-            remedy = f"no domain is loaded here: load the domain {named} first, with load_domain()"
-            raise PddlError(*place, f"{error.expected}; {remedy}", error.nesting) from error
 
-    def _build_domain(self, definitions: Definitions) -> Domain:
-        return build_domain(definitions, self._default_name)
+def _loaded(
+    store: Store, kind: str, name: str, revision: int | None, warnings: tuple[PddlWarning, ...]
+) -> Loaded:
+    logger.info(
+        "knowledge base %r: loaded %s %r, revision %s, %d warnings",
+        store.name,
+        kind,
+        name,
+        revision,
+        len(warnings),
+    )
+    for warning in warnings:
+        logger.info("%s", printable(str(warning)))
+    return Loaded(revision, warnings)
 
-    def _names(self, definitions: Definitions) -> tuple[str, str]:
-        return self._default_name, domain_title(definitions, self._default_name)
 
-    @property
-    def _default_name(self) -> str:
-        """The name of a document that was never loaded: the knowledge base's, if PDDL allows it."""
-        return self._store.name if is_name(self._store.name, "domain") else "default"
+def _read(state: State, build: Callable[[View, str, str], T]) -> T:
+    """Build something of one consistent state, which names the problem and the domain."""
+    name = _default_name(state.store)
+    return state.store.read_in_snapshot(
+        lambda view: build(view, name, domain_title(view.definitions, name)), state.at
+    )
 
-    @staticmethod
-    def _is_replacing(mode: str) -> bool:
-        return one_of(mode, ("replace", "merge"), "the mode", InvalidKnowledgeError) == "replace"
+
+def _write(store: Store, work: Callable[[Transaction], None]) -> int | None:
+    made: list[Transaction] = []
+
+    def remember(transaction: Transaction) -> None:
+        made[:] = [transaction]
+        work(transaction)
+
+    store.write(remember)
+    committed = made[0].committed
+    return None if committed is None else committed.number
+
+
+def _read_problem(store: Store, source: Source, of_domain: Domain, strict: bool) -> Problem:
+    if store.read_definitions(lambda known: known.documents.named(DOMAIN)) is not None:
+        return read_problem(source, domain=of_domain, strict=strict)
+    # A domain that was made through DAOs fits any name.
+    named = read_problem(source, strict=strict).domain
+    try:
+        own = dataclasses.replace(of_domain, name=named)
+        return read_problem(source, domain=own, strict=strict)
+    except PddlError as error:
+        place = (error.source, error.line, error.column, error.found)
+        remedy = f"no domain is loaded here: load the domain {named} first, with load_domain()"
+        raise PddlError(*place, f"{error.expected}; {remedy}", error.nesting) from error
+
+
+def _default_name(store: Store) -> str:
+    """Name a document that was never loaded: as the knowledge base, if PDDL allows it."""
+    return store.name if is_name(store.name, "domain") else "default"
+
+
+def _is_replacing(mode: str) -> bool:
+    return one_of(mode, ("replace", "merge"), "the mode", InvalidKnowledgeError) == "replace"

@@ -373,7 +373,7 @@ class Formulas:
                 self._transaction.undefine("formula", formula.id)
 
 
-def load_domain(
+def store_domain(
     transaction: Transaction, domain: Domain, replace: bool, progress: Progress | None = None
 ) -> None:
     """Store a domain."""
@@ -457,7 +457,7 @@ def _retract_unsaid(transaction: Transaction, declaring: Declaring, actions: set
     delete_scope(transaction, Scope(types, constants | objects, *others))
 
 
-def load_problem(
+def store_problem(
     transaction: Transaction, problem: Problem, replace: bool, progress: Progress | None = None
 ) -> None:
     """Store a problem, whose domain is stored."""

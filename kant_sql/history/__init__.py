@@ -6,7 +6,7 @@ from ..dao.interfaces import Progress
 from ..moment_text import When
 from .anchors import Anchor, AnchoredHead, parse_anchor
 from .archive.archive import Archived
-from .interfaces import Element, History
+from .elements import Element
 from .revisions import LogEntry, Revision
 from .verify.findings import Finding
 from .verify.verify import Verification
@@ -18,7 +18,6 @@ __all__ = [
     "Archived",
     "Element",
     "Finding",
-    "History",
     "LogEntry",
     "Progress",
     "Revision",

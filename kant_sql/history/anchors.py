@@ -17,7 +17,7 @@ from ..knowledge.canonical import time_text
 from ..sql.dialects.base import Session
 from ..sql.query import Query
 from ..sql.tables import HeadRow, KnowledgeBaseRow, RevisionRow
-from ..store.store import Store
+from ..store.state import State
 
 FORMAT = 1
 _HASH = re.compile(r"[0-9a-f]{64}")
@@ -92,8 +92,17 @@ class Anchor(NamedTuple):
         )
 
 
-def read_anchor(store: Store) -> Anchor:
-    """Read the heads of all knowledge bases."""
+def anchor(state: State) -> Anchor:
+    """Read the heads of all knowledge bases of the store, to keep elsewhere.
+
+    Returns:
+        The heads; `verify` compares a later state with them.
+
+    Examples:
+        >>> anchor = kb.anchor()
+        >>> kb.verify(anchor).is_intact
+        True
+    """
 
     def work(session: Session, _: int | None) -> Anchor:
         heads = []
@@ -103,9 +112,9 @@ def read_anchor(store: Store) -> Anchor:
             with reading_rows("revision", f"revision {number!r} of {name!r}"):
                 time = time_text(session.to_time(moment))
             heads.append(AnchoredHead(name, number, digest, time))
-        return Anchor(tuple(heads), time_text(store.clock(session)))
+        return Anchor(tuple(heads), time_text(state.store.clock(session)))
 
-    return store.query_in_snapshot(work)
+    return state.store.query_in_snapshot(work)
 
 
 def parse_anchor(text: str | bytes) -> Anchor:

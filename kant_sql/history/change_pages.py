@@ -55,7 +55,7 @@ from ..sql.tables import (
     RevisionRow,
 )
 from ..store.snapshot import refuse_archived
-from .excerpts import StateReader
+from ..store.state import State
 from .moments import states_at
 
 # Up to this number changes are in the order of their texts, beyond it in that of their ids.
@@ -290,7 +290,7 @@ class Difference(NamedTuple):
 
 
 def read_difference(
-    reader: StateReader, a: When, b: When, offset: int = 0, limit: int = 200
+    reader: State, a: When, b: When, offset: int = 0, limit: int = 200
 ) -> Difference:
     """Read a page of the difference of two states.
 

@@ -23,7 +23,7 @@ from ..sql.rows import (
 )
 from ..sql.tables import HeadRow
 from ..store.snapshot import View, refuse_archived
-from ..store.store import Store
+from ..store.state import State
 from .moments import states_at
 
 _BEFORE = integer("before")
@@ -80,7 +80,7 @@ def _state(then: bool) -> Query:
 _STATES = {is_past: _state(is_past) for is_past in (False, True)}
 
 
-def state_lines(store: Store, at: int | None) -> list[tuple[str, str]]:
+def state_lines(state: State) -> list[tuple[str, str]]:
     """Read kind and text of all that belongs to a state, in one statement."""
 
     def work(view: View) -> list[tuple[str, str]]:
@@ -90,7 +90,7 @@ def state_lines(store: Store, at: int | None) -> list[tuple[str, str]]:
         rows = view.session.rows(_STATES[view.at is not None], kb=view.kb_id, **past)
         return [(kind, text) for kind, text in rows]
 
-    return store.read_in_snapshot(work, at)
+    return state.store.read_in_snapshot(work, state.at)
 
 
 def diff_lines(here: list[tuple[str, str]], there: list[tuple[str, str]]) -> list[Change]:
@@ -104,8 +104,30 @@ def diff_lines(here: list[tuple[str, str]], there: list[tuple[str, str]]) -> lis
         raise unsortable(((kind, text) for _, kind, text in changes), "now", error) from error
 
 
-def diff(store: Store, a: When, b: When, upto: int | None = None) -> list[Change]:
-    """Return the changes from one state to another; see `History.diff`."""
+def diff(state: State, a: When, b: When) -> list[Change]:
+    """Compare two states. Recorded plans and archives belong to no state.
+
+    Args:
+        a: a revision, given as for `kb.at`.
+        b: another, before or after `a`.
+
+    Returns:
+        `+` for what holds at `b` only, `-` for what holds at `a` only, sorted by sign, kind and
+        text.
+
+    Raises:
+        UnknownRevisionError: there is no such revision yet, or a time lies in the future or
+            has no zone.
+        ArchivedError: one of the states was moved to an archive.
+
+    Examples:
+        >>> _ = kb.propositions.save(PddlPropositionDto(robot_at, [rb1, wp2]))
+        >>> for change in kb.diff(1, 2):
+        ...     print(change.sign, change.kind, change.text)
+        + fact (robot_at rb1 wp2)
+        + object wp2 - wp
+    """
+    store, upto = state
     states, stand = states_at(store, (a, b), upto)
     before, after = sorted(states)
     came, went = (ASSERTED, RETRACTED) if before == states[0] else (RETRACTED, ASSERTED)

@@ -37,8 +37,9 @@ from ..sql.tables import (
     PropositionArgumentRow,
     RevisionRow,
 )
+from ..store.state import State
 from .elements import Applied, Named, Sought, find_owners, refuse_unknown_element, sought
-from .excerpts import StateReader, contains, pattern_of
+from .excerpts import contains, pattern_of
 from .involvement import Involvement, read_involvement
 from .log import NEWEST_VERSIONS
 from .revisions import LARGEST, Revision, read_numbered
@@ -95,7 +96,7 @@ _ARCHIVED = Query(select(HeadRow.archived_revision).where(HeadRow.kb_id == KB))
 
 
 def read_versions_page(
-    reader: StateReader,
+    reader: State,
     element: str,
     kind: str | None = None,
     before: int | None = None,
@@ -105,7 +106,7 @@ def read_versions_page(
 
     Args:
         reader: where.
-        element: PDDL or a name, as for `History.history`; with `kind`, a name.
+        element: PDDL or a name, as for `history`; with `kind`, a name.
         kind: the kind of what the name is of.
         before: only versions that began before this revision.
         limit: how many versions a page has, or a few more that began in one revision.
@@ -312,7 +313,7 @@ _CONSTANTS = _constants()
 
 
 def read_object_page(
-    reader: StateReader, name: str, before: int | None = None, limit: int = 100
+    reader: State, name: str, before: int | None = None, limit: int = 100
 ) -> ObjectPage:
     """Read what involves an object, newest first.
 
@@ -400,7 +401,7 @@ _PLANS, _OUTCOMES = _plans(), _outcomes()
 
 
 def read_plans_page(
-    reader: StateReader, before: int | None = None, limit: int = 50
+    reader: State, before: int | None = None, limit: int = 50
 ) -> tuple[list[PlanLine], int | None]:
     """Read a page of the recorded plans, the newest first, and the id before the next page."""
 
@@ -442,7 +443,7 @@ class Stretch(NamedTuple):
 
 
 def read_stretches(
-    reader: StateReader, bounds: Sequence[tuple[int, int | None]], limit: int
+    reader: State, bounds: Sequence[tuple[int, int | None]], limit: int
 ) -> list[Stretch]:
     """Read the last revisions of each stretch, in two statements; one without an end is open."""
 
@@ -587,7 +588,7 @@ def _spelled(session: Session, kb_id: int, words: list[str]) -> str:
     return f"({' '.join([next(filter(None, heads), words[0] if words else ''), *objects])})"
 
 
-def read_matches(reader: StateReader, text: str, limit: int = 100) -> list[SearchMatch]:
+def read_matches(reader: State, text: str, limit: int = 100) -> list[SearchMatch]:
     """Look for a text in names, in facts and fluents, and in actors, in four statements at most.
 
     First comes what has this name, then what begins so, then facts of the object of this name, then

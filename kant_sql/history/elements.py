@@ -63,6 +63,10 @@ ACCEPTED = (
 )
 
 
+# A DTO, a formula, PDDL text such as `(robot_at rb1 wp1)`, or a name.
+Element = Dto | Node | str
+
+
 class Named(NamedTuple):
     """The definitions of a name, which is folded."""
 

@@ -1,26 +1,18 @@
-"""What pages have in common that show a part of a large store: where they read, and patterns."""
+"""What pages have in common that show a part of a large store: patterns."""
 
 from __future__ import annotations
 
 from string import ascii_lowercase, ascii_uppercase
-from typing import Any, NamedTuple
+from typing import Any
 
 from sqlalchemy import ColumnElement, bindparam, func
 
 from ..errors import InvalidArgumentError
-from ..store.store import Store
 
 # A pattern longer than this is refused by SQLite, which takes 50,000 bytes.
 LONGEST_SOUGHT = 5_000
 # As `lower` of both databases does, which leaves all but ASCII as it is.
 _LOWER = str.maketrans(ascii_uppercase, ascii_lowercase)
-
-
-class StateReader(NamedTuple):
-    """Where a page reads: a knowledge base, up to now or up to one revision."""
-
-    store: Store
-    at: int | None
 
 
 def contains(column: Any) -> ColumnElement[bool]:

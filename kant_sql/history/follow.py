@@ -26,8 +26,9 @@ from ..sql.rows import KB
 from ..sql.tables import HeadRow
 from ..store.head import check_numbers
 from ..store.snapshot import archive_of, vanished
+from ..store.state import State
 from ..store.store import Store
-from .revisions import PAGE, LogEntry, at_most, check_after, read_page, refuse_unknown
+from .revisions import PAGE, LogEntry, at_most, check_after, feed, read_page, refuse_unknown
 
 _HEAD = Query(select(HeadRow.revision, HeadRow.archived_revision).where(HeadRow.kb_id == KB))
 
@@ -40,10 +41,37 @@ class FeedPosition(NamedTuple):
     archived: int  # versions that ended up to this revision are in an archive
 
 
-def read_changes(
-    store: Store, after: int = 0, limit: int | None = None, upto: int | None = None
-) -> Iterator[LogEntry]:
-    """Read changes, oldest first, in pages; see `History.changes`."""
+def changes(state: State, after: int = 0, *, limit: int | None = None) -> Iterator[LogEntry]:
+    """Read revisions and their changes, oldest first: a feed that can be resumed.
+
+    Revisions come in order and without gaps. A consumer that stores the number of the last
+    revision it processed, and resumes from there, receives each revision at least once.
+
+    Args:
+        after: return revisions with a larger number.
+        limit: the maximum number of revisions; None for all.
+
+    Returns:
+        The entries, read in pages on demand; the iterator ends at the head.
+
+    Raises:
+        UnknownRevisionError: the knowledge base has no revision `after` yet.
+        ArchivedError: changes after `after` were moved to an archive.
+        StoreIntegrityError: a revision is missing.
+
+    Examples:
+        >>> processed = 0
+        >>> for entry in kb.changes(after=processed):
+        ...     processed = entry.revision.number
+        >>> processed
+        1
+    """
+    return feed(state.store, partial(_read_changes, state, after), limit)
+
+
+def _read_changes(state: State, after: int, limit: int | None) -> Iterator[LogEntry]:
+    """Read changes, oldest first, in pages."""
+    store, upto = state
     check_after(after)
     left = at_most(limit)
     return _following(store, after, left, upto, _read_page(store, after, min(left, PAGE), upto))
@@ -101,14 +129,42 @@ LOOK_EVERY = 1.0
 SLICE = 0.5
 
 
-def watch(
-    store: Store,
+def watch(state: State, after: int | None = None, *, timeout: float | None = None) -> int | None:
+    """Wait for a new revision.
+
+    Revisions of other processes count. The wait survives a restart of the server.
+
+    Args:
+        after: the last revision that the caller knows; None for the present head.
+        timeout: seconds to wait; None to wait without limit.
+
+    Returns:
+        The number of the head, which is larger than `after`; None after a timeout.
+
+    Raises:
+        UnknownRevisionError: the knowledge base has no revision `after` yet.
+        ReadOnlyError: this is a view of the past, or the task or thread has a transaction open.
+        InvalidTimeoutError: `timeout` is negative, or not a number.
+        StoreError: the timeout passed while the store was unreachable, or the knowledge base
+            was closed.
+
+    Examples:
+        >>> kb.watch(after=0)
+        1
+        >>> kb.watch(after=1, timeout=0) is None
+        True
+    """
+    return watch_until(state, after, timeout)
+
+
+def watch_until(
+    state: State,
     after: int | None,
     timeout: float | None,
-    upto: int | None = None,
     is_ended: Callable[[], bool] | None = None,
 ) -> int | None:
-    """Wait for a new revision, or until `is_ended`; see `History.watch`."""
+    """Wait as `watch` does, or until somebody ends the wait; this is seen after a while."""
+    store, upto = state
     _refuse_unwatchable(store, upto)
     if after is not None:
         check_after(after)

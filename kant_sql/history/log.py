@@ -14,8 +14,6 @@ from sqlalchemy import bindparam, select
 from .. import html
 from ..arguments import optional_text
 from ..dao.known import refuse_unknown_actor
-from ..dto.elements import Dto
-from ..dto.formulas import Node
 from ..moment_text import When
 from ..sql.changes import (
     ASSERTED,
@@ -31,8 +29,9 @@ from ..sql.dialects.base import Row, Session
 from ..sql.query import Query, first_rows, in_list, integer
 from ..sql.rows import KB, VERSION_COLUMNS, VersionColumns
 from ..sql.tables import HeadRow, RevisionRow
+from ..store.state import State
 from ..store.store import Store
-from .elements import Named, Owner, Sought, find_owners, refuse_unknown_element, sought
+from .elements import Element, Named, Owner, Sought, find_owners, refuse_unknown_element, sought
 from .involvement import Involvement, read_involvement
 from .moments import Bounds, find_bounds
 from .revisions import (
@@ -43,6 +42,7 @@ from .revisions import (
     at_most,
     check_after,
     collect,
+    feed,
     make_revision,
     missing_revision,
     refuse_archived_revision,
@@ -166,10 +166,21 @@ class _Page(NamedTuple):
     size: int | None = None  # of the next page, where this page determines it
 
 
-def read_revisions(
-    store: Store, after: int = 0, limit: int | None = None, upto: int | None = None
-) -> list[Revision]:
-    """Read revisions, oldest first."""
+def revisions(state: State, after: int = 0, *, limit: int | None = None) -> list[Revision]:
+    """Read revisions, oldest first.
+
+    Args:
+        after: return revisions with a larger number.
+        limit: the maximum number of revisions; None for all.
+
+    Returns:
+        The revisions, without what they changed.
+
+    Examples:
+        >>> [(revision.number, revision.actor) for revision in kb.revisions()]
+        [(1, 'perception')]
+    """
+    store, upto = state
     after = min(check_after(after), LARGEST - 1)
     high = min(LARGEST if upto is None else upto, after + at_most(limit))
 
@@ -182,16 +193,54 @@ def read_revisions(
     return html.Listing(store.query(work), "revision")
 
 
-def read_log(
-    store: Store,
+def log(
+    state: State,
     since: When | None = None,
+    *,
     until: When | None = None,
     actor: str | None = None,
-    element: Dto | Node | str | None = None,
+    element: Element | None = None,
     limit: int | None = None,
-    upto: int | None = None,
 ) -> Iterator[LogEntry]:
-    """Read revisions with their changes, newest first, in pages; see `History.log`."""
+    """Read revisions and their changes, newest first, in constant memory.
+
+    Args:
+        since: the first revision, or the earliest time of commit; both inclusive.
+        until: the last revision, or the latest time of commit; both inclusive.
+        actor: return revisions of this actor.
+        element: return revisions that changed this element, and their changes of it: a DTO, a
+            formula, PDDL text such as `(robot_at rb1 wp1)`, or a name. Of an object, the
+            changes of all that involves it, as for `history`.
+        limit: the maximum number of revisions; None for all.
+
+    Returns:
+        The entries up to the present head, read in pages on demand.
+
+    Raises:
+        UnknownRevisionError: `since` or `until` lies in the future, or is a time without zone.
+        ArchivedError: on reaching a revision that is partly in an archive.
+        UnknownNameError: instead of no entry, if there never was such an actor, or `element` is
+            a text with a name that never was.
+        InvalidKnowledgeError: `element` is not one of the above.
+
+    Examples:
+        >>> for entry in kb.log(element="(robot_at rb1 wp1)"):
+        ...     print(entry.revision.number, entry.revision.actor, entry.changes[0].sign)
+        1 perception +
+    """
+    return feed(state.store, partial(_read_log, state, since, until, actor, element), limit)
+
+
+def _read_log(
+    state: State,
+    since: When | None,
+    until: When | None,
+    actor: str | None,
+    element: Element | None,
+    limit: int | None,
+) -> Iterator[LogEntry]:
+    """Read revisions with their changes, newest first, in pages."""
+    store, upto = state
     optional_text(actor, "actor")
     wanted = None if element is None else sought(element)
     bounds = find_bounds(store, since, until, upto)

@@ -27,9 +27,10 @@ from ..sql.query import Query, first_rows, in_list, in_rows, integer
 from ..sql.rows import KB, PROPOSITION, VALUE, VERSION_COLUMNS
 from ..sql.tables import HeadRow, RevisionRow
 from ..store.snapshot import archive_of
+from ..store.state import State
 from .change_pages import COUNTED_CHANGES, ChangesPage, changes_of, count_changes, read_changes_page
-from .excerpts import StateReader, contains, is_in, pattern_of
-from .log import read_log
+from .excerpts import contains, is_in, pattern_of
+from .log import log
 from .moments import find_bounds
 from .revisions import Revision, make_revision, missing_revision, refuse_unknown
 
@@ -48,7 +49,7 @@ class LogFilter(NamedTuple):
 
     Attributes:
         actor: who wrote.
-        element: what was changed, as for `History.log`.
+        element: what was changed, as for `log`.
         text: what is in the reason, the actor, the source as JSON, or a change; letters of ASCII in
             any case.
     """
@@ -148,7 +149,7 @@ def _numbers(has_actor: bool, has_text: bool) -> Query:
 
 
 def read_log_page(
-    reader: StateReader,
+    reader: State,
     asked: LogFilter,
     since: When | None = None,
     until: When | None = None,
@@ -239,7 +240,7 @@ def read_lines(session: Session, kb_id: int, numbers: list[int]) -> list[LogLine
     ]
 
 
-def _of_element(reader: StateReader, asked: LogFilter, low: int, high: int, limit: int) -> LogPage:
+def _of_element(reader: State, asked: LogFilter, low: int, high: int, limit: int) -> LogPage:
     """Read the revisions that changed an element, by its versions."""
     if high < low:
         return LogPage([], None)
@@ -248,9 +249,7 @@ def _of_element(reader: StateReader, asked: LogFilter, low: int, high: int, limi
     lines: list[LogLine] = []
     looked, last = 0, high
     try:
-        for entry in read_log(
-            reader.store, low, high, element=asked.element, limit=most, upto=reader.at
-        ):
+        for entry in log(reader, low, until=high, element=asked.element, limit=most):
             revision = entry.revision
             if len(lines) == limit:
                 return LogPage(lines, last)
@@ -286,7 +285,7 @@ _HEAD = Query(select(HeadRow.revision, HeadRow.archived_revision).where(HeadRow.
 
 
 def read_revision_page(
-    reader: StateReader, number: int, offset: int = 0, limit: int = 200
+    reader: State, number: int, offset: int = 0, limit: int = 200
 ) -> RevisionExcerpt:
     """Read a revision with a page of its changes.
 

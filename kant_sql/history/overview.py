@@ -14,7 +14,7 @@ from ..sql.query import Query, first_rows, integer
 from ..sql.rows import KB, held_at
 from ..sql.tables import TABLES, FunctionValueVersionRow, PropositionVersionRow, RevisionRow
 from ..store.snapshot import View
-from ..store.store import Store
+from ..store.state import State
 from .moments import find_bounds
 from .revisions import read_archived_revision
 
@@ -57,8 +57,8 @@ def _counts(is_past: bool) -> Query:
 _COUNTS = {is_past: _counts(is_past) for is_past in (False, True)}
 
 
-def read_overview(store: Store, at: int | None) -> Overview:
-    """Count what holds in a state, in one statement."""
+def read_overview(state: State) -> Overview:
+    """Count what a state holds, in one statement."""
 
     def work(view: View) -> Overview:
         if view.kb_id is None:
@@ -67,7 +67,7 @@ def read_overview(store: Store, at: int | None) -> Overview:
         (row,) = view.session.rows(_COUNTS[view.at is not None], kb=view.kb_id, **past)
         return Overview(*row)
 
-    return store.read_in_snapshot(work, at)
+    return state.store.read_in_snapshot(work, state.at)
 
 
 class ActorTally(NamedTuple):
@@ -125,11 +125,9 @@ _BY_ACTOR = (
 _BUSIEST = Query(first_rows(_BY_ACTOR, integer("size")))
 
 
-def read_tally(
-    store: Store, since: When | None, until: When | None, upto: int | None, most: int
-) -> Tally:
+def read_tally(state: State, since: When | None, until: When | None, most: int) -> Tally:
     """Count the revisions of a range by actor, and their changes by kind, in five statements."""
-    low, high, _ = find_bounds(store, since, until, upto)
+    low, high, _ = find_bounds(state.store, since, until, state.at)
 
     def work(session: Session, kb_id: int | None) -> Tally:
         if kb_id is None or high < low:
@@ -142,4 +140,4 @@ def read_tally(
         archived = read_archived_revision(session, kb_id)
         return Tally(low, high, named, busiest, changes, archived)
 
-    return store.query_in_snapshot(work)
+    return state.store.query_in_snapshot(work)

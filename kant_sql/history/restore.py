@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from itertools import groupby
 from operator import itemgetter
 from typing import Any
@@ -10,15 +11,19 @@ from sqlalchemy import Select, literal_column, select, union_all
 
 from ..dao.base import batches
 from ..knowledge.definitions import KINDS
+from ..moment_text import When
 from ..sql import tables as t
 from ..sql.definitions import load_at
 from ..sql.dialects.base import Row
 from ..sql.query import Query, found_rows
 from ..sql.rows import KB, THEN, table_of
 from ..store.caches import AtomKey, FluentKey, GroundAtom, GroundFluent, read_value
-from ..store.store import Store
+from ..store.state import State
 from ..store.transaction import Transaction
+from .moments import state_at
 from .revisions import refuse_archived_revision
+
+logger = logging.getLogger("kant_sql.history")
 
 
 def _moved(mapped: type[t.Base], owner: str, *names: str) -> Query:
@@ -48,8 +53,38 @@ _ATOMS = _identities(t.PropositionRow, "is_goal", "predicate_id")
 _FLUENTS = _identities(t.FunctionValueRow, "function_id")
 
 
-def restore(store: Store, revision: int, reason: str | None, actor: str | None) -> int | None:
-    """Restore a past revision; return the new one."""
+def restore(
+    state: State, when: When, *, reason: str | None = None, actor: str | None = None
+) -> int | None:
+    """Restore a past state as a new revision.
+
+    The history is kept, so a restoration can itself be undone. Recorded plans and archives
+    belong to no state, and stay.
+
+    Args:
+        when: a revision, given as for `kb.at`.
+        reason: why; by default `restored revision NUMBER`.
+        actor: who restores; by default the knowledge base's actor.
+
+    Returns:
+        The new revision; None when the states are equal, or within an open transaction.
+
+    Raises:
+        UnknownRevisionError: there is no such revision yet, or the time lies in the future or
+            has no zone.
+        ArchivedError: that state was moved to an archive.
+        ReadOnlyError: this is a view of the past.
+
+    Examples:
+        >>> kb.propositions.delete_all()
+        1
+        >>> kb.restore(1)
+        3
+        >>> print(*kb.propositions.get_all())
+        (robot_at rb1 wp1)
+    """
+    store = state.store
+    revision = state_at(store, when)
     why = f"restored revision {revision}" if reason is None else reason
     is_part = store.current() is not None
     with store.transaction(actor, why) as transaction:
@@ -61,8 +96,12 @@ def restore(store: Store, revision: int, reason: str | None, actor: str | None) 
         _restore_definitions(transaction, revision)
         _restore_propositions(transaction, revision, not is_part)
         _restore_values(transaction, revision)
-    made = transaction.committed
-    return None if is_part or made is None else made.number
+    committed = transaction.committed
+    made = None if is_part or committed is None else committed.number
+    logger.info(
+        "knowledge base %r: revision %d restored, by revision %s", store.name, revision, made
+    )
+    return made
 
 
 def _restore_definitions(transaction: Transaction, at: int) -> None:

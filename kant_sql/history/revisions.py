@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from itertools import groupby
@@ -113,6 +113,23 @@ def at_most(limit: int | None) -> int:
         return LARGEST
     expected = "a whole number from 0 on, or None for all"
     return min(whole_number(limit, "limit", expected=expected), LARGEST)
+
+
+def feed(
+    store: Store, read: Callable[[int | None], Iterator[LogEntry]], limit: int | None
+) -> Iterator[LogEntry]:
+    """Return what `read` finds up to a limit; notebooks show the first, which they read afresh."""
+
+    def again(most: int) -> Iterator[LogEntry]:
+        return read(most if limit is None else min(most, limit))
+
+    return html.Feed(_while_open(store, read(limit)), again=again, noun="revision")
+
+
+def _while_open(store: Store, entries: Iterator[LogEntry]) -> Iterator[LogEntry]:
+    for entry in entries:
+        store.refuse_closed()
+        yield entry
 
 
 def check_after(after: int) -> int:

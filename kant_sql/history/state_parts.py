@@ -50,7 +50,8 @@ from ..sql.tables import (
     PropositionArgumentRow,
     PropositionRow,
 )
-from .excerpts import StateReader, contains, is_in, pattern_of, word_pattern
+from ..store.state import State
+from .excerpts import contains, is_in, pattern_of, word_pattern
 from .moments import read_head, states_at
 from .revisions import Revision, read_numbered
 
@@ -393,7 +394,7 @@ def _question(session: Session, kb_id: int, asked: StateFilter, at: int | None) 
 
 
 def read_state(
-    reader: StateReader,
+    reader: State,
     when: When | None,
     asked: StateFilter,
     kind: str | None = None,
@@ -437,7 +438,7 @@ def read_state(
     return found
 
 
-def _refuse_unknown_names(reader: StateReader, asked: StateFilter) -> None:
+def _refuse_unknown_names(reader: State, asked: StateFilter) -> None:
     if asked.predicate is not None:
         refuse_unknown(reader.store, asked.predicate, "predicate", "function")
     if asked.object is not None:

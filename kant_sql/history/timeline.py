@@ -29,9 +29,9 @@ from ..sql.lanes import (
     read_spans,
     revisions_at,
 )
-from ..store.store import Store
+from ..store.state import State
 from .gantt import PlanBar, PlanBars
-from .window import LaneKind, TimelineQuestion, Told, Window, read_told, read_window
+from .window import LaneKind, TimelineQuestion, Told, Window, check_question, read_told, read_window
 
 # What one answer has at most, whatever the number of lanes: bars of lanes that have few versions,
 # slices of the others, and the versions that are counted in those.
@@ -144,14 +144,55 @@ class Timeline:
     archived_until: datetime | None = None
 
 
-def read_timeline(
-    store: Store,
-    since: When | None,
-    until: When | None,
-    question: TimelineQuestion,
-    upto: int | None,
+def timeline(
+    state: State,
+    since: When | None = None,
+    *,
+    until: When | None = None,
+    predicate: str | None = None,
+    object: str | None = None,
+    text: str | None = None,
+    kinds: Iterable[str] = ("fact", "goal", "value", "plan"),
+    lanes: int = 50,
+    after: str | None = None,
+    slices: int = 600,
 ) -> Timeline:
-    """Read a timeline, in one snapshot; see `History.timeline`."""
+    """Read what held when in a window of time: a picture of it, however much happened.
+
+    A lane is a fact, a goal or a fluent that held at some time of the window. If it changed
+    seldom, it has a bar for each version. If it changed often, versions that last for a slice
+    of the window, as wide as a pixel, are bars, and the others are counted by slice.
+
+    Args:
+        since: the beginning, given as for `kb.at`; None for the first revision.
+        until: the end; None for the last revision. A time in the future counts as now.
+        predicate: show lanes of this predicate or function.
+        object: show lanes with this object among the arguments, and steps of plans likewise.
+        text: show lanes whose text has this part, in any case, and steps of plans likewise.
+        kinds: what to show: some of `fact`, `goal`, `value` and `plan`.
+        lanes: the maximum number of lanes.
+        after: `next` of the timeline before, to go on with the lanes that follow. Plans come
+            with the first lanes.
+        slices: the number of slices of the window. There are fewer where many lanes have so
+            many versions that these are counted.
+
+    Returns:
+        The timeline. A part that was moved to an archive is missing, as `archived_until` says.
+
+    Raises:
+        UnknownRevisionError: there is no such revision yet, or a time has no zone.
+        UnknownNameError: instead of no lane, if there never was such a predicate or object.
+        InvalidArgumentError: the window ends before it begins, or an argument is out of range.
+
+    Examples:
+        >>> _ = kb.propositions.delete(PddlPropositionDto(robot_at, [rb1, wp1]))
+        >>> for lane in kb.timeline(object="rb1").lanes:
+        ...     for bar in lane.bars:
+        ...         print(lane.kind, lane.text, bar.since, bar.until, bar.actor)
+        fact (robot_at rb1 wp1) 1 2 perception
+    """
+    store, upto = state
+    question = check_question(kinds, predicate, object, text, lanes, slices, after)
     transaction = store.current()
     if upto is None and transaction is not None:
         upto = transaction.head.revision
@@ -162,13 +203,13 @@ def read_timeline(
             return Timeline(store.name, window.since, window.until, 0, 0, 1)
         return _Reader(session, kb_id, window, question).read(store.name)
 
-    timeline = store.query_in_snapshot(work)
-    if not (timeline.lanes or timeline.plans or question.after):
-        if question.predicate is not None:
-            refuse_unknown(store, question.predicate, "predicate", "function")
-        if question.object is not None:
-            refuse_unknown(store, question.object, "object")
-    return timeline
+    found = store.query_in_snapshot(work)
+    if not (found.lanes or found.plans or question.after):
+        if predicate is not None:
+            refuse_unknown(store, predicate, "predicate", "function")
+        if object is not None:
+            refuse_unknown(store, object, "object")
+    return found
 
 
 class _Row(NamedTuple):

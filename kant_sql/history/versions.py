@@ -11,15 +11,15 @@ from sqlalchemy import ColumnElement, Select, literal_column, select, union_all
 
 from .. import html
 from ..arguments import shown
-from ..dto.elements import Dto
-from ..dto.formulas import Node
 from ..errors import InvalidKnowledgeError, check_integer, unreadable
 from ..sql.dialects.base import Row, Session
 from ..sql.query import Query, first_rows, in_list, in_rows
 from ..sql.rows import FACT, GOAL, KB, THEN, VERSION_COLUMNS, VersionColumns
+from ..store.state import State
 from ..store.store import Store
 from .elements import (
     MOST_LOOKUPS,
+    Element,
     Lookup,
     Sought,
     Written,
@@ -136,15 +136,38 @@ def _of_owners(names: tuple[str, ...]) -> Query:
     )
 
 
-def read_versions(store: Store, element: Dto | Node | str, upto: int | None) -> list[Version]:
-    """Read the versions of an element."""
-    versions = _read_versions(store, element, upto)
+def history(state: State, element: Element) -> list[Version]:
+    """Read when an element held, and who asserted and retracted it.
+
+    Args:
+        element: a DTO (the value of a function value is ignored), a formula, PDDL text, or a
+            name, which matches all definitions of that name. The text `(robot_at rb1 wp1)`
+            matches the fact and the goal, `(battery rb1)` the values of the fluent; other texts
+            are formulas, or definitions as the log shows them. The name or DTO of an object
+            matches all that involves it: facts, goals, values, formulas, actions and steps of
+            plans, too; `rb1 - robot` only its declaration.
+
+    Returns:
+        Its versions in this store, oldest first; empty for an unknown element. Archived
+        versions are not included.
+
+    Raises:
+        InvalidKnowledgeError: `element` is not one of the above.
+
+    Examples:
+        >>> _ = kb.propositions.delete(PddlPropositionDto(robot_at, [rb1, wp1]))
+        >>> for version in kb.history("(robot_at rb1 wp1)"):
+        ...     print(version.since.number, version.until.number)
+        1 2
+    """
+    versions = _read_versions(state, element)
     if not versions:
-        refuse_unknown_element(store, element)
+        refuse_unknown_element(state.store, element)
     return html.Listing(versions, "version")
 
 
-def _read_versions(store: Store, element: Dto | Node | str, upto: int | None) -> list[Version]:
+def _read_versions(state: State, element: Element) -> list[Version]:
+    store, upto = state
     wanted, at = sought(element), _last_known(store, upto)
     found = _in_one_statement(wanted)
     if found is None:
@@ -160,9 +183,24 @@ def _read_versions(store: Store, element: Dto | Node | str, upto: int | None) ->
     return store.query(work)
 
 
-def blame(store: Store, element: Dto | Node | str, at: int | None) -> Version | None:
-    """Read the version of an element that holds."""
-    held = _held(store, sought(element), _last_known(store, at))
+def blame(state: State, element: Element) -> Version | None:
+    """Show who asserted an element that holds now, when and why.
+
+    Args:
+        element: as for `history`; of an object, its declaration.
+
+    Returns:
+        The version that holds, with the revision that asserted it in `since`; None when the
+        element does not hold. A text that matches a fact and a goal gives the fact.
+
+    Raises:
+        InvalidKnowledgeError: `element` is not valid, or matches several things that hold.
+
+    Examples:
+        >>> kb.blame("(robot_at rb1 wp1)").since.actor
+        'perception'
+    """
+    held = _held(state.store, sought(element), _last_known(*state))
     if {version.kind for version in held} == {FACT, GOAL}:
         # A fact takes precedence over a goal.
         held = [version for version in held if version.kind == FACT]
@@ -172,7 +210,7 @@ def blame(store: Store, element: Dto | Node | str, at: int | None) -> Version | 
             f"{shown(element)} matches several elements: {several}; give a DTO of one of them"
         )
     if not held:
-        refuse_unknown_element(store, element)
+        refuse_unknown_element(state.store, element)
     return held[0] if held else None
 
 

@@ -17,7 +17,7 @@ from .. import html
 from ..arguments import one_of, shown, whole_number
 from ..dao.base import SqlDao
 from ..dao.formula import read_formulas
-from ..documents.exchange import SqlExchange
+from ..documents.exchange import domain_pddl, problem_pddl
 from ..dto.elements import atom_text
 from ..dto.lexical import number_text
 from ..errors import InvalidKnowledgeError, PlanError, reading_rows
@@ -35,6 +35,7 @@ from ..sql.plans import STEP_VERSIONS, PlanDefinition, Step, StepDefinition, pla
 from ..sql.query import Query, integer
 from ..sql.rows import KB, table_of
 from ..store.snapshot import View
+from ..store.state import State
 from ..store.store import Store
 from ..store.transaction import Transaction
 from .interfaces import Given, PlanDao, RecordedPlan, RecordedStep, StepStatus
@@ -234,8 +235,8 @@ Kept = tuple[str | None, str | None]
 
 
 def _write_given(store: Store, revision: int) -> Given:
-    exchange = SqlExchange(store, revision)
-    return Given(exchange.domain_pddl(), exchange.problem_pddl())
+    state = State(store, revision)
+    return Given(domain_pddl(state), problem_pddl(state))
 
 
 def _complete(kept: Kept, written: Given) -> Given:

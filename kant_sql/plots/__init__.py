@@ -10,8 +10,8 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 from ..errors import ExtraMissingError
-from ..history.interfaces import History
 from ..history.timeline import Timeline
+from ..knowledge_base import KnowledgeBase
 from ..moment_text import When
 from .figure import FigureSpec, timeline_spec
 
@@ -22,7 +22,7 @@ __all__ = ["FigureSpec", "timeline", "timeline_figure", "timeline_spec", "values
 
 
 def timeline(
-    kb: History,
+    kb: KnowledgeBase,
     *,
     since: When | None = None,
     until: When | None = None,
@@ -75,7 +75,7 @@ def timeline(
 
 
 def values(
-    kb: History,
+    kb: KnowledgeBase,
     *,
     since: When | None = None,
     until: When | None = None,

@@ -9,8 +9,7 @@ from typing_extensions import override
 
 from ..arguments import expect
 from ..dao.base import SqlDao
-from ..documents.exchange import SqlExchange
-from ..documents.interfaces import State
+from ..documents.exchange import PlanningTask, read_task
 from ..dto import PddlObjectDto
 from ..dto.formulas import Formula, Node
 from ..history.moments import state_at
@@ -18,6 +17,7 @@ from ..html import Feed
 from ..moment_text import When
 from ..planning import Plan, PlanStep
 from ..plans.interfaces import RecordedPlan, RecordedStep
+from ..store.state import State
 from .act import applicable_actions, is_applicable, why_not
 from .ask import Answers, Binding, holds, query
 from .complete import DEFAULT_LIMIT, Completion, complete
@@ -137,11 +137,11 @@ class SqlReasoning(SqlDao, Reasoning):
         state = self._state(at)
         return validate(state.domain, state.problem, plan)
 
-    def _state(self, when: When | None) -> State:
+    def _state(self, when: When | None) -> PlanningTask:
         """Read the whole state at a moment; by default the one that this is a view of."""
         store = self._store
         revision = self._at if when is None else state_at(store, when, self._at)
-        return SqlExchange(store, revision)._state()
+        return read_task(State(store, revision))
 
     # The past.
 

@@ -21,6 +21,7 @@ from ..plans.interfaces import RecordedStep
 from ..sql.changes import ASSERTED, RETRACTED, Change
 from ..store.caches import AtomKey, FluentKey, FluentValue, read_value
 from ..store.snapshot import View
+from ..store.state import State
 from ..store.store import Store
 from ..store.transaction import Transaction
 from .effects import EffectReader, StepChanges, combined, settled, unchanged
@@ -93,7 +94,8 @@ def start_effects(store: Store, step: RecordedStep) -> list[_Effect] | None:
 
     try:
         read, texts, same = store.read_in_snapshot(work, number - 1)
-        lines = {(each.sign, each.text): each for each in diff(store, number - 1, number)}
+        changes = diff(State(store, None), number - 1, number)
+        lines = {(each.sign, each.text): each for each in changes}
     except (ArchivedError, InvalidKnowledgeError, NotApplicableError, PddlError):
         # Archived, or the start is of the revision that declares what it needs.
         return None

@@ -14,7 +14,7 @@ from typing_extensions import TypedDict
 from ..dao.interfaces import Progress
 from ..errors import StoreIntegrityError
 from ..history.anchors import Anchor
-from ..history.overview import Tally
+from ..history.overview import Tally, read_tally
 from ..history.timeline import Bar, Lane, Timeline
 from ..json_documents import (
     FailedConditionDocument,
@@ -31,7 +31,7 @@ from ..json_documents import (
     verification_document,
 )
 from ..knowledge.canonical import time_text
-from ..knowledge_base import KnowledgeBase
+from ..knowledge_base import KnowledgeBase, state_of
 from ..moment_text import When
 from ..plans.interfaces import RecordedPlan
 from ..reasoning.rules import Rules
@@ -199,7 +199,7 @@ class ReportReader(NamedTuple):
     @classmethod
     def of(cls, kb: KnowledgeBase, range_: ReportRange) -> ReportReader:
         """Find the range."""
-        return cls(kb, range_, kb._tally(range_.since, range_.until, ACTORS))
+        return cls(kb, range_, read_tally(state_of(kb), range_.since, range_.until, ACTORS))
 
     @property
     def is_empty(self) -> bool:

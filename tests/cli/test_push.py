@@ -20,7 +20,7 @@ import pytest
 import kant_sql
 from kant_sql.cli.replication import _Stop
 from kant_sql.history.replication import service, target
-from kant_sql.history.replication.push import Terms, push
+from kant_sql.history.replication.push import Terms, send
 from kant_sql.sql.dialects import create_backend, postgresql
 from kant_sql.sql.dialects.base import Backend
 from kant_sql.sql.dialects.sqlite import FileListener, SqliteBackend
@@ -503,9 +503,9 @@ def test_it_waits_for_space(source: str, replica: str, monkeypatch: pytest.Monke
     def full(*arguments: Any) -> Any:
         for failure in failures:
             raise failure
-        return push(*arguments)
+        return send(*arguments)
 
-    monkeypatch.setattr(service, "push", full)
+    monkeypatch.setattr(service, "send", full)
     events = followed(source, replica, lambda events: events[-1].event == "pushed")
     assert names_of(events) == ["waiting", "pushed"]
     assert events[1].knowledge_base == "tiago"

@@ -460,7 +460,7 @@ class RosNode:
 def written_by(factory: DaoFactory) -> tuple[str, str | None]:
     """Write, and tell to which knowledge base and as whom."""
     assert factory.create_pddl_type_dao().save(PddlTypeDto("robot"))
-    made = factory._factory.create_history().revisions()[-1]
+    made = KnowledgeBase(factory._factory).revisions()[-1]
     return factory._factory.name, made.actor
 
 

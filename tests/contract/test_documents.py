@@ -17,7 +17,7 @@ from kant_sql import (
     PddlTypeDto,
     ReadOnlyError,
 )
-from kant_sql.documents.interfaces import Mode
+from kant_sql.documents.exchange import Mode
 from kant_sql.dto.formulas import And, Constant, Equal, Exists, Fluent, Not, TypedName
 from kant_sql.errors import ConflictError, PddlError, SourceMissingError
 from kant_sql.pddl import read_domain, read_problem, write

@@ -7,7 +7,9 @@ from collections import Counter
 import pytest
 
 from kant_sql import KnowledgeBase, PddlFunctionDto, UnknownRevisionError
+from kant_sql.history.overview import read_overview, read_tally
 from kant_sql.html import ROWS
+from kant_sql.knowledge_base import state_of
 from tests.audit.story import record_store
 from tests.support.statements import count, fill
 from tests.support.stores import Connect
@@ -27,16 +29,17 @@ def test_each_state_holds_what_its_daos_read(story: KnowledgeBase) -> None:
         facts, goals = state.propositions.get_no_goals(), state.propositions.get_goals()
         objects, values = state.objects.get_all(), state.function_values.get_all()
         read = len(objects), len(facts), len(goals), len(values)
-        assert tuple(state._overview()) == read, revision
-    assert story._overview() == story.at(story.revision)._overview()
+        assert tuple(read_overview(state_of(state))) == read, revision
+    now = story.at(story.revision)
+    assert read_overview(state_of(story)) == read_overview(state_of(now))
 
 
 def test_what_is_pending_counts(kb: KnowledgeBase) -> None:
-    assert tuple(kb._overview()) == (0, 0, 0, 0)
+    assert tuple(read_overview(state_of(kb))) == (0, 0, 0, 0)
     with kb.transaction():
         kb.propositions.save(robot_at(RB1, WP1))
         kb.function_values.set(PddlFunctionDto("battery", [ROBOT]), objects=[RB1], value=1)
-        assert tuple(kb._overview()) == (2, 1, 0, 1)
+        assert tuple(read_overview(state_of(kb))) == (2, 1, 0, 1)
 
 
 @pytest.mark.parametrize("ends", [(None, None), (4, None), (None, 9), (8, 14), (36, 36)])
@@ -45,7 +48,7 @@ def test_a_range_is_tallied_as_its_log_says(
 ) -> None:
     since, until = ends
     entries = list(story.log(since, until=until))
-    tally = story._tally(since, until, MOST)
+    tally = read_tally(state_of(story), since, until, MOST)
     assert (tally.first, tally.last) == (entries[-1].revision.number, entries[0].revision.number)
     changes = Counter((change.kind, change.sign) for each in entries for change in each.changes)
     assert {(kind, sign): number for kind, sign, number in tally.changes} == changes
@@ -58,23 +61,24 @@ def test_a_range_is_tallied_as_its_log_says(
 
 
 def test_a_past_state_knows_no_later_revision(story: KnowledgeBase) -> None:
-    past = story.at(9)
-    assert past._tally(None, None, MOST) == story._tally(None, 9, MOST)
+    past = state_of(story.at(9))
+    assert read_tally(past, None, None, MOST) == read_tally(state_of(story), None, 9, MOST)
     with pytest.raises(UnknownRevisionError):
-        past._tally(None, 10, MOST)
+        read_tally(past, None, 10, MOST)
 
 
 def test_a_range_without_a_revision_has_nothing(kb: KnowledgeBase) -> None:
-    tally = kb._tally(None, None, MOST)
+    tally = read_tally(state_of(kb), None, None, MOST)
     assert tally.last < tally.first
     assert (tally.actors, tally.busiest, tally.changes) == (0, (), ())
 
 
 def test_counting_takes_as_many_statements_however_much_there_is(kb: KnowledgeBase) -> None:
-    taken = set()
+    taken, state = set(), state_of(kb)
     for size in (1, 10 * ROWS):
         fill(kb, size)
-        taken.add((count(kb._overview), count(lambda: kb._tally(None, None, MOST))))
+        overview = count(lambda: read_overview(state))
+        taken.add((overview, count(lambda: read_tally(state, None, None, MOST))))
     ((overview, tally),) = taken
     assert overview <= 2
     assert tally <= 6

@@ -113,7 +113,7 @@ def test_a_text_that_is_not_the_one_given_is_never_passed_off_as_it(
 def planner(monkeypatch: pytest.MonkeyPatch) -> None:
     """A planner that takes no time and knows one plan."""
     monkeypatch.setattr(
-        "kant_sql.documents.interfaces.solve", lambda *_, **__: plan_of(*TOUR.steps[3:])
+        "kant_sql.documents.planners.solve", lambda *_, **__: plan_of(*TOUR.steps[3:])
     )
 
 

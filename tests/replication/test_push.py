@@ -13,7 +13,7 @@ from kant_sql import KnowledgeBase
 from kant_sql.errors import ClosedError, ReplicaError, StoreIntegrityError
 from kant_sql.history.replication import batch
 from kant_sql.history.replication.calls import _TARGETS
-from kant_sql.history.replication.push import Terms, push
+from kant_sql.history.replication.push import Terms, send
 from kant_sql.history.replication.target import ReplicationSide, open_target
 from kant_sql.sql.dialects.base import Backend
 from tests.support.archives import count, damage, intact, rows_of
@@ -132,7 +132,7 @@ def test_a_push_that_is_stopped_ends_after_its_batch(
         return batches > 2
 
     with open_target(replica_url, "tiago", source, "a replica") as to:
-        sent = push(ReplicationSide(source, "tiago"), to, Terms(), is_stopped=is_stopped)
+        sent = send(ReplicationSide(source, "tiago"), to, Terms(), is_stopped=is_stopped)
     assert (sent.revision, sent.source_revision) == (2 + 4, 20)
     intact(replica_url)
     assert file_kb.push(replica_url).before == 6

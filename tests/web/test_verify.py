@@ -17,7 +17,6 @@ from fastapi.testclient import TestClient
 import kant_sql
 from kant_sql import KnowledgeBase, parse_anchor
 from kant_sql.errors import AnchorError
-from kant_sql.history.sql_history import SqlHistory
 from kant_sql.web import verifying
 from kant_sql.web.application import create_app
 from tests.support.stores import Connect, new_file_store
@@ -126,9 +125,9 @@ def test_a_knowledge_base_that_does_not_exist_is_not_verified(client: TestClient
 def held_back(monkeypatch: pytest.MonkeyPatch) -> Iterator[threading.Event]:
     """Let verifications wait at their first report of progress."""
     go_on = threading.Event()
-    verify = SqlHistory.verify
+    verify = KnowledgeBase.verify
 
-    def slow(self: SqlHistory, *given: Any, progress: Any, **more: Any) -> Any:
+    def slow(self: KnowledgeBase, *given: Any, progress: Any, **more: Any) -> Any:
         def tell(done: int, total: int) -> None:
             progress(done, total)
             assert go_on.wait(SOON)
@@ -136,7 +135,7 @@ def held_back(monkeypatch: pytest.MonkeyPatch) -> Iterator[threading.Event]:
 
         return verify(self, *given, progress=tell, **more)
 
-    monkeypatch.setattr(SqlHistory, "verify", slow)
+    monkeypatch.setattr(KnowledgeBase, "verify", slow)
     yield go_on
     go_on.set()
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections import Counter
 from contextlib import closing
 from datetime import datetime, timedelta
@@ -18,6 +19,7 @@ from ...sql.dialects.base import Session
 from ...sql.query import Insert
 from ...sql.rows import table_of
 from ...sql.tables import ArchiveRow
+from ...store.state import State
 from ...store.store import Store
 from ...store.transaction import Transaction
 from ..moments import revision_at
@@ -32,6 +34,8 @@ from .remove import Leaving, compare, count, first_of, refuse_without_right, rem
 AT_ONCE = 200_000
 
 _TICK = timedelta(microseconds=1)
+
+logger = logging.getLogger("kant_sql.history")
 
 
 class Archived(NamedTuple):
@@ -51,15 +55,45 @@ class Archived(NamedTuple):
 
 
 def archive(
-    store: Store,
+    state: State,
     before: When,
+    *,
     to: str,
     dry_run: bool = False,
-    actor: str | None = None,
     reason: str | None = None,
+    actor: str | None = None,
     progress: Progress | None = None,
 ) -> Archived:
-    """Move versions that ended before a time into another store; see `History.archive`."""
+    """Move versions that ended before a revision or time into another store.
+
+    The target holds the knowledge base up to the last revision before `before`, with its
+    history, and answers every question about it. This store keeps that state, all revisions
+    and their hashes. An interrupted archive can be resumed by calling this again.
+
+    Args:
+        before: a revision, given as for `kb.at`: versions that ended earlier are moved.
+        to: the target's URL, on any dialect; a new SQLite file is created. The target may
+            contain this knowledge base only from earlier archiving.
+        dry_run: only count.
+        reason: why.
+        actor: who archives; by default the knowledge base's actor.
+        progress: called with the number of revisions copied, and the number in total.
+
+    Returns:
+        What was moved, or would be.
+
+    Raises:
+        UnknownRevisionError: there is no such revision yet, or the time lies in the future or
+            has no zone.
+        ConflictError: the target has another knowledge base of this name.
+        ReadOnlyError: this is a view of the past, or the task or thread has a transaction open.
+
+    Examples:
+        >>> _ = kb.propositions.delete_all()
+        >>> kb.archive(2, to="sqlite:///2025.db", dry_run=True).upto
+        1
+    """
+    store = state.store
     if store.current() is not None:
         raise ReadOnlyError(
             f"knowledge base {store.name!r} has a transaction open in this task or thread; end it "
@@ -69,6 +103,27 @@ def archive(
     optional_call(progress, "progress")
     flag(dry_run, "dry_run", InvalidArgumentError)
     upto = _last_before(store, before)
+    moved = _archive(store, upto, to, dry_run, actor, reason, progress)
+    logger.info(
+        "knowledge base %r: %d versions that ended up to revision %d %s %s",
+        store.name,
+        sum(moved.versions.values()),
+        moved.upto,
+        "would be moved to" if dry_run else "were moved to",
+        moved.target,
+    )
+    return moved
+
+
+def _archive(
+    store: Store,
+    upto: int,
+    to: str,
+    dry_run: bool,
+    actor: str | None,
+    reason: str | None,
+    progress: Progress | None,
+) -> Archived:
     leaving = store.query_in_snapshot(lambda session, kb_id: _count(session, kb_id, upto))
     if dry_run or not leaving.versions:
         return Archived(upto, leaving.versions, _label(to), None)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from typing import NamedTuple
@@ -20,9 +21,12 @@ from ...errors import (
 from ...sql.catalog import ANY_REVISION
 from ...sql.dialects import create_backend
 from ...sql.dialects.base import Backend, unforked
+from ...store.state import State
 from ...store.store import Store
-from .push import Progress, Pushed, Terms, push
+from .push import Progress, Pushed, Terms, send
 from .target import ReplicationSide, Target, open_store
+
+logger = logging.getLogger("kant_sql.history")
 
 # What another connection may not meet: the store was replaced, or is of another version by now.
 _STALE = ClosedError, SchemaError, StoreReplacedError, TableMissingError
@@ -107,10 +111,46 @@ class _Targets:
 _TARGETS: WeakKeyDictionary[Backend, _Targets] = WeakKeyDictionary()
 
 
-def push_from(
-    store: Store, url: str, archive: str | None, adopt: bool, progress: Progress | None
+def push(
+    state: State,
+    url: str,
+    *,
+    archive: str | None = None,
+    adopt: bool = False,
+    progress: Progress | None = None,
 ) -> Pushed:
-    """Push an open knowledge base; see `History.push`."""
+    """Send the revisions that another store lacks, with their numbers, times and hashes.
+
+    The target becomes a replica, which refuses local writes until it is promoted. Each batch is
+    checked against its hashes there before it is committed. An interrupted push can be resumed
+    by calling this again. The connection to the target stays open for the next call; then, if
+    there is nothing new, a push takes one statement on each side.
+
+    Args:
+        url: the target's URL, on any dialect; a new SQLite file is created.
+        archive: the URL of the archive that has what this store has no more; by default the
+            one that this store names.
+        adopt: whether a target that is no replica becomes one, if it has a part of this history
+            and nothing else.
+        progress: called with the last revision that the target has, and this one's last.
+
+    Returns:
+        What was sent.
+
+    Raises:
+        DivergedError: the target's history differs; the error has the first such revision.
+        ReplicaError: the target is no replica.
+        ArchivedError: only an archive has a part of what is to be sent.
+        StoreIntegrityError: a revision does not fit its hash; nothing of its batch was written.
+        ReadOnlyError: this is a view of the past, or the task or thread has a transaction open.
+
+    Examples:
+        >>> kb.push("sqlite:///server.db").revisions == kb.revision
+        True
+        >>> kb.push("sqlite:///server.db").revisions
+        0
+    """
+    store = state.store
     expect(url, str, "the URL of the target", InvalidUrlError)
     optional_text(archive, "archive")
     flag(adopt, "adopt", InvalidArgumentError)
@@ -120,11 +160,24 @@ def push_from(
             f"knowledge base {store.name!r} has a transaction open in this task or thread, and "
             "what is committed is pushed; end it first"
         )
+    sent = _push(store, url, Terms(archive, adopt), progress)
+    if sent.revisions:
+        logger.info(
+            "knowledge base %r: revisions %d to %d were sent to %s",
+            store.name,
+            sent.before + 1,
+            sent.revision,
+            sent.target,
+        )
+    return sent
+
+
+def _push(store: Store, url: str, terms: Terms, progress: Progress | None) -> Pushed:
     store.refuse_closed()
     source = store.backend
     with _GUARD:
         targets = _TARGETS.get(source) or _TARGETS.setdefault(source, _Targets(source))
-    call = _Call(targets, store, url, Terms(archive, adopt), progress)
+    call = _Call(targets, store, url, terms, progress)
     if targets.is_open(url):
         try:
             return call.run()
@@ -151,7 +204,7 @@ class _Call(NamedTuple):
             here, there = ReplicationSide(source, name), Target(opened.backend, name)
             here.kb_id, there.kb_id = opened.ids.get(name, (None, None))
             try:
-                done = push(here, there, self.terms, self.progress)
+                done = send(here, there, self.terms, self.progress)
             except _STALE:
                 self.targets.forget(self.url, opened)
                 raise

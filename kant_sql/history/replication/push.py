@@ -66,14 +66,14 @@ class Terms(NamedTuple):
     is_patient: bool = True
 
 
-def push(
+def send(
     source: ReplicationSide,
     target: Target,
     terms: Terms,
     progress: Progress | None = None,
     is_stopped: Callable[[], bool] = lambda: False,
 ) -> Pushed:
-    """Send what a target lacks; see `History.push`.
+    """Send what a target lacks, as the question `push` describes.
 
     Each of several transactions leaves the target complete at some revision. `is_stopped` is asked
     between them.

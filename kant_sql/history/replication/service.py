@@ -38,7 +38,7 @@ from ...sql.schema import check_session, ensure_schema
 from ...sql.tables import HeadRow, KnowledgeBaseRow
 from ...store.store import end_session
 from .histories import read_state
-from .push import Progress, Pushed, Terms, push
+from .push import Progress, Pushed, Terms, send
 from .target import ReplicationSide, Target, open_store, reading
 
 # What may be over at the next attempt.
@@ -322,7 +322,7 @@ class PushService:
 
     def _push(self, one: _Followed, progress: Progress | None) -> None:
         started = time.monotonic()
-        done = push(one.source, one.target, self._terms, progress, self._is_stopped)
+        done = send(one.source, one.target, self._terms, progress, self._is_stopped)
         one.sent = min(done.revision, done.source_revision)
         event = "pushed" if done.revisions else "current"
         if done.revision > done.source_revision:

@@ -24,6 +24,7 @@ from ...errors import (
 )
 from ...sql.dialects.base import Session
 from ...store.head import hash_of
+from ...store.state import State
 from ...store.store import Store
 from ..anchors import Anchor, AnchoredHead, check_anchor
 from .chain import Chain, Link
@@ -113,14 +114,45 @@ class Verification(NamedTuple):
 
 
 def verify(
-    store: Store,
-    anchor: Anchor | None,
-    progress: Progress | None,
+    state: State,
+    anchor: Anchor | None = None,
+    *,
+    progress: Progress | None = None,
     structure: bool = True,
     resume: bool = False,
     keep: bool = False,
 ) -> Verification:
-    """Verify a knowledge base; see `History.verify`."""
+    """Recompute every hash from the tables, and compare all redundant data.
+
+    With `keep`, where an intact verification ended is kept in the store; with `resume`, the
+    next one continues there. It checks what later revisions wrote, and does not find
+    what was altered since in rows of earlier ones: verify all of it from time to time. Who may
+    write the table `verification` can also make it say more than was verified.
+
+    Args:
+        anchor: an earlier result of `anchor()`, kept elsewhere.
+        progress: called with the number of items checked, and the number in total.
+        structure: also check indexes, constraints and views. All knowledge bases of a store
+            share them, so one check per store is enough. Indexes are left out when an earlier
+            verification is continued.
+        resume: continue where the last verification that was kept ended, if it is still there.
+        keep: keep where this one ends, if nothing is wrong; else forget what was kept, so that
+            the next one begins at revision 1. Who may only read keeps nothing.
+
+    Returns:
+        What was checked and what is wrong: the first revision, and the differences.
+
+    Raises:
+        ReadOnlyError: the task or thread has a transaction open.
+
+    Examples:
+        >>> verification = kb.verify(keep=True)
+        >>> verification.is_intact
+        True
+        >>> kb.verify(resume=True).continued_from == kb.revision
+        True
+    """
+    store = state.store
     if store.current() is not None:
         raise ReadOnlyError(
             f"a transaction of knowledge base {store.name!r} is open, and verification reads "

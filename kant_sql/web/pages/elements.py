@@ -23,7 +23,7 @@ from ...json_documents import (
     revision_document,
     version_document,
 )
-from ...knowledge_base import KnowledgeBase
+from ...knowledge_base import KnowledgeBase, state_of
 from ..parameters import Before
 from ..registry import Pages
 from ..rendering import address_of
@@ -134,7 +134,7 @@ def _steps(steps: list[StepLine]) -> list[StepLineDocument]:
 @PAGES.page("/fact", "fact.html", rows=["versions"])
 def fact(kb: KnowledgeBase, text: FactText, before: Before = None) -> ElementDocument:
     """Show who asserted and retracted an element, when and why, and what is related to it."""
-    found = read_versions_page(kb._reader(), text, before=before, limit=VERSIONS)
+    found = read_versions_page(state_of(kb), text, before=before, limit=VERSIONS)
     return {
         "text": text,
         "latest": [version_document(version) for version in found.latest],
@@ -150,7 +150,7 @@ def fact(kb: KnowledgeBase, text: FactText, before: Before = None) -> ElementDoc
 @PAGES.page("/object", "object.html", rows=["changes"])
 def object_(kb: KnowledgeBase, name: Name, before: Before = None) -> ObjectDocument:
     """Show everything that involves an object: now, and in the past, the newest first."""
-    reader = kb._reader()
+    reader = state_of(kb)
     own = read_versions_page(reader, name, "object", limit=VERSIONS)
     found = read_object_page(reader, name, before, CHANGES)
     held = read_state(reader, None, StateFilter(object=name), limit=HELD)
@@ -207,7 +207,7 @@ def type_(kb: KnowledgeBase, name: Name, before: Before = None) -> DefinitionDoc
 
 
 def _definition(kb: KnowledgeBase, kind: str, name: str, before: int | None) -> DefinitionDocument:
-    found = read_versions_page(kb._reader(), name, kind, before, VERSIONS)
+    found = read_versions_page(state_of(kb), name, kind, before, VERSIONS)
     return {
         "kind": kind,
         "name": name,

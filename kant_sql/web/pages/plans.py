@@ -20,7 +20,7 @@ from ...json_documents import (
     revision_document,
     version_document,
 )
-from ...knowledge_base import KnowledgeBase
+from ...knowledge_base import KnowledgeBase, state_of
 from ...plans.interfaces import RecordedPlan, RecordedStep
 from ..parameters import Offset
 from ..registry import KbName, Pages
@@ -115,7 +115,7 @@ def _line(line: PlanLine) -> PlanLineDocument:
 @PAGES.page("/plans", "plans.html", rows=["plans"])
 def plans(kb: KnowledgeBase, before: BeforePlan = None) -> PlansDocument:
     """List the recorded plans, the newest first, with what became of their steps."""
-    lines, end = read_plans_page(kb._reader(), before)
+    lines, end = read_plans_page(state_of(kb), before)
     return {"plans": [_line(line) for line in lines], "before": end}
 
 
@@ -196,7 +196,7 @@ def _runs(kb: KnowledgeBase, steps: Sequence[RecordedStep]) -> list[Stretch]:
         (one.outcomes[0].since.number, end.number if end else None)
         for one, end in zip(begun, ends, strict=True)
     ]
-    runs = read_stretches(kb._reader(), bounds, REVISIONS)
+    runs = read_stretches(state_of(kb), bounds, REVISIONS)
     of_step = {step.position: run for step, run in zip(begun, runs, strict=True)}
     return [of_step.get(step.position, Stretch([], 0)) for step in steps]
 

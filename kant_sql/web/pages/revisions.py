@@ -16,7 +16,7 @@ from ...json_documents import (
     changes_document,
     revision_document,
 )
-from ...knowledge_base import KnowledgeBase
+from ...knowledge_base import KnowledgeBase, state_of
 from ...moment_text import When
 from ..parameters import Before, Offset, SinceMoment, UntilMoment, moment
 from ..registry import Pages
@@ -145,7 +145,7 @@ def _log(
     before: int | None,
     limit: int = REVISIONS,
 ) -> LogDocument:
-    found = read_log_page(kb._reader(), asked, since, until, before, limit)
+    found = read_log_page(state_of(kb), asked, since, until, before, limit)
     return {
         "head": kb.revision,
         "revisions": [line_document(line) for line in found.lines],
@@ -158,7 +158,7 @@ def _log(
 @PAGES.page("/revision", "revision.html", rows=["revision.changes"])
 def revision(kb: KnowledgeBase, number: RevisionNumber, offset: Offset = 0) -> RevisionPage:
     """Show a revision: who wrote, when, why, and what changed."""
-    found = read_revision_page(kb._reader(), number, offset, CHANGES)
+    found = read_revision_page(state_of(kb), number, offset, CHANGES)
     changes = changes_document(change for _, change in found.page.changes)
     return {
         "revision": {**revision_document(found.line.revision), "changes": changes},
@@ -191,7 +191,7 @@ def difference(
     one = moment(a)
     if one is None:
         one = max(0, kb.at(other).revision - 1)
-    found = read_difference(kb._reader(), one, other, offset, CHANGES)
+    found = read_difference(state_of(kb), one, other, offset, CHANGES)
     low, high = sorted((found.a, found.b))
     between = _log(kb, LogFilter(), low + 1, high, None, 20) if low < high else _EMPTY
     sides = [("-", found.only_a), ("+", found.only_b)]

@@ -9,7 +9,7 @@ from typing_extensions import TypedDict
 
 from ...errors import InvalidArgumentError
 from ...history.element_pages import read_matches
-from ...knowledge_base import KnowledgeBase
+from ...knowledge_base import KnowledgeBase, state_of
 from ...moment_text import parse_moment
 from ..registry import Pages
 
@@ -59,7 +59,7 @@ def search(kb: KnowledgeBase, q: Sought = "") -> SearchDocument:
         except InvalidArgumentError:
             moment = None
     is_revision = isinstance(moment, int) and 0 < moment <= kb.revision
-    matches = read_matches(kb._reader(), text, MATCHES + 1) if text else []
+    matches = read_matches(state_of(kb), text, MATCHES + 1) if text else []
     return {
         "q": q,
         "revision": moment if is_revision and isinstance(moment, int) else None,

@@ -9,7 +9,7 @@ from typing_extensions import TypedDict
 
 from ...history.state_parts import PARTS, HeldElement, StateFilter, StatePart, read_state
 from ...json_documents import RevisionDocument, revision_document
-from ...knowledge_base import KnowledgeBase
+from ...knowledge_base import KnowledgeBase, state_of
 from ..parameters import At, ElementText, ObjectName, Offset, moment
 from ..registry import Pages
 
@@ -111,7 +111,7 @@ def state(
     """
     asked = StateFilter(text or None, predicate or None, object or None)
     limit = MANY if kind else FEW
-    found = read_state(kb._reader(), moment(at), asked, kind or None, offset, limit)
+    found = read_state(state_of(kb), moment(at), asked, kind or None, offset, limit)
     revisions = {
         number: revision_document(revision) for number, revision in found.revisions.items()
     }

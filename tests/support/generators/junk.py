@@ -355,8 +355,6 @@ class World:
             "past": lambda: kb.at(self.base),
             "factory": lambda: kb.factory,
             "past.factory": lambda: kb.at(self.base).factory,
-            "history": kb.factory.create_history,
-            "exchange": kb.factory.create_exchange,
             **{f"kb.{dao}": lambda dao=dao: getattr(kb, dao) for dao in daos},
             **{f"past.{dao}": lambda dao=dao: getattr(kb.at(self.base), dao) for dao in daos},
             **{f"dto.{name}": lambda dto=dto: dto for name, dto in self.dtos.items()},

@@ -1,0 +1,37 @@
+"""Shows the questions that `KnowledgeBase` binds as its methods, in the API reference."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from griffe import Extension, Function, Module, Parameter, Parameters
+
+BINDERS = {"question", "change"}
+
+
+class Questions(Extension):
+    """Makes a method of each `name = question(name)`, with the question's own docstring."""
+
+    def on_package(self, *, pkg: Module, **_: Any) -> None:
+        """Replace the attributes, when all modules are read."""
+        if pkg.path != "kant_sql":
+            return
+        facade = pkg["knowledge_base.KnowledgeBase"]
+        for name, member in list(facade.members.items()):
+            call = str(member.value) if member.is_attribute and member.value is not None else ""
+            binder, _, asked = call.removesuffix(")").partition("(")
+            if binder in BINDERS:
+                facade.set_member(name, _method(name, pkg["knowledge_base"][asked].final_target))
+
+
+def _method(name: str, question: Function) -> Function:
+    method = Function(
+        name,
+        parameters=Parameters(Parameter("self"), *list(question.parameters)[1:]),
+        returns=question.returns,
+        docstring=question.docstring,
+        lineno=question.lineno,
+        endlineno=question.endlineno,
+    )
+    method.labels |= question.labels
+    return method
