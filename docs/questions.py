@@ -6,11 +6,11 @@ from typing import Any
 
 from griffe import Extension, Function, Module, Parameter, Parameters
 
-BINDERS = {"question", "change"}
+BINDERS = {"reads", "writes"}
 
 
 class Questions(Extension):
-    """Makes a method of each `name = question(name)`, with the question's own docstring."""
+    """Makes a method of each `name = reads(name)`, with the question's own docstring."""
 
     def on_package(self, *, pkg: Module, **_: Any) -> None:
         """Replace the attributes, when all modules are read."""

@@ -734,7 +734,7 @@ class AsyncKnowledgeBase(_Part):
     metric_value = _read(KnowledgeBase.metric_value)
     why_not = _read(KnowledgeBase.why_not)
     is_applicable = _read(KnowledgeBase.is_applicable)
-    applicable_actions = _iterate(KnowledgeBase.applicable_actions)  # type: ignore[arg-type]
+    applicable_actions = _iterate(KnowledgeBase.applicable_actions)
     apply = _write(KnowledgeBase.apply)
     start = _write(KnowledgeBase.start)
     end = _write(KnowledgeBase.end)

@@ -36,8 +36,6 @@ from .history.moments import head_revision, state_at
 from .moment_text import When
 from .plans.dao import SqlPlanDao, check_step, place_of
 from .plans.interfaces import PlanDao, RecordedStep
-from .reasoning.interfaces import Reasoning
-from .reasoning.sql_reasoning import SqlReasoning
 from .sql.dialects import BACKENDS, create_backend, dialect_name
 from .sql.dialects.base import Backend
 from .store.state import State
@@ -293,10 +291,6 @@ class DaoFactory(Connection):
     def create_plan_dao(self) -> PlanDao:
         """Create the DAO of recorded plans."""
 
-    @abstractmethod
-    def create_reasoning(self) -> Reasoning:
-        """Create the part that asks conditions, acts and validates."""
-
 
 class Daos:
     """The DAOs of a knowledge base.
@@ -443,7 +437,6 @@ class SqlDaoFactory(DaoFactory):
     create_domain_constraint_dao = _creates(formulas.SqlDomainConstraintDao)
     create_metric_dao = _creates(formulas.SqlMetricDao)
     create_plan_dao = _creates(SqlPlanDao)
-    create_reasoning = _creates(SqlReasoning)
 
     @override
     @contextmanager

@@ -39,7 +39,14 @@ from .history.timeline import timeline
 from .history.verify.verify import verify
 from .history.versions import blame, history
 from .moment_text import When
-from .reasoning.interfaces import Reasoning
+from .reasoning.act import applicable_actions, is_applicable, why_not
+from .reasoning.ask import holds, query
+from .reasoning.complete import complete
+from .reasoning.durative import abort, apply, broken_invariants, end, start
+from .reasoning.explain import is_goal_reached, metric_value, unsatisfied, unsatisfied_goals
+from .reasoning.rules import check_rules
+from .reasoning.validate import validate
+from .reasoning.when import when
 from .sql.changes import Change
 from .store.state import State
 
@@ -57,15 +64,18 @@ def state_of(kb: KnowledgeBase) -> State:
         InvalidUrlError: the DAO family is not built on an SQL store, and has DAOs only.
         ClosedError: the store was closed.
     """
-    if not isinstance(kb.factory, SqlDaoFactory):
+    state = kb._state
+    if state is None:
         raise InvalidUrlError(
             f"{type(kb.factory).__name__}: this DAO family has DAOs only; history, documents and "
             "reasoning need an SQL store, as sqlite:// or postgresql://"
         )
-    return kb.factory.state
+    if state.store.is_closed:
+        state.store.refuse_closed()
+    return state
 
 
-def question(
+def reads(
     function: Callable[Concatenate[State, P], R],
 ) -> Callable[Concatenate[KnowledgeBase, P], R]:
     """Bind a function of a state: a method with its docstring, arguments and defaults."""
@@ -77,10 +87,10 @@ def question(
     return _method(ask)
 
 
-def change(
+def writes(
     function: Callable[Concatenate[State, P], R],
 ) -> Callable[Concatenate[KnowledgeBase, P], R]:
-    """Bind a function that writes, as `question`; views of the past refuse it."""
+    """Bind a function that writes, as `reads`; views of the past refuse it."""
 
     @wraps(function)
     def write(self: KnowledgeBase, /, *args: P.args, **kwargs: P.kwargs) -> R:
@@ -105,8 +115,8 @@ def _method(
     return bound
 
 
-@forwarding(factory=Connection, _reasoning=Reasoning)
-class KnowledgeBase(Daos, Reasoning, Connection):
+@forwarding(factory=Connection)
+class KnowledgeBase(Daos, Connection):
     """A robot's knowledge: its present state, its history, and its documents.
 
     Threads may share it. Use it as a context manager, or call `close`.
@@ -122,35 +132,54 @@ class KnowledgeBase(Daos, Reasoning, Connection):
             factory: the factory; the knowledge base owns it.
         """
         self.factory = expect(factory, DaoFactory, "the factory", InvalidArgumentError)
-        self._reasoning = factory.create_reasoning()
+        self._state = factory.state if isinstance(factory, SqlDaoFactory) else None
         self._create(factory)
 
-    load_domain = change(load_domain)
-    load_problem = change(load_problem)
-    load_unified_planning = change(load_unified_planning)
-    domain = question(domain)
-    problem = question(problem)
-    domain_pddl = question(domain_pddl)
-    problem_pddl = question(problem_pddl)
-    requirements = question(requirements)
-    to_unified_planning = question(to_unified_planning)
-    plan = question(plan)
+    load_domain = writes(load_domain)
+    load_problem = writes(load_problem)
+    load_unified_planning = writes(load_unified_planning)
+    domain = reads(domain)
+    problem = reads(problem)
+    domain_pddl = reads(domain_pddl)
+    problem_pddl = reads(problem_pddl)
+    requirements = reads(requirements)
+    to_unified_planning = reads(to_unified_planning)
+    plan = reads(plan)
 
-    revisions = question(revisions)
-    log = question(log)
-    changes = question(changes)
-    watch = question(watch)
-    diff = question(diff)
-    history = question(history)
-    blame = question(blame)
-    timeline = question(timeline)
-    to_arrow = question(to_arrow)
-    restore = change(restore)
-    verify = question(verify)
-    anchor = question(anchor)
-    archive = change(archive)
-    push = change(push)
-    promote = change(promote)
+    holds = reads(holds)
+    query = reads(query)
+    complete = reads(complete)
+    unsatisfied = reads(unsatisfied)
+    unsatisfied_goals = reads(unsatisfied_goals)
+    is_goal_reached = reads(is_goal_reached)
+    metric_value = reads(metric_value)
+    why_not = reads(why_not)
+    applicable_actions = reads(applicable_actions)
+    is_applicable = reads(is_applicable)
+    apply = writes(apply)
+    start = writes(start)
+    end = writes(end)
+    abort = writes(abort)
+    broken_invariants = reads(broken_invariants)
+    validate = reads(validate)
+    when = reads(when)
+    check_rules = reads(check_rules)
+
+    revisions = reads(revisions)
+    log = reads(log)
+    changes = reads(changes)
+    watch = reads(watch)
+    diff = reads(diff)
+    history = reads(history)
+    blame = reads(blame)
+    timeline = reads(timeline)
+    to_arrow = reads(to_arrow)
+    restore = writes(restore)
+    verify = reads(verify)
+    anchor = reads(anchor)
+    archive = writes(archive)
+    push = writes(push)
+    promote = writes(promote)
 
     def diff_with(self, other: KnowledgeBase) -> list[Change]:
         """Compare this state with that of another knowledge base, in any store.

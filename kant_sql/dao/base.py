@@ -79,9 +79,7 @@ BATCH = 5_000
 _LISTS = {
     **dict.fromkeys(("get_all", "get_by_type"), "element"),
     **dict.fromkeys(("get_by_predicate", "get_by_object", "get_facts", "get_no_goals"), "fact"),
-    **{"get_goals": "goal", "get_by_function": "value", "complete": "name"},
-    **dict.fromkeys(("unsatisfied", "unsatisfied_goals", "why_not"), "failed condition"),
-    "broken_invariants": "broken invariant",
+    **{"get_goals": "goal", "get_by_function": "value"},
 }
 
 

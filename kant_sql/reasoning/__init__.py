@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from .ask import Answers, Binding
-from .interfaces import Reasoning
 from .steps import Step, UpActionInstance
 
-__all__ = ["Answers", "Binding", "Reasoning", "Step", "UpActionInstance"]
+__all__ = ["Answers", "Binding", "Step", "UpActionInstance"]

@@ -10,6 +10,7 @@ from typing import Any
 from ..arguments import count_limit, expect, optional_text, shown
 from ..dto.formulas import AT_END
 from ..errors import InvalidArgumentError
+from ..html import Feed, Listing
 from ..knowledge.definitions import ActionDefinition, Definitions
 from ..pddl.cursor import hint
 from ..planning import PlanStep
@@ -17,6 +18,7 @@ from ..plans.dao import check_step, place_of
 from ..plans.interfaces import RecordedStep
 from ..sql.relations import ConditionStatement
 from ..store.snapshot import View
+from ..store.state import State
 from ..store.store import Store
 from ..store.transaction import Transaction
 from .ask import (
@@ -30,9 +32,9 @@ from .ask import (
 )
 from .effects import Earlier, EffectReader, not_applicable, write
 from .explain import Explainer
-from .failures import FailedCondition
+from .failures import FAILED, FailedCondition
 from .promise import closed_nodes, is_executable, is_true, judge, promise_of
-from .steps import GroundStep, PreparedAction, executable, find_action, ground, prepared
+from .steps import GroundStep, PreparedAction, Step, executable, find_action, ground, prepared
 
 NO_NUMBERS: Mapping[str, Decimal] = {}
 
@@ -79,7 +81,7 @@ def begin(view: View, step: GroundStep) -> Stepper:
     return Stepper(view, step, numbers)
 
 
-def state_of(transaction: Transaction) -> View:
+def view_of(transaction: Transaction) -> View:
     """Return the state of a transaction, with all that is pending."""
     transaction.flush()
     definitions = transaction.definitions.current()
@@ -87,13 +89,50 @@ def state_of(transaction: Transaction) -> View:
 
 
 def applicable_actions(
-    store: Store,
-    at: int | None,
-    name: str | None,
-    limit: int | None,
-    fixed: Mapping[str, Binding],
+    state: State, /, name: str | None = None, *, limit: int | None = None, **fixed: Binding
 ) -> Iterator[PlanStep]:
-    """Return the steps that can be executed, action by action."""
+    """Find the steps that can be executed in this state.
+
+    Each action takes one statement, when its first step is needed. A durative step is one that
+    `start` starts: see `is_applicable`. A step whose duration has to be chosen is left out,
+    and so are actions with continuous change that is not linear. Preferences do not count.
+
+    Args:
+        name: an action's name; by default all actions in their order.
+        limit: the greatest number of steps.
+        **fixed: objects for parameters; actions without them are left out.
+
+    Returns:
+        The steps, ordered by action and as the objects were declared.
+
+    Raises:
+        InvalidKnowledgeError: an action or an object is not known.
+        InvalidArgumentError: there is no such parameter.
+        UnsupportedConstructError: the name is that of a process or an event.
+
+    Examples:
+        >>> kb.load_domain('''(define (domain doors) (:types door)
+        ...   (:constants front back - door) (:predicates (open ?d - door))
+        ...   (:action unlock :parameters (?d - door)
+        ...     :precondition (not (open ?d)) :effect (open ?d)))''').revision
+        2
+        >>> print(*kb.applicable_actions())
+        (unlock front) (unlock back)
+    """
+
+    def found(most: int | None) -> Iterator[PlanStep]:
+        return _find_applicable(state, name, most, fixed)
+
+    def again(most: int) -> Iterator[PlanStep]:
+        return found(most if limit is None else min(most, limit))
+
+    return Feed(found(limit), again=again, noun="step")
+
+
+def _find_applicable(
+    state: State, name: str | None, limit: int | None, fixed: Mapping[str, Binding]
+) -> Iterator[PlanStep]:
+    store, at = state
     if limit is not None:
         limit = count_limit(limit)
     if name is not None:
@@ -212,14 +251,54 @@ def _instances(
     return found
 
 
-def is_applicable(store: Store, at: int | None, step: object) -> bool:
-    """Return whether a step can be executed."""
+def is_applicable(state: State, step: Step) -> bool:
+    """Return whether a step can begin now.
+
+    Its objects fit its parameters, its duration is given or fixed where it matters and allowed,
+    its conditions `at start` hold, its effects `at start` have results, and its conditions
+    `over all` hold right after these effects. `why_not`, `applicable_actions`, `start` and
+    `apply` judge by the same condition; `apply` executes the end, too, which may fail then.
+
+    Args:
+        step: as for `apply`.
+
+    Returns:
+        Whether it can begin.
+
+    Raises:
+        PddlError, InvalidKnowledgeError: it names what is not known.
+        UnsupportedConstructError: the action has continuous change that is not linear.
+    """
+    store, at = state
     return not store.read(lambda view: judge(view, ground(view.definitions, step), False)[1], at)
 
 
-def why_not(store: Store, at: int | None, step: object) -> list[FailedCondition]:
-    """Return why a step cannot be executed."""
-    return store.read_in_snapshot(lambda view: judge(view, ground(view.definitions, step))[1], at)
+def why_not(state: State, step: Step) -> list[FailedCondition]:
+    """Return why a step cannot be executed now.
+
+    Args:
+        step: as for `apply`; its arguments may be of any type.
+
+    Returns:
+        The arguments that do not fit their parameters; else what is wrong with the duration;
+        else the conditions `at start` that do not hold, as `unsatisfied`; else the effects at
+        the start without a result; else the conditions `over all` that do not hold right after
+        these effects. Empty for a step that `apply` can begin and `start` starts.
+
+    Raises:
+        PddlError, InvalidKnowledgeError: it names what is not known.
+        UnsupportedConstructError: the action has continuous change that is not linear.
+
+    Examples:
+        >>> kb.load_domain('''(define (domain doors) (:predicates (open) (key))
+        ...   (:action unlock :parameters () :precondition (key) :effect (open)))''').revision
+        2
+        >>> print(*kb.why_not("(unlock)"))
+        (key): does not hold
+    """
+    store, at = state
+    failed = store.read_in_snapshot(lambda view: judge(view, ground(view.definitions, step))[1], at)
+    return Listing(failed, FAILED)
 
 
 def in_revision(

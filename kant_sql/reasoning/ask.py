@@ -11,6 +11,7 @@ from .. import html
 from ..arguments import count_limit, expect, shown
 from ..dto import PddlObjectDto
 from ..dto import formulas as f
+from ..dto.formulas import Node
 from ..dto.lexical import decimal_text, either_text, fold
 from ..errors import InvalidArgumentError, InvalidKnowledgeError, TypeMismatchError
 from ..knowledge.conditions import (
@@ -35,7 +36,7 @@ from ..sql.estimates import estimates_of
 from ..sql.questions import GUARDS, Question, literal_values, run
 from ..sql.relations import ConditionStatement
 from ..store.snapshot import DefinitionsMovedError, View, refuse_archived
-from ..store.store import Store
+from ..store.state import State
 
 if TYPE_CHECKING:
     import pyarrow
@@ -226,8 +227,35 @@ def first_two(row: Row) -> Row:
     return row[:GUARDS]
 
 
-def holds(store: Store, at: int | None, condition: object, bindings: Mapping[str, Binding]) -> bool:
-    """Return whether a condition holds for some objects of its free variables."""
+def holds(state: State, condition: str | Node, /, **bindings: Binding) -> bool:
+    """Return whether a condition holds.
+
+    A condition is evaluated in the database, in one statement unless it needs recursion. A
+    fluent without a value makes the comparison or the atom around it false, as the validator
+    VAL has it; so does a division by zero. Numbers are compared exactly. Facts count, goals
+    do not; a derived predicate holds by its rules (PDDL 2.2), or as a stored fact.
+
+    Args:
+        condition: PDDL text or a node; all conditions of PDDL except preferences and
+            constraints. With free variables, it holds if it holds for some objects.
+        **bindings: objects, or their names, for free variables; `_` stands for `-`.
+
+    Returns:
+        Whether it holds.
+
+    Raises:
+        PddlError: the text is no condition, or it names what is not known; with the position,
+            and a similar name.
+        TypeMismatchError: a given object does not fit its variable.
+        UnsupportedConstructError: the condition is nested too deeply for a database.
+        ArchivedError: a part of the state was moved to an archive.
+
+    Examples:
+        >>> kb.holds("(robot_at rb1 wp1)")
+        True
+        >>> kb.holds("(exists (?w - wp) (not (robot_at ?r ?w)))", r="rb1")
+        False
+    """
 
     def work(view: View) -> bool:
         prepared, values = _seen(view.definitions, condition) if not bindings else (None, {})
@@ -240,7 +268,7 @@ def holds(store: Store, at: int | None, condition: object, bindings: Mapping[str
         [row] = asked(view, statement, values, first_two)
         return bool(row[GUARDS])
 
-    return store.read(work, at)
+    return state.store.read(work, state.at)
 
 
 def _truth(question: Question, prepared: Prepared) -> ConditionStatement:
@@ -456,14 +484,41 @@ class _Asking(NamedTuple):
 
 
 def query(
-    store: Store,
-    at: int | None,
-    condition: object,
-    parameters: str | None,
-    limit: int | None,
-    bindings: Mapping[str, Binding],
+    state: State,
+    condition: str | Node,
+    /,
+    *,
+    parameters: str | None = None,
+    limit: int | None = None,
+    **bindings: Binding,
 ) -> Answers:
-    """Prepare the answers to a condition."""
+    """Find the objects for which a condition holds.
+
+    Args:
+        condition: as for `holds`; its free variables are the columns. A variable that no
+            positive atom binds ranges over the objects of its types.
+        parameters: the free variables with their types, `"(?r - robot ?w - wp)"`, which also
+            gives their order; by default a variable has the types that all atoms with it
+            allow.
+        limit: the greatest number of answers.
+        **bindings: objects, or their names, for free variables.
+
+    Returns:
+        The answers, without duplicates, in the order in which the objects were declared. They
+        are read when they are first needed.
+
+    Raises:
+        PddlError, TypeMismatchError, UnsupportedConstructError, ArchivedError: as `holds`.
+        InvalidArgumentError: a binding is for no free variable, or `limit` is no number.
+
+    Examples:
+        >>> for robot, wp in kb.query("(robot_at ?r ?w)"):
+        ...     print(robot, wp)
+        rb1 wp1
+        >>> kb.query("(robot_at ?r ?w)", w="wp1").to_dicts()
+        [{'r': 'rb1'}]
+    """
+    store, at = state
     if limit is not None:
         limit = count_limit(limit)
     asking = _Asking(condition, parameters, limit, bindings)

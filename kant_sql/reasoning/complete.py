@@ -10,8 +10,9 @@ from typing import NamedTuple
 from ..arguments import count_limit, expect
 from ..dto.lexical import fold
 from ..errors import InvalidArgumentError
+from ..html import Listing
 from ..knowledge.definitions import Definition, Definitions
-from ..store.store import Store
+from ..store.state import State
 
 # In this order where several elements have similar names.
 _KINDS = {
@@ -47,8 +48,27 @@ class _Named(NamedTuple):
     definition: Definition
 
 
-def complete(store: Store, at: int | None, beginning: str, limit: int) -> list[Completion]:
-    """Return the names that begin with a text, and then those that contain it."""
+def complete(state: State, beginning: str, *, limit: int = DEFAULT_LIMIT) -> list[Completion]:
+    """Find the names that may be meant by their beginning, for editors and prompts.
+
+    Args:
+        beginning: the first characters of a name, in any case; empty for all names.
+        limit: the greatest number of names.
+
+    Returns:
+        The predicates, functions, objects, actions and types whose names begin so, in this
+        order and by name; then those whose names contain the characters.
+
+    Raises:
+        ArchivedError: a part of this state was moved to an archive.
+        InvalidArgumentError: `beginning` is no text, or `limit` is no number.
+
+    Examples:
+        >>> for one in kb.complete("rob"):
+        ...     print(one.kind, one.text)
+        predicate (robot_at ?r0 - robot ?w1 - wp)
+        type robot
+    """
     wanted = fold(expect(beginning, str, "the beginning of a name", InvalidArgumentError))
     most = count_limit(limit, "limit")
 
@@ -56,7 +76,7 @@ def complete(store: Store, at: int | None, beginning: str, limit: int) -> list[C
         found = islice(_matches(_names(definitions), wanted), most)
         return [Completion(one.kind, one.definition.name, one.definition.text) for one in found]
 
-    return store.read_definitions(work, at)
+    return Listing(state.store.read_definitions(work, state.at), "name")
 
 
 def _matches(names: list[_Named], wanted: str) -> Iterator[_Named]:

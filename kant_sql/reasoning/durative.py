@@ -18,21 +18,23 @@ from ..dto.formulas import AT_END, AT_START, OVER_ALL
 from ..dto.lexical import fold
 from ..errors import PlanError
 from ..history.revisions import Revision
+from ..html import Listing
 from ..knowledge.conditions import AllOf
 from ..planning import PlanStep
 from ..plans.dao import place_of, record_step, running_steps, set_status
 from ..plans.interfaces import RecordedStep
 from ..sql.changes import Change
 from ..store.snapshot import View
+from ..store.state import State
 from ..store.store import Store
 from ..store.transaction import Transaction
-from .act import Stepper, begin, in_revision, state_of
+from .act import Stepper, begin, in_revision, view_of
 from .effects import Earlier, not_applicable
 from .explain import Explainer
 from .failures import FailedCondition
 from .promise import closed_nodes, duration_of, until_end
-from .steps import CONTINUOUS, GroundStep, ground
-from .undo import Aborted, standing, start_effects, undo
+from .steps import CONTINUOUS, GroundStep, Step, ground
+from .undo import Aborted, standing, start_effects, take_back
 from .when import when
 
 
@@ -58,12 +60,48 @@ class BrokenInvariant:
 
 
 def apply(
-    store: Store, step: object, reason: str | None, plan_step: RecordedStep | None
+    state: State, step: Step, *, reason: str | None = None, plan_step: RecordedStep | None = None
 ) -> int | None:
-    """Execute a step, in one revision."""
+    """Execute a step: check its conditions and write its effects, in one revision.
+
+    Conditions and right-hand sides are evaluated in the state before, deletes come before adds,
+    numbers are exact (PDDL 2.1). A durative action is executed at once: its start, its
+    continuous effects for its duration, then its end, each with its conditions. The head is
+    locked meanwhile, so nothing changes between the check and the effects. A step of a recorded
+    plan gets the status `succeeded`.
+
+    Args:
+        step: text such as `"(move rb1 hall kitchen)"`, with `[5]` for a duration, a
+            `PlanStep`, a step of a recorded plan, or an `ActionInstance` of unified-planning.
+        reason: the revision's reason; by default the step.
+        plan_step: the running step of a recorded plan that the revision links to.
+
+    Returns:
+        The revision; None when nothing changed, or within an open transaction.
+
+    Raises:
+        NotApplicableError: a condition does not hold, a duration is not allowed, or a
+            right-hand side has no value; nothing is written.
+        PlanError: the text gives a duration to an action without one.
+        PddlError, InvalidKnowledgeError: the step names what is not known.
+        UnsupportedConstructError: it is a process or an event, or its continuous change is not
+            linear.
+        ReadOnlyError: this is a view of the past.
+
+    Examples:
+        >>> kb.load_domain('''(define (domain doors) (:predicates (open))
+        ...   (:action unlock :parameters ()
+        ...     :precondition (not (open)) :effect (open)))''').revision
+        2
+        >>> kb.apply("(unlock)", reason="the bell rang")
+        3
+        >>> kb.is_applicable("(unlock)")
+        False
+    """
+    store = state.store
 
     def work(transaction: Transaction, found: GroundStep) -> None:
-        before = begin(state_of(transaction), found)
+        before = begin(view_of(transaction), found)
         earlier = before.earlier() if found.action.is_durative else None
         before.execute(transaction, AT_START)
         if found.action.is_durative:
@@ -83,13 +121,13 @@ def _finish(
     earlier: Earlier | None,
 ) -> None:
     """Execute what is continuous, and the second half of a durative step."""
-    state = state_of(transaction)
+    state = view_of(transaction)
     lost = until_end(state, step, numbers)
     if lost:
         raise not_applicable(step, lost)
     if step.action.items(CONTINUOUS):
         Stepper(state, step, numbers).execute(transaction, CONTINUOUS)
-        state = state_of(transaction)
+        state = view_of(transaction)
     found, wrong = duration_of(state, step, AT_END, numbers.get(f.DURATION))
     if wrong:
         raise not_applicable(step, wrong)
@@ -99,9 +137,41 @@ def _finish(
 
 
 def start(
-    store: Store, step: object, reason: str | None, plan_step: RecordedStep | None
+    state: State, step: Step, *, reason: str | None = None, plan_step: RecordedStep | None = None
 ) -> RecordedStep:
-    """Execute the first half of a durative step."""
+    """Start a durative step: its conditions and effects `at start`, in one revision.
+
+    Args:
+        step: as for `apply`. Without a duration, it has the one that a constraint fixes.
+        reason: as for `apply`.
+        plan_step: as for `apply`.
+
+    Returns:
+        The running step, with the status `started`; a step of no plan is recorded as a plan of
+        its own.
+
+    Raises:
+        NotApplicableError: the step cannot begin (see `is_applicable`), its duration violates a
+            constraint by more than 0.01, or the same step is running already.
+        PlanError: the action has no duration.
+        UnsupportedConstructError: as `apply`.
+        PddlError, InvalidKnowledgeError, ReadOnlyError: as `apply`.
+
+    Examples:
+        >>> kb.load_domain('''(define (domain doors) (:predicates (open) (busy))
+        ...   (:durative-action unlock :parameters () :duration (= ?duration 3)
+        ...     :condition (over all (busy))
+        ...     :effect (and (at start (busy)) (at end (open)))))''').revision
+        2
+        >>> step = kb.start("(unlock)")
+        >>> step.status, step.duration, kb.holds("(busy)"), kb.holds("(open)")
+        ('started', Decimal('3'), True, False)
+        >>> kb.end(step)
+        4
+        >>> kb.holds("(open)")
+        True
+    """
+    store = state.store
     started: list[RecordedStep] = []
 
     def work(transaction: Transaction, found: GroundStep) -> None:
@@ -110,7 +180,7 @@ def start(
         if running is not None:
             reason_ = f"it is running: step {running.position} of plan {running.plan_id}"
             raise not_applicable(found, [FailedCondition(str(found), reason_)])
-        stepper = begin(state_of(transaction), found)
+        stepper = begin(view_of(transaction), found)
         stepper.execute(transaction, AT_START)
         recorded = found.recorded
         if recorded is None:
@@ -135,9 +205,29 @@ def _link(transaction: Transaction, step: RecordedStep) -> None:
 
 
 def end(
-    store: Store, step: object, reason: str | None, plan_step: RecordedStep | None
+    state: State, step: Step, *, reason: str | None = None, plan_step: RecordedStep | None = None
 ) -> int | None:
-    """Execute the second half of a durative step."""
+    """End a running step: its conditions and effects `at end`, in one revision.
+
+    Continuous effects take place first: their rates in this state, times the duration that was
+    recorded at the start, not the time on the clock. Until then, readers see numbers as they
+    were last written. What is `over all` must hold throughout that change, until right before
+    the end; conditions and effects `at end` see the changed numbers.
+
+    Args:
+        step: as for `apply`, or what `start` returned; its duration is that of the start.
+        reason: as for `apply`.
+        plan_step: as for `apply`.
+
+    Returns:
+        The revision, as `apply`.
+
+    Raises:
+        NotApplicableError: a condition `over all` or `at end` does not hold.
+        PlanError: the step is not running.
+        PddlError, InvalidKnowledgeError, ReadOnlyError: as `apply`.
+    """
+    store = state.store
     running, earlier = _running(store, step)
 
     def work(transaction: Transaction, found: GroundStep) -> None:
@@ -148,25 +238,54 @@ def end(
     return in_revision(store, running, reason, plan_step, "ended", work)
 
 
-def abort(store: Store, step: object, reason: str | None, undoes: bool) -> Aborted:
-    """Abort a running step; what its start changed stays, unless it is taken back."""
-    flag(undoes, "undo", PlanError)
+def abort(state: State, step: Step, *, reason: str | None = None, undo: bool = False) -> Aborted:
+    """Abort a running step: it gets the status `aborted`.
+
+    What its start changed stays, and the result says what of it still stands. With `undo`, it
+    is taken back in the same revision, if nothing else changed it since.
+
+    Args:
+        step: as for `end`.
+        reason: the revision's reason.
+        undo: whether to take back what the start changed.
+
+    Returns:
+        The revision, as `apply`; what the start left, and what was taken back.
+
+    Raises:
+        PlanError: the step is not running; or with `undo`, something else changed what its
+            start changed, which is named, or the state before is not known. Nothing is written.
+        PddlError, InvalidKnowledgeError, ReadOnlyError: as `apply`.
+
+    Examples:
+        >>> kb.load_domain('''(define (domain doors) (:predicates (open) (busy))
+        ...   (:durative-action unlock :parameters () :duration (= ?duration 3)
+        ...     :effect (and (at start (busy)) (at end (open)))))''').revision
+        2
+        >>> print(kb.abort(kb.start("(unlock)")))
+        (unlock) was aborted; it leaves +(busy)
+        >>> _ = kb.propositions.delete_all()
+        >>> print(kb.abort(kb.start("(unlock)"), undo=True))
+        (unlock) was aborted, and +(busy) taken back
+    """
+    store = state.store
+    flag(undo, "undo", PlanError)
     running, _ = _running(store, step)
     effects = start_effects(store, running)
     left: list[Change] = []
 
     def work(transaction: Transaction, found: GroundStep) -> None:
         del found
-        if undoes:
-            undo(transaction, running, effects)
+        if undo:
+            take_back(transaction, running, effects)
         stands = standing(transaction, effects or [])
         for effect, is_so in zip(effects or [], stands, strict=True):
             left.extend(effect.changes if is_so else ())
         set_status(transaction, running, "aborted")
 
-    done = "aborted and undid" if undoes else "aborted"
+    done = "aborted and undid" if undo else "aborted"
     made = in_revision(store, running, reason, None, done, work)
-    undone = tuple(each for effect in effects or [] for each in effect.changes) if undoes else ()
+    undone = tuple(each for effect in effects or [] for each in effect.changes) if undo else ()
     return Aborted(running, made, None if effects is None else tuple(left), undone)
 
 
@@ -214,8 +333,16 @@ def _running(store: Store, step: object) -> tuple[RecordedStep, Earlier]:
     return recorded, store.read_in_snapshot(work, before)
 
 
-def broken_invariants(store: Store, at: int | None) -> list[BrokenInvariant]:
-    """Return the conditions over all of running steps that do not hold."""
+def broken_invariants(state: State) -> list[BrokenInvariant]:
+    """Return the conditions `over all` of running steps that do not hold now.
+
+    Returns:
+        The conditions, each with its step, and the revision since which it does not hold.
+
+    Raises:
+        PlanError: this is a view of the past.
+    """
+    store, at = state
     if at is not None:
         raise PlanError("running steps are of the present: ask the knowledge base, not kb.at(...)")
     running = running_steps(store)
@@ -230,12 +357,13 @@ def broken_invariants(store: Store, at: int | None) -> list[BrokenInvariant]:
         return found
 
     broken = store.read_in_snapshot(work)
-    return [BrokenInvariant(step, failed, broken_since(store, failed)) for step, failed in broken]
+    found = (BrokenInvariant(step, failed, broken_since(store, failed)) for step, failed in broken)
+    return Listing(found, "broken invariant")
 
 
 def broken_since(store: Store, failed: FailedCondition) -> Revision | None:
     """Return the revision since which a condition does not hold."""
     if failed.retracted is not None:
         return failed.retracted
-    periods = when(store, f"(not {failed.text})", None, None, None, {}, None)
+    periods = when(State(store, None), f"(not {failed.text})")
     return periods[-1].since if periods and periods[-1].until is None else None

@@ -11,9 +11,11 @@ from typing import Any
 from ..dao.formula import read_formula, read_formulas
 from ..dao.proposition import GOALS
 from ..dto import formulas as f
+from ..dto.formulas import Node
 from ..dto.lexical import fold
 from ..errors import InvalidKnowledgeError, UnsupportedConstructError
 from ..history.revisions import Revision, read_numbered
+from ..html import Listing
 from ..knowledge.conditions import (
     Column,
     HoldsFact,
@@ -35,7 +37,7 @@ from ..knowledge.symbols import symbols_of
 from ..pddl.conditions import read_condition, text_of
 from ..sql.questions import GUARDS, run
 from ..store.snapshot import View
-from ..store.store import Store
+from ..store.state import State
 from .after import After, Head, weakened
 from .arithmetic import EXACT, Exact, decimal_of
 from .ask import (
@@ -48,7 +50,7 @@ from .ask import (
     given_variable,
     question,
 )
-from .failures import MAX_INSTANCES, FailedCondition, failed_comparison
+from .failures import FAILED, MAX_INSTANCES, FailedCondition, failed_comparison
 from .grounding import substitute
 from .steps import EffectItem, of_time, quantities_of
 
@@ -330,9 +332,29 @@ def exact(
 
 
 def unsatisfied(
-    store: Store, at: int | None, condition: object, bindings: Mapping[str, Binding]
+    state: State, condition: str | Node, /, **bindings: Binding
 ) -> list[FailedCondition]:
-    """Return the parts of a condition that do not hold."""
+    """Return the parts of a condition that do not hold.
+
+    Conjunctions are taken apart, and universal quantifiers into their first 20
+    counterexamples; other formulas are parts as they are.
+
+    Args:
+        condition: as for `holds`.
+        **bindings: as for `holds`.
+
+    Returns:
+        The parts, in order, each with the values of both sides of a comparison, and for a fact
+        that held before with the revision that retracted it. Empty if the condition holds.
+
+    Raises:
+        PddlError, TypeMismatchError, UnsupportedConstructError, ArchivedError: as `holds`.
+
+    Examples:
+        >>> for part in kb.unsatisfied("(and (robot_at rb1 wp1) (not (robot_at rb1 wp1)))"):
+        ...     print(part)
+        (not (robot_at rb1 wp1)): does not hold
+    """
 
     def work(view: View) -> list[FailedCondition]:
         definitions = view.definitions
@@ -351,7 +373,7 @@ def unsatisfied(
         read_condition(str(formula), symbols=symbols_of(definitions))
         return Explainer(view).failed([formula])
 
-    return store.read_in_snapshot(work, at)
+    return Listing(state.store.read_in_snapshot(work, state.at), FAILED)
 
 
 def goals_of(view: View) -> list[f.Formula]:
@@ -367,9 +389,20 @@ def goals_of(view: View) -> list[f.Formula]:
     return atoms + others
 
 
-def unsatisfied_goals(store: Store, at: int | None) -> list[FailedCondition]:
-    """Return the parts of the goals that do not hold."""
-    return store.read_in_snapshot(lambda view: Explainer(view).failed(_hard_goals(view)), at)
+def unsatisfied_goals(state: State) -> list[FailedCondition]:
+    """Return the parts of the goals that do not hold; preferences are no part.
+
+    Returns:
+        The parts, as `unsatisfied`. Empty if all goals are reached.
+
+    Examples:
+        >>> _ = kb.propositions.save(PddlPropositionDto(robot_at, [rb1, wp2], is_goal=True))
+        >>> print(*kb.unsatisfied_goals())
+        (robot_at rb1 wp2): does not hold
+    """
+    store, at = state
+    failed = store.read_in_snapshot(lambda view: Explainer(view).failed(_hard_goals(view)), at)
+    return Listing(failed, FAILED)
 
 
 def _hard_goals(view: View) -> list[f.Formula]:
@@ -378,8 +411,16 @@ def _hard_goals(view: View) -> list[f.Formula]:
     return [goal for goal in found if goal is not None]
 
 
-def is_goal_reached(store: Store, at: int | None) -> bool:
-    """Return whether all goals hold."""
+def is_goal_reached(state: State) -> bool:
+    """Return whether all goals hold; preferences do not count.
+
+    Returns:
+        Whether they hold; True without goals.
+
+    Examples:
+        >>> kb.is_goal_reached()
+        True
+    """
 
     def work(view: View) -> bool:
         resolver = Resolver(view.definitions)
@@ -388,11 +429,26 @@ def is_goal_reached(store: Store, at: int | None) -> bool:
         [row] = asked(view, question(view).truths([part], {}), {}, first_two)
         return bool(row[GUARDS])
 
-    return store.read_in_snapshot(work, at)
+    return state.store.read_in_snapshot(work, state.at)
 
 
-def metric_value(store: Store, at: int | None) -> Decimal | None:
-    """Evaluate the metric in a state; None without a metric."""
+def metric_value(state: State) -> Decimal | None:
+    """Evaluate the metric in this state, exactly.
+
+    `is-violated` counts the violated instances of a preference among the goals (PDDL 3.0).
+
+    Returns:
+        Its value; None without a metric.
+
+    Raises:
+        InvalidKnowledgeError: a fluent in it has no value, or it divides by 0.
+        UnsupportedConstructError: it is about `total-time`, or about a preference that is not
+            a goal: a plan has these, a state has not.
+
+    Examples:
+        >>> kb.metric_value() is None
+        True
+    """
 
     def work(view: View) -> Decimal | None:
         stored = read_formulas(view.definitions, METRIC)
@@ -417,7 +473,7 @@ def metric_value(store: Store, at: int | None) -> Decimal | None:
             )
         return value
 
-    return store.read_in_snapshot(work, at)
+    return state.store.read_in_snapshot(work, state.at)
 
 
 def _violations(view: View, name: str) -> int:

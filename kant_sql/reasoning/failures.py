@@ -17,6 +17,8 @@ from .grounding import Binding, substitute
 from .junctions import Literal, junction
 from .world import World
 
+# What notebooks call one of a list.
+FAILED = "failed condition"
 # Parts of one universal quantifier that are named.
 MAX_INSTANCES = 20
 # How far a duration may be from what its constraints allow, as in VAL.

@@ -30,6 +30,7 @@ from ..pddl.lexer import STRING, Source, Text
 from ..pddl.lexer import load as load_text
 from ..sql.dialects.base import Session
 from ..sql.touches import stream_times
+from ..store.state import State
 from ..store.store import Store
 from .conditions import Conditions
 from .questions import read_at_last
@@ -43,14 +44,49 @@ _MICROSECOND = timedelta(microseconds=1)
 
 
 def check_rules(
-    store: Store,
-    rules: Rules | None,
-    since: When | None,
-    until: When | None,
-    clock: str,
-    upto: int | None,
+    state: State,
+    rules: Rules | None = None,
+    *,
+    since: When | None = None,
+    until: When | None = None,
+    clock: str = "committed",
 ) -> Verdicts:
-    """Hold rules against what was recorded; see `Reasoning.check_rules`."""
+    """Hold trajectory constraints of PDDL 3.0 against what was recorded.
+
+    The states of the range are the trajectory: each one at the time of its revision, in seconds
+    from the first revision of the range, whose state is the initial one. The semantics is that
+    of Gerevini, Haslum, Long, Saetti and Dimopoulos (Artificial Intelligence 173, 2009).
+    A rule is judged where its names have a meaning; one whose names have none in the range is
+    not judged, and not satisfied. A quantifier around a rule makes one rule for each object,
+    which is judged in the states that have the object.
+
+    Args:
+        rules: constraints and preferences: a path, PDDL text such as
+            `(always (not (and (robot_at rb1 kitchen) (child_in kitchen))))`, formulas, or None
+            for those of the domain and the problem.
+        since: the first revision, or the earliest time of commit; both inclusive.
+        until: the last revision, or the latest time of commit; both inclusive.
+        clock: `committed`, or `observed` for the times at which knowledge was sensed, where
+            they are given. A time before that of an earlier revision counts as that one.
+
+    Returns:
+        The verdicts, in the order of the rules.
+
+    Raises:
+        PddlError: a rule is not well-formed, or no state had all the names in the rules.
+        UnsupportedConstructError: PDDL 3.0 gives a rule no meaning, as to nested modalities.
+        SourceError: the file cannot be read.
+        InvalidArgumentError: there is no such clock.
+        UnknownRevisionError: `since` or `until` lies in the future, or is a time without zone.
+        ArchivedError: a part of the range was moved to an archive.
+
+    Examples:
+        >>> _ = kb.propositions.save(PddlPropositionDto(robot_at, [rb1, wp2]))
+        >>> for verdict in kb.check_rules("(always (not (robot_at rb1 wp2)))"):
+        ...     print(verdict.is_satisfied, verdict.revision.number, verdict.revision.actor)
+        False 2 perception
+    """
+    store, upto = state
     one_of(clock, (COMMITTED, OBSERVED), "the clock", InvalidArgumentError)
     bounds = find_bounds(store, since, until, upto)
     constraints, definitions = _read(store, rules, upto)

@@ -172,7 +172,7 @@ def standing(transaction: Transaction, effects: list[_Effect]) -> list[bool]:
     return found
 
 
-def undo(transaction: Transaction, step: RecordedStep, effects: list[_Effect] | None) -> None:
+def take_back(transaction: Transaction, step: RecordedStep, effects: list[_Effect] | None) -> None:
     """Take back what the start of a step changed, unless something else changed it."""
     if effects is None:
         raise PlanError(

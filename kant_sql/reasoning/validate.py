@@ -26,14 +26,19 @@ from itertools import pairwise
 from typing import NamedTuple
 
 from .. import html
+from ..arguments import expect
+from ..documents.exchange import read_task
 from ..dto import formulas as f
 from ..dto.lexical import fold
 from ..errors import UnsupportedConstructError
+from ..history.moments import state_at
+from ..moment_text import When
 from ..pddl.cursor import hint
 from ..pddl.document import DURATIVE_ACTION, EVENT, PROCESS, Domain, Problem
 from ..pddl.reader import without_collector
 from ..planning import Plan, PlanStep
 from ..plans.interfaces import RecordedPlan, RecordedStep
+from ..store.state import State
 from .actions import Changes, Schema, Snap, Update, apply_changes, interference, pass_time
 from .conditions import Conditions
 from .derived import read_world
@@ -141,8 +146,62 @@ class Validation:
         return html.lines(str(self))
 
 
+def validate(state: State, plan: Plan | RecordedPlan, *, at: When | None = None) -> Validation:
+    """Execute a plan in memory from a state of the store; nothing is written.
+
+    Sequential and temporal plans are executed as PDDL 2.1 defines (Fox and Long, 2003), with
+    timed initial literals, derived predicates, preferences, trajectory constraints and
+    continuous change that is linear in time. Durations may deviate from their constraints by
+    0.01, and what is at most 0.001 apart is at one time, as in VAL. Steps without a start time
+    are executed one after another.
+
+    Args:
+        plan: a plan, or a recorded one, which is executed from the state chosen here, not from
+            the one that it was made from.
+        at: a revision, given as for `kb.at`; None for the present, or the past state that
+            this is a view of.
+
+    Returns:
+        Whether the plan is valid; if not, the first step that cannot be executed with its
+        unsatisfied conditions, or the goals and constraints that it does not satisfy; its
+        makespan, in the plan's units, the value of the metric, and its violated preferences.
+
+    Raises:
+        UnsupportedConstructError: the domain has processes or events, change that is not
+            linear in time, or constraints that PDDL 3.0 gives no meaning.
+        UnknownRevisionError: there is no such revision yet, or the time lies in the future or
+            has no zone.
+        ArchivedError: that state was moved to an archive.
+        InvalidKnowledgeError: `plan` is no plan, or derived predicates are not stratified.
+
+    Examples:
+        >>> from kant_sql import Plan, PlanStep
+        >>> kb.load_domain('''(define (domain doors) (:predicates (open) (locked))
+        ...   (:action unlock :parameters () :precondition (locked) :effect (not (locked)))
+        ...   (:action push :parameters () :precondition (not (locked)) :effect (open)))'''
+        ... ).revision
+        2
+        >>> kb.load_problem('''(define (problem enter) (:domain doors)
+        ...   (:init (locked)) (:goal (open)))''').revision
+        3
+        >>> steps = (PlanStep(None, "unlock"), PlanStep(None, "push"))
+        >>> print(kb.validate(Plan(steps, "by hand", "unknown")))
+        the plan is valid
+        makespan 2
+        >>> print(kb.validate(Plan(steps[1:], "by hand", "unknown")))
+        the plan is not valid
+        step 0, (push), fails at 1:
+          (not (locked)): does not hold
+    """
+    expect(plan, (Plan, RecordedPlan), "the plan")
+    store = state.store
+    revision = state.at if at is None else state_at(store, at, state.at)
+    task = read_task(State(store, revision))
+    return validate_plan(task.domain, task.problem, plan)
+
+
 @without_collector()
-def validate(domain: Domain, problem: Problem, plan: Plan | RecordedPlan) -> Validation:
+def validate_plan(domain: Domain, problem: Problem, plan: Plan | RecordedPlan) -> Validation:
     """Execute a plan.
 
     Args:

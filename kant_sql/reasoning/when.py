@@ -8,7 +8,9 @@ from contextlib import suppress
 from itertools import chain
 from typing import Any, NamedTuple
 
+from ..dto import PddlObjectDto
 from ..dto import formulas as f
+from ..dto.formulas import Formula
 from ..dto.lexical import ROOT_TYPE, fold
 from ..errors import InvalidArgumentError, InvalidKnowledgeError
 from ..history.moments import find_bounds
@@ -27,7 +29,7 @@ from ..sql.held import (
     read_meanings,
     read_names,
 )
-from ..store.store import Store
+from ..store.state import State
 from .conditions import Compiler, Condition
 from .held import HeldPeriods, Span, span_order
 from .questions import EXAMPLE, PastQuestion, ask
@@ -37,15 +39,46 @@ from .world import World
 
 
 def when(
-    store: Store,
-    condition: f.Formula | str,
-    since: When | None,
-    until: When | None,
-    parameters: str | None,
-    bindings: Mapping[str, Any],
-    upto: int | None,
+    state: State,
+    condition: Formula | str,
+    /,
+    *,
+    since: When | None = None,
+    until: When | None = None,
+    parameters: str | None = None,
+    **bindings: str | PddlObjectDto,
 ) -> HeldPeriods:
-    """Find the periods during which a condition held; see `Reasoning.when`."""
+    """Find the periods during which a condition held, for each binding of its free variables.
+
+    What was committed counts. Where a name in the condition is not defined, or has another
+    meaning, the condition does not hold. Of a conjunction of atoms, the database joins the
+    intervals of the facts; any other condition is evaluated at each revision that changed
+    something that it mentions.
+
+    Args:
+        condition: PDDL text, or a formula.
+        since: the first revision, or the earliest time of commit; both inclusive.
+        until: the last revision, or the latest time of commit; both inclusive.
+        parameters: the free variables with their types, as `(?r - robot ?w - wp)`; by default
+            those of the condition, which range over what its atoms allow.
+        bindings: objects for some of the free variables, as names or DTOs.
+
+    Returns:
+        The periods, in the order of their beginnings; none of them adjoin.
+
+    Raises:
+        PddlError: the condition is not well-formed, or no state had all its names.
+        InvalidArgumentError: a binding names no free variable.
+        UnknownRevisionError: `since` or `until` lies in the future, or is a time without zone.
+        ArchivedError: a part of the range was moved to an archive.
+
+    Examples:
+        >>> _ = kb.propositions.delete(PddlPropositionDto(robot_at, [rb1, wp1]))
+        >>> for held in kb.when("(robot_at ?r wp1)"):
+        ...     print(held.binding["r"], held.since.number, held.until.number)
+        rb1 1 2
+    """
+    store, upto = state
     bounds = find_bounds(store, since, until, upto)
     text = text_of(condition, EXAMPLE)
     questions = _questions(lambda part: ask(store, part, parameters, bindings, upto), text)

@@ -33,11 +33,9 @@ MODULES = [
 ]
 
 
-def is_bound(name: str) -> bool:
-    """Whether this is a method that a question of a state was made into."""
-    owner, _, method = name.rpartition(".")
-    is_member = owner == "kant_sql.knowledge_base.KnowledgeBase"
-    return is_member and hasattr(inspect.getattr_static(KnowledgeBase, method), "__wrapped__")
+# The methods that questions of a state were made into.
+QUESTIONS = [name for name, member in vars(KnowledgeBase).items() if hasattr(member, "__wrapped__")]
+BOUND = {f"kant_sql.knowledge_base.KnowledgeBase.{name}" for name in QUESTIONS}
 
 
 FINDER = doctest.DocTestFinder(exclude_empty=True)
@@ -46,7 +44,7 @@ EXAMPLES = {
     for module in (kant_sql, *MODULES)
     for test in FINDER.find(module)
     # A descriptor of `aio` has the docstring of the method that it calls; a bound question its own.
-    if test.examples and not test.name.startswith("kant_sql.aio.Async") and not is_bound(test.name)
+    if test.examples and not test.name.startswith("kant_sql.aio.Async") and test.name not in BOUND
 }
 
 
@@ -127,7 +125,19 @@ def test_each_docstring_stands_once_and_is_inherited() -> None:
             for cls in set(type(part).__mro__) - set(interfaces(type(part))) - {KnowledgeBase}:
                 own = {name for name, method in methods(cls) if method.__doc__} & seen
                 assert own == set(), f"{cls.__name__} repeats {own}"
-    assert stated > 150
+    assert stated + len(QUESTIONS) > 150
+
+
+@pytest.mark.parametrize("name", QUESTIONS)
+def test_a_method_is_the_question_that_it_binds(name: str) -> None:
+    bound = inspect.getattr_static(KnowledgeBase, name)
+    asked = bound.__wrapped__
+    assert inspect.getdoc(bound) == inspect.getdoc(asked)
+    _, *parameters = inspect.signature(asked).parameters.values()
+    assert [*inspect.signature(bound).parameters.values()][1:] == parameters
+    described = (inspect.getdoc(bound) or "").partition("\nArgs:\n")[2].partition("\n\n")[0]
+    said = re.findall(r"^    \**(\w+): ", described, re.M)
+    assert said == [parameter.name for parameter in parameters if described]
 
 
 def test_help_shows_signature_and_docstring() -> None:

@@ -24,7 +24,7 @@ import pytest
 from kant_sql import Plan
 from kant_sql.pddl import Domain, Problem
 from kant_sql.reasoning import arithmetic
-from kant_sql.reasoning.validate import SIMULTANEOUS, Validation, validate
+from kant_sql.reasoning.validate import SIMULTANEOUS, Validation, validate_plan
 from tests.meaning import val
 from tests.meaning.material import Pair
 
@@ -84,14 +84,14 @@ def judge(pair: Pair, domain: Domain, problem: Problem, plan: Plan, file: Path) 
     """Judge a plan by VAL and by `validate`."""
     file.write_text(str(plan))
     verdict = val.validate(pair, file)
-    ours = validate(domain, problem, plan)
+    ours = validate_plan(domain, problem, plan)
     difference = differs(ours, verdict)
     if not difference:
         return Judged(outcome(ours), "")
     if told(verdict).outcome == "no verdict" and not ours.valid:
         return Judged("no verdict", "")
     with tolerant():
-        ours = validate(domain, problem, plan)
+        ours = validate_plan(domain, problem, plan)
     again = differs(ours, verdict)
     return Judged(outcome(ours), again and f"{again}\n{plan}{ours}\n{verdict.output[-1500:]}", True)
 

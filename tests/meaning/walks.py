@@ -14,7 +14,7 @@ from kant_sql.reasoning.actions import Schema, Snap, apply_changes
 from kant_sql.reasoning.conditions import Compiler, Conditions
 from kant_sql.reasoning.derived import read_world
 from kant_sql.reasoning.junctions import positive
-from kant_sql.reasoning.validate import validate
+from kant_sql.reasoning.validate import validate_plan
 from kant_sql.reasoning.world import World
 from tests.meaning.plan_mutations import EPSILON, plan_of
 
@@ -54,7 +54,7 @@ def walk(domain: Domain, problem: Problem, seed: object, length: int) -> Plan:
 
 
 def _is_executable(domain: Domain, problem: Problem, steps: list[PlanStep]) -> bool:
-    return validate(domain, problem, plan_of(steps)).failed_step is None
+    return validate_plan(domain, problem, plan_of(steps)).failed_step is None
 
 
 def _take(

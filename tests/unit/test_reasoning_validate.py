@@ -9,7 +9,7 @@ import pytest
 from kant_sql import FailedCondition, Plan, PlanStep, Validation
 from kant_sql.errors import InvalidKnowledgeError, UnsupportedConstructError
 from kant_sql.pddl import read_domain, read_problem
-from kant_sql.reasoning.validate import validate
+from kant_sql.reasoning.validate import validate_plan
 
 
 def step(text: str) -> PlanStep:
@@ -26,7 +26,7 @@ def run(domain: str, problem: str, *steps: str) -> Validation:
     read = read_domain(f"(define (domain d) {domain})")
     text = f"(define (problem p) (:domain d) {problem})"
     plan = Plan(tuple(map(step, steps)), "by hand", "unknown")
-    return validate(read, read_problem(text, domain=read), plan)
+    return validate_plan(read, read_problem(text, domain=read), plan)
 
 
 def failure(found: Validation) -> tuple[int, str, str | None, list[str]]:
@@ -243,7 +243,7 @@ def test_a_step_needs_its_times() -> None:
     early = PlanStep(Decimal(-1), "bake", ("a",), Decimal(10))
     domain = read_domain(f"(define (domain d) {OVEN})")
     problem = read_problem(f"(define (problem p) (:domain d) {CAKES})", domain=domain)
-    found = validate(domain, problem, Plan((early,), "by hand", "unknown"))
+    found = validate_plan(domain, problem, Plan((early,), "by hand", "unknown"))
     assert "starts before the plan does" in failure(found)[3][0]
 
 
