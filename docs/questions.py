@@ -6,7 +6,7 @@ from typing import Any
 
 from griffe import Extension, Function, Module, Parameter, Parameters
 
-BINDERS = {"reads", "writes"}
+BINDERS = {"reads", "writes", "delegates"}
 
 
 class Questions(Extension):
@@ -21,7 +21,8 @@ class Questions(Extension):
             call = str(member.value) if member.is_attribute and member.value is not None else ""
             binder, _, asked = call.removesuffix(")").partition("(")
             if binder in BINDERS:
-                facade.set_member(name, _method(name, pkg["knowledge_base"][asked].final_target))
+                found = pkg["knowledge_base"][asked]
+                facade.set_member(name, _method(name, getattr(found, "final_target", found)))
 
 
 def _method(name: str, question: Function) -> Function:

@@ -4,12 +4,9 @@ Another package adds a family by an entry point in the group `kant_sql.dao_famil
 name of the URL's dialect and refers to a `DaoFactory` class.
 """
 
-# Required methods have no body, and are not abstract to a type checker.
-# mypy: disable-error-code="empty-body"
-
 from __future__ import annotations
 
-from abc import abstractmethod
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Hashable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from datetime import datetime
@@ -25,7 +22,6 @@ from .dao.action import SqlActionDao, SqlEventDao, SqlProcessDao
 from .dao.base import refuse_past
 from .dao.function import SqlFunctionDao
 from .dao.function_value import SqlFunctionValueDao
-from .dao.interfaces import Interface, required
 from .dao.object import SqlObjectDao
 from .dao.predicate import SqlPredicateDao
 from .dao.proposition import SqlPropositionDao
@@ -42,10 +38,43 @@ from .store.state import State
 from .store.store import Store
 
 
-class Connection(Interface):
-    """A connection to one knowledge base, in the present or in the past."""
+def daos_only(factory: DaoFactory, lacked: str) -> InvalidUrlError:
+    """Return the error for what a family that is not built on an SQL store has not."""
+    return InvalidUrlError(
+        f"{type(factory).__name__}: this DAO family has DAOs only, without {lacked}; use an SQL "
+        "store, as sqlite:// or postgresql://"
+    )
 
-    @required
+
+class DaoFactory(ABC):
+    """Creates the DAOs of one family, all on one knowledge base. Threads may share it.
+
+    Attributes:
+        has_one_connection: whether threads take turns on one connection, so that a read waits for
+            a transaction that another thread has open.
+        queue: what its writers wait in: equal values are one queue; None where it is unknown.
+        name: the name of the knowledge base.
+        address: the URL of the store for people to read, without a password.
+        label: both, and which state it is.
+    """
+
+    has_one_connection: bool = False
+    queue: Hashable = None
+    name: str = ""
+    address: str = ""
+    label: str = ""
+
+    @abstractmethod
+    def __init__(
+        self,
+        url: str,
+        *,
+        knowledge_base: str = "default",
+        actor: str | None = None,
+        read_only: bool = False,
+    ) -> None:
+        """Open a knowledge base, as `create_dao_factory` describes."""
+
     def transaction(
         self,
         *,
@@ -96,132 +125,29 @@ class Connection(Interface):
             >>> kb.revision
             2
         """
+        raise daos_only(self, "transactions")
 
-    @required
     def at(self, when: When) -> Self:
-        """Open a past state for reading; writes raise `ReadOnlyError`.
+        """Return the factory of a past state, as `KnowledgeBase.at`."""
+        raise daos_only(self, "past states")
 
-        Args:
-            when: a revision's number (0 is before the first), an aware time up to now, or a text of
-                either: `2026-01-31T09:30:00Z` (UTC unless it has a zone), `2 hours ago`,
-                `yesterday 14:03`, `now`.
-
-        Returns:
-            The same DAOs on that state.
-
-        Raises:
-            UnknownRevisionError: there is no such revision yet, or the time lies in the future or
-                has no zone.
-            InvalidArgumentError: a text is neither a revision's number nor a time.
-            ArchivedError: a part of that state was moved to an archive.
-
-        Examples:
-            >>> kb.at(0).propositions.get_all()
-            []
-            >>> kb.at("yesterday").revision
-            0
-        """
-
-    @required
     def branch(
         self,
         name: str | None = None,
         *,
         at: When | None = None,
         url: str | None = None,
-    ) -> Connection:
-        """Begin a knowledge base with a state of this one, to try out what would follow.
-
-        All that belongs to the state goes over: definitions, facts, goals and values, in the same
-        order, so that both write the same documents. (A domain or problem that was never loaded is
-        called as its knowledge base, and so is a branch without `name`.) Recorded plans and the
-        history stay behind. The first revision of the branch names this knowledge base, its
-        revision and that revision's hash in `source`, as `parent`, `revision` and `hash`; a branch
-        of an empty state has no revision yet.
-
-        Args:
-            name: the name of the branch; None for that of this knowledge base.
-            at: a revision, given as for `at`; None for the present, or for this past state.
-            url: the store of the branch, on any dialect; a new SQLite file is created. None for
-                this store with a `name`, and without one for a store in memory, which ends when
-                the branch is closed. A store in memory holds one knowledge base, so that a branch
-                of it is in another store in memory.
-
-        Returns:
-            The branch, which writes as the same actor; close it as any other.
-
-        Raises:
-            ConflictError: the store has a knowledge base of that name.
-            UnknownRevisionError: there is no such revision yet, or the time lies in the future or
-                has no zone.
-            ArchivedError: a part of that state was moved to an archive.
-            ReadOnlyError: the task or thread has a transaction open: what is pending has no
-                revision that the branch could name.
-            InvalidUrlError: the URL is not valid, or of a family that takes no branches.
-
-        Examples:
-            >>> with kb.branch() as trial:
-            ...     _ = trial.propositions.delete_all()
-            ...     print(kb.diff_with(trial)[0])
-            Change(sign='-', kind='fact', text='(robot_at rb1 wp1)')
-        """
+    ) -> DaoFactory:
+        """Begin a knowledge base with a state of this one, as `KnowledgeBase.branch`."""
+        raise daos_only(self, "branches")
 
     @property
-    @required
     def revision(self) -> int:
-        """The number of the last revision, 0 before the first.
+        """The number of the last revision, as `KnowledgeBase.revision`."""
+        raise daos_only(self, "revisions")
 
-        Within a transaction, the revision that it began from; of a past state, its revision.
-        """
-
-    @required
-    def close(self) -> None:
-        """Close the database connections. This deletes a store in memory.
-
-        Later calls raise `ClosedError`, on past states, too. An open transaction is rolled back: at
-        once if it is this thread's, else at the end of its block. Closing a past state does
-        nothing.
-        """
-
-
-class DaoFactory(Connection):
-    """Creates the DAOs of one family, all on one knowledge base. Threads may share it.
-
-    Attributes:
-        has_one_connection: whether threads take turns on one connection, so that a read waits for
-            a transaction that another thread has open.
-        queue: what its writers wait in: equal values are one queue; None where it is unknown.
-        name: the name of the knowledge base.
-        address: the URL of the store for people to read, without a password.
-        label: both, and which state it is.
-    """
-
-    has_one_connection: bool = False
-    queue: Hashable = None
-    name: str = ""
-    address: str = ""
-    label: str = ""
-
-    @abstractmethod
-    def __init__(
-        self,
-        url: str,
-        *,
-        knowledge_base: str = "default",
-        actor: str | None = None,
-        read_only: bool = False,
-    ) -> None:
-        """Open a knowledge base, as `create_dao_factory` describes."""
-
-    @override
-    @abstractmethod
-    def branch(
-        self,
-        name: str | None = None,
-        *,
-        at: When | None = None,
-        url: str | None = None,
-    ) -> DaoFactory: ...
+    def close(self) -> None:  # noqa: B027  # a family may have nothing to close
+        """Close the connections, as `KnowledgeBase.close`."""
 
     @abstractmethod
     def create_pddl_type_dao(self) -> daos.PddlTypeDao:

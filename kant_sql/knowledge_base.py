@@ -5,14 +5,11 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable
 from functools import wraps
-from typing import Concatenate, ParamSpec, Self, TypeVar
-
-from typing_extensions import override
+from typing import Concatenate, ParamSpec, Self, TypeVar, cast
 
 from . import html
 from .arguments import expect
 from .dao.base import refuse_past
-from .dao.interfaces import forwarding
 from .documents.exchange import (
     domain,
     domain_pddl,
@@ -23,8 +20,8 @@ from .documents.exchange import (
     requirements,
 )
 from .documents.planners import load_unified_planning, plan, to_unified_planning
-from .errors import InvalidArgumentError, InvalidUrlError
-from .factory import Connection, DaoFactory, Daos, SqlDaoFactory, create_dao_factory
+from .errors import InvalidArgumentError
+from .factory import DaoFactory, Daos, SqlDaoFactory, create_dao_factory, daos_only
 from .history.anchors import anchor
 from .history.archive.archive import archive
 from .history.audit import to_arrow
@@ -66,10 +63,7 @@ def state_of(kb: KnowledgeBase) -> State:
     """
     state = kb._state
     if state is None:
-        raise InvalidUrlError(
-            f"{type(kb.factory).__name__}: this DAO family has DAOs only; history, documents and "
-            "reasoning need an SQL store, as sqlite:// or postgresql://"
-        )
+        raise daos_only(kb.factory, "history, documents and reasoning")
     if state.store.is_closed:
         state.store.refuse_closed()
     return state
@@ -102,6 +96,18 @@ def writes(
     return _method(write)
 
 
+def delegates(
+    method: Callable[Concatenate[DaoFactory, P], R],
+) -> Callable[Concatenate[KnowledgeBase, P], R]:
+    """Bind a method of the factory, as `reads`."""
+
+    @wraps(method)
+    def call(self: KnowledgeBase, /, *args: P.args, **kwargs: P.kwargs) -> R:
+        return cast(Callable[P, R], getattr(self.factory, method.__name__))(*args, **kwargs)
+
+    return call
+
+
 def _method(
     bound: Callable[Concatenate[KnowledgeBase, P], R],
 ) -> Callable[Concatenate[KnowledgeBase, P], R]:
@@ -115,8 +121,7 @@ def _method(
     return bound
 
 
-@forwarding(factory=Connection)
-class KnowledgeBase(Daos, Connection):
+class KnowledgeBase(Daos):
     """A robot's knowledge: its present state, its history, and its documents.
 
     Threads may share it. Use it as a context manager, or call `close`.
@@ -134,6 +139,8 @@ class KnowledgeBase(Daos, Connection):
         self.factory = expect(factory, DaoFactory, "the factory", InvalidArgumentError)
         self._state = factory.state if isinstance(factory, SqlDaoFactory) else None
         self._create(factory)
+
+    transaction = delegates(DaoFactory.transaction)
 
     load_domain = writes(load_domain)
     load_problem = writes(load_problem)
@@ -206,11 +213,31 @@ class KnowledgeBase(Daos, Connection):
         expect(other, KnowledgeBase, "what it is compared with", InvalidArgumentError)
         return diff_lines(state_lines(state_of(self)), state_lines(state_of(other)))
 
-    @override
     def at(self, when: When) -> Self:
+        """Open a past state for reading; writes raise `ReadOnlyError`.
+
+        Args:
+            when: a revision's number (0 is before the first), an aware time up to now, or a text of
+                either: `2026-01-31T09:30:00Z` (UTC unless it has a zone), `2 hours ago`,
+                `yesterday 14:03`, `now`.
+
+        Returns:
+            The same DAOs on that state.
+
+        Raises:
+            UnknownRevisionError: there is no such revision yet, or the time lies in the future or
+                has no zone.
+            InvalidArgumentError: a text is neither a revision's number nor a time.
+            ArchivedError: a part of that state was moved to an archive.
+
+        Examples:
+            >>> kb.at(0).propositions.get_all()
+            []
+            >>> kb.at("yesterday").revision
+            0
+        """
         return type(self)(self.factory.at(when))
 
-    @override
     def branch(
         self,
         name: str | None = None,
@@ -218,7 +245,59 @@ class KnowledgeBase(Daos, Connection):
         at: When | None = None,
         url: str | None = None,
     ) -> Self:
+        """Begin a knowledge base with a state of this one, to try out what would follow.
+
+        All that belongs to the state goes over: definitions, facts, goals and values, in the same
+        order, so that both write the same documents. (A domain or problem that was never loaded is
+        called as its knowledge base, and so is a branch without `name`.) Recorded plans and the
+        history stay behind. The first revision of the branch names this knowledge base, its
+        revision and that revision's hash in `source`, as `parent`, `revision` and `hash`; a branch
+        of an empty state has no revision yet.
+
+        Args:
+            name: the name of the branch; None for that of this knowledge base.
+            at: a revision, given as for `at`; None for the present, or for this past state.
+            url: the store of the branch, on any dialect; a new SQLite file is created. None for
+                this store with a `name`, and without one for a store in memory, which ends when
+                the branch is closed. A store in memory holds one knowledge base, so that a branch
+                of it is in another store in memory.
+
+        Returns:
+            The branch, which writes as the same actor; close it as any other.
+
+        Raises:
+            ConflictError: the store has a knowledge base of that name.
+            UnknownRevisionError: there is no such revision yet, or the time lies in the future or
+                has no zone.
+            ArchivedError: a part of that state was moved to an archive.
+            ReadOnlyError: the task or thread has a transaction open: what is pending has no
+                revision that the branch could name.
+            InvalidUrlError: the URL is not valid, or of a family that takes no branches.
+
+        Examples:
+            >>> with kb.branch() as trial:
+            ...     _ = trial.propositions.delete_all()
+            ...     print(kb.diff_with(trial)[0])
+            Change(sign='-', kind='fact', text='(robot_at rb1 wp1)')
+        """
         return type(self)(self.factory.branch(name, at=at, url=url))
+
+    @property
+    def revision(self) -> int:
+        """The number of the last revision, 0 before the first.
+
+        Within a transaction, the revision that it began from; of a past state, its revision.
+        """
+        return self.factory.revision
+
+    def close(self) -> None:
+        """Close the database connections. This deletes a store in memory.
+
+        Later calls raise `ClosedError`, on past states, too. An open transaction is rolled back: at
+        once if it is this thread's, else at the end of its block. Closing a past state does
+        nothing.
+        """
+        self.factory.close()
 
     def __repr__(self) -> str:
         return f"<{type(self).__name__} {self.factory.label}>"

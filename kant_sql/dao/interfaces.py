@@ -10,10 +10,9 @@ they refer to.
 
 from __future__ import annotations
 
-from abc import ABC, ABCMeta, abstractmethod, update_abstractmethods
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Sequence
 from decimal import Decimal
-from functools import wraps
 from typing import Generic, TypeVar
 
 from ..dto import (
@@ -34,48 +33,6 @@ from ..dto.formulas import Derived, Equal, Formula, Metric, Node, Not, TimedLite
 FactLike = PddlPropositionDto | str | Node
 ValueLike = PddlFunctionValueDto | str | Node
 GoalLike = Formula | PddlPropositionDto | str
-
-C = TypeVar("C")
-F = TypeVar("F", bound=Callable[..., object])
-
-
-class Interface(metaclass=ABCMeta):  # noqa: B024  # its subclasses have required methods
-    """A class whose required methods a DAO family implements and a facade forwards."""
-
-
-def required(method: F) -> F:
-    """Mark a method of an interface as required.
-
-    This is `abstractmethod`, hidden from type checkers, which cannot see that `forwarding`
-    implements the method on a facade.
-    """
-    return abstractmethod(method)
-
-
-def forwarding(**parts: ABCMeta) -> Callable[[type[C]], type[C]]:
-    """Implement the required methods of each interface by the part in the attribute of its name."""
-
-    def decorate(cls: type[C]) -> type[C]:
-        for attribute, interface in parts.items():
-            for name in interface.__abstractmethods__ - vars(cls).keys():
-                setattr(cls, name, _forward(attribute, name, getattr(interface, name)))
-        return update_abstractmethods(cls)
-
-    return decorate
-
-
-def _forward(attribute: str, name: str, method: Callable[..., object] | property) -> object:
-    if isinstance(method, property):
-        return property(lambda self: getattr(getattr(self, attribute), name), doc=method.__doc__)
-
-    @wraps(method)
-    def call(self: object, *args: object, **kwargs: object) -> object:
-        return getattr(getattr(self, attribute), name)(*args, **kwargs)
-
-    # `wraps` copies what marks the method as abstract.
-    del call.__dict__["__isabstractmethod__"]
-    return call
-
 
 # Called with the number of items done, and the number in total.
 Progress = Callable[[int, int], None]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import sys
 import textwrap
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -16,6 +16,7 @@ from kant_sql import (
     InvalidMetadataError,
     InvalidUrlError,
     KantSqlError,
+    KnowledgeBase,
     PddlTypeDto,
     StoreError,
     StoreUnreachableError,
@@ -28,7 +29,7 @@ from kant_sql.dao.interfaces import (
     PddlPropositionDao,
     PddlTypeDao,
 )
-from kant_sql.factory import PostgresqlDaoFactory, SqliteDaoFactory
+from kant_sql.factory import FAMILIES, PostgresqlDaoFactory, SqliteDaoFactory
 from kant_sql.sql import schema
 from kant_sql.sql.catalog import written_names
 from kant_sql.sql.schema import create_roles
@@ -140,6 +141,45 @@ def test_a_package_joins_with_a_family_by_an_entry_point(connect: Connect) -> No
     assert type(kb.factory).__name__ == "DuckDaoFactory"
     assert kb.factory.given == (url, "tiago", "me")  # type: ignore[attr-defined]
     assert kb.types.get_all() == []
+
+
+class OtherFactory(DaoFactory):
+    """A family that is not built on SQL: it has DAOs, which these tests do without."""
+
+    def __init__(self, url: str, **_: object) -> None:
+        assert url == "other://"
+
+
+def other_family(monkeypatch: pytest.MonkeyPatch) -> KnowledgeBase:
+    for name in DaoFactory.__abstractmethods__ - {"__init__"}:
+        monkeypatch.setattr(OtherFactory, name, lambda self: None, raising=False)
+    monkeypatch.setattr(OtherFactory, "__abstractmethods__", frozenset())
+    monkeypatch.setitem(FAMILIES, "other", OtherFactory)
+    return kant_sql.connect("other://")
+
+
+@pytest.mark.parametrize(
+    "ask",
+    [
+        lambda kb: kb.log(),
+        lambda kb: kb.restore(0),
+        lambda kb: kb.query("(on ?x)"),
+        lambda kb: kb.problem_pddl(),
+        lambda kb: kb.plan(),
+        lambda kb: kb.transaction(),
+        lambda kb: kb.at(0),
+        lambda kb: kb.branch(),
+        lambda kb: kb.revision,
+    ],
+)
+def test_a_question_names_a_family_that_has_daos_only(
+    monkeypatch: pytest.MonkeyPatch, ask: Callable[[KnowledgeBase], object]
+) -> None:
+    with (
+        other_family(monkeypatch) as kb,
+        pytest.raises(InvalidUrlError, match="OtherFactory: this DAO family has DAOs only"),
+    ):
+        ask(kb)
 
 
 @pytest.mark.usefixtures("plugins")
