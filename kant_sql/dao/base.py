@@ -167,7 +167,8 @@ class SqlGroundDao(SqlDao, Dao[G]):
             return True
         self._check(dto)
         one: Any = dto
-        self._store.write(lambda transaction: self._save_batch(transaction, [one]))
+        # The check has refused a closed store.
+        self._open_store.write(lambda transaction: self._save_batch(transaction, [one]))
         return True
 
     @override
