@@ -237,5 +237,5 @@ def broken_since(store: Store, failed: FailedCondition) -> Revision | None:
     """Return the revision since which a condition does not hold."""
     if failed.retracted is not None:
         return failed.retracted
-    periods = when(store, f"(not {failed.text})", None, None, None, {}, None)
+    periods = when(store, f"(not {failed.condition})", None, None, None, {}, None)
     return periods[-1].since if periods and periods[-1].until is None else None
