@@ -75,15 +75,5 @@ def timeline_figure(
     dark: Dark = False,
 ) -> FigureSpec:
     """Draw a timeline: a figure for Plotly; `customdata` is the address of a fact or a plan."""
-    shown = kb.timeline(
-        moment(since),
-        until=moment(until),
-        predicate=predicate or None,
-        object=object or None,
-        text=text or None,
-        kinds=(kind,) if kind else _KINDS,
-        lanes=LANES,
-        after=after or None,
-        slices=slices,
-    )
+    shown = timeline(kb, since, until, predicate, object, text, kind, after, slices)
     return timeline_spec(shown, dark=dark)
