@@ -76,12 +76,12 @@ def audit(kb: KnowledgeBase) -> None:
     """Hold the rules against the day, and show what led to each violation."""
     verdicts = kb.check_rules(RULES, clock="observed")
     for verdict in verdicts:
-        print("kept    " if verdict.is_satisfied else "violated", verdict.text)
+        print("kept    " if verdict.is_satisfied else "violated", verdict.rule)
     for verdict in verdicts.violated:
         revision = verdict.revision
         assert revision is not None
         assert verdict.time is not None
-        print(f"\n{verdict.text}")
+        print(f"\n{verdict.rule}")
         print(f"  is violated by revision {revision.number}, {verdict.time / 60:.0f} minutes on")
         print(f"  {revision.actor}: {revision.reason}")
 

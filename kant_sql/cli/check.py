@@ -96,7 +96,7 @@ def _result(checked: CheckedDocument) -> str:
 
 def _report_document(report: CheckReport, strict: bool) -> Document:
     return {
-        "documents": [checked._asdict() for checked in report.documents],
+        "documents": report.documents,
         "findings": [
             {
                 "source": finding.source,

@@ -11,7 +11,6 @@ import typer
 
 from ..dto import formulas as f
 from ..errors import InvalidKnowledgeError, UnsupportedConstructError, printable
-from ..json_documents import failed_document, held_document, verdict_document
 from ..knowledge.canonical import time_text
 from ..pddl.lexer import Source, decode
 from .check import STANDARD_INPUT, read_bytes
@@ -127,7 +126,7 @@ def holds(
 class _Goal(NamedTuple):
     """A goal or a preference of a state, and whether it holds."""
 
-    formula: f.Formula
+    pddl: str
     holds: bool
     is_preference: bool
     preference: str | None  # the name of a preference
@@ -150,13 +149,12 @@ def goals(url: Url, kb: Name = None, at: At = None, as_json: AsJson = False) -> 
             "knowledge_base": name,
             "revision": revision,
             "is_reached": not unsatisfied,
-            "goals": [_goal_document(one) for one in found],
-            "unsatisfied": [failed_document(part) for part in unsatisfied],
+            "goals": found,
+            "unsatisfied": unsatisfied,
             "metric": None,
         }
         if metric is not None:
-            stated = {"pddl": str(metric), "value": None if value is None else f"{value:f}"}
-            document["metric"] = {**stated, "error": lack}
+            document["metric"] = {"pddl": str(metric), "value": value, "error": lack}
         write_json(document)
     else:
         _write_goals(Printer(), found, unsatisfied)
@@ -186,7 +184,7 @@ def _goals(state: KnowledgeBase) -> Iterator[_Goal]:
             for each in reversed(variables):
                 formula = f.Forall(each, formula)
             name = node.name if isinstance(node, f.Preference) else None
-            yield _Goal(formula, state.holds(formula), has_preference, name)
+            yield _Goal(str(formula), state.holds(formula), has_preference, name)
 
 
 def _metric(state: KnowledgeBase) -> tuple[f.Metric | None, Decimal | None, str | None]:
@@ -198,21 +196,12 @@ def _metric(state: KnowledgeBase) -> tuple[f.Metric | None, Decimal | None, str 
         return metric, None, str(error)
 
 
-def _goal_document(goal: _Goal) -> Document:
-    return {
-        "pddl": str(goal.formula),
-        "holds": goal.holds,
-        "is_preference": goal.is_preference,
-        "preference": goal.preference,
-    }
-
-
 def _write_goals(
     printer: Printer, found: Iterable[_Goal], unsatisfied: Iterable[FailedCondition]
 ) -> None:
     kinds: dict[bool, list[list[str]]] = {False: [], True: []}
     for goal in found:
-        row = [str(goal.formula), "holds" if goal.holds else "does not hold"]
+        row = [goal.pddl, "holds" if goal.holds else "does not hold"]
         kinds[goal.is_preference].append([goal.preference or "", *row][not goal.is_preference :])
     printer.table("goals", ["goal", "now"], kinds[False])
     if kinds[True]:
@@ -262,7 +251,7 @@ def when(
         printer = Printer()
         for position, held in enumerate(periods):
             if as_json:
-                write_json(held_document(held))
+                write_json(held)
                 continue
             if position:
                 printer.line()
@@ -323,8 +312,7 @@ def rules(
         found = state.check_rules(source, since=first, until=last, clock=clock)
     if as_json:
         header = {"knowledge_base": name, "first": found.first, "last": found.last}
-        verdicts = [verdict_document(one) for one in found]
-        write_json({**header, "is_satisfied": found.is_satisfied, "rules": verdicts})
+        write_json({**header, "is_satisfied": found.is_satisfied, "rules": found})
     else:
         _write_verdicts(Printer(), found)
     if found.is_satisfied:
@@ -348,6 +336,6 @@ def _write_verdicts(printer: Printer, verdicts: Iterable[Verdict]) -> None:
     for verdict in found:
         kind = "preference" if verdict.is_preference else "rule"
         style = "green" if verdict.is_satisfied else "red"
-        printer.line(f"{verdict.verdict} {kind}: {verdict.text}", style)
+        printer.line(f"{verdict.verdict} {kind}: {verdict.rule}", style)
         if verdict.revision is not None:
             _write_end(printer, "in", verdict.revision, "  ")

@@ -211,7 +211,7 @@ def _load_document(
         "head": knowledge_base.revision if made is None else made.number,
         "asserted": asserted,
         "retracted": retracted,
-        "warnings": [warning._asdict() for warning in warnings],
+        "warnings": list(warnings),
     }
 
 

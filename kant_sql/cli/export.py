@@ -75,7 +75,7 @@ def export(
         else:
             done = export_store(url, format=format, views=view, progress=progress, **common)
     if as_json:
-        write_json(done.to_document())
+        write_json(done)
     else:
         _write_exported(Printer(), done)
 

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ..errors import ConnectionLostError, StoreUnreachableError, printable
-from ..json_documents import changes_document, entry_document, version_document
 from ..knowledge.canonical import time_text
 from .common import (
     Actor,
@@ -142,7 +141,7 @@ class EntryWriter:
     def write(self, entry: LogEntry) -> None:
         """Write a revision."""
         if self._as_json:
-            write_json(entry_document(entry))
+            write_json(entry)
             return
         if not self._is_first:
             self._printer.line()
@@ -175,7 +174,7 @@ def history(
         printer = Printer()
         for position, version in enumerate(versions):
             if as_json:
-                write_json(version_document(version))
+                write_json(version)
                 continue
             if position:
                 printer.line()
@@ -190,7 +189,7 @@ def blame(words: _Words, kb: Name = None, at: At = None, as_json: AsJson = False
         if version is None:
             raise unknown_element(state, name, element, "does not hold; see: kant-sql history")
         if as_json:
-            write_json(version_document(version))
+            write_json(version)
         else:
             _write_version(Printer(), version)
 
@@ -224,7 +223,7 @@ def diff(
         if as_json:
             ends = [knowledge_base.at(when).revision for when in (first, second)]
             document = {"knowledge_base": name, "a": ends[0], "b": ends[1]}
-            write_json({**document, "changes": changes_document(changes)})
+            write_json({**document, "changes": changes})
         else:
             write_changes(Printer(), changes)
 
@@ -258,7 +257,7 @@ def restore(
         changes = [] if made is None else knowledge_base.diff(made - 1, made)
         if as_json:
             document = {"knowledge_base": name, "restored": restored, "revision": made}
-            write_json({**document, "changes": changes_document(changes)})
+            write_json({**document, "changes": changes})
             return
         printer = Printer()
         if made is None:

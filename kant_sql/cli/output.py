@@ -22,6 +22,7 @@ from rich.table import Table
 from rich.text import Text
 
 from ..errors import printable
+from ..json_values import json_value
 
 FAILED = 1
 # No rule is violated, but one could not be judged.
@@ -49,14 +50,14 @@ def plural(count: int, noun: str) -> str:
 
 
 def json_text(value: object, to: TextIO | None = None) -> str:
-    """Return a value as JSON on one line, in ASCII unless the stream is UTF-8."""
+    """Return a value or a result as JSON on one line, in ASCII unless the stream is UTF-8."""
     encoding = (to or sys.stdout).encoding or ""
     ascii_only = encoding.lower().replace("-", "") != "utf8"
-    return printable(json.dumps(value, ensure_ascii=ascii_only))
+    return printable(json.dumps(json_value(value), ensure_ascii=ascii_only))
 
 
 def write_json(value: object) -> None:
-    """Write a JSON document on a line."""
+    """Write a value or a result as JSON on a line."""
     sys.stdout.write(json_text(value) + "\n")
 
 

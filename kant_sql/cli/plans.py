@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import replace
-from decimal import Decimal
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from ..errors import KantSqlError, printable
-from ..json_documents import recorded_plan_document, step_document
 from ..planning import Plan
 from .check import STANDARD_INPUT, read_bytes
 from .common import (
@@ -140,12 +138,22 @@ def _plan_document(found: Plan, recorded: RecordedPlan | None) -> Document:
         "revision": found.revision,
         "engine": found.engine,
         "status": found.status,
-        "ignored": list(found.ignored),
-        "steps": [step_document(step) for step in found.steps],
+        "ignored": found.ignored,
+        "steps": found.steps,
     }
     if recorded is not None:
         document.update(plan=recorded.id, recorded_in=recorded.recorded_in)
     return document
+
+
+@dataclass(frozen=True)
+class _Listed:
+    """A recorded plan, and the knowledge base that has it."""
+
+    _json_ = "knowledge_base", "*plan"
+
+    knowledge_base: str
+    plan: RecordedPlan
 
 
 _PLANS_USAGE = "[URL] [ID]"
@@ -168,7 +176,7 @@ def plans(
         found = state.plans.get_all() if id_ is None else [get_recorded(state, name, id_)]
         if as_json:
             for one in found:
-                write_json({"knowledge_base": name, **recorded_plan_document(one)})
+                write_json(_Listed(name, one))
         elif id_ is None:
             columns = "plan", "recorded in", "planned from", "planner", "status", "steps"
             Printer().table("plans", columns, [_recorded_row(one) for one in found])
@@ -223,7 +231,3 @@ def _write_recorded(printer: Printer, one: RecordedPlan) -> None:
         for step in one.steps
     ]
     printer.table("steps", ("step", "action", "status"), rows)
-
-
-def _number(number: Decimal | None) -> str | None:
-    return None if number is None else f"{number:f}"

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from ..errors import printable
-from ..json_documents import changes_document, failed_document, step_document
 from .common import (
     Actor,
     AsJson,
@@ -27,11 +27,11 @@ from .common import (
 )
 from .conditions import write_failed
 from .history import write_changes
-from .output import FAILED, Document, Printer, write_json
+from .output import FAILED, Printer, write_json
 from .plans import get_recorded, read_plan
 
 if TYPE_CHECKING:
-    from ..reasoning.validate import FailedStep, Validation
+    from ..reasoning.validate import Validation
 
 _STEP_USAGE = "[URL] STEP"
 _STEP_EXAMPLE = "sqlite:///robot.db '(move rb1 wp1 wp2)'"
@@ -47,8 +47,7 @@ def why_not(words: _Step, kb: Name = None, at: At = None, as_json: AsJson = Fals
     name, revision, failed = ask_state(url, kb, at, lambda state: state.why_not(step))
     if as_json:
         header = {"knowledge_base": name, "revision": revision, "step": step}
-        unsatisfied = [failed_document(part) for part in failed]
-        write_json({**header, "is_applicable": not failed, "unsatisfied": unsatisfied})
+        write_json({**header, "is_applicable": not failed, "unsatisfied": failed})
         return
     printer = Printer()
     if failed:
@@ -114,7 +113,7 @@ def apply(
         changes = [] if made is None else knowledge_base.diff(made - 1, made)
     if as_json:
         document = {"knowledge_base": name, "step": step, "revision": made}
-        write_json({**document, "changes": changes_document(changes)})
+        write_json({**document, "changes": changes})
         return
     printer = Printer()
     if made is None:
@@ -150,11 +149,21 @@ def validate(
         plan = read_plan(Path(files[0])) if id_ is None else get_recorded(state, name, id_)
         found = state.validate(plan)
         if as_json:
-            header = {"knowledge_base": name, "revision": state.revision}
-            write_json({**header, **_validation_document(found)})
+            write_json(_Validated(name, state.revision, found))
         else:
             _write_validation(Printer(), found)
     return 0 if found.valid else FAILED
+
+
+@dataclass(frozen=True)
+class _Validated:
+    """A validation, and the state that the plan began in."""
+
+    _json_ = "knowledge_base", "revision", "*validation"
+
+    knowledge_base: str
+    revision: int
+    validation: Validation
 
 
 def _write_validation(printer: Printer, found: Validation) -> None:
@@ -162,30 +171,3 @@ def _write_validation(printer: Printer, found: Validation) -> None:
     printer.line(first, "green" if found.valid else "red")
     for line in lines:
         printer.line(line)
-
-
-def _validation_document(found: Validation) -> Document:
-    value = found.metric_value
-    return {
-        "valid": found.valid,
-        "failed_step": found.failed_step and _failed_step_document(found.failed_step),
-        "is_goal_reached": found.is_goal_reached,
-        "unsatisfied_goals": [failed_document(part) for part in found.unsatisfied_goals],
-        "makespan": f"{found.makespan:f}",
-        "metric_value": None if value is None else f"{value:f}",
-        "violated_preferences": dict(found.violated_preferences),
-        "violated_constraints": [
-            {"constraint": one.text, "time": f"{one.time:f}", "position": one.position}
-            for one in found.violated_constraints
-        ],
-    }
-
-
-def _failed_step_document(failed: FailedStep) -> Document:
-    return {
-        "position": failed.position,
-        **step_document(failed.step),
-        "time": f"{failed.time:f}",
-        "phase": failed.phase,
-        "unsatisfied": [failed_document(part) for part in failed.unsatisfied],
-    }

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ..errors import KantSqlError, printable
-from ..json_documents import inventory_document
 from ..knowledge.canonical import time_text
 from .common import (
     DEFAULT_NAME,
@@ -240,7 +239,7 @@ def kbs(url: Url, as_json: AsJson = False) -> None:
 
     found = knowledge_bases(url)
     if as_json:
-        write_json({"knowledge_bases": [inventory_document(one) for one in found]})
+        write_json({"knowledge_bases": found})
         return
     columns: dict[str, Callable[[Inventory], str]] = {
         "knowledge base": lambda one: printable(one.name),
@@ -319,7 +318,7 @@ def backup(
     with signals_raise(), bar("backup") as progress:
         made = backup_store(url, file, progress=progress)
     if as_json:
-        write_json({**made._asdict(), "file": str(made.file)})
+        write_json(made)
         return
     revisions = [f"{printable(name)} at revision {last}" for name, last in made.revisions.items()]
     Printer().line(f"{printable(str(made.file))}: {made.bytes:,} bytes; {', '.join(revisions)}")

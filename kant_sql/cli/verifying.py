@@ -17,7 +17,6 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 import typer
 
 from ..errors import InvalidMetadataError, KantSqlError, printable
-from ..json_documents import verification_document
 from ..knowledge.canonical import time_text
 from ..pddl.lexer import read_file
 from .common import AnchorFile, Name, Url, choose, json_lines, option, parse_when
@@ -250,7 +249,7 @@ class _Report:
         self._continued += done.continued_from is not None
         self._revisions += done.revisions
         if self._as_json:
-            write_json(verification_document(done))
+            write_json(done)
         else:
             self._write(done)
         # Whoever follows a long run reads it as it comes.

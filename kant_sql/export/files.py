@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple
 
 from ..arguments import shown
 from ..errors import InvalidArgumentError, printable
+from ..json_values import json_value
 from ..knowledge.canonical import time_text
 from ..sql.arrow import import_arrow
 from .snapshot import KnowledgeBaseState
@@ -74,14 +75,6 @@ class Exported(NamedTuple):
     until: int | str | None
     knowledge_bases: tuple[KnowledgeBaseState, ...]
     files: tuple[ExportedFile, ...]
-
-    def to_document(self) -> dict[str, object]:
-        """Return all of it as a JSON document, which the folder has as `_export.json`, too."""
-        return {
-            **self._asdict(),
-            "knowledge_bases": [state._asdict() for state in self.knowledge_bases],
-            "files": [file._asdict() for file in self.files],
-        }
 
 
 def bound(given: int | datetime | None) -> int | str | None:
@@ -251,7 +244,7 @@ class Folder:
 
     def finish(self, exported: Exported, old: Sequence[str]) -> None:
         """Put the files where they belong, in the place of those of an export before."""
-        text = json.dumps(exported.to_document(), ensure_ascii=False, indent=1)
+        text = json.dumps(json_value(exported), ensure_ascii=False, indent=1)
         (self._part / MANIFEST).write_text(f"{text}\n", encoding="utf-8")
         if old:
             # First: without it, what follows is no complete export.

@@ -355,7 +355,7 @@ class PlanLine(NamedTuple):
     """A plan in a list.
 
     Attributes:
-        id: its id.
+        plan: its id.
         recorded: the revision that recorded it.
         revision: the revision of the state that it was planned from.
         planner: the planner's name.
@@ -366,7 +366,7 @@ class PlanLine(NamedTuple):
         outcomes: how many steps have each status; those without one were not started.
     """
 
-    id: int
+    plan: int
     recorded: Revision
     revision: int
     planner: str | None

@@ -73,6 +73,8 @@ class PlanBar:
         source: what else was given by who recorded it.
     """
 
+    _json_ = "id", "recorded_in", "recorded_at", "actor", "reason", "source", "planner", "steps"
+
     id: int
     recorded_in: int
     recorded_at: datetime

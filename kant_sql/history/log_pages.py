@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import cache
 from typing import Any, NamedTuple
 
@@ -59,7 +60,8 @@ class LogFilter(NamedTuple):
     text: str | None = None
 
 
-class LogLine(NamedTuple):
+@dataclass(frozen=True)
+class LogLine:
     """A revision in a page of the log.
 
     Attributes:
@@ -69,6 +71,8 @@ class LogLine(NamedTuple):
         is_counted: whether `total` counts all.
         is_archived: whether a part of its changes is in an archive.
     """
+
+    _json_ = "*revision", "changes", "total", "is_counted", "is_archived"
 
     revision: Revision
     changes: tuple[Change, ...]

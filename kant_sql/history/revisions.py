@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from itertools import groupby
 from operator import itemgetter
-from typing import Any
+from typing import Any, NamedTuple
 
 from sqlalchemy import ColumnElement, select
 
@@ -37,6 +37,18 @@ _NUMBERED = Query(REVISIONS.where(in_list(RevisionRow.number, "numbers")))
 _ARCHIVED = Query(select(HeadRow.archived_revision).where(HeadRow.kb_id == KB))
 
 
+class RunningStep(NamedTuple):
+    """The step of a recorded plan that was running.
+
+    Attributes:
+        plan: the plan's id.
+        position: the step's index in the plan, from 0.
+    """
+
+    plan: int
+    position: int
+
+
 @dataclass(frozen=True)
 class Revision:
     """One committed transaction of a knowledge base.
@@ -44,22 +56,22 @@ class Revision:
     Attributes:
         number: 1, 2, 3 ... without gaps.
         committed_at: when, by the store's clock, in UTC; it never goes back.
+        observed_at: when its knowledge was sensed, in UTC; None if not given.
         actor: the component that wrote.
         reason: why.
         source: where the knowledge came from, as JSON values.
-        hash: the SHA-256 that chains it to the revision before.
-        observed_at: when its knowledge was sensed, in UTC; None if not given.
         plan_step: the step of a plan that was running: the plan's id and the step's position.
+        hash: the SHA-256 that chains it to the revision before.
     """
 
     number: int
     committed_at: datetime
+    observed_at: datetime | None
     actor: str | None
     reason: str | None
-    source: object | None
+    source: object
+    plan_step: RunningStep | None
     hash: str
-    observed_at: datetime | None = None
-    plan_step: tuple[int, int] | None = None
 
     @property
     def source_text(self) -> str | None:
@@ -93,7 +105,14 @@ class Revision:
 
 @dataclass(frozen=True)
 class LogEntry:
-    """A revision and its changes, one for each element that was asserted or retracted."""
+    """A revision and its changes, one for each element that was asserted or retracted.
+
+    Attributes:
+        revision: the revision.
+        changes: its changes.
+    """
+
+    _json_ = "*revision", "changes"
 
     revision: Revision
     changes: tuple[Change, ...]
@@ -200,12 +219,12 @@ def _make_revision(session: Session, row: Row) -> Revision:
     revision.__dict__.update(
         number=number,
         committed_at=session.to_time(committed_at),
+        observed_at=observed_at,
         actor=actor,
         reason=reason,
         source=read_source(source),
+        plan_step=None if plan_id is None else RunningStep(plan_id, position),
         hash=digest,
-        observed_at=observed_at,
-        plan_step=None if plan_id is None else (plan_id, position),
     )
     return revision
 

@@ -58,6 +58,11 @@ class Bar:
         number: the value as a number, if it is one.
     """
 
+    _json_ = (
+        *("since", "until", "since_at", "until_at", "actor", "reason", "ended_by", "ended_reason"),
+        *("source", "ended_source", "value"),
+    )
+
     since: int
     until: int | None
     since_at: datetime

@@ -48,6 +48,8 @@ class RecordedStep:
     transaction's own change; `outcomes` have committed revisions only.
     """
 
+    _json_ = "position", "start", "action", "arguments", "duration", "status", "revisions"
+
     plan_id: int
     position: int
     start: Decimal | None
@@ -98,6 +100,11 @@ class RecordedPlan:
         status: the planner's status, for example `solved_optimally`.
         steps: its steps, in order.
     """
+
+    _json_ = (
+        *("plan=id", "recorded_in", "revision", "problem_hash", "planner", "planner_version"),
+        *("objective", "value", "status", "steps"),
+    )
 
     id: int
     recorded_in: int

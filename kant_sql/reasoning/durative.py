@@ -365,5 +365,5 @@ def broken_since(store: Store, failed: FailedCondition) -> Revision | None:
     """Return the revision since which a condition does not hold."""
     if failed.retracted is not None:
         return failed.retracted
-    periods = when(State(store, None), f"(not {failed.text})")
+    periods = when(State(store, None), f"(not {failed.condition})")
     return periods[-1].since if periods and periods[-1].until is None else None

@@ -38,7 +38,7 @@ class FailedCondition:
     """A part of a condition that does not hold, or another reason why a step fails.
 
     Attributes:
-        text: the part as PDDL text, with objects for its variables.
+        condition: the part as PDDL text, with objects for its variables.
         reason: why it fails.
         left: the value of the left side of a comparison; None without a value.
         right: the value of its right side.
@@ -46,19 +46,19 @@ class FailedCondition:
             actor and reason.
     """
 
-    text: str
+    condition: str
     reason: str
     left: Decimal | None = None
     right: Decimal | None = None
     retracted: Revision | None = None
 
     def __str__(self) -> str:
-        return f"{self.text}: {self.reason}"
+        return f"{self.condition}: {self.reason}"
 
     def _html_row_(self) -> html.Row:
         by = self.retracted
         return {
-            "condition": self.text,
+            "condition": self.condition,
             "reason": self.reason,
             "left": self.left,
             "right": self.right,

@@ -66,6 +66,8 @@ class FailedStep:
         unsatisfied: what does not hold, or why it cannot be executed.
     """
 
+    _json_ = "position", "*step", "time", "phase", "unsatisfied"
+
     position: int
     step: Step
     time: Decimal
@@ -83,17 +85,17 @@ class ViolatedConstraint:
     """A trajectory constraint that a plan violates.
 
     Attributes:
-        text: the constraint as PDDL text, with objects for its variables.
+        constraint: the constraint as PDDL text, with objects for its variables.
         time: the time of the first state that violates it.
         position: the index of the last step with an effect on that state; None for the initial one.
     """
 
-    text: str
+    constraint: str
     time: Decimal
     position: int | None
 
     def __str__(self) -> str:
-        return f"{self.text} is violated at {self.time:f}"
+        return f"{self.constraint} is violated at {self.time:f}"
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ class Verdict:
     """Whether what was recorded keeps a rule.
 
     Attributes:
-        text: the rule as PDDL text, with objects for the variables of quantifiers around it.
+        rule: the rule as PDDL text, with objects for the variables of quantifiers around it.
         is_satisfied: whether it was judged, and is kept.
         is_preference: whether it is a preference.
         preference: the name of the preference; None for another rule, or without a name.
@@ -28,7 +28,9 @@ class Verdict:
         is_judged: whether its names had a meaning in some state of the range.
     """
 
-    text: str
+    _json_ = "rule", "verdict", "is_satisfied", "is_preference", "preference", "revision", "time"
+
+    rule: str
     is_satisfied: bool
     is_preference: bool = False
     preference: str | None = None
@@ -46,7 +48,7 @@ class Verdict:
     def _html_row_(self) -> html.Row:
         revision = self.revision
         return {
-            "rule": self.text,
+            "rule": self.rule,
             "verdict": self.verdict,
             "preference": self.preference or ("without a name" if self.is_preference else None),
             "revision": None if revision is None else revision.number,
@@ -61,13 +63,13 @@ class Verdict:
 
     def __str__(self) -> str:
         if not self.is_judged:
-            return f"{self.text} is not judged: no state of the range has all its names"
+            return f"{self.rule} is not judged: no state of the range has all its names"
         if self.revision is None:
-            return f"{self.text} is kept"
+            return f"{self.rule} is kept"
         revision = self.revision
         said = [revision.committed_at.isoformat(timespec="seconds")]
         said += revision.said()
-        return f"{self.text} is violated in revision {revision.number} ({', '.join(said)})"
+        return f"{self.rule} is violated in revision {revision.number} ({', '.join(said)})"
 
 
 class Verdicts(Sequence[Verdict]):
@@ -143,7 +145,7 @@ class Verdicts(Sequence[Verdict]):
         ends = "committed_at", "observed_at", "actor", "reason", "source"
         return [
             {
-                "rule": one.text,
+                "rule": one.rule,
                 "verdict": one.verdict,
                 "is_satisfied": one.is_satisfied,
                 "is_preference": one.is_preference,

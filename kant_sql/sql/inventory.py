@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from contextlib import closing
+from dataclasses import dataclass
 from datetime import datetime
 from typing import Any, NamedTuple, TypeVar
 
@@ -192,7 +193,8 @@ _COUNTS = Query(
 )
 
 
-class Inventory(NamedTuple):
+@dataclass(frozen=True)
+class Inventory:
     """A knowledge base: its last revision, what it has, its origin, and how far it is verified.
 
     What cannot be read of its origin and its verifications is None. If its name or its last
@@ -220,6 +222,12 @@ class Inventory(NamedTuple):
         complete_at: when a verification that began at revision 1 was last kept, in UTC.
         error: what is damaged of its name or its last revision; None where both can be read.
     """
+
+    _json_ = (
+        *("name", "revision", "committed_at", "actor", "reason", "source", "facts"),
+        *("has_more_facts", "goals", "reached", "origin", "origin_revision", "origin_committed_at"),
+        *("heard_at", "behind", "lag", "verified_revision", "verified_at", "complete_at", "error"),
+    )
 
     name: str
     revision: int | None

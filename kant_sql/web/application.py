@@ -10,18 +10,17 @@ from http import HTTPStatus
 import anyio
 from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
-from fastapi.responses import FileResponse, JSONResponse, Response
+from fastapi.responses import FileResponse, Response
 from fastapi.staticfiles import StaticFiles
 from starlette.exceptions import HTTPException
 
 from .. import __version__
 from ..errors import KantSqlError
-from ..html import visible
 from .description import describe
 from .live import LiveHub, live
 from .pages import TOPICS
 from .plotly_script import SCRIPT
-from .registry import status_of
+from .registry import VisibleJson, status_of
 from .rendering import STATIC, render
 from .security import Guard, allowed_hosts
 from .stores import OpenStore
@@ -30,15 +29,6 @@ logger = logging.getLogger("kant_sql.web")
 
 # Questions that run at the same time; each has a thread and a connection.
 MOST_QUESTIONS = 8
-
-
-class VisibleJson(JSONResponse):
-    """JSON in which characters that hide are escaped: browsers show it as it is."""
-
-    def render(self, content: object) -> bytes:
-        """Return the document."""
-        text: str = bytes(super().render(content)).decode()
-        return visible(text).encode()
 
 
 def create_app(

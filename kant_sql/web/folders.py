@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import Any
 
 from ..errors import KantSqlError, StoreError
+from ..json_values import JsonValue
 
 # A file's URL; a path in what the driver or the system said, where names of PDDL may have slashes.
 _FILE = re.compile(r"sqlite(?:\+\w+)?:///(?!:memory:)([^?]+)")
@@ -28,13 +28,13 @@ class Folders:
             text = text.replace(self._own, "…/")
         return _URL.sub(r"\1…/", text) if "sqlite:///" in text else text
 
-    def hide_in(self, data: Any) -> Any:
+    def hide_in(self, data: JsonValue) -> JsonValue:
         """Return a document without folders, however deep they are."""
         if isinstance(data, str):
             return self.hide(data)
         if isinstance(data, dict):
             return {name: self.hide_in(value) for name, value in data.items()}
-        if isinstance(data, list | tuple):
+        if isinstance(data, list):
             return [self.hide_in(value) for value in data]
         return data
 

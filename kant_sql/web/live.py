@@ -12,14 +12,14 @@ import logging
 import threading
 from collections.abc import AsyncIterator
 from contextlib import suppress
-from typing import Annotated
+from datetime import datetime
+from typing import Annotated, NamedTuple
 
 from fastapi import APIRouter, Header, Query, Request
 from fastapi.responses import StreamingResponse
-from typing_extensions import TypedDict
 
 from ..errors import KantSqlError, StoreBusyError, UnknownRevisionError
-from ..knowledge.canonical import time_text
+from ..json_values import json_value
 from ..knowledge_base import KnowledgeBase
 from .registry import KbName
 from .rendering import shorten
@@ -44,12 +44,12 @@ MOST_READERS, MOST_WATCHED = 500, 32
 logger = logging.getLogger("kant_sql.web")
 
 
-class LiveDocument(TypedDict):
+class LiveEvent(NamedTuple):
     """The last revision of a knowledge base; of the home page, how many all have together."""
 
     knowledge_base: str | None
     revision: int
-    committed_at: str | None
+    committed_at: datetime | None
     actor: str | None
     reason: str | None
     message: str
@@ -67,17 +67,17 @@ class LiveFeed:
         self.readers = 0
         self.is_over = threading.Event()
         self._loop = asyncio.get_running_loop()
-        self._last: LiveDocument | None = None
+        self._last: LiveEvent | None = None
         self._changed = asyncio.Event()
 
-    def tell(self, document: LiveDocument) -> None:
+    def tell(self, event: LiveEvent) -> None:
         """Tell all readers; the watching thread calls this."""
         # After the end of the loop nobody reads.
         with suppress(RuntimeError):
-            self._loop.call_soon_threadsafe(self._tell, document)
+            self._loop.call_soon_threadsafe(self._tell, event)
 
-    def _tell(self, document: LiveDocument) -> None:
-        self._last = document
+    def _tell(self, event: LiveEvent) -> None:
+        self._last = event
         self.wake()
 
     def wake(self) -> None:
@@ -85,16 +85,16 @@ class LiveFeed:
         changed, self._changed = self._changed, asyncio.Event()
         changed.set()
 
-    async def following(self, seen: int | None, seconds: float) -> LiveDocument | None:
+    async def following(self, seen: int | None, seconds: float) -> LiveEvent | None:
         """Wait for another revision than the one that was seen; None when there was none."""
         if self._news(seen) is None:
             with suppress(TimeoutError):
                 await asyncio.wait_for(self._changed.wait(), seconds)
         return self._news(seen)
 
-    def _news(self, seen: int | None) -> LiveDocument | None:
+    def _news(self, seen: int | None) -> LiveEvent | None:
         last = self._last
-        return None if last is None or last["revision"] == seen else last
+        return None if last is None or last.revision == seen else last
 
 
 class LiveHub:
@@ -167,33 +167,20 @@ def _watch(kb: KnowledgeBase, name: str, feed: LiveFeed, seen: int | None) -> in
     if head is None:
         assert seen is not None
         return seen
-    feed.tell(_document(kb, name, head))
+    feed.tell(_event(kb, name, head))
     # What is written meanwhile is told with the next event.
     feed.is_over.wait(PAUSE)
     return head
 
 
-def _document(kb: KnowledgeBase, name: str, head: int) -> LiveDocument:
+def _event(kb: KnowledgeBase, name: str, head: int) -> LiveEvent:
     revision = next(iter(kb.revisions(head - 1, limit=1)), None) if head else None
     if revision is None:
-        return _message(name, head, f"Revision {head}")
+        return LiveEvent(name, head, None, None, None, f"Revision {head}")
     who = "" if revision.actor is None else f" by {shorten(revision.actor, 60)}"
     why = "" if revision.reason is None else f": {shorten(revision.reason, 120)}"
-    document = _message(name, head, f"Revision {head}{who}{why}")
-    document["committed_at"] = time_text(revision.committed_at)
-    document["actor"], document["reason"] = revision.actor, revision.reason
-    return document
-
-
-def _message(name: str | None, revision: int, message: str) -> LiveDocument:
-    return {
-        "knowledge_base": name,
-        "revision": revision,
-        "committed_at": None,
-        "actor": None,
-        "reason": None,
-        "message": message,
-    }
+    said = revision.committed_at, revision.actor, revision.reason
+    return LiveEvent(name, head, *said, f"Revision {head}{who}{why}")
 
 
 def watch_store(store: OpenStore, feed: LiveFeed, _: None) -> None:
@@ -204,7 +191,8 @@ def watch_store(store: OpenStore, feed: LiveFeed, _: None) -> None:
             count, revisions = store.read_catalog(lambda catalog: catalog.total())
             if revisions != seen:
                 kbs = "1 knowledge base" if count == 1 else f"{count:,} knowledge bases"
-                feed.tell(_message(None, revisions, f"{kbs}, {revisions:,} revisions"))
+                message = f"{kbs}, {revisions:,} revisions"
+                feed.tell(LiveEvent(None, revisions, None, None, None, message))
                 seen = revisions
         feed.is_over.wait(LOOK_EVERY)
 
@@ -259,10 +247,10 @@ async def _stream(hub: LiveHub, name: str | None, seen: int | None) -> AsyncIter
     try:
         yield f"retry: {RETRY}\n\n"
         while not hub.is_closed:
-            document = await feed.following(seen, HEARTBEAT)
-            if document is not None:
-                seen = document["revision"]
-                yield f"id: {seen}\nevent: revision\ndata: {json.dumps(document)}\n\n"
+            event = await feed.following(seen, HEARTBEAT)
+            if event is not None:
+                seen, data = event.revision, json.dumps(json_value(event))
+                yield f"id: {seen}\nevent: revision\ndata: {data}\n\n"
             elif not hub.is_closed:
                 yield ": nothing new\n\n"
     finally:

@@ -8,7 +8,7 @@ from functools import partial
 from typing import Annotated, Any, NamedTuple, TypeVar
 
 from fastapi import APIRouter, Query, Request
-from fastapi.responses import HTMLResponse, Response
+from fastapi.responses import HTMLResponse, JSONResponse, Response
 
 from ..errors import (
     ArchivedError,
@@ -23,8 +23,11 @@ from ..errors import (
     UnknownRevisionError,
     UnsupportedConstructError,
 )
+from ..html import visible
+from ..json_values import JsonValue, json_value
 from ..knowledge_base import KnowledgeBase
 from .rendering import render
+from .schemas import schema_of
 from .stores import OpenStore, answer
 from .tabular import csv_text
 
@@ -74,10 +77,10 @@ class Pages:
         """Register a function that gives a page's data.
 
         Its first argument is a knowledge base, or the store; the others are parameters of the
-        query, by keyword, as FastAPI declares them. It returns a `TypedDict`, which documents the
-        JSON. Its docstring describes the page. A form shows what is wrong with its input itself:
-        its template gets `error`, and None as its `page`. `rows` are the places of the data whose
-        rows `/csv` followed by the path gives, the first that has any.
+        query, by keyword, as FastAPI declares them. It returns a dataclass or a NamedTuple, whose
+        JSON the template shows. Its docstring describes the page. A form shows what is wrong with
+        its input itself: its template gets `error`, and None as its `page`. `rows` are the places
+        of the data whose rows `/csv` followed by the path gives, the first that has any.
         """
 
         def register(function: F) -> F:
@@ -102,22 +105,32 @@ class Pages:
         return register
 
 
+class VisibleJson(JSONResponse):
+    """JSON in which characters that hide are escaped: browsers show it as it is."""
+
+    def render(self, content: object) -> bytes:
+        """Return the document."""
+        text: str = bytes(super().render(content)).decode()
+        return visible(text).encode()
+
+
 class _Answer(NamedTuple):
-    """The data of a page, and what it is of.
+    """The data of a page as JSON, and what it is of.
 
     `head` is the last revision before the data was read; of a store, how many there are.
     """
 
-    data: Any
+    data: JsonValue
     kb: str | None
     head: int
 
 
-async def _json(request: Request, found: _Answer) -> Any:
-    return found.data
+async def _json(request: Request, found: _Answer) -> Response:
+    return VisibleJson(found.data)
 
 
 async def _page(request: Request, found: _Answer, template: str, has_rows: bool) -> HTMLResponse:
+    assert isinstance(found.data, dict)
     return render(request, template, found.data, found.kb, head=found.head, has_rows=has_rows)
 
 
@@ -155,15 +168,18 @@ def _endpoint(
 
         is_asked = False
 
+        def document(of: OpenStore | KnowledgeBase, **query: Any) -> JsonValue:
+            return store.folders.hide_in(json_value(function(of, **query)))
+
         def work() -> _Answer:
             nonlocal is_asked
             if of_store:
                 head = store.read_catalog(lambda catalog: catalog.total())[1]
-                return _Answer(store.folders.hide_in(function(store, **query)), None, head)
+                return _Answer(document(store, **query), None, head)
             chosen = store.choose(name)
             with store.knowledge_base(chosen) as kb:
                 head, is_asked = kb.revision, True
-                return _Answer(store.folders.hide_in(function(kb, **query)), chosen, head)
+                return _Answer(document(kb, **query), chosen, head)
 
         try:
             _check_texts(query)
@@ -180,7 +196,9 @@ def _endpoint(
         assert first.annotation is KnowledgeBase, function
         parameters.append(inspect.Parameter("kb_name", keyword, annotation=KbName, default=None))
     parameters += [other.replace(kind=keyword) for other in others]
-    returned = HTMLResponse if isinstance(respond, partial) else signature.return_annotation
+    returned = (
+        HTMLResponse if isinstance(respond, partial) else schema_of(signature.return_annotation)
+    )
     endpoint.__signature__ = inspect.Signature(  # type: ignore[attr-defined]
         parameters, return_annotation=returned
     )

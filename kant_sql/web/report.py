@@ -30,6 +30,7 @@ from ..errors import (
 )
 from ..history.anchors import Anchor
 from ..history.timeline import Timeline
+from ..json_values import json_value
 from ..knowledge_base import KnowledgeBase
 from ..moment_text import When
 from ..plots import timeline_spec
@@ -37,7 +38,7 @@ from ..plots.marks import DARK, LIGHT
 from ..reasoning.rules import Rules
 from .plotly_script import SCRIPT
 from .rendering import STATIC, render_text
-from .report_sections import ReportRange, ReportReader, ReportStays
+from .report_sections import ReportLog, ReportPlans, ReportRange, ReportReader, ReportStays
 
 __all__ = ["report_html", "write_report"]
 
@@ -157,11 +158,11 @@ def _embedded(timeline: Timeline) -> Markup:
 
 def _render(page: Mapping[str, Any], name: str) -> str:
     """Write the page, with all that it needs in it."""
-    entries = page.get("log")
-    plans = page.get("plans")
+    log: ReportLog | None = page.get("log")
+    plans: ReportPlans | None = page.get("plans")
     listed = {
-        "/revision": {each["number"] for each in entries["entries"]} if entries else set(),
-        "/plan": {each["plan"] for each in plans["plans"]} if plans else set(),
+        "/revision": {each.entry.revision.number for each in log.entries} if log else set(),
+        "/plan": {each.plan.id for each in plans.plans} if plans else set(),
     }
 
     def link(path: str, /, **query: object) -> str:
@@ -184,7 +185,7 @@ def _render(page: Mapping[str, Any], name: str) -> str:
     return render_text(
         "report.html",
         {
-            "page": page,
+            "page": json_value(page),
             "kb": name,
             "link": link,
             "policy": "; ".join(f"{key} {value}" for key, value in policy.items()),

@@ -4,37 +4,24 @@ from __future__ import annotations
 
 import shlex
 from collections import Counter
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from functools import partial
 from typing import NamedTuple
 
-from typing_extensions import TypedDict
-
 from ..dao.interfaces import Progress
 from ..errors import StoreIntegrityError
 from ..history.anchors import Anchor
-from ..history.overview import Tally, read_tally
+from ..history.overview import ActorTally, Tally, read_tally
+from ..history.revisions import LogEntry, Revision
 from ..history.timeline import Bar, Lane, Timeline
-from ..json_documents import (
-    FailedConditionDocument,
-    LogEntryDocument,
-    RecordedPlanDocument,
-    RevisionDocument,
-    VerdictDocument,
-    VerificationDocument,
-    entry_document,
-    failed_document,
-    recorded_plan_document,
-    revision_document,
-    verdict_document,
-    verification_document,
-)
-from ..knowledge.canonical import time_text
+from ..history.verify.verify import Verification
 from ..knowledge_base import KnowledgeBase, state_of
 from ..moment_text import When
 from ..plans.interfaces import RecordedPlan
+from ..reasoning.failures import FailedCondition
 from ..reasoning.rules import Rules
+from ..reasoning.verdicts import Verdict
 
 # Lanes that are looked at, and what each section shows at most.
 SEEN = 200
@@ -55,62 +42,50 @@ class ReportRange(NamedTuple):
     until: When | None = None
 
 
-class ReportSection(TypedDict):
+@dataclass(frozen=True)
+class ReportSection:
     """What all sections have: what is left out, and the command that shows all of it."""
 
     left_out: str | None
     command: str
 
 
-class ReportActor(TypedDict):
-    """How much an actor wrote."""
-
-    actor: str | None
-    revisions: int
-    first: int
-    last: int
-
-
-class ReportCount(TypedDict):
+class ReportCount(NamedTuple):
     """How much of a kind changed."""
 
     kind: str
-    asserted: int
-    retracted: int
+    asserted: int = 0
+    retracted: int = 0
 
 
+@dataclass(frozen=True)
 class ReportSummary(ReportSection):
     """What the report is about."""
 
     knowledge_base: str
     store: str
-    made_at: str
-    first: RevisionDocument | None
-    last: RevisionDocument | None
+    made_at: datetime
+    first: Revision | None
+    last: Revision | None
     revisions: int
     changes: int
-    actors: list[ReportActor]
+    actors: list[ActorTally]
     kinds: list[ReportCount]
     is_empty: bool
 
 
-class ReportStay(TypedDict):
+@dataclass(frozen=True)
+class ReportStay:
     """When something held, and by whom."""
+
+    _json_ = "kind", "text", "*bar"
 
     kind: str
     text: str
-    since: int
-    since_at: str
-    actor: str | None
-    reason: str | None
-    source: object
-    until: int | None
-    until_at: str | None
-    ended_by: str | None
-    ended_reason: str | None
-    ended_source: object
+    bar: Bar
 
 
+@dataclass(frozen=True)
 class ReportStays(ReportSection):
     """What held when."""
 
@@ -118,55 +93,68 @@ class ReportStays(ReportSection):
     stays: list[ReportStay]
 
 
-class ReportPlan(RecordedPlanDocument):
+@dataclass(frozen=True)
+class ReportPlan:
     """A recorded plan, when and by whom it was recorded, and how many steps are left out."""
 
-    recorded: RevisionDocument | None
+    _json_ = "*plan", "recorded", "outcomes", "steps_left", "command"
+
+    plan: RecordedPlan
+    recorded: Revision | None
     outcomes: list[str]
     steps_left: int
     command: str
 
 
+@dataclass(frozen=True)
 class ReportPlans(ReportSection):
     """The recorded plans."""
 
     plans: list[ReportPlan]
 
 
+@dataclass(frozen=True)
 class ReportRules(ReportSection):
     """The verdicts of rules, violations first."""
 
-    verdicts: list[VerdictDocument]
+    verdicts: list[Verdict]
     violated: int
     not_judged: int
     count: int
 
 
+@dataclass(frozen=True)
 class ReportGoals(ReportSection):
     """The goals that are not reached."""
 
     revision: int
-    goals: list[FailedConditionDocument]
+    goals: list[FailedCondition]
     count: int
 
 
-class ReportEntry(LogEntryDocument):
+@dataclass(frozen=True)
+class ReportEntry:
     """A revision, and how many of its changes are left out."""
 
+    _json_ = "*entry", "changes_left", "command"
+
+    entry: LogEntry
     changes_left: int
     command: str
 
 
+@dataclass(frozen=True)
 class ReportLog(ReportSection):
     """The revisions with their changes."""
 
     entries: list[ReportEntry]
 
 
+@dataclass(frozen=True)
 class ReportVerification(ReportSection):
     """The verdict of verification."""
 
-    verification: VerificationDocument
+    verification: Verification
 
 
 class ReportTimeline(NamedTuple):
@@ -220,8 +208,12 @@ class ReportReader(NamedTuple):
         tally = self.tally
         kinds: dict[str, ReportCount] = {}
         for kind, sign, count in tally.changes:
-            of_kind = kinds.setdefault(kind, {"kind": kind, "asserted": 0, "retracted": 0})
-            of_kind["asserted" if sign == "+" else "retracted"] = count
+            of_kind = kinds.get(kind, ReportCount(kind))
+            kinds[kind] = (
+                of_kind._replace(asserted=count)
+                if sign == "+"
+                else of_kind._replace(retracted=count)
+            )
         left = tally.actors - sum(each.actor is not None for each in tally.busiest)
         archived = (
             f"what ended up to revision {tally.archived}, which was moved to an archive"
@@ -229,31 +221,29 @@ class ReportReader(NamedTuple):
             else None
         )
         more = f"{left:,} more actors with fewer revisions" if left else None
-        return {
-            "left_out": "; ".join(filter(None, (more, archived))) or None,
-            "command": self.ranged("log"),
-            "knowledge_base": self.kb.factory.name,
-            "store": self.kb.factory.address,
-            "made_at": time_text(datetime.now(UTC)),
-            "first": None if self.is_empty else self._revision(tally.first),
-            "last": None if self.is_empty else self._revision(tally.last),
-            "revisions": max(0, tally.last - tally.first + 1),
-            "changes": sum(count for _, _, count in tally.changes),
-            "actors": [
-                {"actor": one, "revisions": count, "first": first, "last": last}
-                for one, count, first, last in tally.busiest
-            ],
-            "kinds": list(kinds.values()),
-            "is_empty": self.is_empty,
-        }
+        left_out = "; ".join(filter(None, (more, archived))) or None
+        return ReportSummary(
+            left_out,
+            self.ranged("log"),
+            self.kb.factory.name,
+            self.kb.factory.address,
+            datetime.now(UTC),
+            None if self.is_empty else self._revision(tally.first),
+            None if self.is_empty else self._revision(tally.last),
+            max(0, tally.last - tally.first + 1),
+            sum(count for _, _, count in tally.changes),
+            list(tally.busiest),
+            list(kinds.values()),
+            self.is_empty,
+        )
 
-    def _revision(self, number: int) -> RevisionDocument | None:
+    def _revision(self, number: int) -> Revision | None:
         try:
             found = self.kb.revisions(after=number - 1, limit=1)
         except StoreIntegrityError:
             # The log says so.
             return None
-        return revision_document(found[0]) if found else None
+        return found[0] if found else None
 
     def timeline(self, name: str | None = None) -> ReportTimeline:
         """Read the timeline of the range, of all or of an object: the lanes that changed most."""
@@ -280,12 +270,9 @@ class ReportReader(NamedTuple):
             more = "more than " * shown.has_more
             said.append(f"{more}{shown.left:,} facts, goals and values that changed less")
         words = ("--element", name) if name else ()
-        return {
-            "left_out": " and ".join(said) or None,
-            "command": self.ranged("log", *words),
-            "name": name,
-            "stays": [_stay(lane, bar) for _, lane, bar in found[-BARS:]],
-        }
+        left_out = " and ".join(said) or None
+        stays = [_stay(lane, bar) for _, lane, bar in found[-BARS:]]
+        return ReportStays(left_out, self.ranged("log", *words), name, stays)
 
     def plans(self, shown: ReportTimeline) -> ReportPlans:
         """Read the plans that were made or carried out in the range, oldest first."""
@@ -294,86 +281,69 @@ class ReportReader(NamedTuple):
         left = len(timeline.plans) - len(bars)
         plans = [plan for bar in bars if (plan := self.kb.plans.get(bar.id)) is not None]
         some = "earlier plans" if timeline.has_more_plans else None
-        return {
-            "left_out": some or (f"{left} earlier plans" if left else None),
-            "command": self.command("plans"),
-            "plans": [self._plan(plan) for plan in plans],
-        }
+        left_out = some or (f"{left} earlier plans" if left else None)
+        return ReportPlans(left_out, self.command("plans"), [self._plan(plan) for plan in plans])
 
     def _plan(self, plan: RecordedPlan) -> ReportPlan:
-        document = recorded_plan_document(plan)
         statuses = Counter(step.status or "not started" for step in plan.steps)
-        return {
-            **document,
-            "steps": document["steps"][:STEPS],
-            "recorded": self._revision(plan.recorded_in),
-            "outcomes": [f"{count:,} {status}" for status, count in statuses.items()],
-            "steps_left": max(0, len(plan.steps) - STEPS),
-            "command": self.command("plans", "--plan", str(plan.id)),
-        }
+        return ReportPlan(
+            replace(plan, steps=plan.steps[:STEPS]),
+            self._revision(plan.recorded_in),
+            [f"{count:,} {status}" for status, count in statuses.items()],
+            max(0, len(plan.steps) - STEPS),
+            self.command("plans", "--plan", str(plan.id)),
+        )
 
     def rules(self, rules: Rules | None) -> ReportRules:
         """Hold rules against the range."""
         verdicts = self.kb.check_rules(rules, since=self.tally.first, until=self.tally.last)
         ordered = verdicts.worst_first
         left = len(ordered) - RULES
-        return {
-            "left_out": f"{left:,} more rules" if left > 0 else None,
-            "command": self.ranged("rules", *(() if rules is None else ("RULES",))),
-            "verdicts": [verdict_document(one) for one in ordered[:RULES]],
-            "violated": len(verdicts.violated),
-            "not_judged": len(verdicts.not_judged),
-            "count": len(verdicts),
-        }
+        command = self.ranged("rules", *(() if rules is None else ("RULES",)))
+        return ReportRules(
+            f"{left:,} more rules" if left > 0 else None,
+            command,
+            ordered[:RULES],
+            len(verdicts.violated),
+            len(verdicts.not_judged),
+            len(verdicts),
+        )
 
     def goals(self) -> ReportGoals:
         """Find the goals that were not reached at the end of the range."""
         last = self.tally.last
         found = self.kb.at(last).unsatisfied_goals()
         left = len(found) - GOALS
-        return {
-            "left_out": f"{left:,} more goals" if left > 0 else None,
-            "command": self.command("goals", "--at", str(last)),
-            "revision": last,
-            "goals": [failed_document(one) for one in found[:GOALS]],
-            "count": len(found),
-        }
+        left_out = f"{left:,} more goals" if left > 0 else None
+        command = self.command("goals", "--at", str(last))
+        return ReportGoals(left_out, command, last, found[:GOALS], len(found))
 
     def log(self) -> ReportLog:
         """Read the last revisions of the range with their changes, oldest first."""
         first, last = self.tally.first, self.tally.last
         found = list(self.kb.log(first, until=last, limit=ENTRIES))[::-1]
         left = last - first + 1 - len(found)
-        return {
-            "left_out": f"the first {left:,} revisions" if left > 0 else None,
-            "command": self.ranged("log"),
-            "entries": [self._entry(entry_document(one)) for one in found],
-        }
+        left_out = f"the first {left:,} revisions" if left > 0 else None
+        entries = [self._entry(one) for one in found]
+        return ReportLog(left_out, self.ranged("log"), entries)
 
-    def _entry(self, document: LogEntryDocument) -> ReportEntry:
-        number, changes = str(document["number"]), document["changes"]
-        few = changes[:CHANGES]
-        for change in few:
-            # The layout of an action's text.
-            change["text"] = " ".join(change["text"].split())
-        return {
-            **document,
-            "changes": few,
-            "changes_left": max(0, len(changes) - CHANGES),
-            "command": self.command("log", "--since", number, "--until", number),
-        }
+    def _entry(self, entry: LogEntry) -> ReportEntry:
+        number = str(entry.revision.number)
+        # Without the layout of an action's text.
+        few = [one._replace(text=" ".join(one.text.split())) for one in entry.changes[:CHANGES]]
+        return ReportEntry(
+            replace(entry, changes=tuple(few)),
+            max(0, len(entry.changes) - CHANGES),
+            self.command("log", "--since", number, "--until", number),
+        )
 
     def verify(self, anchor: Anchor | None, progress: Progress | None) -> ReportVerification:
         """Verify the whole knowledge base, and write its head for whoever verifies it later."""
         found = self.kb.verify(anchor, progress=progress)
-        document = verification_document(found)
-        left = len(document["findings"]) - FINDINGS
-        document["findings"] = document["findings"][:FINDINGS]
-        return {
-            "left_out": f"{left:,} more findings" if left > 0 else None,
-            "command": self.command("verify"),
-            "verification": document,
-        }
+        left = len(found.findings) - FINDINGS
+        left_out = f"{left:,} more findings" if left > 0 else None
+        some = replace(found, findings=found.findings[:FINDINGS])
+        return ReportVerification(left_out, self.command("verify"), some)
 
     def anchor(self) -> str:
         """Write the anchor of this knowledge base alone."""
@@ -390,17 +360,4 @@ def _activity(lane: Lane, first: int) -> tuple[int, int]:
 
 def _stay(lane: Lane, bar: Bar) -> ReportStay:
     text = lane.text if bar.value is None else f"(= {lane.text} {bar.value})"
-    return {
-        "kind": lane.kind,
-        "text": text,
-        "since": bar.since,
-        "since_at": time_text(bar.since_at),
-        "actor": bar.actor,
-        "reason": bar.reason,
-        "source": bar.source,
-        "until": bar.until,
-        "until_at": None if bar.until_at is None else time_text(bar.until_at),
-        "ended_by": bar.ended_by,
-        "ended_reason": bar.ended_reason,
-        "ended_source": bar.ended_source,
-    }
+    return ReportStay(lane.kind, text, bar)

@@ -9,13 +9,11 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager
 from datetime import UTC, datetime
-
-from typing_extensions import TypedDict
+from typing import NamedTuple
 
 from ..errors import KantSqlError, StoreBusyError
 from ..history.anchors import Anchor
-from ..json_documents import VerificationDocument, verification_document
-from ..knowledge.canonical import time_text
+from ..history.verify.verify import Verification
 from ..knowledge_base import KnowledgeBase
 from ..limits import Limit, obeying
 from .folders import Folders
@@ -28,33 +26,33 @@ MOST_RUNS, MOST_KEPT = 2, 1_000
 MOST_STARTED = 50
 
 
-class RunDocument(TypedDict):
+class VerificationRun(NamedTuple):
     """A verification that runs, or waits for its turn: how much is checked, of how much."""
 
-    started_at: str
+    started_at: datetime
     done: int
     total: int | None
 
 
-class OutcomeDocument(TypedDict):
+class VerificationOutcome(NamedTuple):
     """A verification that has ended. Without a `result`, `error` says why there is none.
 
     `anchor_made_at` is the time of the anchor that the store was compared with, if any.
     """
 
-    started_at: str
-    ended_at: str
+    started_at: datetime
+    ended_at: datetime
     anchor_made_at: str | None
-    result: VerificationDocument | None
+    result: Verification | None
     error: str | None
 
 
-class VerifyDocument(TypedDict):
+class VerificationState(NamedTuple):
     """What this server has verified of a knowledge base since it was started."""
 
     knowledge_base: str
-    running: RunDocument | None
-    last: OutcomeDocument | None
+    running: VerificationRun | None
+    last: VerificationOutcome | None
 
 
 class _Run:
@@ -73,23 +71,14 @@ class _Run:
         self.limit.check()
         self.done, self.total = done, total
 
-    def document(self) -> RunDocument:
+    def state(self) -> VerificationRun:
         """Describe it while it runs."""
-        return {
-            "started_at": time_text(self.started_at),
-            "done": self.done,
-            "total": self.total,
-        }
+        return VerificationRun(self.started_at, self.done, self.total)
 
-    def outcome(self, result: VerificationDocument | None, error: str | None) -> OutcomeDocument:
+    def outcome(self, result: Verification | None, error: str | None) -> VerificationOutcome:
         """Describe how it has ended."""
-        return {
-            "started_at": time_text(self.started_at),
-            "ended_at": time_text(datetime.now(UTC)),
-            "anchor_made_at": None if self.anchor is None else self.anchor.made_at,
-            "result": result,
-            "error": error,
-        }
+        made_at = None if self.anchor is None else self.anchor.made_at
+        return VerificationOutcome(self.started_at, datetime.now(UTC), made_at, result, error)
 
 
 class Verifier:
@@ -103,17 +92,13 @@ class Verifier:
         self._lock = threading.Lock()
         self._threads = ThreadPoolExecutor(MOST_RUNS, "kant_sql verify")
         self._running: dict[str, _Run] = {}
-        self._last: OrderedDict[str, OutcomeDocument] = OrderedDict()
+        self._last: OrderedDict[str, VerificationOutcome] = OrderedDict()
 
-    def state(self, name: str) -> VerifyDocument:
+    def state(self, name: str) -> VerificationState:
         """Return what is known of a knowledge base."""
         with self._lock:
             run, last = self._running.get(name), self._last.get(name)
-        return {
-            "knowledge_base": name,
-            "running": None if run is None else run.document(),
-            "last": last,
-        }
+        return VerificationState(name, None if run is None else run.state(), last)
 
     def start(self, name: str, anchor: Anchor | None = None) -> None:
         """Start a verification; without an anchor, one that runs already is as good."""
@@ -146,11 +131,11 @@ class Verifier:
             self.cancel(name)
 
     def _run(self, run: _Run) -> None:
-        result: VerificationDocument | None = None
+        result: Verification | None = None
         error: str | None = None
         try:
             with obeying(run.limit), self._lend(run.name) as kb:
-                result = verification_document(kb.verify(run.anchor, progress=run.tell))
+                result = kb.verify(run.anchor, progress=run.tell)
         except KantSqlError as refused:
             error = self._folders.said(refused)
         except Exception as failed:
@@ -158,7 +143,7 @@ class Verifier:
             error = "the verification failed; the server's log says more"
         with self._lock:
             del self._running[run.name]
-            self._last[run.name] = run.outcome(self._folders.hide_in(result), error)
+            self._last[run.name] = run.outcome(result, error)
             self._last.move_to_end(run.name)
             if len(self._last) > MOST_KEPT:
                 self._last.popitem(last=False)

@@ -31,6 +31,7 @@ from kant_sql import (
 )
 from kant_sql.export import FORMATS, Exported, export_store, open_reader
 from kant_sql.export.files import MANIFEST, folder_name
+from kant_sql.json_values import json_value
 from kant_sql.sql import arrow
 from kant_sql.sql.audit_views import AUDIT_VIEWS
 from tests.support.pages import ask, rows_of
@@ -100,7 +101,7 @@ def test_both_databases_give_the_same_files(
 def test_the_manifest_says_what_is_there(story_url: str, tmp_path: Path) -> None:
     exported = export_store(story_url, to=tmp_path, format="jsonl")
     document = json.loads((tmp_path / MANIFEST).read_text(encoding="utf-8"))
-    assert document == json.loads(json.dumps(exported.to_document()))
+    assert document == json_value(exported)
     assert listed(tmp_path) == {MANIFEST, *(file.path for file in exported.files)}
     for file in exported.files:
         content = (tmp_path / file.path).read_bytes()

@@ -18,7 +18,7 @@ from kant_sql import (
     limited,
     open_store,
 )
-from kant_sql.json_documents import inventory_document
+from kant_sql.json_values import json_value
 from kant_sql.knowledge.canonical import time_text
 from kant_sql.sql import inventory
 from kant_sql.sql.inventory import Catalog
@@ -213,7 +213,7 @@ def _is_unknown(url: str, table: str, sql: str) -> None:
     # What is shown is counted with, and written as JSON.
     assert one.behind in (None, 4)
     assert one.lag is None or one.lag >= 0
-    json.dumps(inventory_document(one), allow_nan=False)
+    json.dumps(json_value(one), allow_nan=False)
 
 
 @on_file
@@ -273,7 +273,7 @@ def _is_listed_as_damaged(url: str, connect: Connect, *, sql: str, name: str, sa
     assert re.search(said, damaged.error or "")
     assert url not in str(damaged.error)
     assert (damaged.revision, damaged.committed_at, damaged.behind, damaged.lag) == (None,) * 4
-    json.dumps(inventory_document(damaged), allow_nan=False)
+    json.dumps(json_value(damaged), allow_nan=False)
     with catalog_of(url) as catalog:
         assert catalog.overview(limit=1) == ([damaged], True)
         assert catalog.overview(limit=1, after=name) == ([listed[1]], True)

@@ -122,7 +122,7 @@ def test_the_parts_of_a_condition_that_fail_are_named_in_order(kb: KnowledgeBase
     [failed] = kb.unsatisfied("(at ?x c1)", x="p1")
     assert str(failed) == "(at p1 c1): does not hold"
     [free] = kb.unsatisfied("(in ?p ?a)")
-    assert free.text == "(exists (?p ?a) (in ?p ?a))"
+    assert free.condition == "(exists (?p ?a) (in ?p ?a))"
     with pytest.raises(PddlError, match="c0 of type city"):
         kb.unsatisfied("(at ?x c1)", x="c0")
 
@@ -170,7 +170,7 @@ def test_many_failing_facts_take_few_statements(kb: KnowledgeBase) -> None:
 
 def test_goals_and_metric(kb: KnowledgeBase) -> None:
     assert not kb.is_goal_reached()
-    assert [failed.text for failed in kb.unsatisfied_goals()] == ["(at p1 c1)", "(lit c1)"]
+    assert [failed.condition for failed in kb.unsatisfied_goals()] == ["(at p1 c1)", "(lit c1)"]
     # (total) is 0.1; `home` is violated, and `each` for h2.
     assert kb.metric_value() == Decimal("4.1")
     kb.apply("(board h1 p1 c0)")
@@ -208,7 +208,7 @@ def test_why_a_step_cannot_be_executed(kb: KnowledgeBase) -> None:
     kb.function_values.set("fuel", objects=["p1"], value=2)
     [failed] = kb.why_not(PlanStep(None, "FLY", ("P1", "C0", "C1")))
     assert (failed.left, failed.right) == (Decimal(2), Decimal("3.5"))
-    assert [failed.text for failed in kb.why_not("(long p1 c1 c0)")] == ["(at p1 c1)"]
+    assert [failed.condition for failed in kb.why_not("(long p1 c1 c0)")] == ["(at p1 c1)"]
     for step, message in (
         ("(flyy p1 c0 c1)", "did you mean fly"),
         ("(fly p1 c0 c9)", "the object 'c9'"),
@@ -398,7 +398,7 @@ def test_invariants_of_running_steps(kb: KnowledgeBase) -> None:
         kb.propositions.save(PddlPropositionDto(lit, [c0]))
     dusk = kb.revision
     [broken] = kb.broken_invariants()
-    assert (broken.step.plan_id, broken.unsatisfied.text) == (step.plan_id, "(not (lit c0))")
+    assert (broken.step.plan_id, broken.unsatisfied.condition) == (step.plan_id, "(not (lit c0))")
     assert broken.since is not None
     assert (broken.since.number, broken.since.actor) == (dusk, "perception")
     assert str(broken) == (

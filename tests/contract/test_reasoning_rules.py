@@ -95,7 +95,7 @@ def test_a_safety_rule_is_one_line(day: KnowledgeBase) -> None:
     assert not verdicts.is_satisfied
     assert verdicts.violated == [verdict]
     assert not verdict.is_satisfied
-    assert verdict.text == SAFETY
+    assert verdict.rule == SAFETY
     assert verdict.revision == day.revisions(3, limit=1)[0]
     assert verdict.revision is not None
     assert (verdict.revision.actor, verdict.revision.reason) == ("driver", "driver did it")
@@ -133,7 +133,7 @@ def test_each_operator(day: KnowledgeBase) -> None:
         assert judge(day, rule, clock="observed") == revision, rule
     whole = day.check_rules("\n".join(rules), clock="observed")
     assert found(whole) == [*rules.values()]
-    assert [one.text for one in whole] == [*rules]
+    assert [one.rule for one in whole] == [*rules]
     assert whole.first == 1
     assert whole.last == 7
 
@@ -172,7 +172,7 @@ def test_preferences_are_counted(day: KnowledgeBase) -> None:
 def test_a_quantifier_makes_a_rule_for_each_object(day: KnowledgeBase) -> None:
     rule = "(forall (?r - robot) (always (not (and (robot_at ?r kitchen) (child_in kitchen)))))"
     verdicts = day.check_rules(rule)
-    assert [one.text for one in verdicts] == [SAFETY, SAFETY.replace("rb1", "rb2")]
+    assert [one.rule for one in verdicts] == [SAFETY, SAFETY.replace("rb1", "rb2")]
     assert found(verdicts) == [4, 3]
     # One that comes later is judged from then on, one that goes until then.
     step(day, "installer", ("+", at(PddlObjectDto(ROBOT, "rb3"), HALL)))
@@ -180,7 +180,7 @@ def test_a_quantifier_makes_a_rule_for_each_object(day: KnowledgeBase) -> None:
     ever = "(forall (?r - robot) (always (exists (?w - room) (robot_at ?r ?w))))"
     later = day.check_rules(ever)
     assert found(later) == [7, None, None]
-    assert ["rb1" in later[0].text, "rb2" in later[1].text, "rb3" in later[2].text] == [True] * 3
+    assert ["rb1" in later[0].rule, "rb2" in later[1].rule, "rb3" in later[2].rule] == [True] * 3
     assert found(day.check_rules(rule)) == [4, 3, None]
 
 

@@ -353,7 +353,7 @@ def test_durations_have_one_tolerance(operator: str) -> None:
 def test_what_happens_after_the_last_step_counts_for_the_goal() -> None:
     domain = "(:predicates (p) (q)) (:action a :parameters () :effect (p))"
     found = run(domain, "(:init (q) (at 9 (not (q)))) (:goal (and (p) (q)))", "1 a")
-    assert [goal.text for goal in found.unsatisfied_goals] == ["(q)"]
+    assert [goal.condition for goal in found.unsatisfied_goals] == ["(q)"]
 
 
 def test_conditional_effects_remember_their_start() -> None:
@@ -365,7 +365,7 @@ def test_conditional_effects_remember_their_start() -> None:
       (:action check :parameters (?b - box) :effect (and (checked ?b) (not (full ?b))))"""
     problem = "(:objects a b c - box) (:init (full a) (full b)) (:goal (and (sent a) (sent {})))"
     found = run(domain, problem.format("b"), "0 send / 5", "1 check a", "2 check c")
-    assert [goal.text for goal in found.unsatisfied_goals] == ["(sent b)"]
+    assert [goal.condition for goal in found.unsatisfied_goals] == ["(sent b)"]
     found = run(domain, problem.format("a"), "0 send / 5", "1 check a", "2 check c")
     assert found.valid
 
@@ -474,7 +474,7 @@ def test_violated_constraints_are_named_with_their_time_and_step() -> None:
     found = run(domain, problem, "a x", "a y")
     assert not found.valid
     assert found.is_goal_reached
-    assert [(one.text, one.time, one.position) for one in found.violated_constraints] == [
+    assert [(one.constraint, one.time, one.position) for one in found.violated_constraints] == [
         ("(always (not (p y)))", Decimal(2), 1)
     ]
     assert "(always (not (p y))) is violated at 2" in str(found)
@@ -483,4 +483,4 @@ def test_violated_constraints_are_named_with_their_time_and_step() -> None:
 def test_an_empty_plan_is_judged_by_the_initial_state() -> None:
     found = run(ROOMS, HALL)
     assert (found.failed_step, found.makespan) == (None, Decimal(0))
-    assert [goal.text for goal in found.unsatisfied_goals] == ["(not (lit attic))"]
+    assert [goal.condition for goal in found.unsatisfied_goals] == ["(not (lit attic))"]

@@ -96,7 +96,7 @@ def test_names_are_completed(client: TestClient) -> None:
 def test_the_description_links_every_document(client: TestClient) -> None:
     page = client.get("/api").text
     assert "/api/ask" in page
-    assert 'id="RevisionDocument"' in page
+    assert 'id="Revision"' in page
     for part in page.split('href="#')[1:]:
         target = part.split('"')[0]
         assert f'id="{target}"' in page, target

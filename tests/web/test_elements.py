@@ -13,7 +13,7 @@ from fastapi.testclient import TestClient
 import kant_sql
 from kant_sql import PddlObjectDto, PddlTypeDto
 from kant_sql.history import involvement
-from kant_sql.json_documents import version_document
+from kant_sql.json_values import json_value
 from kant_sql.planning import Plan, PlanStep
 from kant_sql.web.pages import plans
 from kant_sql.web.pages.elements import _difference
@@ -44,7 +44,7 @@ def test_the_history_of_an_element_is_the_librarys(
     client: TestClient, story_url: str, text: str
 ) -> None:
     with kant_sql.connect(story_url, knowledge_base="courier") as kb:
-        expected = [version_document(version) for version in kb.history(text)]
+        expected = [json_value(version) for version in kb.history(text)]
     data = get(client, "/fact", text=text)
     assert sorted(map(str, data["versions"])) == sorted(map(str, expected))
     since = [version["since"]["number"] for version in data["versions"]]

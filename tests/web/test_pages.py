@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import csv
 from io import StringIO
+from itertools import chain
+from typing import Any
 
 import pytest
 from fastapi import FastAPI
@@ -53,6 +55,39 @@ def test_the_description_documents_every_answer(client: TestClient) -> None:
             assert all(each["schema"] for each in content.values()), path
             assert content, path
             assert method["description"], path
+
+
+def undocumented(value: Any, schema: Any, schemas: dict[str, Any]) -> set[str]:
+    """Return the keys of a document in which it and its description differ."""
+    kinds = [one for one in schema.get("anyOf", [schema]) if one.get("type") != "null"]
+    if value is None or len(kinds) != 1:
+        return set()
+    name = kinds[0].get("$ref", "").rpartition("/")[2]
+    (kind,) = [schemas[name]] if name else kinds
+    if isinstance(value, list):
+        items = (undocumented(one, kind["items"], schemas) for one in value)
+        return set().union(*items)
+    if not isinstance(value, dict) or "properties" not in kind:
+        return set()
+    known = kind["properties"]
+    wrong = {*value} ^ {*known}
+    return wrong.union(
+        *(undocumented(value[key], known[key], schemas) for key in {*value} & {*known})
+    )
+
+
+def test_the_description_has_each_key_of_each_answer(client: TestClient) -> None:
+    described = client.get("/api/openapi.json").json()
+    schemas = described["components"]["schemas"]
+    for address in chain.from_iterable(ADDRESSES.values()):
+        path = f"/api{address.partition('?')[0]}"
+        if path not in described["paths"]:
+            continue
+        answer = described["paths"][path]["get"]["responses"]["200"]["content"]
+        data = client.get(f"/api{address}").json()
+        assert undocumented(data, answer["application/json"]["schema"], schemas) == set(), address
+    assert schemas["Revision"]["properties"]["hash"]["description"]
+    assert "Attributes:" not in str(schemas)
 
 
 def test_a_character_that_no_text_of_a_store_has_is_the_readers_error(client: TestClient) -> None:

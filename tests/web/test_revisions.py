@@ -12,7 +12,7 @@ from fastapi.testclient import TestClient
 
 import kant_sql
 from kant_sql.history import change_pages, log_pages
-from kant_sql.json_documents import changes_document, entry_document
+from kant_sql.json_values import json_value
 from kant_sql.web.rendering import shifted
 from kant_sql.web.report import report_html
 from tests.support.statements import count, fill
@@ -31,7 +31,7 @@ def numbers(page: Any) -> list[int]:
 
 def test_the_log_is_the_librarys(client: TestClient, story_url: str) -> None:
     with kant_sql.connect(story_url, knowledge_base="courier") as kb:
-        entries = [entry_document(entry) for entry in kb.log()]
+        entries: list[Any] = [json_value(entry) for entry in kb.log()]
     lines = log(client)["revisions"]
     for line, entry in zip(lines, entries, strict=True):
         assert {"total", "is_counted", "is_archived"} == line.keys() - entry.keys()
@@ -176,7 +176,7 @@ def test_a_revision_of_many_changes_is_read_page_by_page(
             found += page["revision"]["changes"]
             assert page["total"] == len(entry.changes)
             offset = page["next"]
-        expected = changes_document(entry.changes)
+        expected: Any = json_value(entry.changes)
         assert sorted(map(str, found)) == sorted(map(str, expected))
         assert found == expected or bound == 10
     assert "1 to 200 of" in client.get("/revision?kb=courier&number=2").text
@@ -194,7 +194,7 @@ def test_the_difference_is_the_librarys(
 ) -> None:
     monkeypatch.setattr(change_pages, "NARROW", narrow)
     with kant_sql.connect(story_url, knowledge_base="courier") as kb:
-        expected = changes_document(kb.diff(a, b))
+        expected: Any = json_value(kb.diff(a, b))
     data = client.get(f"/api/difference?kb=courier&a={a}&b={b}").json()
     assert sorted(map(str, data["changes"])) == sorted(map(str, expected))
     assert (data["a"], data["b"], data["next"], data["is_cut"]) == (a, b, None, False)
@@ -226,7 +226,7 @@ def test_a_long_difference_is_read_page_by_page(
         data = client.get(f"/api/difference?kb=courier&a=1&b=2&offset={offset}").json()
         found |= {str(change) for change in data["changes"]}
         offset = data["next"]
-    assert found == {str(change) for change in changes_document(kb.diff(1, 2))}
+    assert found == {str(json_value(change)) for change in kb.diff(1, 2)}
     change_pages._differences.cache_clear()
     monkeypatch.setattr(change_pages, "COMPARED", 100)
     data = client.get("/api/difference?kb=courier&a=1&b=2").json()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass, replace
 from datetime import datetime
 from functools import partial
 from typing import NamedTuple
@@ -63,7 +64,8 @@ _NOT_KEPT = (
 _REPORTS = 200
 
 
-class Verification(NamedTuple):
+@dataclass(frozen=True)
+class Verification:
     """The result of a verification.
 
     Attributes:
@@ -81,6 +83,11 @@ class Verification(NamedTuple):
         keep_error: why that could not be kept; of one that is not intact, why the end of an earlier
             one could not be forgotten.
     """
+
+    _json_ = (
+        *("knowledge_base", "revisions", "changes", "findings", "archives", "anchored"),
+        *("is_intact", "continued_from", "continued_at", "complete_at", "is_kept"),
+    )
 
     knowledge_base: str
     revisions: int
@@ -225,8 +232,8 @@ def _keep(store: Store, done: Verification, end: End) -> Verification:
         # The table may be one of the findings.
         if done.is_intact and not isinstance(error, _NOT_KEPT):
             raise
-        return done._replace(is_kept=False, keep_error=str(error))
-    return done._replace(is_kept=done.is_intact)
+        return replace(done, is_kept=False, keep_error=str(error))
+    return replace(done, is_kept=done.is_intact)
 
 
 def _verify(
@@ -247,9 +254,9 @@ def _verify(
     verifier = _Verifier(Check(session, kb_id, report, after), name, progress)
     done = verifier.run(anchored, kept)
     if kept is not None:
-        done = done._replace(complete_at=kept.complete_at)
+        done = replace(done, complete_at=kept.complete_at)
     if kept is not None and after:
-        done = done._replace(continued_from=after, continued_at=kept.verified_at)
+        done = replace(done, continued_from=after, continued_at=kept.verified_at)
     last = verifier.last
     before = kept if after else None
     return done, None if last is None else End(kb_id, last.number, last.hash, before)

@@ -3,21 +3,16 @@
 from __future__ import annotations
 
 from datetime import UTC, datetime
-from typing import Annotated, Literal
+from typing import Annotated, Literal, NamedTuple
 
 from fastapi import Query
-from typing_extensions import TypedDict
 
 from ...dto.formulas import Formula
-from ...json_documents import (
-    FailedConditionDocument,
-    HeldDocument,
-    failed_document,
-    held_document,
-)
-from ...knowledge.canonical import time_text
 from ...knowledge_base import KnowledgeBase
 from ...moment_text import Moment
+from ...reasoning.complete import Completion
+from ...reasoning.failures import FailedCondition
+from ...reasoning.held import Held
 from ..parameters import moment
 from ..registry import Pages
 
@@ -42,7 +37,7 @@ Until = Annotated[str, Query(description=f"The end of the periods. {_MOMENT}")]
 Limit = Annotated[int, Query(ge=1, le=MOST_ANSWERS, description="The greatest number of answers.")]
 
 
-class AnswersDocument(TypedDict):
+class FoundAnswers(NamedTuple):
     """The objects for which a condition holds in a state.
 
     A condition without free variables has one answer without objects, or none; then `unsatisfied`
@@ -50,43 +45,35 @@ class AnswersDocument(TypedDict):
     """
 
     revision: int
-    columns: list[str]
-    answers: list[list[str]]
+    columns: tuple[str, ...]
+    answers: list[tuple[str, ...]]
     is_cut: bool
-    unsatisfied: list[FailedConditionDocument]
+    unsatisfied: list[FailedCondition]
     sql: str
 
 
-class PeriodsDocument(TypedDict):
+class FoundPeriods(NamedTuple):
     """The periods in which a condition held, between two times, and how many there are."""
 
-    columns: list[str]
-    begin: str
-    end: str
-    periods: list[HeldDocument]
+    columns: tuple[str, ...]
+    begin: datetime
+    end: datetime
+    periods: list[Held]
     total: int
 
 
-class AskDocument(TypedDict):
+class AskPage(NamedTuple):
     """A condition, and what was found; nothing without a condition."""
 
     condition: str
-    state: AnswersDocument | None
-    when: PeriodsDocument | None
+    state: FoundAnswers | None = None
+    when: FoundPeriods | None = None
 
 
-class CompletionDocument(TypedDict):
-    """A name that may be meant, and its definition."""
-
-    kind: str
-    name: str
-    text: str
-
-
-class CompletionsDocument(TypedDict):
+class Completions(NamedTuple):
     """Names that may be meant by their beginning."""
 
-    names: list[CompletionDocument]
+    names: list[Completion]
 
 
 @PAGES.page("/ask", "ask.html", is_form=True, rows=["state.answers", "when.periods"])
@@ -99,15 +86,14 @@ def ask(
     until: Until = "",
     parameters: Parameters = "",
     limit: Limit = 200,
-) -> AskDocument:
+) -> AskPage:
     """Ask a condition: for which objects it holds in a state, or in which periods it held."""
-    found: AskDocument = {"condition": condition, "state": None, "when": None}
-    if condition.strip() and mode == "state":
-        found["state"] = _answers(kb, condition, moment(at), parameters.strip() or None, limit)
-    elif condition.strip():
-        bounds = moment(since), moment(until)
-        found["when"] = _periods(kb, condition, bounds, parameters.strip() or None)
-    return found
+    if not condition.strip():
+        return AskPage(condition)
+    typed = parameters.strip() or None
+    if mode == "state":
+        return AskPage(condition, state=_answers(kb, condition, moment(at), typed, limit))
+    return AskPage(condition, when=_periods(kb, condition, (moment(since), moment(until)), typed))
 
 
 @PAGES.json("/names")
@@ -116,31 +102,24 @@ def names(
     beginning: Annotated[str, Query(description="The first characters of a name.")] = "",
     at: At = "",
     limit: Annotated[int, Query(ge=1, le=100, description="The greatest number of names.")] = 12,
-) -> CompletionsDocument:
+) -> Completions:
     """Complete a name: predicates, functions, objects, actions and types of a state."""
     when = moment(at)
     state = kb if when is None else kb.at(when)
-    found = state.complete(beginning, limit=limit)
-    return {"names": [{"kind": one.kind, "name": one.name, "text": one.text} for one in found]}
+    return Completions(list(state.complete(beginning, limit=limit)))
 
 
 def _answers(
     kb: KnowledgeBase, condition: str, at: Moment | None, parameters: str | None, limit: int
-) -> AnswersDocument:
+) -> FoundAnswers:
     # The revision first: if somebody writes meanwhile, the answers are at least as new.
     state = kb if at is None else kb.at(at)
     revision = state.revision
     answers = state.query(condition, parameters=parameters, limit=limit + 1)
-    rows = [list(answer) for answer in answers[:limit]]
-    failed = [] if rows or answers.columns else state.unsatisfied(condition)
-    return {
-        "revision": revision,
-        "columns": list(answers.columns),
-        "answers": rows,
-        "is_cut": len(answers) > limit,
-        "unsatisfied": [failed_document(part) for part in failed],
-        "sql": answers.sql,
-    }
+    rows = list(answers[:limit])
+    failed = [] if rows or answers.columns else list(state.unsatisfied(condition))
+    is_cut = len(answers) > limit
+    return FoundAnswers(revision, answers.columns, rows, is_cut, failed, answers.sql)
 
 
 def _periods(
@@ -148,7 +127,7 @@ def _periods(
     condition: str | Formula,
     bounds: tuple[Moment | None, Moment | None],
     parameters: str | None,
-) -> PeriodsDocument:
+) -> FoundPeriods:
     since, until = bounds
     found = kb.when(condition, since=since, until=until, parameters=parameters)
     shown = [found[index] for index in range(min(len(found), MOST_PERIODS))]
@@ -156,13 +135,7 @@ def _periods(
     begin = _time_of(kb, since) or min(begun, default=datetime.now(UTC))
     # Up to the last revision: of an old recording, bars up to now would be too thin to see.
     end = _time_of(kb, kb.revision if until is None else until) or begin
-    return {
-        "columns": list(found.columns),
-        "begin": time_text(begin),
-        "end": time_text(max(begin, end)),
-        "periods": [held_document(held) for held in shown],
-        "total": len(found),
-    }
+    return FoundPeriods(found.columns, begin, max(begin, end), shown, len(found))
 
 
 def _time_of(kb: KnowledgeBase, moment: Moment | None) -> datetime | None:

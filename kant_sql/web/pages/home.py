@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from dataclasses import dataclass
+from typing import Annotated, NamedTuple
 
 from fastapi import Query
-from typing_extensions import TypedDict
 
 from ...errors import KantSqlError, QuestionCancelledError
-from ...json_documents import InventoryDocument, inventory_document
 from ...limits import limited
 from ...sql.inventory import Inventory
 from ..registry import Pages
 from ..stores import OpenStore
-from ..verifying import VerifyDocument
+from ..verifying import VerificationState
 
 PAGES = Pages("knowledge bases")
 
@@ -26,35 +25,36 @@ After = Annotated[str | None, Query(description="The last name of the page befor
 Part = Annotated[str | None, Query(description="What the names contain.")]
 
 
-class OverviewDocument(InventoryDocument):
+@dataclass(frozen=True)
+class ListedKnowledgeBase:
     """A knowledge base of the home page.
 
     `is_goal_reached` is about all goals; null: not asked. `verification` is what this server has
     verified.
     """
 
+    _json_ = "*inventory", "is_goal_reached", "verification"
+
+    inventory: Inventory
     is_goal_reached: bool | None
-    verification: VerifyDocument
+    verification: VerificationState
 
 
-class HomeDocument(TypedDict):
+class HomePage(NamedTuple):
     """Knowledge bases of a store; `next` is the parameter `after` of the next page."""
 
-    knowledge_bases: list[OverviewDocument]
+    knowledge_bases: list[ListedKnowledgeBase]
     part: str | None
     next: str | None
 
 
 @PAGES.page("/", "home.html", rows=["knowledge_bases"])
-def knowledge_bases(store: OpenStore, after: After = None, part: Part = None) -> HomeDocument:
+def knowledge_bases(store: OpenStore, after: After = None, part: Part = None) -> HomePage:
     """List the knowledge bases with their heads, oldest first, 50 at a time."""
     found, has_more = store.read_catalog(lambda catalog: catalog.overview(after=after, part=part))
     asked = [one.name for one in found if one.reached is None and one.error is None][:MOST_ASKED]
-    return {
-        "knowledge_bases": [_document(store, one, one.name in asked) for one in found],
-        "part": part,
-        "next": found[-1].name if has_more else None,
-    }
+    listed = [_listed(store, one, one.name in asked) for one in found]
+    return HomePage(listed, part, found[-1].name if has_more else None)
 
 
 def _is_goal_reached(store: OpenStore, name: str) -> bool | None:
@@ -70,12 +70,8 @@ def _is_goal_reached(store: OpenStore, name: str) -> bool | None:
         return None
 
 
-def _document(store: OpenStore, one: Inventory, is_asked: bool) -> OverviewDocument:
+def _listed(store: OpenStore, one: Inventory, is_asked: bool) -> ListedKnowledgeBase:
     is_reached = None if one.reached is None else one.reached == one.goals
     if is_asked:
         is_reached = _is_goal_reached(store, one.name)
-    return {
-        **inventory_document(one),
-        "is_goal_reached": is_reached,
-        "verification": store.verifier.state(one.name),
-    }
+    return ListedKnowledgeBase(one, is_reached, store.verifier.state(one.name))

@@ -3,23 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Annotated, Literal
+from dataclasses import dataclass, replace
+from typing import Annotated, Literal, NamedTuple
 
 from fastapi import Query, Request
 from fastapi.responses import PlainTextResponse, Response
-from typing_extensions import TypedDict
 
 from ...errors import ArchivedError, PlanError, UnknownNameError
 from ...history.element_pages import PlanLine, Stretch, read_plans_page, read_stretches
-from ...json_documents import (
-    RecordedPlanDocument,
-    RecordedStepDocument,
-    RevisionDocument,
-    VersionDocument,
-    recorded_plan_document,
-    revision_document,
-    version_document,
-)
+from ...history.revisions import Revision
+from ...history.versions import Version
 from ...knowledge_base import KnowledgeBase, state_of
 from ...plans.interfaces import RecordedPlan, RecordedStep
 from ..parameters import Offset
@@ -40,51 +33,41 @@ BeforePlan = Annotated[
 Part = Annotated[Literal["domain", "problem"], Query(description="Which of the two texts.")]
 
 
-class PlanLineDocument(TypedDict):
-    """A plan in a list; `outcomes` counts the steps of each status."""
-
-    plan: int
-    recorded: RevisionDocument
-    revision: int
-    planner: str | None
-    objective: str | None
-    value: str | None
-    status: str | None
-    steps: int
-    outcomes: dict[str, int]
-
-
-class PlansDocument(TypedDict):
+class PlansPage(NamedTuple):
     """A page of the recorded plans, the newest first."""
 
-    plans: list[PlanLineDocument]
+    plans: list[PlanLine]
     before: int | None
 
 
-class StepOutcomesDocument(RecordedStepDocument):
+@dataclass(frozen=True)
+class StepOutcomes:
     """A step, each status that it had, and the last revisions that anybody made while it ran.
 
     `meanwhile` has these, from the one that started it up to the one that ended it, of `total`.
     `revisions` has the first of those that name this step.
     """
 
-    outcomes: list[VersionDocument]
-    meanwhile: list[RevisionDocument]
+    _json_ = "*step", "outcomes", "meanwhile", "total"
+
+    step: RecordedStep
+    outcomes: tuple[Version, ...]
+    meanwhile: list[Revision]
     total: int
 
 
-class PlanPage(TypedDict):
+class PlanPage(NamedTuple):
     """A recorded plan with a page of its steps; `total` counts them all."""
 
-    plan: RecordedPlanDocument
-    recorded: RevisionDocument
-    steps: list[StepOutcomesDocument]
+    plan: RecordedPlan
+    recorded: Revision
+    steps: list[StepOutcomes]
     total: int
     offset: int
     next: int | None
 
 
-class GivenDocument(TypedDict):
+class GivenPage(NamedTuple):
     """What a planner was given: the texts, or why they cannot be written again.
 
     A long text is cut; `/api/given.pddl?part=domain` or `part=problem` has all of it.
@@ -98,58 +81,35 @@ class GivenDocument(TypedDict):
     note: str | None
 
 
-def _line(line: PlanLine) -> PlanLineDocument:
-    return {
-        "plan": line.id,
-        "recorded": revision_document(line.recorded),
-        "revision": line.revision,
-        "planner": line.planner,
-        "objective": line.objective,
-        "value": line.value,
-        "status": line.status,
-        "steps": line.steps,
-        "outcomes": line.outcomes,
-    }
-
-
 @PAGES.page("/plans", "plans.html", rows=["plans"])
-def plans(kb: KnowledgeBase, before: BeforePlan = None) -> PlansDocument:
+def plans(kb: KnowledgeBase, before: BeforePlan = None) -> PlansPage:
     """List the recorded plans, the newest first, with what became of their steps."""
     lines, end = read_plans_page(state_of(kb), before)
-    return {"plans": [_line(line) for line in lines], "before": end}
+    return PlansPage(lines, end)
 
 
 @PAGES.page("/plan", "plan.html", rows=["steps"])
 def plan(kb: KnowledgeBase, id: PlanId, offset: Offset = 0) -> PlanPage:
     """Show a plan: its steps, who set what became of each, and the revisions made meanwhile."""
     found = _find(kb, id)
-    documents = recorded_plan_document(found)["steps"]
-    chosen = slice(offset, offset + STEPS)
-    shown = found.steps[chosen]
+    end, total = offset + STEPS, len(found.steps)
+    shown = found.steps[offset:end]
     (recorded,) = kb.revisions(after=found.recorded_in - 1, limit=1)
-    steps: list[StepOutcomesDocument] = [
-        {
-            **document,
-            "revisions": document["revisions"][:REVISIONS],
-            "outcomes": [version_document(outcome) for outcome in step.outcomes],
-            "meanwhile": [revision_document(one) for one in run.newest],
-            "total": run.total,
-        }
-        for step, document, run in zip(shown, documents[chosen], _runs(kb, shown), strict=True)
+    steps = [
+        StepOutcomes(
+            replace(step, revisions=step.revisions[:REVISIONS]),
+            step.outcomes,
+            run.newest,
+            run.total,
+        )
+        for step, run in zip(shown, _runs(kb, shown), strict=True)
     ]
-    end = offset + STEPS
-    return {
-        "plan": {**recorded_plan_document(found), "steps": []},
-        "recorded": revision_document(recorded),
-        "steps": steps,
-        "total": len(documents),
-        "offset": offset,
-        "next": end if end < len(documents) else None,
-    }
+    plan = replace(found, steps=())
+    return PlanPage(plan, recorded, steps, total, offset, end if end < total else None)
 
 
 @PAGES.page("/given", "given.html")
-def given(kb: KnowledgeBase, id: PlanId) -> GivenDocument:
+def given(kb: KnowledgeBase, id: PlanId) -> GivenPage:
     """Show the domain and the problem that the planner of a plan was given, as PDDL."""
     found = _find(kb, id)
     texts: dict[str, str] = {}
@@ -158,14 +118,14 @@ def given(kb: KnowledgeBase, id: PlanId) -> GivenDocument:
         texts = _texts(found)
     except (ArchivedError, PlanError) as error:
         note = str(error)
-    return {
-        "plan": id,
-        "problem_hash": found.problem_hash,
-        "domain": texts["domain"][:LONGEST_SHOWN] if texts else None,
-        "problem": texts["problem"][:LONGEST_SHOWN] if texts else None,
-        "is_cut": any(len(text) > LONGEST_SHOWN for text in texts.values()),
-        "note": note,
-    }
+    return GivenPage(
+        id,
+        found.problem_hash,
+        texts["domain"][:LONGEST_SHOWN] if texts else None,
+        texts["problem"][:LONGEST_SHOWN] if texts else None,
+        any(len(text) > LONGEST_SHOWN for text in texts.values()),
+        note,
+    )
 
 
 @PAGES.api.get("/given.pddl", include_in_schema=False)

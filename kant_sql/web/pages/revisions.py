@@ -3,21 +3,16 @@
 from __future__ import annotations
 
 from itertools import groupby
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 from fastapi import Query
-from typing_extensions import TypedDict
 
 from ...history.change_pages import ChangesPage, read_difference
 from ...history.log_pages import LogFilter, LogLine, read_log_page, read_revision_page
-from ...json_documents import (
-    ChangeDocument,
-    LogEntryDocument,
-    changes_document,
-    revision_document,
-)
+from ...history.revisions import LogEntry
 from ...knowledge_base import KnowledgeBase, state_of
 from ...moment_text import When
+from ...sql.changes import Change
 from ..parameters import Before, Offset, SinceMoment, UntilMoment, moment
 from ..registry import Pages
 
@@ -44,19 +39,7 @@ Text = Annotated[
 ]
 
 
-class LogLineDocument(LogEntryDocument):
-    """A revision with its changes, if they are few.
-
-    `total` counts all if `is_counted`, else there are more. `is_archived`: a part of them was moved
-    to an archive.
-    """
-
-    total: int
-    is_counted: bool
-    is_archived: bool
-
-
-class LogDocument(TypedDict):
+class LogPage(NamedTuple):
     """A page of the log, newest first.
 
     The next page has the parameter `before`. Where a page ended before it was full, `searched` is
@@ -64,19 +47,19 @@ class LogDocument(TypedDict):
     """
 
     head: int
-    revisions: list[LogLineDocument]
+    revisions: list[LogLine]
     before: int | None
     searched: int | None
     archive: str | None
 
 
-class RevisionPage(TypedDict):
+class RevisionPage(NamedTuple):
     """A revision with a page of its changes; `archive` says where a part of them is.
 
     `total` counts all if `is_counted`, else there are more: of a kind, the pages have 50,000.
     """
 
-    revision: LogEntryDocument
+    revision: LogEntry
     total: int
     is_counted: bool
     offset: int
@@ -85,14 +68,14 @@ class RevisionPage(TypedDict):
     archive: str | None
 
 
-class KindChangesDocument(TypedDict):
+class ChangesOfKind(NamedTuple):
     """Texts of one kind."""
 
     kind: str
     texts: list[str]
 
 
-class DifferenceDocument(TypedDict):
+class DifferencePage(NamedTuple):
     """A page of what holds in only one of two states, by kind.
 
     `changes` are the same as `kant-sql diff` shows: `+` for what only `b` has. `is_cut`: more
@@ -102,24 +85,13 @@ class DifferenceDocument(TypedDict):
     a: int
     b: int
     head: int
-    changes: list[ChangeDocument]
-    only_a: list[KindChangesDocument]
-    only_b: list[KindChangesDocument]
+    changes: list[Change]
+    only_a: list[ChangesOfKind]
+    only_b: list[ChangesOfKind]
     offset: int
     next: int | None
     is_cut: bool
-    between: LogDocument
-
-
-def line_document(line: LogLine) -> LogLineDocument:
-    """Return a revision of the log as JSON data."""
-    return {
-        **revision_document(line.revision),
-        "changes": changes_document(line.changes),
-        "total": line.total,
-        "is_counted": line.is_counted,
-        "is_archived": line.is_archived,
-    }
+    between: LogPage
 
 
 @PAGES.page("/log", "log.html", is_form=True, rows=["revisions"])
@@ -131,7 +103,7 @@ def log(
     since: SinceMoment = None,
     until: UntilMoment = None,
     before: Before = None,
-) -> LogDocument:
+) -> LogPage:
     """Show the revisions, newest first: who wrote, when, why, and what changed."""
     asked = LogFilter(actor or None, element.strip() or None, text or None)
     return _log(kb, asked, moment(since), moment(until), before)
@@ -144,31 +116,18 @@ def _log(
     until: When | None,
     before: int | None,
     limit: int = REVISIONS,
-) -> LogDocument:
+) -> LogPage:
     found = read_log_page(state_of(kb), asked, since, until, before, limit)
-    return {
-        "head": kb.revision,
-        "revisions": [line_document(line) for line in found.lines],
-        "before": found.before,
-        "searched": found.searched,
-        "archive": found.archive,
-    }
+    return LogPage(kb.revision, found.lines, found.before, found.searched, found.archive)
 
 
 @PAGES.page("/revision", "revision.html", rows=["revision.changes"])
 def revision(kb: KnowledgeBase, number: RevisionNumber, offset: Offset = 0) -> RevisionPage:
     """Show a revision: who wrote, when, why, and what changed."""
     found = read_revision_page(state_of(kb), number, offset, CHANGES)
-    changes = changes_document(change for _, change in found.page.changes)
-    return {
-        "revision": {**revision_document(found.line.revision), "changes": changes},
-        "total": found.line.total,
-        "is_counted": found.line.is_counted,
-        "offset": offset,
-        "next": found.page.next,
-        "head": found.head,
-        "archive": found.archive,
-    }
+    entry = LogEntry(found.line.revision, tuple(change for _, change in found.page.changes))
+    counted = found.line.total, found.line.is_counted
+    return RevisionPage(entry, *counted, offset, found.page.next, found.head, found.archive)
 
 
 OneState = Annotated[
@@ -183,7 +142,7 @@ OtherState = Annotated[
 @PAGES.page("/difference", "difference.html", rows=["changes"])
 def difference(
     kb: KnowledgeBase, a: OneState = "", b: OtherState = "", offset: Offset = 0
-) -> DifferenceDocument:
+) -> DifferencePage:
     """Compare two states: what only one of them has, by kind, and the log between them."""
     other = moment(b)
     if other is None:
@@ -195,36 +154,30 @@ def difference(
     low, high = sorted((found.a, found.b))
     between = _log(kb, LogFilter(), low + 1, high, None, 20) if low < high else _EMPTY
     sides = [("-", found.only_a), ("+", found.only_b)]
-    return {
-        "a": found.a,
-        "b": found.b,
-        "head": found.head,
-        "changes": [
-            {"sign": sign, "kind": change.kind, "text": change.text}
+    return DifferencePage(
+        found.a,
+        found.b,
+        found.head,
+        [
+            change._replace(sign=sign)
             for sign, page in reversed(sides)
             for _, change in page.changes
         ],
-        "only_a": _by_kind(found.only_a),
-        "only_b": _by_kind(found.only_b),
-        "offset": offset,
-        "next": found.only_a.next or found.only_b.next,
-        "is_cut": found.is_cut,
-        "between": between,
-    }
+        _by_kind(found.only_a),
+        _by_kind(found.only_b),
+        offset,
+        found.only_a.next or found.only_b.next,
+        found.is_cut,
+        between,
+    )
 
 
-_EMPTY: LogDocument = {
-    "head": 0,
-    "revisions": [],
-    "before": None,
-    "searched": None,
-    "archive": None,
-}
+_EMPTY = LogPage(0, [], None, None, None)
 
 
-def _by_kind(page: ChangesPage) -> list[KindChangesDocument]:
+def _by_kind(page: ChangesPage) -> list[ChangesOfKind]:
     lines = sorted((change.kind, change.text) for _, change in page.changes)
     return [
-        {"kind": kind, "texts": [text for _, text in of_kind]}
+        ChangesOfKind(kind, [text for _, text in of_kind])
         for kind, of_kind in groupby(lines, key=lambda line: line[0])
     ]

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 from fastapi import Query
-from typing_extensions import TypedDict
 
 from ...errors import InvalidArgumentError
-from ...history.element_pages import read_matches
+from ...history.element_pages import SearchMatch, read_matches
 from ...knowledge_base import KnowledgeBase, state_of
 from ...moment_text import parse_moment
 from ..registry import Pages
@@ -27,14 +26,7 @@ Sought = Annotated[
 ]
 
 
-class MatchDocument(TypedDict):
-    """Something whose name or text contains what is looked for."""
-
-    kind: str
-    text: str
-
-
-class SearchDocument(TypedDict):
+class SearchPage(NamedTuple):
     """What was found; `revision` and `moment` if the text is a revision's number or a time.
 
     `matches` begins with what has this very name, then come names that begin so, then facts of the
@@ -44,12 +36,12 @@ class SearchDocument(TypedDict):
     q: str
     revision: int | None
     moment: str | None
-    matches: list[MatchDocument]
+    matches: list[SearchMatch]
     is_cut: bool
 
 
 @PAGES.page("/search", "search.html", rows=["matches"])
-def search(kb: KnowledgeBase, q: Sought = "") -> SearchDocument:
+def search(kb: KnowledgeBase, q: Sought = "") -> SearchPage:
     """Find objects, definitions, facts, values, actors or a revision by a part of a name."""
     text = q.strip()
     moment = None
@@ -60,10 +52,10 @@ def search(kb: KnowledgeBase, q: Sought = "") -> SearchDocument:
             moment = None
     is_revision = isinstance(moment, int) and 0 < moment <= kb.revision
     matches = read_matches(state_of(kb), text, MATCHES + 1) if text else []
-    return {
-        "q": q,
-        "revision": moment if is_revision and isinstance(moment, int) else None,
-        "moment": text if moment is not None and not isinstance(moment, int) else None,
-        "matches": [{"kind": one.kind, "text": one.text} for one in matches[:MATCHES]],
-        "is_cut": len(matches) > MATCHES,
-    }
+    return SearchPage(
+        q,
+        moment if is_revision and isinstance(moment, int) else None,
+        text if moment is not None and not isinstance(moment, int) else None,
+        matches[:MATCHES],
+        len(matches) > MATCHES,
+    )

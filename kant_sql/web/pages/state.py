@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, NamedTuple
 
 from fastapi import Query
-from typing_extensions import TypedDict
 
+from ...history.revisions import Revision
 from ...history.state_parts import PARTS, HeldElement, StateFilter, StatePart, read_state
-from ...json_documents import RevisionDocument, revision_document
 from ...knowledge_base import KnowledgeBase, state_of
 from ..parameters import At, ElementText, ObjectName, Offset, moment
 from ..registry import Pages
@@ -58,16 +57,16 @@ PredicateName = Annotated[
 OneKind = Annotated[Kind, Query(description="Only this kind, in longer pages; empty for all.")]
 
 
-class HeldElementDocument(TypedDict):
+class ShownElement(NamedTuple):
     """An element that held, and the revision that asserted it: by whom, when and why."""
 
     kind: str
     text: str
-    since: RevisionDocument | None
+    since: Revision | None
     is_new: bool
 
 
-class StatePartDocument(TypedDict):
+class ShownPart(NamedTuple):
     """A page of the elements of one kind.
 
     `total` counts all if `is_counted`, else there are more. With `is_searched`, the text was looked
@@ -76,8 +75,8 @@ class StatePartDocument(TypedDict):
 
     kind: str
     title: str
-    elements: list[HeldElementDocument]
-    gone: list[HeldElementDocument]
+    elements: list[ShownElement]
+    gone: list[ShownElement]
     total: int
     is_counted: bool
     is_searched: bool
@@ -85,13 +84,13 @@ class StatePartDocument(TypedDict):
     next: int | None
 
 
-class StatePage(TypedDict):
+class StatePage(NamedTuple):
     """A state; `revision` is None before the first revision."""
 
     number: int
     head: int
-    revision: RevisionDocument | None
-    parts: list[StatePartDocument]
+    revision: Revision | None
+    parts: list[ShownPart]
     kinds: dict[str, str]
 
 
@@ -112,35 +111,27 @@ def state(
     asked = StateFilter(text or None, predicate or None, object or None)
     limit = MANY if kind else FEW
     found = read_state(state_of(kb), moment(at), asked, kind or None, offset, limit)
-    revisions = {
-        number: revision_document(revision) for number, revision in found.revisions.items()
-    }
 
-    def element(one: HeldElement) -> HeldElementDocument:
+    def element(one: HeldElement) -> ShownElement:
         is_new = one.since == found.revision
-        since = revisions.get(one.since)
-        return {"kind": one.kind, "text": one.text, "since": since, "is_new": is_new}
+        return ShownElement(one.kind, one.text, found.revisions.get(one.since), is_new)
 
-    def part(one: StatePart) -> StatePartDocument:
-        return {
-            "kind": one.kind,
-            "title": _TITLES[one.kind],
-            "elements": [element(each) for each in one.elements],
-            "gone": [element(each) for each in found.gone if each.kind == one.kind],
-            "total": one.total,
-            "is_counted": one.is_counted,
-            "is_searched": one.is_searched,
-            "offset": one.offset,
-            "next": one.next,
-        }
+    def part(one: StatePart) -> ShownPart:
+        return ShownPart(
+            one.kind,
+            _TITLES[one.kind],
+            [element(each) for each in one.elements],
+            [element(each) for each in found.gone if each.kind == one.kind],
+            one.total,
+            one.is_counted,
+            one.is_searched,
+            one.offset,
+            one.next,
+        )
 
     parts = {one.kind: one for one in found.parts}
     for one in found.gone:
         parts.setdefault(one.kind, StatePart(one.kind, [], 0, True, 0, None))
-    return {
-        "number": found.revision,
-        "head": found.head,
-        "revision": revisions.get(found.revision),
-        "parts": [part(parts[kind]) for kind in PARTS if kind in parts],
-        "kinds": _TITLES,
-    }
+    shown = [part(parts[kind]) for kind in PARTS if kind in parts]
+    revision = found.revisions.get(found.revision)
+    return StatePage(found.revision, found.head, revision, shown, _TITLES)

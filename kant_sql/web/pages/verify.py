@@ -4,21 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
-from typing import Annotated
+from typing import Annotated, NamedTuple
 from urllib.parse import parse_qs
 
 import anyio
 from fastapi import Query, Request
 from fastapi.responses import RedirectResponse, Response
 from starlette.exceptions import HTTPException
-from typing_extensions import TypedDict
 
 from ...errors import InvalidArgumentError
-from ...history.anchors import Anchor, parse_anchor
-from ..registry import KbName, Pages
+from ...history.anchors import Anchor, AnchoredHead, parse_anchor
+from ...json_values import JsonValue, json_value
+from ..registry import KbName, Pages, VisibleJson
 from ..rendering import link, render
+from ..schemas import schema_of
 from ..stores import OpenStore, answer
-from ..verifying import VerifyDocument
+from ..verifying import VerificationState
 
 PAGES = Pages("verification")
 
@@ -29,47 +30,43 @@ MOST_FIELDS = 10
 Cancel = Annotated[bool, Query(description="Whether to cancel the verification that runs.")]
 
 
-class AnchoredHeadDocument(TypedDict):
-    """The head of a knowledge base, in an anchor."""
-
-    knowledge_base: str
-    revision: int
-    hash: str
-    committed_at: str
-
-
-class AnchorDocument(TypedDict):
+class AnchorFile(NamedTuple):
     """The heads of all knowledge bases of the store, as `kant-sql anchor` writes them."""
 
     format: int
     made_at: str
-    heads: list[AnchoredHeadDocument]
+    heads: list[AnchoredHead]
 
 
-def _state(store: OpenStore, name: str | None) -> tuple[VerifyDocument, int]:
+def _state(store: OpenStore, name: str | None) -> tuple[dict[str, JsonValue], str, int]:
     chosen = store.choose(name)
     with store.knowledge_base(chosen) as kb:
         head = kb.revision
-    return store.verifier.state(chosen), head
+    return _document(store, chosen), chosen, head
+
+
+def _document(store: OpenStore, name: str) -> dict[str, JsonValue]:
+    document = store.folders.hide_in(json_value(store.verifier.state(name)))
+    assert isinstance(document, dict)
+    return document
 
 
 @PAGES.html.get("/verify")
 async def verify_page(request: Request, kb_name: KbName = None) -> Response:
     """Show what was verified, and start another verification."""
     store: OpenStore = request.app.state.store
-    state, head = await answer(request, lambda: _state(store, kb_name))
-    page = {**state, "head": head}
-    return render(request, "verify.html", page, state["knowledge_base"], head=head)
+    state, name, head = await answer(request, lambda: _state(store, kb_name))
+    return render(request, "verify.html", {**state, "head": head}, name, head=head)
 
 
-@PAGES.api.get("/verify")
-async def verify_state(request: Request, kb_name: KbName = None) -> VerifyDocument:
+@PAGES.api.get("/verify", response_model=schema_of(VerificationState))
+async def verify_state(request: Request, kb_name: KbName = None) -> Response:
     """Return the progress of the verification that runs, and the result of the last one.
 
     The server remembers them until it is stopped.
     """
     store: OpenStore = request.app.state.store
-    return (await answer(request, lambda: _state(store, kb_name)))[0]
+    return VisibleJson((await answer(request, lambda: _state(store, kb_name)))[0])
 
 
 @PAGES.html.post("/verify")
@@ -84,6 +81,7 @@ async def verify_from_page(
 
 @PAGES.api.post(
     "/verify",
+    response_model=schema_of(VerificationState),
     openapi_extra={
         "requestBody": {
             "description": "An anchor to compare with; without one, the body is empty.",
@@ -93,7 +91,7 @@ async def verify_from_page(
 )
 async def start_verification(
     request: Request, kb_name: KbName = None, cancel: Cancel = False
-) -> VerifyDocument:
+) -> Response:
     """Start a verification: every hash is recomputed, and all redundant data compared.
 
     One runs at a time for each knowledge base; the request returns at once. The body may be an
@@ -102,7 +100,7 @@ async def start_verification(
     store: OpenStore = request.app.state.store
     body = await _body(request)
     read = partial(body.decode, "utf-8", "replace")
-    return store.verifier.state(await _start(request, kb_name, read, cancel))
+    return VisibleJson(_document(store, await _start(request, kb_name, read, cancel)))
 
 
 def _anchor_of_form(body: bytearray) -> str:
@@ -145,7 +143,7 @@ async def _start(
     return chosen
 
 
-@PAGES.api.get("/anchor", response_model=AnchorDocument)
+@PAGES.api.get("/anchor", response_model=schema_of(AnchorFile))
 async def anchor(request: Request, kb_name: KbName = None) -> Response:
     """Return the heads of all knowledge bases of the store, as a file to keep elsewhere.
 

@@ -1,0 +1,99 @@
+"""Results as JSON: what the command line writes and the web answers.
+
+A result is a frozen dataclass or a NamedTuple, and its document has its public fields, in their
+order. A class whose document differs has the names of it in `_json_`, where `*name` stands for all
+names of that field's own document, and `key=name` for a field under another key.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import fields, is_dataclass
+from datetime import datetime
+from decimal import Decimal
+from functools import cache
+from pathlib import Path
+from typing import Any, NamedTuple, TypeAlias
+
+from .knowledge.canonical import time_text
+
+JsonValue: TypeAlias = "str | int | float | bool | list[JsonValue] | dict[str, JsonValue] | None"
+
+_PLAIN = frozenset((str, int, float, bool, type(None)))
+
+
+class JsonField(NamedTuple):
+    """A part of a document.
+
+    Attributes:
+        key: its key; None for all keys of the attribute's own document.
+        name: the attribute.
+    """
+
+    key: str | None
+    name: str
+
+
+@cache
+def json_fields(kind: type) -> tuple[JsonField, ...] | None:
+    """Return what the document of a class has; None of a class that is no result."""
+    names: tuple[str, ...] | None = getattr(kind, "_json_", None)
+    if names is None and is_dataclass(kind):
+        names = tuple(one.name for one in fields(kind) if not one.name.startswith("_"))
+    if names is None:
+        names = getattr(kind, "_fields", None)
+    return None if names is None else tuple(map(_field, names))
+
+
+def _field(said: str) -> JsonField:
+    key, _, name = said.rpartition("=")
+    return JsonField(None, said[1:]) if said.startswith("*") else JsonField(key or name, name)
+
+
+def json_value(value: object) -> JsonValue:
+    """Return a result as JSON data, or whatever has results in it.
+
+    Times are in UTC, as 2026-03-02T14:03:00.000000Z; decimal numbers are strings.
+
+    Raises:
+        TypeError: there is no JSON for a value of this class.
+    """
+    kind: type = type(value)
+    return _writer(kind)(value)
+
+
+@cache
+def _writer(kind: type) -> Callable[[Any], JsonValue]:
+    parts = json_fields(kind)
+    if parts is not None:
+        return _writer_of(parts)
+    for bases, write in _WRITERS:
+        if issubclass(kind, bases):
+            return write
+    raise TypeError(f"a {kind.__name__} is no JSON value, and no result")
+
+
+def _writer_of(parts: tuple[JsonField, ...]) -> Callable[[Any], JsonValue]:
+    def write(value: Any) -> JsonValue:
+        document: dict[str, JsonValue] = {}
+        for key, name in parts:
+            found = getattr(value, name)
+            if type(found) not in _PLAIN:
+                found = json_value(found)
+            if key is None:
+                document.update(found)
+            else:
+                document[key] = found
+        return document
+
+    return write
+
+
+_WRITERS: tuple[tuple[tuple[type, ...], Callable[[Any], JsonValue]], ...] = (
+    ((str, int, float, type(None)), lambda value: value),
+    ((datetime,), time_text),
+    ((Decimal,), lambda value: f"{value:f}"),
+    ((Path,), str),
+    ((Mapping,), lambda value: {key: json_value(one) for key, one in value.items()}),
+    ((Sequence,), lambda value: [json_value(one) for one in value]),
+)
