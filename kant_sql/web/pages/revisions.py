@@ -39,7 +39,7 @@ Text = Annotated[
 ]
 
 
-class LogPage(NamedTuple):
+class ShownLog(NamedTuple):
     """A page of the log, newest first.
 
     The next page has the parameter `before`. Where a page ended before it was full, `searched` is
@@ -91,7 +91,7 @@ class DifferencePage(NamedTuple):
     offset: int
     next: int | None
     is_cut: bool
-    between: LogPage
+    between: ShownLog
 
 
 @PAGES.page("/log", "log.html", is_form=True, rows=["revisions"])
@@ -103,7 +103,7 @@ def log(
     since: SinceMoment = None,
     until: UntilMoment = None,
     before: Before = None,
-) -> LogPage:
+) -> ShownLog:
     """Show the revisions, newest first: who wrote, when, why, and what changed."""
     asked = LogFilter(actor or None, element.strip() or None, text or None)
     return _log(kb, asked, moment(since), moment(until), before)
@@ -116,9 +116,9 @@ def _log(
     until: When | None,
     before: int | None,
     limit: int = REVISIONS,
-) -> LogPage:
+) -> ShownLog:
     found = read_log_page(state_of(kb), asked, since, until, before, limit)
-    return LogPage(kb.revision, found.lines, found.before, found.searched, found.archive)
+    return ShownLog(kb.revision, found.lines, found.before, found.searched, found.archive)
 
 
 @PAGES.page("/revision", "revision.html", rows=["revision.changes"])
@@ -172,7 +172,7 @@ def difference(
     )
 
 
-_EMPTY = LogPage(0, [], None, None, None)
+_EMPTY = ShownLog(0, [], None, None, None)
 
 
 def _by_kind(page: ChangesPage) -> list[ChangesOfKind]:
