@@ -51,7 +51,7 @@ def act(kb: KnowledgeBase, steps: Sequence[PlanStep]) -> bool:
             kb.apply(step, reason=f"{step} succeeded")
         except NotApplicableError as error:
             for part in error.unsatisfied:
-                print(f"{step} needs {part.text}, which is {part.left} and {part.right}.")
+                print(f"{step} needs {part.condition}, which is {part.left} and {part.right}.")
             return False
         print(f"{step} leaves fuel for {fuel(kb)}.")
     return True

@@ -7,7 +7,7 @@ from ..moment_text import When
 from .anchors import Anchor, AnchoredHead, parse_anchor
 from .archive.archive import Archived
 from .elements import Element
-from .revisions import LogEntry, Revision
+from .revisions import LogEntry, Revision, RunningStep
 from .verify.findings import Finding
 from .verify.verify import Verification
 from .versions import Version
@@ -21,6 +21,7 @@ __all__ = [
     "LogEntry",
     "Progress",
     "Revision",
+    "RunningStep",
     "Verification",
     "Version",
     "When",
