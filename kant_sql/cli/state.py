@@ -71,7 +71,7 @@ def show(
     type_: _OfType = None,
     as_json: AsJson = False,
 ) -> None:
-    """Show a state: objects, facts, goals and the rest; or what a revision changed.
+    """Show a state, or what a revision changed.
 
     Several options select the elements to which all of them apply.
     """
