@@ -184,7 +184,7 @@ def test_a_time_names_a_state(fresh_kb: KnowledgeBase) -> None:
 
 
 @pytest.mark.parametrize(
-    "when", [2, -1, None, "1", datetime(2026, 1, 31), datetime.max.replace(tzinfo=UTC)]
+    "when", [2, -1, None, "2", datetime(2026, 1, 31), datetime.max.replace(tzinfo=UTC)]
 )
 def test_a_state_that_is_not_there_is_refused(fresh_kb: KnowledgeBase, when: Any) -> None:
     fresh_kb.propositions.save(robot_at())
