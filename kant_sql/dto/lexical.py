@@ -12,7 +12,7 @@ from __future__ import annotations
 import re
 import unicodedata
 from collections.abc import Iterable, Sequence, Sized
-from decimal import Decimal
+from decimal import MAX_EMAX, MAX_PREC, MIN_EMIN, Context, Decimal
 from functools import lru_cache
 from math import isfinite
 from typing import Any
@@ -148,6 +148,8 @@ def check_name(kind: str, name: str) -> None:
 
 # Enough digits for the exact value of any double; bounds the length of texts.
 MAX_DIGITS = 400
+# What is added, subtracted and multiplied has an end, so this many digits are never used up.
+EXACT_DECIMALS = Context(prec=MAX_PREC, Emax=MAX_EMAX, Emin=MIN_EMIN)
 _NUMBERS = (int, float, Decimal)
 
 

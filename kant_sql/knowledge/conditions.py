@@ -10,11 +10,12 @@ validator VAL has it (Howey, Long, Fox 2004); a negation outside of that is clas
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from decimal import Decimal
 from itertools import count
+from operator import eq, ge, gt, le, lt
 from typing import Any, Generic, NamedTuple, TypeVar
 
 from ..dto import formulas as f
@@ -108,6 +109,16 @@ class Parameter:
 
 
 Quantity = Decimal | NumberOf | Operation | Parameter
+
+
+# How the operators of `Compares` compare.
+COMPARE: dict[str, Callable[[Any, Any], bool]] = {
+    "<": lt,
+    "<=": le,
+    "=": eq,
+    ">=": ge,
+    ">": gt,
+}
 
 
 @dataclass(frozen=True, slots=True)

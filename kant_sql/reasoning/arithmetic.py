@@ -9,25 +9,18 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from decimal import MAX_EMAX, MAX_PREC, MIN_EMIN, Context, Decimal, Inexact
+from decimal import Context, Decimal, Inexact
 from fractions import Fraction
-from typing import Any, Generic, NamedTuple, TypeVar
+from typing import Generic, NamedTuple, TypeVar
 
 from typing_extensions import override
 
 from ..dao.function_value import INCREASE, ROUNDED_DIGITS, SCALE_DOWN, calculate
+from ..dto.lexical import EXACT_DECIMALS
 from ..errors import UnsupportedConstructError
 
 T = TypeVar("T")
 Exact = Decimal | Fraction
-
-COMPARE: dict[str, Callable[[Any, Any], bool]] = {
-    "<": lambda left, right: left < right,
-    "<=": lambda left, right: left <= right,
-    "=": lambda left, right: left == right,
-    ">=": lambda left, right: left >= right,
-    ">": lambda left, right: left > right,
-}
 
 
 class Numbers(ABC, Generic[T]):
@@ -54,10 +47,6 @@ class Numbers(ABC, Generic[T]):
         """Divide."""
 
 
-# Sums and products of decimals have an end, so this many digits are never used up.
-_EXACT = Context(prec=MAX_PREC, Emax=MAX_EMAX, Emin=MIN_EMIN)
-
-
 class Exacts(Numbers[Exact]):
     """Decimals, or fractions where a quotient of decimals has no end."""
 
@@ -68,19 +57,19 @@ class Exacts(Numbers[Exact]):
     @override
     def add(self, left: Exact, right: Exact) -> Exact:
         if isinstance(left, Decimal) and isinstance(right, Decimal):
-            return _EXACT.add(left, right)
+            return EXACT_DECIMALS.add(left, right)
         return Fraction(left) + Fraction(right)
 
     @override
     def subtract(self, left: Exact, right: Exact) -> Exact:
         if isinstance(left, Decimal) and isinstance(right, Decimal):
-            return _EXACT.subtract(left, right)
+            return EXACT_DECIMALS.subtract(left, right)
         return Fraction(left) - Fraction(right)
 
     @override
     def multiply(self, left: Exact, right: Exact) -> Exact:
         if isinstance(left, Decimal) and isinstance(right, Decimal):
-            return _EXACT.multiply(left, right)
+            return EXACT_DECIMALS.multiply(left, right)
         return Fraction(left) * Fraction(right)
 
     @override

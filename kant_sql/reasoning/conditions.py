@@ -20,7 +20,8 @@ from typing import Any, NamedTuple
 from ..dto import formulas as f
 from ..dto.lexical import fold
 from ..errors import InvalidKnowledgeError, UnsupportedConstructError
-from .arithmetic import COMPARE, EXACT, LINEARS, Exact, Linear, Numbers, decimal_of
+from ..knowledge.conditions import COMPARE
+from .arithmetic import EXACT, LINEARS, Exact, Linear, Numbers, decimal_of
 from .grounding import Binding
 from .junctions import Literal, alternatives, junction, merged
 from .relations import Relation, Row, picker

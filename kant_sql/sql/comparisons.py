@@ -14,17 +14,10 @@ from typing import NamedTuple, Protocol, TypeVar
 
 from ..dto.lexical import decimal_text
 from ..errors import UnsupportedConstructError
-from ..knowledge.conditions import NumberOf, Operation, Parameter, Place, Quantity, Slot
+from ..knowledge.conditions import COMPARE, NumberOf, Operation, Parameter, Place, Quantity, Slot
 from .dialects.words import Words
 
 T = TypeVar("T")
-_COMPARE: dict[str, Callable[[Decimal, Decimal], bool]] = {
-    "<": lambda left, right: left < right,
-    "<=": lambda left, right: left <= right,
-    "=": lambda left, right: left == right,
-    ">=": lambda left, right: left >= right,
-    ">": lambda left, right: left > right,
-}
 # The error of a double after one operation is 1.1e-16 of it; what a text is read with may be more.
 _ERROR = 2e-15
 # Below this, doubles lose digits.
@@ -81,7 +74,7 @@ class ComparisonWriter:
     def text(self, operator: str, left: Quantity, right: Quantity) -> str:
         """Write it as a condition that is true or false."""
         if isinstance(left, Decimal) and isinstance(right, Decimal):
-            return "TRUE" if _COMPARE[operator](left, right) else "FALSE"
+            return "TRUE" if COMPARE[operator](left, right) else "FALSE"
         leaves = dict.fromkeys(leaf for side in (left, right) for leaf in _leaves(side))
         is_plain = all(isinstance(side, NumberOf | Decimal) for side in (left, right))
         rows = self._rows(leaves, is_plain, _divides(left) or _divides(right))

@@ -22,8 +22,8 @@ from typing import NamedTuple
 import pytest
 
 from kant_sql import Plan
+from kant_sql.knowledge import conditions
 from kant_sql.pddl import Domain, Problem
-from kant_sql.reasoning import arithmetic
 from kant_sql.reasoning.validate import SIMULTANEOUS, Validation, validate_plan
 from tests.meaning import val
 from tests.meaning.material import Pair
@@ -101,7 +101,7 @@ def tolerant() -> Iterator[None]:
     """Compare numbers with VAL's tolerance."""
     with pytest.MonkeyPatch.context() as patch:
         for operator, compare in TOLERANT.items():
-            patch.setitem(arithmetic.COMPARE, operator, compare)
+            patch.setitem(conditions.COMPARE, operator, compare)
         yield
 
 

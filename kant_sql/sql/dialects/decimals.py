@@ -8,8 +8,10 @@ from __future__ import annotations
 
 import sqlite3
 from collections.abc import Callable
-from decimal import MAX_EMAX, MAX_PREC, MIN_EMIN, Context, Decimal
+from decimal import Decimal
 from typing import NamedTuple
+
+from ...dto.lexical import EXACT_DECIMALS
 
 
 class DecimalWords(NamedTuple):
@@ -73,9 +75,6 @@ POSTGRESQL_ARITHMETIC = DecimalWords(
     is_fast=True,
 )
 
-# What is added, subtracted and multiplied has an end, so this many digits are never used up.
-_EXACT = Context(prec=MAX_PREC, Emax=MAX_EMAX, Emin=MIN_EMIN)
-
 
 def _function(
     operation: Callable[[Decimal, Decimal], Decimal],
@@ -96,9 +95,9 @@ def _compare(left: str | int | None, right: str | int | None) -> int | None:
 
 
 _FUNCTIONS = {
-    "decimal_add": _function(_EXACT.add),
-    "decimal_sub": _function(_EXACT.subtract),
-    "decimal_mul": _function(_EXACT.multiply),
+    "decimal_add": _function(EXACT_DECIMALS.add),
+    "decimal_sub": _function(EXACT_DECIMALS.subtract),
+    "decimal_mul": _function(EXACT_DECIMALS.multiply),
     "decimal_cmp": _compare,
 }
 
