@@ -43,7 +43,7 @@ if TYPE_CHECKING:
     from .sql.predicate_views import PredicateView, drop_views, update_views
     from .sql.schema import create_roles, downgrade, upgrade
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 __all__ = [
     "Aborted",
