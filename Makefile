@@ -60,7 +60,7 @@ docs: $(VENV)/test-ready
 screenshots: $(VENV)/test-ready
 	$(PY) -m tests.browser.screenshots docs/images
 
-# Size, prose, imports and coverage of the source tree; ARGS="--root FOLDER" for another checkout.
+# Sizes, imports, calls and times, as one table; ARGS="--root FOLDER" for another checkout.
 measure: $(VENV)/test-ready
 	$(PY) tests/measure.py $(ARGS)
 

@@ -1,35 +1,34 @@
-"""Measures the source tree: size, prose, imports, and what the tests cover.
+"""Measures the project: how much there is to read, to follow and to wait for, as one table.
 
-python tests/measure.py [--root FOLDER]
+python tests/measure.py [--root FOLDER] [--suite]
 
-Reads source text only, so it measures any checkout, whatever its layout.
+`--root` measures another checkout by this script and with this interpreter, so that before and
+after can be compared. It reads sizes and imports from the source, and runs programs for the rest.
 """
 
 from __future__ import annotations
 
 import argparse
 import ast
-import io
-import json
+import os
 import re
+import resource
+import subprocess
 import sys
-import tokenize
-from collections import deque
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field
+import tempfile
+import time
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from pathlib import Path
+from typing import Any, NamedTuple
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = "kant_sql"
-MIGRATIONS = "migrations"
-COVERAGE = "coverage.json"
-
-SMALL_FILE = 100
 LONG_FUNCTION = 40
-LONG_MODULE = 700
-# `session: the session.`, as a line of a docstring that adds nothing to the name.
-EMPTY_LINE = re.compile(r"^\s*(\w+): (?:the |a |an |its )?(.+?)\.?$", re.IGNORECASE)
+# A process is measured so many times, and the least counts: all else is the machine's.
+RUNS = 7
 
 Graph = dict[str, set[str]]
 Function = ast.FunctionDef | ast.AsyncFunctionDef
@@ -84,49 +83,14 @@ def span(node: ast.stmt | ast.expr) -> int:
     return (node.end_lineno or node.lineno) - node.lineno + 1
 
 
-def import_lines(source: Source) -> int:
-    """Count the lines of import statements, those within functions included."""
-    return sum(span(node) for node in source.nodes if isinstance(node, ast.Import | ast.ImportFrom))
-
-
-def docstring(node: ast.AST) -> ast.Constant | None:
-    """Return the docstring of a module, class or function, as it stands in the source."""
-    if not isinstance(node, ast.Module | ast.ClassDef | Function) or not node.body:
-        return None
-    first = node.body[0]
-    if isinstance(first, ast.Expr) and isinstance(first.value, ast.Constant):
-        return first.value if isinstance(first.value.value, str) else None
-    return None
-
-
-def docstrings(source: Source) -> list[ast.Constant]:
-    """Return all docstrings of a module."""
-    return [text for node in source.nodes if (text := docstring(node)) is not None]
-
-
-def is_empty(line: str) -> bool:
-    """Return whether a line of a docstring only repeats the name it describes."""
-    match = EMPTY_LINE.match(line)
-    return match is not None and match[1].replace("_", " ").strip().lower() == match[2].lower()
-
-
-def comment_lines(source: Source) -> int:
-    """Count the lines that hold a comment and nothing else."""
-    tokens = tokenize.generate_tokens(io.StringIO(source.text).readline)
-    return sum(
-        token.type == tokenize.COMMENT and not token.line[: token.start[1]].strip()
-        for token in tokens
-    )
-
-
-def long_functions(source: Source) -> Iterator[tuple[int, str]]:
+def long_functions(source: Source) -> Iterator[str]:
     """Yield length and place of each long function; its docstring does not count."""
     for node in source.nodes:
         if isinstance(node, Function):
-            text = docstring(node)
-            length = span(node) - (span(text) if text is not None else 0)
+            text = node.body[0] if ast.get_docstring(node, clean=False) is not None else None
+            length = span(node) - (0 if text is None else span(text))
             if length > LONG_FUNCTION:
-                yield length, f"{source.path}:{node.lineno} {node.name}"
+                yield f"{length} lines: {source.path}:{node.lineno} {node.name}"
 
 
 # Imports
@@ -226,203 +190,191 @@ def floors(graph: Graph) -> int:
     return max(floor.values(), default=0)
 
 
-def shortest_way(graph: Graph, start: str, end: str) -> list[str]:
-    """Return the shortest way from one node to another, both included; there is one."""
-    before: dict[str, str] = {}
-    queue = deque([start])
-    while end not in before:
-        node = queue.popleft()
-        for target in sorted(graph[node]):
-            if target not in before:
-                before[target] = node
-                queue.append(target)
-    way = [end]
-    while way[-1] != start or len(way) == 1:
-        way.append(before[way[-1]])
-    return way[::-1]
+def circles(graph: Graph) -> list[str]:
+    """Return the entries of each circle."""
+    return [f"circle: {', '.join(sorted(found))}" for found in components(graph) if len(found) > 1]
 
 
-def circles(graph: Graph) -> list[list[str]]:
-    """Return the shortest circle through each import that lies on one, each circle once."""
-    found: dict[tuple[str, ...], list[str]] = {}
-    for component in components(graph):
-        inner = {node: graph[node] & component for node in sorted(component)}
-        for node, targets in inner.items():
-            for target in sorted(targets):
-                way = shortest_way(inner, target, node)
-                at = way.index(min(way))
-                circle = way[at:] + way[:at]
-                found.setdefault(tuple(circle), circle)
-    return sorted(found.values(), key=lambda circle: (len(circle), circle))
+# Calls
+
+
+class Way(NamedTuple):
+    """What one call does within the package."""
+
+    calls: int
+    files: int
+    switches: int
+
+    def __str__(self) -> str:
+        return ", ".join(map(str, self))
+
+
+def follow(call: Callable[[], object], package: str) -> Way:
+    """Count the calls within a package, the files that they cross and how often they change."""
+    files: list[str] = []
+
+    def seen(frame: Any, event: str, _: object) -> None:
+        if event == "call" and frame.f_code.co_filename.startswith(package):
+            files.append(frame.f_code.co_filename)
+
+    sys.setprofile(seen)
+    try:
+        call()
+    finally:
+        sys.setprofile(None)
+    switches = sum(one != other for one, other in pairwise(files))
+    return Way(len(files), len(set(files)), switches)
+
+
+def probe(folder: str) -> None:
+    """Print some lines of the table, of the package that this process imports."""
+    import kant_sql as k
+
+    package = os.path.dirname(os.path.abspath(str(k.__file__))) + os.sep
+    robot, wp = k.PddlTypeDto("robot"), k.PddlTypeDto("wp")
+    robot_at, rb1 = k.PddlPredicateDto("robot_at", [robot, wp]), k.PddlObjectDto(robot, "rb1")
+    places = [k.PddlObjectDto(wp, f"wp{i}") for i in range(5)]
+    facts = [k.PddlPropositionDto(robot_at, [rb1, place]) for place in places]
+    with k.connect(f"sqlite:///{folder}/store.db", actor="perception") as kb:
+        for fact in facts:
+            kb.propositions.save(fact)
+        kb.propositions.delete("(robot_at rb1 wp1)")
+        save = follow(lambda: kb.propositions.save(facts[1]), package)
+        list(kb.query("(robot_at ?r ?w)"))
+        query = follow(lambda: list(kb.query("(robot_at ?r ?w)")), package)
+        names, members = ([name for name in dir(of) if not name.startswith("_")] for of in (k, kb))
+    print(f"warm save: calls, files, switches|{save}")
+    print(f"query of known text: the same|{query}")
+    print(f"public names, members of kb|{len(names)}, {len(members)}")
+
+
+# Processes
+
+
+def environment(root: Path) -> dict[str, str]:
+    """Return the environment of programs that import a checkout, with compiled modules."""
+    mine = {name: text for name, text in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
+    return mine | {"PYTHONPATH": str(root), "PYTHONWARNINGS": "ignore"}
+
+
+def run(root: Path, *arguments: str) -> str:
+    """Run Python in a checkout; return its output."""
+    command = [sys.executable, *arguments]
+    done = subprocess.run(
+        command, cwd=root, env=environment(root), capture_output=True, text=True, check=False
+    )
+    if done.returncode:
+        raise SystemExit(f"measure.py: {' '.join(command)} failed:\n{done.stderr}")
+    return done.stdout
+
+
+def processor_seconds(root: Path, *arguments: str) -> float:
+    """Measure the processor time of a program; the first run compiles its modules."""
+    taken = []
+    for _ in range(RUNS):
+        before = resource.getrusage(resource.RUSAGE_CHILDREN)
+        run(root, *arguments)
+        after = resource.getrusage(resource.RUSAGE_CHILDREN)
+        taken.append(after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime)
+    return min(taken)
+
+
+CONNECT = f"import {PACKAGE}; {PACKAGE}.connect('sqlite://')"
+LOADED = f"{CONNECT}; import sys; print(sum(m.split('.')[0] == '{PACKAGE}' for m in sys.modules))"
+LOG = f"from {PACKAGE}.cli.main import run; run()"
+
+
+def run_rows(root: Path) -> Iterator[tuple[str, object]]:
+    """Yield what programs in the checkout show."""
+    with tempfile.TemporaryDirectory() as folder:
+        for line in run(root, str(Path(__file__)), "--probe", folder).splitlines():
+            name, _, value = line.partition("|")
+            yield name, value
+        yield "modules loaded by `connect`", run(root, "-c", LOADED).strip()
+        floor = processor_seconds(root, "-c", "import sqlalchemy")
+        yield "`import sqlalchemy`, CPU seconds", f"{floor:.2f}"
+        connected = processor_seconds(root, "-c", CONNECT)
+        yield '`connect("sqlite://")` in a new process, CPU seconds', f"{connected:.2f}"
+        logged = processor_seconds(root, "-c", LOG, "log", f"sqlite:///{folder}/store.db")
+        yield "`kant-sql log` of a small store, CPU seconds", f"{logged:.2f}"
+    shop = run(root, "-m", "tests.benchmarks.coffee_shop", "--backends", "sqlite-file")
+    ratio = re.search(r"^\|? *sqlite-file.*?([\d.]+) *\|?$", shop, re.MULTILINE)
+    yield "coffee shop on a file, ratio to the bare driver", ratio[1] if ratio else "unknown"
+
+
+def suite_rows(root: Path) -> Iterator[tuple[str, object]]:
+    """Yield how long the suites take."""
+    for target in ("test", "test-all"):
+        began = time.monotonic()
+        code = subprocess.run(["make", target], cwd=root, check=False).returncode
+        minutes = f"{(time.monotonic() - began) / 60:.1f} min"
+        yield f"`make {target}`", f"{minutes}, exit code {code}" if code else minutes
 
 
 # The report
 
 
-@dataclass
-class Imports:
-    """The import graph at one level.
+class Size(NamedTuple):
+    """How much source there is, and how it hangs together."""
 
-    Attributes:
-        nodes: how many modules or rooms there are.
-        floors: how many floors they stand on.
-        circles: the shortest circle through each import that lies on one.
-        components: sets of nodes that all reach each other.
-    """
-
-    nodes: int
-    floors: int
-    circles: list[list[str]]
-    components: list[set[str]]
-
-    @classmethod
-    def of(cls, graph: Graph) -> Imports:
-        tied = [component for component in components(graph) if len(component) > 1]
-        return cls(len(graph), floors(graph), circles(graph), tied)
-
-
-@dataclass
-class Measures:
-    """What is measured of a source tree.
-
-    Attributes:
-        files: files in the package.
-        small_files: those of at most 100 lines.
-        package_lines: lines of the package.
-        lines: lines of the package and the migrations; the next four are of these, too.
-        import_lines: lines of import statements.
-        docstring_lines: lines of docstrings.
-        empty_docstring_lines: those of the kind `session: the session.`.
-        comment_lines: lines with only a comment.
-        rooms: the import graph of the package's entries.
-        modules: the import graph of all modules.
-        packages: how many sub-packages there are.
-        sibling_circles: the import circles among the entries of one sub-package.
-        long_functions: length and place of functions over 40 lines, the longest first.
-        long_modules: length and place of modules over 700 lines, the longest first.
-        coverage: percentages of lines and branches that the tests run; None without a record.
-    """
-
-    files: int
-    small_files: int
-    package_lines: int
     lines: int
-    import_lines: int
-    docstring_lines: int
-    empty_docstring_lines: int
-    comment_lines: int
-    rooms: Imports
-    modules: Imports
-    packages: int = 0
-    sibling_circles: list[list[str]] = field(default_factory=list)
-    long_functions: list[tuple[int, str]] = field(default_factory=list)
-    long_modules: list[tuple[int, str]] = field(default_factory=list)
-    coverage: tuple[float, float] | None = None
+    files: int
+    floors: int
+    circles: list[str]
+    long_functions: list[str]
+    test_lines: int
 
 
-def read_coverage(root: Path) -> tuple[float, float] | None:
-    """Return the percentages of lines and of branches in the record of `make coverage`."""
-    record = root / COVERAGE
-    if not record.exists():
-        return None
-    totals = json.loads(record.read_text(encoding="utf-8"))["totals"]
-    lines = 100 * totals["covered_lines"] / max(totals["num_statements"], 1)
-    branches = 100 * totals["covered_branches"] / max(totals["num_branches"], 1)
-    return lines, branches
-
-
-def measure(root: Path) -> Measures:
-    """Measure the source tree below a folder."""
-    package = read_sources(root, PACKAGE)
-    if not package:
+def measure(root: Path) -> Size:
+    """Measure the source below a folder."""
+    sources = read_sources(root, PACKAGE)
+    if not sources:
         raise SystemExit(f"measure.py: no Python files in {root / PACKAGE}")
-    sources = [*package, *read_sources(root, MIGRATIONS)]
-    texts = [text for source in sources for text in docstrings(source)]
-    modules = module_graph(package)
-    packages = [one.name for one in package if one.is_package and one.name != PACKAGE]
-    return Measures(
-        files=len(package),
-        small_files=sum(source.lines <= SMALL_FILE for source in package),
-        package_lines=sum(source.lines for source in package),
+    modules = module_graph(sources)
+    rooms = sibling_graph(modules, PACKAGE)
+    return Size(
         lines=sum(source.lines for source in sources),
-        import_lines=sum(import_lines(source) for source in sources),
-        docstring_lines=sum(span(text) for text in texts),
-        empty_docstring_lines=sum(
-            is_empty(line) for text in texts for line in str(text.value).splitlines()
-        ),
-        comment_lines=sum(comment_lines(source) for source in sources),
-        rooms=Imports.of(sibling_graph(modules, PACKAGE)),
-        modules=Imports.of(modules),
-        packages=len(packages),
-        sibling_circles=[
-            circle for name in packages for circle in circles(sibling_graph(modules, name))
-        ],
-        long_functions=sorted(
-            (found for source in sources for found in long_functions(source)), reverse=True
-        ),
-        long_modules=sorted(
-            ((s.lines, str(s.path)) for s in sources if s.lines > LONG_MODULE), reverse=True
-        ),
-        coverage=read_coverage(root),
+        files=len(sources),
+        floors=floors(rooms),
+        circles=circles(modules) or circles(rooms),
+        long_functions=[found for source in sources for found in long_functions(source)],
+        test_lines=sum(source.lines for source in read_sources(root, "tests")),
     )
 
 
-def row(name: str, value: object, note: str = "") -> str:
-    """Return a line of the report."""
-    return f"{name:<34}{value:>9}{'  ' if note else ''}{note}"
-
-
-def circle_lines(found: Iterable[list[str]]) -> Iterator[str]:
-    """Yield a line for each circle."""
-    for circle in found:
-        short = [node.removeprefix(f"{PACKAGE}.") for node in (*circle, circle[0])]
-        yield f"    {' > '.join(short)}"
-
-
-def report(measures: Measures) -> Iterator[str]:
-    """Yield the lines of the report."""
-
-    def share(count: int) -> str:
-        return f"{100 * count / measures.lines:.1f} %"
-
-    empty = measures.empty_docstring_lines
-    yield row(f"files in {PACKAGE}/", measures.files)
-    yield row(f"  of at most {SMALL_FILE} lines", measures.small_files)
-    yield row(f"lines in {PACKAGE}/", measures.package_lines)
-    yield row("  with migrations", measures.lines)
-    yield row("    of imports", measures.import_lines, share(measures.import_lines))
-    yield row("    of docstrings", measures.docstring_lines, share(measures.docstring_lines))
-    yield row("      like `session: the session.`", empty)
-    yield row("    of comments", measures.comment_lines, share(measures.comment_lines))
-    yield row(f"functions over {LONG_FUNCTION} lines", len(measures.long_functions))
-    yield from (f"  {length:>5}  {place}" for length, place in measures.long_functions)
-    yield row(f"modules over {LONG_MODULE} lines", len(measures.long_modules))
-    yield from (f"  {length:>5}  {place}" for length, place in measures.long_modules)
-    for name, imports in (("rooms", measures.rooms), ("modules", measures.modules)):
-        yield row(name, imports.nodes)
-        sizes = ", ".join(str(len(component)) for component in imports.components)
-        note = f"strongly connected: {sizes} {name}" if imports.components else ""
-        yield row("  import floors", imports.floors)
-        yield row("  import circles", len(imports.circles), note)
-        yield from circle_lines(imports.circles)
-    yield row("sub-packages", measures.packages)
-    yield row("  import circles of siblings", len(measures.sibling_circles))
-    yield from circle_lines(measures.sibling_circles)
-    if measures.coverage is None:
-        yield row("coverage", "unknown", "`make coverage` records it")
-    else:
-        lines, branches = measures.coverage
-        yield row("coverage of lines", f"{lines:.1f} %")
-        yield row("coverage of branches", f"{branches:.1f} %")
+def source_rows(size: Size) -> Iterator[tuple[str, object]]:
+    """Yield what the source shows."""
+    yield f"lines in {PACKAGE}/", f"{size.lines:,}"
+    yield "files", size.files
+    yield "import floors, circles", f"{size.floors}, {len(size.circles)}"
+    yield f"functions over {LONG_FUNCTION} lines", len(size.long_functions)
+    yield "lines of tests", f"{size.test_lines:,}"
 
 
 def main(argv: list[str]) -> int:
     """Print the measures of this or another checkout."""
-    parser = argparse.ArgumentParser(prog="measure.py", description="Measure the source tree.")
+    parser = argparse.ArgumentParser(prog="measure.py", description="Measure the project.")
     parser.add_argument(
         "--root", type=Path, default=ROOT, metavar="FOLDER", help="the checkout (this one)"
     )
-    for line in report(measure(parser.parse_args(argv).root)):
+    parser.add_argument("--suite", action="store_true", help="also time make test and test-all")
+    parser.add_argument("--source", action="store_true", help="read the source only")
+    parser.add_argument("--probe", metavar="FOLDER", help=argparse.SUPPRESS)
+    options = parser.parse_args(argv)
+    if options.probe is not None:
+        probe(options.probe)
+        return 0
+    root = options.root.resolve()
+    size = measure(root)
+    parts = [source_rows(size)]
+    if not options.source:
+        parts.append(run_rows(root))
+    if options.suite:
+        parts.append(suite_rows(root))
+    print("| measure | value |\n| --- | --- |")
+    for name, value in (row for part in parts for row in part):
+        print(f"| {name} | {value} |", flush=True)
+    for line in (*size.circles, *size.long_functions):
         print(line)
     return 0
 

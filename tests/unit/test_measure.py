@@ -1,20 +1,20 @@
-"""`make measure` counts what it says, on a small tree whose measures are known."""
+"""`make measure` counts what it says, on small trees and calls whose measures are known."""
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import pytest
 
 from tests.measure import (
-    Imports,
+    ROOT,
+    circles,
     floors,
     main,
     measure,
     module_graph,
     read_sources,
-    report,
+    run,
     sibling_graph,
 )
 
@@ -57,7 +57,7 @@ TREE = {
     "kant_sql/sql/dialects/__init__.py": "from kant_sql.sql import query\n",
     "kant_sql/cli.py": "import kant_sql\n" + LONG,
     "kant_sql/history.py": "\n" * 701,
-    "migrations/versions/0001_initial.py": "import alembic\n# A comment.\n",
+    "tests/test_all.py": "import kant_sql\n# A comment.\n",
 }
 
 
@@ -71,23 +71,14 @@ def root(tmp_path: Path) -> Path:
 
 
 def test_files_and_lines_are_counted(root: Path) -> None:
-    measures = measure(root)
-    assert (measures.files, measures.small_files) == (10, 9)
-    assert measures.package_lines == 3 + 3 + 4 + 11 + 2 + 1 + 47 + 701
-    assert measures.lines == measures.package_lines + 2
-    assert measures.import_lines == 1 + 3 + 3 + 1 + 2 + 1 + 1 + 1
-    assert measures.docstring_lines == 1 + 6 + 5
-    assert measures.comment_lines == 2
+    size = measure(root)
+    assert size.files == 10
+    assert size.lines == 3 + 3 + 4 + 11 + 2 + 1 + 47 + 701
+    assert size.test_lines == 2
 
 
-def test_docstring_lines_that_repeat_the_name_are_counted(root: Path) -> None:
-    assert measure(root).empty_docstring_lines == 2
-
-
-def test_long_functions_and_modules_are_listed_without_the_docstrings(root: Path) -> None:
-    measures = measure(root)
-    assert measures.long_functions == [(41, "kant_sql/cli.py:2 long")]
-    assert measures.long_modules == [(701, "kant_sql/history.py")]
+def test_long_functions_are_listed_without_their_docstrings(root: Path) -> None:
+    assert measure(root).long_functions == ["41 lines: kant_sql/cli.py:2 long"]
 
 
 def test_imports_are_resolved_wherever_they_stand(root: Path) -> None:
@@ -106,27 +97,18 @@ def test_imports_are_resolved_wherever_they_stand(root: Path) -> None:
 
 
 def test_type_checking_and_function_level_imports_make_circles(root: Path) -> None:
-    assert measure(root).modules.circles == [
-        ["kant_sql.sql.dialects", "kant_sql.sql.query"],
-        ["kant_sql.store.store", "kant_sql.store.transaction"],
+    assert sorted(measure(root).circles) == [
+        "circle: kant_sql.sql.dialects, kant_sql.sql.query",
+        "circle: kant_sql.store.store, kant_sql.store.transaction",
     ]
 
 
 def test_rooms_are_the_entries_of_the_package(root: Path) -> None:
-    rooms = measure(root).rooms
-    assert rooms.nodes == 5  # cli, errors, history, sql, store
-    assert rooms.circles == []
+    rooms = sibling_graph(module_graph(read_sources(root, "kant_sql")), "kant_sql")
+    assert len(rooms) == 5  # cli, errors, history, sql, store
+    assert circles(rooms) == []
     # errors; sql and store; cli, which imports the package and so the store
-    assert rooms.floors == 3
-
-
-def test_a_sub_package_is_one_sibling_of_the_modules_beside_it(root: Path) -> None:
-    measures = measure(root)
-    assert measures.packages == 3  # sql, sql.dialects, store
-    assert measures.sibling_circles == [
-        ["kant_sql.sql.dialects", "kant_sql.sql.query"],
-        ["kant_sql.store.store", "kant_sql.store.transaction"],
-    ]
+    assert measure(root).floors == floors(rooms) == 3
 
 
 def test_an_import_below_a_sub_package_is_one_of_the_sub_package() -> None:
@@ -141,29 +123,41 @@ def test_a_circle_stands_on_one_floor() -> None:
     assert floors({}) == 0
 
 
-def test_each_circle_is_listed_once() -> None:
+def test_one_circle_is_one_line(root: Path) -> None:
     graph = {"a": {"b", "c"}, "b": {"c", "a"}, "c": {"a"}, "d": {"a"}}
-    imports = Imports.of(graph)
-    assert imports.circles == [["a", "b"], ["a", "c"], ["a", "b", "c"]]
-    assert imports.components == [{"a", "b", "c"}]
+    assert circles(graph) == ["circle: a, b, c"]
 
 
-def test_coverage_is_of_the_record_if_there_is_one(root: Path) -> None:
-    assert measure(root).coverage is None
-    totals = {"covered_lines": 3, "num_statements": 4, "covered_branches": 1, "num_branches": 2}
-    (root / "coverage.json").write_text(json.dumps({"totals": totals}))
-    assert measure(root).coverage == (75, 50)
-    assert list(report(measure(root)))[-1].split() == ["coverage", "of", "branches", "50.0", "%"]
-
-
-def test_the_command_measures_another_checkout(
+def test_the_source_of_another_checkout_is_measured(
     root: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(["--root", str(root)]) == 0
-    lines = [" ".join(line.split()) for line in capsys.readouterr().out.splitlines()]
-    assert "files in kant_sql/ 10" in lines
-    assert "sql.dialects > sql.query > sql.dialects" in lines
-    assert "coverage unknown `make coverage` records it" in lines
+    assert main(["--root", str(root), "--source"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert "| files | 10 |" in lines
+    assert "circle: kant_sql.sql.dialects, kant_sql.sql.query" in lines
+
+
+def test_calls_files_and_switches_are_those_of_the_package(tmp_path: Path) -> None:
+    (tmp_path / "one.py").write_text("def inner(sort): return sort()\n")
+    (tmp_path / "two.py").write_text(
+        "import one\ndef outer(): return one.inner(lambda: sorted([2, 1], key=str))\n"
+    )
+    script = (
+        f"import sys; sys.path[:0] = [{str(ROOT)!r}, {str(tmp_path)!r}]; import two\n"
+        f"from tests.measure import follow; print(follow(two.outer, {str(tmp_path)!r}))"
+    )
+    # outer, inner, and the lambda of the first file; `sorted` and `str` are nobody's
+    assert run(tmp_path, "-c", script) == "3, 2, 2\n"
+
+
+def test_a_program_of_this_checkout_shows_calls_and_names(tmp_path: Path) -> None:
+    shown = run(ROOT, str(ROOT / "tests" / "measure.py"), "--probe", str(tmp_path)).splitlines()
+    names = [line.partition("|")[0] for line in shown]
+    save, query, members = (
+        [int(number) for number in line.partition("|")[2].split(", ")] for line in shown
+    )
+    assert names[0] == "warm save: calls, files, switches"
+    assert all(number > 0 for number in (*save, *query, *members))
 
 
 def test_a_folder_without_the_package_is_refused(tmp_path: Path) -> None:
