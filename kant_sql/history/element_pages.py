@@ -24,6 +24,7 @@ from ..dto.lexical import fold, is_word
 from ..errors import UnknownNameError
 from ..sql.definitions import find_identities
 from ..sql.dialects.base import Session
+from ..sql.dialects.containing import contains, pattern_of
 from ..sql.query import Query, first_rows, in_list, in_rows, integer
 from ..sql.rows import KB, KIND_TABLES, PROPOSITION, VALUE, VERSION_COLUMNS, table_of
 from ..sql.tables import (
@@ -39,7 +40,6 @@ from ..sql.tables import (
 )
 from ..store.state import State
 from .elements import Applied, Named, Sought, find_owners, refuse_unknown_element, sought
-from .excerpts import contains, pattern_of
 from .involvement import Involvement, read_involvement
 from .log import NEWEST_VERSIONS
 from .revisions import LARGEST, Revision, read_numbered
@@ -503,10 +503,10 @@ def _newest(rows: Select[Any], number: Any, bound: int) -> Any:
 
 def _rank_of(text: Any) -> ColumnElement[int]:
     """Rank a text that has no key: of a fact, without its parenthesis."""
-    bare, folded = func.ltrim(func.lower(text), _OPEN), bindparam("folded", type_=Text)
+    bare = func.ltrim(text, _OPEN)
     return case(
-        (bare == folded, literal_column(str(_EXACT))),
-        (bare.like(bindparam("prefix"), escape="!"), literal_column(str(_PREFIX))),
+        (contains(bare, "whole"), literal_column(str(_EXACT))),
+        (contains(bare, "prefix"), literal_column(str(_PREFIX))),
         else_=literal_column(str(_CONTAINING)),
     )
 
@@ -595,19 +595,19 @@ def read_matches(reader: State, text: str, limit: int = 100) -> list[SearchMatch
     what contains the text. Names and the facts of an object are found among all, other texts among
     the newest.
     """
-    pattern, bare = pattern_of(text), text.strip("() ")
-    asked = {
-        "pattern": pattern,
-        "prefix": pattern_of(bare)[1:],
-        "folded": fold(bare),
-        "beyond": f"{fold(bare)}\U0010ffff",
-    }
+    bare = text.strip("() ")
+    asked = {"folded": fold(bare), "beyond": f"{fold(bare)}\U0010ffff"}
 
     def work(session: Session, kb_id: int | None) -> list[SearchMatch]:
         if kb_id is None:
             return []
         atom = _spelled(session, kb_id, bare.split())
-        rows = session.rows(_MATCHES, kb=kb_id, size=limit, atom=atom, **asked)
+        patterns = {
+            "pattern": pattern_of(session, text),
+            "prefix": pattern_of(session, bare, begins=True),
+            "whole": pattern_of(session, bare, begins=True, ends=True),
+        }
+        rows = session.rows(_MATCHES, kb=kb_id, size=limit, atom=atom, **patterns, **asked)
         return [SearchMatch(row[0], row[1]) for row in rows]
 
     return reader.store.query_in_snapshot(work)

@@ -13,6 +13,7 @@ from ..dto.lexical import fold
 from ..pddl.lexer import tokenize
 from ..sql import tables as t
 from ..sql.dialects.base import Row, Session
+from ..sql.dialects.containing import is_in
 from ..sql.plans import STEP_VERSIONS, Step
 from ..sql.query import Query, first_rows, in_list, integer
 from ..sql.rows import KB
@@ -219,7 +220,7 @@ class PlanBars:
         object_, part = self._question.object, self._question.text
         if object_ is not None and fold(object_) not in tokenize(fold(text))[2:]:
             return False
-        return part is None or fold(part) in fold(text)
+        return is_in(part, text)
 
     def numbers(self) -> set[int]:
         """Return the revisions that `bars` needs."""

@@ -24,13 +24,13 @@ from ..errors import ArchivedError
 from ..moment_text import When
 from ..sql.changes import REVISIONS, Change, in_range
 from ..sql.dialects.base import Session
+from ..sql.dialects.containing import contains, is_in, pattern_of
 from ..sql.query import Query, first_rows, in_list, in_rows, integer
 from ..sql.rows import KB, PROPOSITION, VALUE, VERSION_COLUMNS
 from ..sql.tables import HeadRow, RevisionRow
 from ..store.snapshot import archive_of
 from ..store.state import State
 from .change_pages import COUNTED_CHANGES, ChangesPage, changes_of, count_changes, read_changes_page
-from .excerpts import contains, is_in, pattern_of
 from .log import log
 from .moments import find_bounds
 from .revisions import Revision, make_revision, missing_revision, refuse_unknown
@@ -51,8 +51,7 @@ class LogFilter(NamedTuple):
     Attributes:
         actor: who wrote.
         element: what was changed, as for `log`.
-        text: what is in the reason, the actor, the source as JSON, or a change; letters of ASCII in
-            any case.
+        text: what is in the reason, the actor, the source as JSON, or a change, in any case.
     """
 
     actor: str | None = None
@@ -182,12 +181,11 @@ def read_log_page(
         return _of_element(reader, asked, bounds.low, high, limit)
     if high < bounds.low:
         return LogPage([], None)
-    pattern = None if asked.text is None else pattern_of(asked.text)
 
     def work(session: Session, kb_id: int | None) -> LogPage:
         if kb_id is None:
             return LogPage([], None)
-        numbers, end = _find(session, kb_id, asked.actor, pattern, bounds.low, high, limit)
+        numbers, end = _find(session, kb_id, asked, bounds.low, high, limit)
         lines = read_lines(session, kb_id, numbers)
         is_end = end <= bounds.low
         is_short = len(numbers) < limit and not is_end
@@ -200,26 +198,21 @@ def read_log_page(
 
 
 def _find(
-    session: Session,
-    kb_id: int,
-    actor: str | None,
-    pattern: str | None,
-    low: int,
-    high: int,
-    limit: int,
+    session: Session, kb_id: int, asked: LogFilter, low: int, high: int, limit: int
 ) -> tuple[list[int], int]:
     """Find the newest revisions of a range, and the first revision that was looked at."""
-    if actor is None and pattern is None:
+    actor, text, parameters = asked.actor, asked.text, dict[str, Any]()
+    if actor is None and text is None:
         first = max(low, high - limit + 1)
         return list(range(high, first - 1, -1)), first
-    window = SEARCHED_FOR_ACTOR if pattern is None else SEARCHED_FOR_TEXT
+    window = SEARCHED_FOR_ACTOR if text is None else SEARCHED_FOR_TEXT
     first = max(low, high - window + 1)
-    if pattern is not None:
+    if text is not None:
+        parameters["pattern"] = pattern_of(session, text)
         ends = session.rows(_END_OF_SEARCH, kb=kb_id, low=first, high=high)
         first = min(high, max([first, *(row[0] + 1 for row in ends)]))
-    asked: dict[str, Any] = {"kb": kb_id, "low": first, "high": high, "size": limit}
-    query = _numbers(actor is not None, pattern is not None)
-    rows = session.rows(query, **asked, actor=actor, pattern=pattern)
+    parameters |= {"kb": kb_id, "low": first, "high": high, "size": limit, "actor": actor}
+    rows = session.rows(_numbers(actor is not None, text is not None), **parameters)
     numbers = [row[0] for row in rows]
     return numbers, numbers[-1] if len(numbers) == limit else first
 

@@ -13,7 +13,6 @@ from typing import Any, NamedTuple
 from sqlalchemy import (
     ColumnElement,
     Select,
-    bindparam,
     case,
     func,
     literal_column,
@@ -29,6 +28,7 @@ from ..moment_text import When
 from ..pddl.lexer import tokenize
 from ..sql.definitions import find_identities
 from ..sql.dialects.base import Session
+from ..sql.dialects.containing import contains, is_in, pattern_of
 from ..sql.intervals import ANY_FUNCTION, ANY_PREDICATE, held_then, then
 from ..sql.query import Query, first_rows, in_rows, integer
 from ..sql.rows import (
@@ -51,7 +51,6 @@ from ..sql.tables import (
     PropositionRow,
 )
 from ..store.state import State
-from .excerpts import contains, is_in, pattern_of, word_pattern
 from .moments import read_head, states_at
 from .revisions import Revision, read_numbered
 
@@ -253,7 +252,7 @@ def _of_definitions(source: str, shape: _Shape) -> Select[Any]:
         names = {"predicate_word": shape.has_predicate, "object_word": shape.has_object}
         for parameter, is_asked in names.items():
             if is_asked:
-                lines = lines.where(_words(columns.text).like(bindparam(parameter), escape="!"))
+                lines = lines.where(contains(_words(columns.text), parameter))
     elif shape.has_object:
         lines = lines.where(columns.owner == integer("object"))
     return lines
@@ -263,7 +262,7 @@ def _words(text: Any) -> ColumnElement[str]:
     """Write a text as words between spaces."""
     for parenthesis in "()":
         text = func.replace(text, _quoted(parenthesis), _quoted(" "))
-    spaced: ColumnElement[str] = _quoted(" ").concat(func.lower(text)).concat(_quoted(" "))
+    spaced: ColumnElement[str] = _quoted(" ").concat(text).concat(_quoted(" "))
     return spaced
 
 
@@ -387,9 +386,9 @@ def _question(session: Session, kb_id: int, asked: StateFilter, at: int | None) 
         key = fold(name)
         found = find_identities(session, kb_id, kind, {key})[key] if is_word(key) else None
         parameters[kind] = -1 if found is None else found[0]
-        parameters[f"{kind}_word"] = word_pattern(name)
+        parameters[f"{kind}_word"] = pattern_of(session, f" {name} ")
     if asked.text is not None:
-        parameters["pattern"] = pattern_of(asked.text)
+        parameters["pattern"] = pattern_of(session, asked.text)
     return _Question(asked, at, parameters)
 
 

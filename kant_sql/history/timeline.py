@@ -304,7 +304,7 @@ class _Reader:
             del rows[question.lanes :]
             kind, last = rows[-1]
             following = f"{kind}:{last.place.group}:{last.place.arguments}"
-        return [row for row in rows if question.has(row.found.text)], following
+        return rows, following
 
     def _divide(self, rows: Sequence[_Row]) -> tuple[list[_Row], list[_Row]]:
         """Divide lanes into those whose versions are all bars, and those with too many."""

@@ -58,18 +58,8 @@ class TimelineQuestion(NamedTuple):
         return LaneFilter(
             None if self.predicate is None else fold(self.predicate),
             None if self.object is None else fold(self.object),
-            None if self.text is None else _pattern(self.text),
+            self.text,
         )
-
-    def has(self, text: str) -> bool:
-        """Return whether a text has the part that is asked for."""
-        return self.text is None or self.text.isascii() or fold(self.text) in fold(text)
-
-
-def _pattern(text: str) -> str:
-    """Write what a text in lower case is like; databases know the case of ASCII letters only."""
-    escaped = re.sub(r"[!%_]", r"!\g<0>", text.lower())
-    return f"%{re.sub(r'[^ -~]+', '%', escaped)}%"
 
 
 _HALVES = re.compile("[\ud800-\udfff]")

@@ -30,6 +30,7 @@ from ..knowledge.canonical import read_source
 from ..knowledge.definitions import DERIVED_PREDICATE, GOAL
 from .dialects import create_backend
 from .dialects.base import Backend, Session, retrying
+from .dialects.containing import contains, pattern_of
 from .query import Query, first_rows, in_list, integer
 from .schema import ensure_schema
 from .tables import (
@@ -50,7 +51,6 @@ MOST_GOALS = 1_000
 PAGE = 50
 
 _ZERO: ColumnElement[Any] = literal_column("0")
-_EMPTY: ColumnElement[Any] = literal_column("''")
 
 
 _COLUMNS: tuple[Any, ...] = (
@@ -113,10 +113,8 @@ _AFTER = KnowledgeBaseRow.id > func.coalesce(
 )
 # What stands for a name that is damaged.
 _NAMELESS = re.compile(r"id (\d{1,18})")
-_LOWER = func.lower(KnowledgeBaseRow.name)
 _PAGE = _page(_AFTER)
-# Both dialects can replace; each searches by a function of its own.
-_FOUND = _page(_AFTER, func.replace(_LOWER, func.lower(bindparam("part")), _EMPTY) != _LOWER)
+_FOUND = _page(_AFTER, contains(KnowledgeBaseRow.name))
 _NAMED = _page(KnowledgeBaseRow.name == bindparam("name"))
 _TOTAL = Query(
     select(func.count(), func.coalesce(func.sum(HeadRow.revision), _ZERO)).where(
@@ -282,7 +280,7 @@ class Catalog:
 
         Args:
             after: the last name of the page before.
-            part: what the names contain, in small or capital letters.
+            part: what the names contain, in any case.
             limit: how many at most.
 
         Returns:
@@ -294,7 +292,8 @@ class Catalog:
             last = None if nameless is None else int(nameless[1])
             given = {"after": after, "last": last, "number": limit + 1}
             if part:
-                rows = _read_rows(session, _FOUND, part=part, **given)
+                pattern = pattern_of(session, part)
+                rows = _read_rows(session, _FOUND, pattern=pattern, **given)
             else:
                 rows = _read_rows(session, _PAGE, **given)
             return _counted(session, rows[:limit]), len(rows) > limit

@@ -17,6 +17,7 @@ from sqlalchemy import literal_column, select, text, union_all
 
 from ..knowledge.canonical import time_text
 from .dialects.base import Row, Session
+from .dialects.containing import pattern_of
 from .dialects.nested import NESTED_LOOPS, NestedLoops
 from .intervals import ANY_FUNCTION, ANY_PREDICATE, held_then, then
 from .query import Query, first_rows, integer
@@ -112,12 +113,12 @@ class LaneFilter(NamedTuple):
     Attributes:
         predicate: the key of the predicate or the function.
         object: the key of an object among the arguments.
-        pattern: what the text in lower case is like; `!` escapes.
+        text: a part of the text, in any case.
     """
 
     predicate: str | None = None
     object: str | None = None
-    pattern: str | None = None
+    text: str | None = None
 
 
 class LanePlace(NamedTuple):
@@ -156,8 +157,8 @@ def _lanes_text(loops: NestedLoops, source: LaneSource, wanted: LaneFilter, is_l
     conditions = f"p.kb_id = :kb{source.only} AND ({place}) > (:group, :arguments)"
     if wanted.predicate is not None:
         conditions += f" AND {source.is_of()}"
-    if wanted.pattern is not None:
-        conditions += " AND lower(p.text) LIKE :pattern ESCAPE '!'"
+    if wanted.text is not None:
+        conditions += f" AND p.text {loops.contains} :text"
     tables = f"{source.relation} AS p"
     if is_listed:
         tables = f"{loops.rows('ids', 1)} AS listed"
@@ -250,6 +251,8 @@ def find_lanes(
         enough: how many versions of a lane are counted.
     """
     given = {name: value for name, value in wanted._asdict().items() if value is not None}
+    if wanted.text is not None:
+        given["text"] = pattern_of(session, wanted.text)
     ids = _list_window(session, kb_id, kind, bounds)
     if ids is None and wanted.object is not None:
         ids = _list_with_object(session, kb_id, kind, wanted.object)

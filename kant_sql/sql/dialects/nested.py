@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import NamedTuple
 
+from .containing import OPERATORS
+
 # More than any walk gives: the planner takes an index that has the order for a query with a limit.
 _ENDLESS = "20000"
 
@@ -30,6 +32,7 @@ class NestedLoops(NamedTuple):
             from 0, and `moment`.
         larger: the function of the largest of some numbers.
         smaller: the function of the smallest.
+        contains: the operator between a text and a pattern; see `containing.py`.
     """
 
     rows: Callable[[str, int], str]
@@ -41,6 +44,7 @@ class NestedLoops(NamedTuple):
     times: Callable[[str], str]
     larger: str
     smaller: str
+    contains: str
 
 
 def _sqlite_rows(parameter: str, columns: int) -> str:
@@ -176,6 +180,7 @@ NESTED_LOOPS = {
         _sqlite_times,
         "max",
         "min",
+        OPERATORS["sqlite"],
     ),
     "postgresql": NestedLoops(
         _postgresql_rows,
@@ -187,5 +192,6 @@ NESTED_LOOPS = {
         _postgresql_times,
         "greatest",
         "least",
+        OPERATORS["postgresql"],
     ),
 }

@@ -1,0 +1,101 @@
+"""Which texts contain another: the one rule of every filter by text, in SQL and in Python.
+
+Case does not matter, whatever the letter: KÜCHE finds Küche. SQLite knows the case of ASCII letters
+only, and PostgreSQL that of its locale, so a pattern names each spelling of a letter.
+"""
+
+from __future__ import annotations
+
+import re
+from functools import cache
+from typing import Any
+from unicodedata import normalize
+
+from sqlalchemy import Boolean, ColumnElement, bindparam
+from sqlalchemy.ext.compiler import compiles
+from sqlalchemy.sql.functions import FunctionElement
+
+from ...errors import InvalidArgumentError
+from .base import Session
+
+# SQLite refuses a pattern of more than 50,000 bytes; no letter takes more than 14.
+LONGEST_SOUGHT = 3_500
+# By dialect: the operator, and the characters that a pattern cannot have as they are.
+OPERATORS = {"sqlite": "GLOB", "postgresql": "~"}
+_SPECIAL = {"sqlite": ("*?[", "[{}]"), "postgresql": (".^$*+?()[]{}|\\", "\\{}")}
+_IMPOSSIBLE = re.compile("[\0\ud800-\udfff]")
+# No letter beyond this has a case.
+_CASED = 0x20000
+
+
+class _Contains(FunctionElement[bool]):
+    """A text fits the pattern of a parameter."""
+
+    type = Boolean()
+    inherit_cache = True
+    name = "contains"
+    _is_implicitly_boolean = True
+
+
+@compiles(_Contains)
+def _contains(element: _Contains, compiler: Any, **options: Any) -> str:
+    text, pattern = (compiler.process(clause, **options) for clause in element.clauses)
+    return f"({text}) {OPERATORS[compiler.dialect.name]} {pattern}"
+
+
+def contains(column: Any, parameter: str = "pattern") -> ColumnElement[bool]:
+    """Return whether a text fits a parameter, which `pattern_of` gives."""
+    return _Contains(column, bindparam(parameter))
+
+
+def pattern_of(session: Session, text: str, *, begins: bool = False, ends: bool = False) -> str:
+    """Return the pattern of what contains a text, or begins or ends with it.
+
+    Raises:
+        InvalidArgumentError: no text can contain it.
+    """
+    dialect = session.backend.dialect.name
+    if _IMPOSSIBLE.search(text):
+        raise InvalidArgumentError(
+            "no text of a store contains a NUL or an unpaired surrogate; leave it out"
+        )
+    special, escaped = _SPECIAL[dialect]
+    written = "".join(
+        f"[{_spellings()[one]}]"
+        if one in _spellings()
+        else escaped.format(one)
+        if one in special
+        else one
+        for one in _folded(text[:LONGEST_SOUGHT])
+    )
+    if dialect == "sqlite":
+        return f"{'' if begins else '*'}{written}{'' if ends else '*'}"
+    return f"{'^' if begins else ''}{written}{'$' if ends else ''}"
+
+
+def is_in(text: str | None, said: str) -> bool:
+    """Return whether a text contains another as `contains` does; all contain None."""
+    return text is None or _folded(text) in _folded(said)
+
+
+def _folded(text: str) -> str:
+    return normalize("NFC", text).translate(_keys())
+
+
+def _key(letter: str) -> str:
+    """Return what the spellings of a letter share; what has another number of letters is none."""
+    return next(one for one in (letter.casefold(), letter.lower(), letter) if len(one) == 1)
+
+
+@cache
+def _keys() -> dict[int, str]:
+    letters = map(chr, range(_CASED))
+    return {ord(letter): key for letter in letters if (key := _key(letter)) != letter}
+
+
+@cache
+def _spellings() -> dict[str, str]:
+    found: dict[str, str] = {}
+    for letter, key in _keys().items():
+        found[key] = found.get(key, key) + chr(letter)
+    return found
