@@ -13,8 +13,8 @@ For states S0, S1 ... Sn at times t0 <= t1 ... <= tn:
 - `(sometime-before A B)`: for each Si in which A holds, B holds in some Sj with j < i.
 - `(always-within t A B)`: for each Si in which A holds, B holds in some Sj with j >= i and
   tj - ti <= t.
-- `(hold-during t u A)`: A holds in each Si with t <= ti < u, and in the state at t: the last Si
-  with ti <= t, if a later state follows.
+- `(hold-during t u A)`: A holds in each Si with t <= ti < u, and, if t < u, in the state at t:
+  the last Si with ti <= t, if a later state follows.
 - `(hold-after t A)`: A holds in each Si with t <= ti, and in the state at t, likewise.
 - `(at end A)`: A holds in Sn.
 
@@ -181,7 +181,7 @@ class _HoldDuring(Monitor):
             return
         if self._failing is not None and now.time > begin:
             self._violate(self._failing)
-        elif now.time < self._end and not holds(self._first, self.binding):
+        elif max(begin, now.time) < self._end and not holds(self._first, self.binding):
             if now.time >= begin:
                 self._violate(now)
             else:
