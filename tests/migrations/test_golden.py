@@ -12,6 +12,7 @@ import io
 import os
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -22,7 +23,7 @@ from sqlalchemy import Connection, create_engine, make_url, text
 import kant_sql
 from kant_sql.sql.dialects import postgresql_structure
 from kant_sql.sql.dialects import sqlite as sqlite_structure
-from kant_sql.sql.schema import VERSIONS, migrations_folder, upgrade_sql
+from kant_sql.sql.schema import VERSIONS, current, migrations_folder, upgrade_sql
 from kant_sql.sql.tables import Base
 from kant_sql.sql.tables.base import VERSION_TABLE
 
@@ -57,6 +58,14 @@ def dump_of(url: str, without: Collection[str] = ()) -> str:
         if each.relation not in without
         and not ("views" in without and each.head.startswith("CREATE VIEW"))
     )
+
+
+def test_a_store_that_is_created_is_one_that_was_migrated(tmp_path: Path) -> None:
+    created, migrated = (f"sqlite:///{tmp_path / name}.db" for name in ("created", "migrated"))
+    kant_sql.connect(created).close()
+    kant_sql.upgrade(migrated)
+    assert dump_of(created) == dump_of(migrated)
+    assert current(created) == current(migrated) == VERSIONS[-1]
 
 
 @pytest.mark.parametrize("version", VERSIONS)

@@ -15,11 +15,11 @@ from sqlalchemy import make_url
 import kant_sql
 from kant_sql import KnowledgeBase
 from kant_sql.errors import StoreIntegrityError
-from kant_sql.history.verify.structure import TABLES, recorded
+from kant_sql.history.verify.structure import TABLES
 from kant_sql.sql.dialects import create_backend
 from kant_sql.sql.dialects import postgresql_structure as indexes
 from kant_sql.sql.dialects.postgresql_structure import as_created
-from kant_sql.sql.schema import VERSIONS
+from kant_sql.sql.schema import VERSIONS, recorded
 from kant_sql.sql.tables import Base
 from tests.support.citus import is_distributed
 from tests.support.pages import opened

@@ -6,18 +6,17 @@ With other indexes or views, the library or an auditor reads data that differs f
 from __future__ import annotations
 
 from collections import defaultdict
-from functools import cache
 from itertools import product, takewhile
 from typing import Any
 
 from sqlalchemy import ColumnElement, exists, func, literal_column, select, union_all
 
 from ...sql.dialects.base import Session
-from ...sql.dialects.structure import Statement, parse_record
+from ...sql.dialects.structure import Statement
 from ...sql.predicate_views import replaced_views
 from ...sql.query import Query, integer
 from ...sql.rows import KB, table_of
-from ...sql.schema import VERSIONS, migrations_folder
+from ...sql.schema import recorded
 from ...sql.tables import Base, KnowledgeBaseRow
 from .findings import Report
 
@@ -26,21 +25,15 @@ TABLES = tuple(sorted(Base.metadata.tables))
 _SHOWN = 200
 
 
-@cache
-def recorded(dialect_name: str) -> tuple[Statement, ...]:
-    """Return the schema that the migrations make."""
-    path = migrations_folder() / "golden" / f"{dialect_name}-{VERSIONS[-1]}.sql"
-    found = parse_record(path.read_text(encoding="utf-8"))
-    return tuple(each for each in found if not each.head.startswith("COMMENT"))
-
-
 def check_structure(session: Session, report: Report) -> None:
     """Compare tables, constraints, indexes and views with those of the migrations.
 
     Other objects in the database count only where they belong to a table or view of the library.
     """
     dialect = session.backend.dialect.name
-    expected = {each.head: each for each in recorded(dialect)}
+    expected = {
+        each.head: each for each in recorded(dialect) if not each.head.startswith("COMMENT")
+    }
     names = {each.relation for each in expected.values() if each.relation is not None}
     live: defaultdict[str, list[Statement]] = defaultdict(list)
     for each in session.describe(names):
