@@ -1,83 +1,110 @@
-"""The difference between two states."""
+"""The difference of two states: all of it, and a page at a time."""
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Iterable
+from functools import cache
+from typing import Any, NamedTuple
 
-from sqlalchemy import ColumnElement, Select, and_, literal_column, or_, select, union_all
+from sqlalchemy import ColumnElement, and_, case, func, literal_column, or_, select, union_all
 
 from .. import html
 from ..moment_text import When
-from ..sql.changes import ASSERTED, RETRACTED, Change, unsortable
-from ..sql.dialects.base import Session
-from ..sql.intervals import ANY_FUNCTION, ANY_PREDICATE, held_then, then
-from ..sql.query import Query, integer
-from ..sql.rows import (
-    KB,
-    KIND_TABLES,
-    PROPOSITION,
-    VALUE,
-    VERSION_COLUMNS,
-    VersionColumns,
-    held_at,
+from ..sql.changes import (
+    ASSERTED,
+    RETRACTED,
+    Change,
+    ChangeEnd,
+    ChangesPage,
+    ends_of,
+    page_of,
+    paged,
+    unsortable,
 )
+from ..sql.dialects.base import Session
+from ..sql.intervals import forks_at, held_by, then
+from ..sql.query import Query, first_rows, integer
+from ..sql.rows import KB, KIND_TABLES, PROPOSITION, THEN, VERSION_COLUMNS, held_at
 from ..sql.tables import HeadRow
 from ..store.snapshot import View, refuse_archived
 from ..store.state import State
 from .moments import states_at
+from .revisions import read_archived_revision
 
-_BEFORE = integer("before")
-_AFTER = integer("after")
-_FIRST = integer("first")
+# States so many revisions apart are compared by what began and ended between them.
+NARROW = 20_000
+# Differences of a kind that pages have; the rest is left out.
+COMPARED = 20_000
 
-
-def _came_and_went(source: VersionColumns) -> list[Select[Any]]:
-    """Select the versions of one kind that hold at just one of two revisions."""
-    version = source.version
-    came = (
-        version.since.between(_FIRST, _AFTER),
-        or_(version.until.is_(None), version.until > _AFTER),
-    )
-    went = version.until.between(_FIRST, _AFTER), version.since <= _BEFORE
-    columns: tuple[Any, ...] = source.kind, source.text
-    return [
-        select(literal_column(change), *columns).where(version.kb_id == KB, *conditions)
-        for change, conditions in (("1", came), ("-1", went))
-    ]
+_BEFORE, _AFTER = integer("before"), integer("after")
 
 
-def _differences(*names: str) -> Query:
+def _text_then(name: str, end: ChangeEnd, at: ColumnElement[int]) -> ColumnElement[Any]:
+    """Return what the same element says in the other state; NULL if it does not hold there."""
+    table = end.source.version.kb_id.table
+    other = table.alias("other")
+    holds = or_(other.c.until.is_(None), other.c.until > at)
+    said = literal_column("''") if name == PROPOSITION else other.c.text
+    same = other.c[end.source.owner.key] == end.source.owner
+    last = select(case((holds, said))).where(other.c.kb_id == KB, same, other.c.since <= at)
+    last = first_rows(last.order_by(other.c.since.desc()), literal_column("1"))
+    return last.correlate(table).scalar_subquery()
+
+
+def _differs(name: str, end: ChangeEnd, is_narrow: bool) -> ColumnElement[bool]:
+    """Return whether a version that begins or ends between two states holds in one alone.
+
+    Where there are many revisions between, it is found among what held; an expression has no index.
+    """
+    version, number = end.source.version, end.revision
+    at, other = (_BEFORE, _AFTER) if end.retracted else (_AFTER, _BEFORE)
+    if not is_narrow:
+        number = number + literal_column("0")
+    held = held_at(version, at) if is_narrow else held_by(name, version, at)
+    text = literal_column("''") if name == PROPOSITION else version.text
+    changed = func.coalesce(_text_then(name, end, other), literal_column("' '")) != text
+    return and_(number > _BEFORE, number <= _AFTER, held, changed)
+
+
+def _whole(names: Iterable[str]) -> Query:
     # In the same statement: archived versions are missing in the rest.
-    none: ColumnElement[str] = literal_column("''")
-    columns: tuple[Any, ...] = HeadRow.archived_revision, none, none
+    none: ColumnElement[Any] = literal_column("''")
+    columns: tuple[Any, ...] = HeadRow.archived_revision, literal_column("0"), none, none
     archived = select(*columns).where(HeadRow.kb_id == KB)
-    parts = [part for name in names for part in _came_and_went(VERSION_COLUMNS[name])]
-    return Query(union_all(archived, *parts))
+    ends = ((name, end) for name in names for end in ends_of(VERSION_COLUMNS[name]))
+    return Query(union_all(archived, *(end.line(_differs(name, end, True)) for name, end in ends)))
 
 
 # By whether definitions may differ, too.
 _DIFFERENCES = {
-    True: _differences(*VERSION_COLUMNS),
-    False: _differences(*(name for name in VERSION_COLUMNS if name not in KIND_TABLES)),
+    True: _whole(VERSION_COLUMNS),
+    False: _whole(name for name in VERSION_COLUMNS if name not in KIND_TABLES),
 }
 
 
-def _state(then: bool) -> Query:
+@cache
+def _page(is_narrow: bool, side: int) -> Query:
+    """Select what only the later of two states has, or, for the side 1, only the earlier."""
+    parts = []
+    for name, source in VERSION_COLUMNS.items():
+        end = ends_of(source)[side]
+        line = end.short_line(literal_column("0"), _differs(name, end, is_narrow))
+        parts.append(select(first_rows(line, literal_column(str(COMPARED))).subquery()))
+    return paged(parts)
+
+
+def _state(at: ColumnElement[int] | None) -> Query:
     """Select kind and text of all that holds."""
     parts = []
     for name, source in VERSION_COLUMNS.items():
-        version = source.version
-        held: ColumnElement[bool] = version.until.is_(None)
-        if then:
-            any_owner = {PROPOSITION: ANY_PREDICATE, VALUE: ANY_FUNCTION}.get(name)
-            held = held_at(version) if any_owner is None else and_(any_owner, held_then(version))
         columns: tuple[Any, ...] = source.kind, source.text
-        parts.append(select(*columns).where(version.kb_id == KB, held))
+        held = held_by(name, source.version, at)
+        parts.append(select(*columns).where(source.version.kb_id == KB, held))
     return Query(union_all(*parts))
 
 
 # By whether it is about the past.
-_STATES = {is_past: _state(is_past) for is_past in (False, True)}
+_STATES = {True: _state(THEN), False: _state(None)}
 
 
 def state_lines(state: State) -> list[tuple[str, str]]:
@@ -130,23 +157,69 @@ def diff(state: State, a: When, b: When) -> list[Change]:
     store, upto = state
     states, stand = states_at(store, (a, b), upto)
     before, after = sorted(states)
-    came, went = (ASSERTED, RETRACTED) if before == states[0] else (RETRACTED, ASSERTED)
+    signs = (ASSERTED, RETRACTED) if before == states[0] else (RETRACTED, ASSERTED)
 
     def work(session: Session, kb_id: int | None) -> list[Change]:
         if kb_id is None or before == after:
             return []
         query = _DIFFERENCES[before < stand.redefined]
-        bounds = {"before": before, "first": before + 1, "after": after}
-        rows = session.rows(query, kb=kb_id, **bounds)
-        net: dict[tuple[str, str], int] = {}
-        for change, kind, text in rows:
-            # The same text in another version is no difference.
-            net[kind, text] = net.get((kind, text), 0) + change
-        refuse_archived(session, kb_id, before, net.pop(("", ""), 0))
+        rows = session.rows(query, kb=kb_id, before=before, after=after)
+        refuse_archived(session, kb_id, before, sum(row[0] for row in rows if row[2] == ""))
         try:
-            found = sorted(Change(came if net[key] > 0 else went, *key) for key in net if net[key])
+            return sorted(Change(signs[row[1]], *row[2:]) for row in rows if row[2] != "")
         except TypeError as error:
-            raise unsortable(net, f"revisions {before} to {after}", error) from error
-        return found
+            said = ((kind, text) for _, _, kind, text in rows)
+            raise unsortable(said, f"revisions {before} to {after}", error) from error
 
     return html.Listing(store.query(work), "change")
+
+
+class Difference(NamedTuple):
+    """A page of the difference of two states.
+
+    Attributes:
+        a: the revision of the one.
+        b: the revision of the other.
+        head: the last revision.
+        only_a: what only the one has.
+        only_b: what only the other has.
+        is_cut: whether there are differences that no page has.
+    """
+
+    a: int
+    b: int
+    head: int
+    only_a: ChangesPage
+    only_b: ChangesPage
+    is_cut: bool
+
+
+def read_difference(
+    state: State, a: When, b: When, offset: int = 0, limit: int = 200
+) -> Difference:
+    """Read a page of the difference of two states.
+
+    Raises:
+        UnknownRevisionError: there is no such revision yet.
+        ArchivedError: one of the states was moved to an archive.
+    """
+    (one, other), head = states_at(state.store, (a, b), state.at)
+    before, after = sorted((one, other))
+
+    def work(session: Session, kb_id: int | None) -> list[ChangesPage]:
+        if kb_id is None or before == after:
+            return [ChangesPage([], None)] * 2
+        refuse_archived(session, kb_id, before, read_archived_revision(session, kb_id))
+        own: dict[str, Any] = {"kb": kb_id, "before": before, "after": after}
+        pages = []
+        for side, at in enumerate((after, before)):
+            own["forks"] = session.list_value(forks_at(at))
+            query = _page(after - before <= NARROW, side)
+            pages.append(page_of(session, query, offset, limit, **own))
+        return pages
+
+    came, went = state.store.query_in_snapshot(work)
+    only_a, only_b = (went, came) if one == before else (came, went)
+    last = head.revision if state.at is None else state.at
+    ends = [offset + len(page.changes) for page in (only_a, only_b) if page.next is None]
+    return Difference(one, other, last, only_a, only_b, any(end >= COMPARED for end in ends))

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 from sqlalchemy import ColumnElement, Select, func, literal_column, select
 
-from ..sql.changes import PLAN_STEP, Change, in_range
+from ..sql.changes import STEPS, Change, ends_of, in_range, page_of, paged
 from ..sql.dialects.base import Session
 from ..sql.query import Query, first_rows, in_rows, integer
 from ..sql.rows import KB, PROPOSITION, VALUE, VERSION_COLUMNS, VersionColumns, table_of
@@ -16,10 +16,8 @@ from ..sql.tables import (
     TABLES,
     FunctionValueArgumentRow,
     PlanStepArgumentRow,
-    PlanStepVersionRow,
     PropositionArgumentRow,
 )
-from .change_pages import change_lines, own_text, page_of, paged
 
 # Versions of what an object is in that are looked at, to find the newest.
 INVOLVED = 20_000
@@ -28,15 +26,13 @@ WINDOW = 20_000
 
 _OBJECT = integer("object")
 _ONE: Any = literal_column("1")
-_STEP = table_of(PlanStepVersionRow).c
-_STEPS = VersionColumns(None, _STEP, _STEP.plan_id, literal_column(f"'{PLAN_STEP}'"), _STEP.text)
 # Whose objects are in a table of their own, and the key that both tables share.
 _NAMING: tuple[tuple[VersionColumns, Any, tuple[str, ...]], ...] = (
     (VERSION_COLUMNS[PROPOSITION], table_of(PropositionArgumentRow).c, ("proposition_id",)),
     (VERSION_COLUMNS[VALUE], table_of(FunctionValueArgumentRow).c, ("function_value_id",)),
     (VERSION_COLUMNS["action"], TABLES["action_term"].c, ("action_id", "since")),
     (VERSION_COLUMNS["formula"], TABLES["formula_term"].c, ("formula_id", "since")),
-    (_STEPS, table_of(PlanStepArgumentRow).c, ("plan_id", "position")),
+    (STEPS, table_of(PlanStepArgumentRow).c, ("plan_id", "position")),
 )
 
 
@@ -99,14 +95,12 @@ def _involving(is_recent: bool) -> Query:
     """Select the changes of what involves the object, newest first."""
     parts = []
     for columns, which in involving(_OBJECT, INVOLVED, by_revision=is_recent):
-        version = columns.version
-        for retracted, end in (("0", version.since), ("1", version.until)):
+        for end in ends_of(columns):
             # An expression has no index: what is found by ids is not looked for by revision.
             # Nor is it read in the order of that index.
-            ends = end if is_recent else end + literal_column("0")
-            within = in_range(ends)
-            parts.append(change_lines(columns, ends, retracted, own_text(columns), which, within))
-    return paged(parts, by_text=False)
+            number = end.revision if is_recent else end.revision + literal_column("0")
+            parts.append(end.short_line(number, which, in_range(number)))
+    return paged(parts)
 
 
 class Involvement(NamedTuple):
@@ -133,12 +127,12 @@ def read_involvement(
     row = session.first(_versions_of_object(), **own)
     is_recent = row is not None and row[0] >= INVOLVED
     first = max(low, high - WINDOW + 1) if is_recent else low
-    bounds = {"low": first, "high": high, "size": limit + 1, "offset": 0}
-    rows = session.rows(_involving(is_recent), **own, **bounds)
-    found = page_of(rows, 0, limit).changes
-    if len(rows) > limit:
+    query = _involving(is_recent)
+    changes, _ = page_of(session, query, 0, limit + 1, **own, low=first, high=high)
+    found = changes[:limit]
+    if len(changes) > limit:
         # A revision is shown as a whole; one that alone fills the page has a page of its own.
-        last = rows[limit][0]
+        last = changes[limit][0]
         whole = [one for one in found if one[0] > last]
         return Involvement(whole or found, last + 1 if whole else last, None, not whole)
     rest = first if first > low else None

@@ -23,7 +23,6 @@ from ..sql.changes import (
     few_changes,
     in_range,
     stream_changes_of,
-    stream_latest,
 )
 from ..sql.dialects.base import Row, Session
 from ..sql.query import Query, first_rows, in_list, integer
@@ -332,11 +331,7 @@ def _log_page(
     numbers = [row[0] for row in rows]
     if not numbers:
         return _Page([])
-    if actor is None:
-        lines = stream_latest(session, kb_id, numbers[-1], numbers[0])
-    else:
-        lines = stream_changes_of(session, kb_id, numbers)
-    changes, cut = collect(lines, LOG_CHANGES)
+    changes, cut = collect(stream_changes_of(session, kb_id, numbers), LOG_CHANGES)
     last = numbers[-1] if cut is None else cut + 1
     entries = [
         LogEntry(make_revision(session, row), changes.get(row[0], ()))

@@ -22,7 +22,16 @@ from ..arguments import optional_text
 from ..dao.known import refuse_unknown_actor
 from ..errors import ArchivedError
 from ..moment_text import When
-from ..sql.changes import REVISIONS, Change, in_range
+from ..sql.changes import (
+    COUNTED_CHANGES,
+    REVISIONS,
+    Change,
+    ChangesPage,
+    count_each,
+    in_range,
+    read_changes_page,
+    stream_changes_of,
+)
 from ..sql.dialects.base import Session
 from ..sql.dialects.containing import contains, is_in, pattern_of
 from ..sql.query import Query, first_rows, in_list, in_rows, integer
@@ -30,10 +39,9 @@ from ..sql.rows import KB, PROPOSITION, VALUE, VERSION_COLUMNS
 from ..sql.tables import HeadRow, RevisionRow
 from ..store.snapshot import archive_of
 from ..store.state import State
-from .change_pages import COUNTED_CHANGES, ChangesPage, changes_of, count_changes, read_changes_page
 from .log import log
 from .moments import find_bounds
-from .revisions import Revision, make_revision, missing_revision, refuse_unknown
+from .revisions import Revision, collect, make_revision, missing_revision, refuse_unknown
 
 # Revisions that a page searches for an actor, and for a text.
 SEARCHED_FOR_ACTOR, SEARCHED_FOR_TEXT = 100_000, 10_000
@@ -222,9 +230,9 @@ def read_lines(session: Session, kb_id: int, numbers: list[int]) -> list[LogLine
     if not numbers:
         return []
     rows = session.rows(_REVISIONS, kb=kb_id, numbers=session.list_value(numbers))
-    totals = count_changes(session, kb_id, numbers)
+    totals = count_each(session, kb_id, numbers)
     few = [number for number in numbers if 0 < totals.get(number, 0) <= LISTED]
-    changes = changes_of(session, kb_id, few)
+    changes, _ = collect(stream_changes_of(session, kb_id, few), LISTED * len(numbers) + 1)
     return [
         LogLine(
             make_revision(session, row),

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from sqlalchemy import ColumnElement, ScalarSelect, and_, func, select
+from sqlalchemy import ColumnElement, ScalarSelect, func, select
 
 from ..moment_text import When
 from ..sql.changes import count_changes, in_range
 from ..sql.dialects.base import Session
-from ..sql.intervals import ANY_FUNCTION, ANY_PREDICATE, held_then, then
+from ..sql.intervals import held_by, then
 from ..sql.query import Query, first_rows, integer
-from ..sql.rows import KB, held_at
+from ..sql.rows import KB, PROPOSITION, THEN, VALUE
 from ..sql.tables import TABLES, FunctionValueVersionRow, PropositionVersionRow, RevisionRow
 from ..store.snapshot import View
 from ..store.state import State
@@ -33,28 +33,22 @@ def _count(version: Any, *conditions: ColumnElement[bool]) -> ScalarSelect[int]:
     return counted.scalar_subquery()
 
 
-def _counts(is_past: bool) -> Query:
+def _counts(at: ColumnElement[int] | None) -> Query:
     atom, value = PropositionVersionRow, FunctionValueVersionRow
     object_ = TABLES["object_version"].c
-
-    def held(version: Any, any_owner: Any) -> ColumnElement[bool]:
-        if not is_past:
-            return version.until.is_(None)  # type: ignore[no-any-return]
-        return and_(any_owner, held_then(version))
-
-    atoms = held(atom, ANY_PREDICATE)
+    atoms = held_by(PROPOSITION, atom, at)
     return Query(
         select(
-            _count(object_, held_at(object_) if is_past else object_.until.is_(None)),
+            _count(object_, held_by("object", object_, at)),
             _count(atom, atoms, atom.is_goal.is_(False)),
             _count(atom, atoms, atom.is_goal.is_(True)),
-            _count(value, held(value, ANY_FUNCTION)),
+            _count(value, held_by(VALUE, value, at)),
         )
     )
 
 
 # By whether it is about the past.
-_COUNTS = {is_past: _counts(is_past) for is_past in (False, True)}
+_COUNTS = {True: _counts(THEN), False: _counts(None)}
 
 
 def read_overview(state: State) -> Overview:

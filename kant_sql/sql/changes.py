@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from functools import cache
 from typing import Any, NamedTuple
 
 from sqlalchemy import (
@@ -24,13 +25,14 @@ from sqlalchemy import (
 from .. import html
 from ..errors import StoreIntegrityError, unreadable
 from .dialects.base import Row, Session
-from .query import InRange, Query, first_rows, in_list
-from .rows import KB, KIND_TABLES, PROPOSITION, VALUE, VERSION_COLUMNS, table_of
+from .query import InRange, Query, first_rows, in_list, integer
+from .rows import KB, KIND_TABLES, PROPOSITION, VERSION_COLUMNS, VersionColumns, table_of
 from .tables import (
     ArchiveRow,
     PlanRow,
     PlanStepVersionRow,
     PromotionRow,
+    PropositionRow,
     RevisionPlanStepRow,
     RevisionRow,
 )
@@ -58,6 +60,7 @@ REVISIONS = (
     .where(RevisionRow.kb_id == KB)
 )
 
+_NO_TEXT: Any = literal_column("CAST(NULL AS text)")
 ASSERTED, RETRACTED = "+", "-"
 PLAN, PLAN_STEP, ARCHIVE, PROMOTION = "plan", "plan step", "archive", "promotion"
 # What is read at once, and sorted in memory.
@@ -92,48 +95,75 @@ def in_range(column: Any) -> ColumnElement[bool]:
     return InRange(column, LOW, HIGH)
 
 
-def _end(table: Any, column: Any, retracted: str, kind: Any, text: Any, within: Any) -> Select[Any]:
-    return select(
-        column.label("revision"),
-        literal_column(retracted).label("retracted"),
-        kind.label("kind"),
-        text.label("text"),
-    ).where(table.kb_id == KB, within(column))
+class ChangeEnd(NamedTuple):
+    """Where versions begin or end: changes of the revision in a column.
+
+    Attributes:
+        source: the versions.
+        revision: the column.
+        retracted: 1 where they end, else 0.
+    """
+
+    source: VersionColumns
+    revision: Any
+    retracted: int
+
+    def line(self, *conditions: Any) -> Select[Any]:
+        """Select the changes for which all conditions hold."""
+        return self._line(self.revision, self.source.text, *conditions)
+
+    def short_line(self, revision: Any, *conditions: Any) -> Select[Any]:
+        """Select them as `paged` does: propositions without their texts, all with their ids."""
+        is_atom = self.source is VERSION_COLUMNS[PROPOSITION]
+        line = self._line(revision, _NO_TEXT if is_atom else self.source.text, *conditions)
+        return line.add_columns(self.source.owner.label("owner"))
+
+    def _line(self, revision: Any, text: Any, *conditions: Any) -> Select[Any]:
+        return select(
+            revision.label("revision"),
+            literal_column(str(self.retracted)).label("retracted"),
+            self.source.kind.label("kind"),
+            text.label("text"),
+        ).where(self.source.version.kb_id == KB, *conditions)
 
 
-def _both_ends(version: Any, kind: Any, text: Any, within: Any) -> list[Select[Any]]:
-    return [
-        _end(version, version.since, "0", kind, text, within),
-        _end(version, version.until, "1", kind, text, within),
-    ]
+def _record(mapped: Any, kind: str, owner: str = "id") -> VersionColumns:
+    table = table_of(mapped).c
+    return VersionColumns(None, table, table[owner], literal_column(f"'{kind}'"), table.text)
 
 
-def _not_ended(version: Any, kind: Any, text: Any, within: Any) -> list[Select[Any]]:
-    """Return what was asserted in the range, and retracted in no revision of it."""
-    asserted = _end(version, version.since, "0", kind, text, within)
-    return [asserted.where(or_(version.until.is_(None), version.until > HIGH))]
+# What changes, by kind: elements, steps of plans, and records, which are never retracted.
+_RECORDS = {
+    kind: _record(mapped, kind)
+    for mapped, kind in ((PlanRow, PLAN), (ArchiveRow, ARCHIVE), (PromotionRow, PROMOTION))
+}
+STEPS = _record(PlanStepVersionRow, PLAN_STEP, "plan_id")
+_SOURCES = {**VERSION_COLUMNS, PLAN_STEP: STEPS, **_RECORDS}
 
 
-def _of_sources(names: Iterable[str], within: Any, ends: Any) -> list[Select[Any]]:
-    sources = (VERSION_COLUMNS[name] for name in names)
-    return [part for each in sources for part in ends(each.version, each.kind, each.text, within)]
+def ends_of(source: VersionColumns) -> list[ChangeEnd]:
+    """Return the beginning and the end of versions."""
+    names = ("since", "until") if "until" in source.version else ("since",)
+    return [ChangeEnd(source, source.version[name], n) for n, name in enumerate(names)]
 
 
-def _others(within: Any, ends: Any = _both_ends) -> list[Select[Any]]:
-    """Return the changes of all but definitions."""
-    selects = _of_sources((VALUE, PROPOSITION), within, ends)
-    step = table_of(PlanStepVersionRow).c
-    selects += ends(step, literal_column(f"'{PLAN_STEP}'"), step.text, within)
-    for mapped, kind in ((PlanRow, PLAN), (ArchiveRow, ARCHIVE), (PromotionRow, PROMOTION)):
-        record = table_of(mapped).c
-        name: ColumnElement[str] = literal_column(f"'{kind}'")
-        selects.append(_end(record, record.since, "0", name, record.text, within))
-    return selects
+_ENDS = [end for source in _SOURCES.values() for end in ends_of(source)]
+# Of all but definitions.
+_OTHER_ENDS = [
+    end for kind, source in _SOURCES.items() if kind not in KIND_TABLES for end in ends_of(source)
+]
 
 
-def _selects(within: Any, ends: Any = _both_ends) -> list[Select[Any]]:
+def _lines(within: Any, ends: Iterable[ChangeEnd] = _ENDS) -> list[Select[Any]]:
     """Return the changes of the revisions for which `within(column)` is true."""
-    return [*_of_sources(KIND_TABLES, within, ends), *_others(within, ends)]
+    return [end.line(within(end.revision)) for end in ends]
+
+
+def _left(end: ChangeEnd) -> Select[Any]:
+    """Return what was asserted in the range, and retracted in no revision of it."""
+    until = end.source.version.get("until")
+    rest = () if until is None else (or_(until.is_(None), until > HIGH),)
+    return end.line(in_range(end.revision), *rest)
 
 
 def _among(column: Any) -> ColumnElement[bool]:
@@ -141,29 +171,30 @@ def _among(column: Any) -> ColumnElement[bool]:
 
 
 _ORDER = ("retracted", "kind", "text")
-_CHANGES = Query(union_all(*_selects(in_range)).order_by("revision", *_ORDER))
-_NEWEST_FIRST = Query(union_all(*_selects(in_range)).order_by(desc("revision"), *_ORDER))
-_LEFT = Query(union_all(*_selects(in_range, _not_ended)).order_by("revision", *_ORDER))
+_CHANGES = Query(union_all(*_lines(in_range)).order_by("revision", *_ORDER))
+_LEFT = Query(
+    union_all(*(_left(end) for end in _ENDS if not end.retracted)).order_by("revision", *_ORDER)
+)
 # Unsorted: SQLite would merge its parts pair by pair, which takes longer than all else.
-_SIZE: ColumnElement[int] = literal_column(str(FEW + 1))
+_FEW_AND_ONE: ColumnElement[int] = literal_column(str(FEW + 1))
 _FEW = {
-    redefined: Query(first_rows(union_all(*selects), _SIZE))
-    for redefined, selects in ((True, _selects(in_range)), (False, _others(in_range)))
+    redefined: Query(first_rows(union_all(*_lines(in_range, ends)), _FEW_AND_ONE))
+    for redefined, ends in ((True, _ENDS), (False, _OTHER_ENDS))
 }
-_KINDS = union_all(*_selects(in_range)).subquery("changed")
+_KINDS = union_all(*_lines(in_range)).subquery("changed")
 _COUNTED = Query(
     select(_KINDS.c.retracted, _KINDS.c.kind, func.count()).group_by(
         _KINDS.c.retracted, _KINDS.c.kind
     )
 )
-_OF_NUMBERS = Query(union_all(*_selects(_among)).order_by(desc("revision"), *_ORDER))
+_OF_NUMBERS = Query(union_all(*_lines(_among)).order_by(desc("revision"), *_ORDER))
 
 
 def stream_changes(
     session: Session, kb_id: int, low: int, high: int
 ) -> Iterator[tuple[int, Change]]:
     """Read what a range of revisions changed, in one statement and in constant memory."""
-    return _lines(stream_change_rows(session, kb_id, low, high))
+    return _made(stream_change_rows(session, kb_id, low, high))
 
 
 def stream_change_rows(session: Session, kb_id: int, low: int, high: int) -> Iterator[Row]:
@@ -174,13 +205,6 @@ def stream_change_rows(session: Session, kb_id: int, low: int, high: int) -> Ite
 def stream_rows_left(session: Session, kb_id: int, upto: int) -> Iterator[Row]:
     """Read the changes of the first revisions that remain after an archive, as plain rows."""
     return session.stream(_LEFT, kb=kb_id, low=1, high=upto)
-
-
-def stream_latest(
-    session: Session, kb_id: int, low: int, high: int
-) -> Iterator[tuple[int, Change]]:
-    """Read what a range of revisions changed, the last revision first."""
-    return _lines(session.stream(_NEWEST_FIRST, kb=kb_id, low=low, high=high))
 
 
 def few_change_rows(
@@ -237,9 +261,91 @@ def stream_changes_of(
     session: Session, kb_id: int, numbers: list[int]
 ) -> Iterator[tuple[int, Change]]:
     """Read what some revisions changed, the last revision first."""
-    return _lines(session.stream(_OF_NUMBERS, kb=kb_id, numbers=session.list_value(numbers)))
+    return _made(session.stream(_OF_NUMBERS, kb=kb_id, numbers=session.list_value(numbers)))
 
 
-def _lines(rows: Iterator[Row]) -> Iterator[tuple[int, Change]]:
+def _made(rows: Iterable[Row]) -> Iterator[tuple[int, Change]]:
     signs = ASSERTED, RETRACTED
     return ((number, Change(signs[sign], kind, text)) for number, sign, kind, text in rows)
+
+
+# A page is found by ids, and only its own texts are read: a revision may change a hundred thousand
+# facts, and two states may differ in as many.
+
+# Up to this number changes are in the order of their texts, beyond it in that of their ids.
+SORTED = 5_000
+# Changes of a kind that a revision is counted and shown with.
+COUNTED_CHANGES = 50_000
+_BOUND: Any = literal_column(str(COUNTED_CHANGES))
+
+
+class ChangesPage(NamedTuple):
+    """A page of changes.
+
+    Attributes:
+        changes: each with its revision.
+        next: the offset of the next page; None after the last.
+    """
+
+    changes: list[tuple[int, Change]]
+    next: int | None
+
+
+def paged(parts: Iterable[Select[Any]], by_text: bool = False) -> Query:
+    """Cut a page out of short lines, the newest first, and add the texts that are missing."""
+    some, atom = union_all(*parts).subquery("some").c, table_of(PropositionRow)
+    size, offset = integer("size"), integer("offset")
+
+    def text_of(row: Any) -> ColumnElement[Any]:
+        own = select(atom.c.text).where(atom.c.kb_id == KB, atom.c.id == row.owner)
+        return func.coalesce(row.text, own.correlate_except(atom).scalar_subquery()).label("text")
+
+    def order(row: Any, last: Any) -> tuple[Any, ...]:
+        return row.revision.desc(), row.retracted, row.kind, last
+
+    if by_text:
+        page = select(some.revision, some.retracted, some.kind, text_of(some))
+        return Query(page.order_by(*order(some, "text")).limit(size).offset(offset))
+    cut: Any = select(*some).order_by(*order(some, some.owner)).limit(size).offset(offset)
+    of_page = cut.subquery("page").c
+    page = select(of_page.revision, of_page.retracted, of_page.kind, text_of(of_page))
+    return Query(page.order_by(*order(of_page, of_page.owner)))
+
+
+def page_of(session: Session, query: Query, offset: int, limit: int, **own: Any) -> ChangesPage:
+    """Read a page of changes, in one statement."""
+    rows = session.rows(query, size=limit + 1, offset=offset, **own)
+    return ChangesPage([*_made(rows[:limit])], offset + limit if len(rows) > limit else None)
+
+
+@cache
+def _counts() -> Query:
+    """Count what each revision changed: of a kind, up to a bound."""
+    revision = table_of(RevisionRow)
+    numbers: list[Any] = []
+    for end in _ENDS:
+        line = end.line(end.revision == revision.c.number)
+        some = first_rows(line.with_only_columns(literal_column("1")).correlate(revision), _BOUND)
+        numbers.append(select(func.count()).select_from(some.subquery()).scalar_subquery())
+    total = sum(numbers[1:], start=numbers[0])
+    rows = select(revision.c.number, total).where(revision.c.kb_id == KB)
+    return Query(rows.where(_among(revision.c.number)))
+
+
+def count_each(session: Session, kb_id: int, numbers: Iterable[int]) -> dict[int, int]:
+    """Count what some revisions changed, up to `COUNTED_CHANGES` and perhaps more."""
+    return dict(session.rows(_counts(), kb=kb_id, numbers=session.list_value([*numbers])))
+
+
+@cache
+def _of_revision(by_text: bool) -> Query:
+    parts = (end.short_line(end.revision, end.revision == integer("number")) for end in _ENDS)
+    return paged((select(first_rows(part, _BOUND).subquery()) for part in parts), by_text)
+
+
+def read_changes_page(
+    session: Session, kb_id: int, number: int, total: int, offset: int, limit: int
+) -> ChangesPage:
+    """Read a page of the changes of a revision that has so many of them, in one statement."""
+    query = _of_revision(total <= SORTED)
+    return page_of(session, query, offset, limit, kb=kb_id, number=number)

@@ -26,7 +26,7 @@ from sqlalchemy import (
 
 from .dialects.base import Session
 from .query import Fork, Query, each_of, found_rows, in_list, in_rows
-from .rows import KB, THEN, VersionTable, held_at, looked_up, table_of
+from .rows import KB, PROPOSITION, THEN, VALUE, VersionTable, held_at, looked_up, table_of
 from .tables import (
     TABLES,
     Base,
@@ -67,6 +67,17 @@ def _all_ids(identity: Table) -> Select[Any]:
 
 ANY_PREDICATE = in_rows(PropositionVersionRow.predicate_id, _all_ids(TABLES["predicate"]))
 ANY_FUNCTION = in_rows(FunctionValueVersionRow.function_id, _all_ids(TABLES["function"]))
+_ANY_OWNER = {PROPOSITION: ANY_PREDICATE, VALUE: ANY_FUNCTION}
+
+
+def held_by(source: str, version: Any, at: ColumnElement[int] | None) -> ColumnElement[bool]:
+    """Return whether a version of `VERSION_COLUMNS` held at a revision; None for now."""
+    if at is None:
+        holds: ColumnElement[bool] = version.until.is_(None)
+        return holds
+    if source not in _ANY_OWNER:
+        return held_at(version, at)
+    return and_(_ANY_OWNER[source], held_then(version, at))
 
 
 def forks_at(at: int) -> list[int]:

@@ -11,8 +11,9 @@ import pytest
 from fastapi.testclient import TestClient
 
 import kant_sql
-from kant_sql.history import change_pages, log_pages
+from kant_sql.history import diff, log_pages
 from kant_sql.json_values import json_value
+from kant_sql.sql import changes
 from kant_sql.web.rendering import shifted
 from kant_sql.web.report import report_html
 from tests.support.statements import count, fill
@@ -167,7 +168,7 @@ def test_a_revision_of_many_changes_is_read_page_by_page(
     (line,) = [one for one in log(client)["revisions"] if one["number"] == 2]
     assert (line["changes"], line["total"]) == ([], len(entry.changes))
     for bound in (5_000, 10):
-        monkeypatch.setattr(change_pages, "SORTED", bound)
+        monkeypatch.setattr(changes, "SORTED", bound)
         found: list[Any] = []
         offset: int | None = 0
         while offset is not None:
@@ -192,7 +193,7 @@ def test_the_difference_is_the_librarys(
     b: int,
     narrow: int,
 ) -> None:
-    monkeypatch.setattr(change_pages, "NARROW", narrow)
+    monkeypatch.setattr(diff, "NARROW", narrow)
     with kant_sql.connect(story_url, knowledge_base="courier") as kb:
         expected: Any = json_value(kb.diff(a, b))
     data = client.get(f"/api/difference?kb=courier&a={a}&b={b}").json()
@@ -227,10 +228,10 @@ def test_a_long_difference_is_read_page_by_page(
         found |= {str(change) for change in data["changes"]}
         offset = data["next"]
     assert found == {str(json_value(change)) for change in kb.diff(1, 2)}
-    change_pages._differences.cache_clear()
-    monkeypatch.setattr(change_pages, "COMPARED", 100)
+    diff._page.cache_clear()
+    monkeypatch.setattr(diff, "COMPARED", 100)
     data = client.get("/api/difference?kb=courier&a=1&b=2").json()
-    change_pages._differences.cache_clear()
+    diff._page.cache_clear()
     assert data["is_cut"] is (data["next"] is None)
 
 

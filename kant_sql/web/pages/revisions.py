@@ -7,12 +7,12 @@ from typing import Annotated, NamedTuple
 
 from fastapi import Query
 
-from ...history.change_pages import ChangesPage, read_difference
+from ...history.diff import read_difference
 from ...history.log_pages import LogFilter, LogLine, read_log_page, read_revision_page
 from ...history.revisions import LogEntry
 from ...knowledge_base import KnowledgeBase, state_of
 from ...moment_text import When
-from ...sql.changes import Change
+from ...sql.changes import Change, ChangesPage
 from ..parameters import Before, Offset, SinceMoment, UntilMoment, moment
 from ..registry import Pages
 
