@@ -10,7 +10,6 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Hashable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from datetime import datetime
-from importlib.metadata import entry_points
 from typing import Self, TypeVar
 
 from typing_extensions import override
@@ -32,6 +31,7 @@ from .history.moments import head_revision, state_at
 from .moment_text import When
 from .plans.dao import SqlPlanDao, check_step, place_of
 from .plans.interfaces import PlanDao, RecordedStep
+from .plugins import Plugins
 from .sql.dialects import BACKENDS, create_backend, dialect_name
 from .sql.dialects.base import Backend
 from .store.state import State
@@ -451,7 +451,7 @@ __all__ = [
     "create_dao_factory",
 ]
 
-ENTRY_POINTS = "kant_sql.dao_families"
+JOINED: Plugins[object] = Plugins("kant_sql.dao_families")
 
 FAMILIES: dict[str, type[DaoFactory]] = {
     "sqlite": SqliteDaoFactory,
@@ -492,13 +492,11 @@ def family_of(url: str) -> type[DaoFactory]:
 
 
 def _joined_family(name: str) -> type[DaoFactory]:
-    found = entry_points(group=ENTRY_POINTS)
-    for entry_point in found.select(name=name):
-        family = entry_point.load()
-        if not (isinstance(family, type) and issubclass(family, DaoFactory)):
-            raise InvalidUrlError(
-                f"{name}: entry point {entry_point.value!r} is not a DaoFactory class"
-            )
+    family = JOINED.get(name)
+    if isinstance(family, type) and issubclass(family, DaoFactory):
         return family
-    known = ", ".join(sorted({*FAMILIES, *found.names}))
+    if family is not None:
+        place = f"{family.__module__}:{getattr(family, '__qualname__', family)}"
+        raise InvalidUrlError(f"{name}: entry point {place!r} is not a DaoFactory class")
+    known = ", ".join(sorted({*FAMILIES, *JOINED.names()}))
     raise InvalidUrlError(f"{name}: no DAO family supports this URL; there are {known}")

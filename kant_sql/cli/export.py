@@ -1,4 +1,4 @@
-"""`kant-sql export`: the audit's views, or state transitions, as files."""
+"""`kant-sql export`: the audit's views as files, or a format of a plugin."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from .common import AsJson, Since, Until, Url, option, parse_optional
 from .output import Printer, bar, plural, write_json
 
 if TYPE_CHECKING:
-    from ..export import Exported
+    from ..export import Exported, PluggedFormat
 
-_FORMATS = ("parquet", "csv", "jsonl", "mcap")
+_FORMATS = ("parquet", "csv", "jsonl")
 
 
 def export(
@@ -23,9 +23,9 @@ def export(
     format: Annotated[
         str,
         option(
-            "parquet, csv or jsonl: the views for auditors; mcap: transitions of facts and values, "
-            "for Foxglove.",
-            metavar="|".join(_FORMATS),
+            "parquet, csv or jsonl: the views for auditors; one that a plugin adds: facts and "
+            "values over time.",
+            metavar="FORMAT",
         ),
     ] = _FORMATS[0],
     kb: Annotated[
@@ -38,13 +38,15 @@ def export(
     predicate: Annotated[
         list[str] | None,
         option(
-            "mcap: only this predicate or function; may be given several times.", metavar="NAME"
+            "Of a plugin's format: only this predicate or function; may be given several times.",
+            metavar="NAME",
         ),
     ] = None,
     element: Annotated[
         list[str] | None,
         option(
-            "mcap: only this fact or fluent, as '(robot_at rb1 wp1)'; may be given several times.",
+            "Of a plugin's format: only this fact or fluent, as '(robot_at rb1 wp1)'; may be given "
+            "several times.",
             metavar="TEXT",
         ),
     ] = None,
@@ -53,13 +55,18 @@ def export(
     replace: Annotated[bool, option("Replace the export in the folder.", "--replace")] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Write the audit views, or state transitions, to files.
+    """Write the audit views, or facts and values over time, to files.
 
     Reads one consistent state, whatever is written meanwhile.
     """
-    from ..export import export_store, export_transitions
+    from ..export import export_store
 
-    _check_options(format, view, predicate, element)
+    plugged = _plugged_format(format)
+    for given, name in ((predicate, "--predicate"), (element, "--element")):
+        if given and plugged is None:
+            raise typer.BadParameter(f"this is not for {format}", param_hint=name)
+    if view and plugged is not None:
+        raise typer.BadParameter(f"views are not for {format}", param_hint="--view")
     common: dict[str, Any] = {
         "to": to,
         "knowledge_base": kb,
@@ -68,37 +75,31 @@ def export(
         "replace": replace,
     }
     with bar(f"export {kb or ''}".strip()) as progress:
-        if format == "mcap":
-            done = export_transitions(
-                url, names=predicate, elements=element, progress=progress, **common
-            )
-        else:
+        if plugged is None:
             done = export_store(url, format=format, views=view, progress=progress, **common)
+        else:
+            done = plugged(url, names=predicate, elements=element, progress=progress, **common)
     if as_json:
         write_json(done)
     else:
         _write_exported(Printer(), done)
 
 
-def _check_options(
-    format: str,
-    view: list[str] | None,
-    predicate: list[str] | None,
-    element: list[str] | None,
-) -> None:
-    if format not in _FORMATS:
-        raise typer.BadParameter(
-            f"{format!r}: expected one of {', '.join(_FORMATS)}", param_hint="--format"
-        )
-    if format == "mcap" and view:
-        raise typer.BadParameter("views are not for mcap", param_hint="--view")
-    for given, name in ((predicate, "--predicate"), (element, "--element")):
-        if given and format != "mcap":
-            raise typer.BadParameter("this is for --format mcap only", param_hint=name)
+def _plugged_format(format: str) -> PluggedFormat | None:
+    """Find a format of a plugin; None for one of the library."""
+    if format in _FORMATS:
+        return None
+    from ..export import PLUGGED_FORMATS
+
+    found = PLUGGED_FORMATS.get(format)
+    if found is None:
+        known = ", ".join((*_FORMATS, *PLUGGED_FORMATS.names()))
+        raise typer.BadParameter(f"{format!r}: expected one of {known}", param_hint="--format")
+    return found
 
 
 def _write_exported(printer: Printer, done: Exported) -> None:
-    what = "messages" if done.format == "mcap" else "rows"
+    what = "rows" if done.format in _FORMATS else "messages"
     total = sum(file.rows for file in done.files)
     printer.line(
         f"{printable(done.folder)}: {plural(len(done.files), 'file')} with {total} {what}", "bold"

@@ -1,22 +1,21 @@
-"""Writing what a store has to files: the audit's views with types, and state transitions.
+"""Writing what a store has to files: the audit's views with types, and formats of plugins.
 
-The files are of one consistent state. pyarrow and mcap, of the extra `data`, are imported on first
-use.
+The files are of one consistent state. pyarrow, of the extra `data`, is imported on first use.
 """
 
 from __future__ import annotations
 
-from .files import FORMATS, Exported, ExportedFile
+from .files import FORMATS, PLUGGED_FORMATS, Exported, ExportedFile, PluggedFormat
 from .snapshot import KnowledgeBaseState, open_reader
-from .transitions import export_transitions
 from .views import export_store
 
 __all__ = [
     "FORMATS",
+    "PLUGGED_FORMATS",
     "Exported",
     "ExportedFile",
     "KnowledgeBaseState",
+    "PluggedFormat",
     "export_store",
-    "export_transitions",
     "open_reader",
 ]

@@ -12,13 +12,17 @@ from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
 from hashlib import file_digest, sha256
 from itertools import accumulate
+from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple
+from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple, Protocol
 
 from ..arguments import shown
+from ..dao.interfaces import Progress
 from ..errors import InvalidArgumentError, printable
 from ..json_values import json_value
 from ..knowledge.canonical import time_text
+from ..moment_text import When
+from ..plugins import Plugins
 from ..sql.arrow import import_arrow
 from .snapshot import KnowledgeBaseState
 
@@ -41,7 +45,7 @@ class ExportedFile(NamedTuple):
     Attributes:
         path: where it is in the folder, with slashes.
         knowledge_base: the name of the knowledge base that it is of.
-        content: the view whose rows it has, or `transitions`.
+        content: the view whose rows it has, or what a plugin calls it.
         rows: how many rows it has, or messages.
         bytes: its size.
         sha256: the hash of its bytes.
@@ -75,6 +79,40 @@ class Exported(NamedTuple):
     until: int | str | None
     knowledge_bases: tuple[KnowledgeBaseState, ...]
     files: tuple[ExportedFile, ...]
+
+
+class PluggedFormat(Protocol):
+    """A format of a plugin, of the group `kant_sql.export_formats`: facts and values over time."""
+
+    def __call__(
+        self,
+        url: str,
+        *,
+        to: str | PathLike[str],
+        knowledge_base: str | None = None,
+        names: Sequence[str] | None = None,
+        elements: Sequence[str] | None = None,
+        since: When | None = None,
+        until: When | None = None,
+        replace: bool = False,
+        progress: Progress | None = None,
+    ) -> Exported:
+        """Write a folder, as `export_store` does.
+
+        Args:
+            url: the database URL.
+            to: the folder; it is created if it is missing.
+            knowledge_base: the only one to write; None for all of the store.
+            names: the names of predicates and functions; None for all, unless elements are given.
+            elements: facts and fluents, as `(robot_at rb1 wp1)` and `(battery rb1)`.
+            since: begin with the state before this revision or aware time.
+            until: end with this revision or aware time.
+            replace: whether to replace an earlier export in the folder.
+            progress: called with the amount of work done, and the amount in total.
+        """
+
+
+PLUGGED_FORMATS: Plugins[PluggedFormat] = Plugins("kant_sql.export_formats")
 
 
 def bound(given: int | datetime | None) -> int | str | None:

@@ -19,7 +19,8 @@ MORE = 50
 
 EXPORT = """
 import sys
-from kant_sql.export import export_store, export_transitions, open_reader
+from kant_sql.export import export_store, open_reader
+from kant_sql_plugins.mcap import export_transitions
 
 url, folder = sys.argv[1:]
 rows = 0

@@ -21,8 +21,9 @@ from typing import Any
 
 import psycopg
 
-from kant_sql.export import FORMATS, export_store, export_transitions, open_reader
+from kant_sql.export import FORMATS, export_store, open_reader
 from kant_sql.sql.audit_views import AUDIT_VIEWS
+from kant_sql_plugins.mcap import export_transitions
 from tests.benchmarks.support import alternate, print_table, stores
 from tests.support.worlds.long_history import NAME, write_long_history
 

@@ -7,7 +7,6 @@ import sys
 from pathlib import Path
 
 import pytest
-from mcap.reader import make_reader
 from pyarrow import parquet
 
 import kant_sql
@@ -43,16 +42,6 @@ def test_json_is_what_the_folder_has(own_store: str, tmp_path: Path) -> None:
     assert [file["rows"] for file in document["files"]] == [2, 0]
 
 
-def test_transitions_are_written(own_store: str, tmp_path: Path) -> None:
-    words = ["--predicate", "robot_at", "--element", "(robot_at rb1 wp2)"]
-    out = tmp_path / "out"
-    done = run("export", own_store, "--to", str(out), "--format", "mcap", *words)
-    assert done.stdout.splitlines()[0] == f"{out}: 1 file with 3 messages"
-    with (out / "knowledge_base=tiago" / "transitions.mcap").open("rb") as file:
-        topics = [channel.topic for _, channel, _ in make_reader(file).iter_messages()]
-    assert topics == ["/tiago/fact/robot_at/rb1"] * 2 + ["/tiago/fact/robot_at/rb1/wp2"]
-
-
 def test_a_folder_is_replaced_only_if_asked(own_store: str, tmp_path: Path) -> None:
     out = str(tmp_path / "out")
     for _ in range(2):
@@ -66,15 +55,13 @@ def test_a_folder_is_replaced_only_if_asked(own_store: str, tmp_path: Path) -> N
 @pytest.mark.parametrize(
     ("words", "code", "said"),
     [
-        (["--format", "xlsx"], 2, "parquet, csv, jsonl, mcap"),
-        (["--format", "mcap", "--view", "fact"], 2, "--view"),
+        (["--format", "xlsx"], 2, "parquet, csv, jsonl"),
         (["--predicate", "robot_at"], 2, "--predicate"),
         (["--element", "(robot_at rb1 wp1)", "--format", "csv"], 2, "--element"),
         (["--since", "soon"], 2, "--since"),
         (["--view", "facts"], 1, "choose one of: knowledge_base"),
         (["--kb", "nobody"], 1, "nobody"),
         (["--until", "2"], 1, "give a time"),
-        (["--format", "mcap", "--predicate", "robotat"], 1, "did you mean robot_at"),
     ],
 )
 def test_what_is_wrong_is_one_line(

@@ -24,7 +24,7 @@ with kant_sql.connect("sqlite:///new.db") as kb:
 def test_the_wheel_is_told_to_hold_the_migrations() -> None:
     config = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
     wheel = config["tool"]["hatch"]["build"]["targets"]["wheel"]
-    assert wheel["packages"] == ["kant_sql"]
+    assert wheel["packages"] == ["kant_sql", "kant_sql_plugins"]
     assert wheel["force-include"] == {"migrations": "kant_sql/migrations"}
 
 

@@ -17,23 +17,34 @@ from itertools import chain, groupby
 from os import PathLike
 from typing import TYPE_CHECKING, Any, BinaryIO
 
-from ..arguments import expect_list, shown
-from ..dao.interfaces import Progress
-from ..dto.lexical import NUMBER, fold
-from ..errors import ExtraMissingError, InvalidArgumentError, StoreIntegrityError, UnknownNameError
-from ..knowledge.canonical import time_text
-from ..moment_text import When
-from ..pddl.cursor import hint
-from ..sql.audit_views import (
+from kant_sql.arguments import expect_list, shown
+from kant_sql.dao.interfaces import Progress
+from kant_sql.dto.lexical import NUMBER, fold
+from kant_sql.errors import (
+    ExtraMissingError,
+    InvalidArgumentError,
+    StoreIntegrityError,
+    UnknownNameError,
+)
+from kant_sql.export.files import Exported, bound, encoded, folder_name, new_folder
+from kant_sql.export.snapshot import (
+    KnowledgeBaseState,
+    StoreSnapshot,
+    Window,
+    check_window,
+    open_snapshot,
+)
+from kant_sql.export.views import check_target
+from kant_sql.knowledge.canonical import time_text
+from kant_sql.moment_text import When
+from kant_sql.pddl.cursor import hint
+from kant_sql.sql.audit_views import (
     AuditedChange,
     names_ever,
     stream_changes,
     stream_state,
     time_of_revision,
 )
-from .files import Exported, bound, encoded, folder_name, new_folder
-from .snapshot import KnowledgeBaseState, StoreSnapshot, Window, check_window, open_snapshot
-from .views import check_target
 
 if TYPE_CHECKING:
     from mcap.writer import Writer
@@ -100,7 +111,7 @@ def export_transitions(
         UnknownNameError: there never was such a predicate or function.
         KantSqlError: there is no such knowledge base.
         UnknownRevisionError: there is no such revision, or a time has no zone.
-        ExtraMissingError: mcap is not installed; the extra `data` has it.
+        ExtraMissingError: mcap is not installed; the extra `mcap` has it.
         SchemaError: the tables are missing, outdated or too new; the message names the remedy.
         StoreError: the database cannot be read.
         OSError: the files cannot be written.
@@ -136,7 +147,7 @@ def _import_mcap() -> Any:
         import mcap.writer
     except ImportError:
         raise ExtraMissingError(
-            "this needs mcap, which is not installed; run: pip install 'kant-sql[data]'"
+            "this needs mcap, which is not installed; run: pip install 'kant-sql[mcap]'"
         ) from None
     return mcap.writer
 

@@ -28,8 +28,11 @@ from kant_sql import (
     UnknownNameError,
     UnknownRevisionError,
 )
-from kant_sql.export import Exported, export_transitions, transitions
+from kant_sql.export import Exported
+from kant_sql_plugins import mcap
+from kant_sql_plugins.mcap import export_transitions
 from tests.audit.story import at
+from tests.support.processes.commands import one_line, run
 from tests.support.worlds import hostile
 from tests.support.worlds.robots import RB1, ROBOT, ROBOT_AT, WAYPOINT, WP1, WP2, robot_at
 
@@ -316,7 +319,7 @@ def test_progress_is_told_by_revision(story_url: str, tmp_path: Path) -> None:
 def test_more_channels_than_a_viewer_lists_are_refused(
     sqlite_story: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(transitions, "MOST_CHANNELS", 3)
+    monkeypatch.setattr(mcap, "MOST_CHANNELS", 3)
     with pytest.raises(InvalidArgumentError, match="more than 3 facts"):
         export(sqlite_story, tmp_path / "out")
     assert not (tmp_path / "out").exists()
@@ -353,7 +356,7 @@ def test_without_mcap_the_extra_is_named(
     sqlite_story: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, "mcap.writer", None)
-    with pytest.raises(ExtraMissingError, match=r"pip install 'kant-sql\[data\]'"):
+    with pytest.raises(ExtraMissingError, match=r"pip install 'kant-sql\[mcap\]'"):
         export(sqlite_story, tmp_path / "out")
 
 
@@ -366,3 +369,30 @@ def test_an_export_takes_the_place_of_another_of_any_format(
         *("_export.json", "knowledge_base=courier"),
     ]
     assert ROBOT_AT.name in {each.topic.split("/")[3] for each in messages(tmp_path)}
+
+
+def test_the_command_writes_what_it_is_asked_for(own_store: str, tmp_path: Path) -> None:
+    words = ["--predicate", "robot_at", "--element", "(robot_at rb1 wp2)"]
+    out = tmp_path / "out"
+    done = run("export", own_store, "--to", str(out), "--format", "mcap", *words)
+    assert done.stdout.splitlines()[0] == f"{out}: 1 file with 3 messages"
+    with (out / "knowledge_base=tiago" / "transitions.mcap").open("rb") as file:
+        topics = [channel.topic for _, channel, _ in make_reader(file).iter_messages()]
+    assert topics == ["/tiago/fact/robot_at/rb1"] * 2 + ["/tiago/fact/robot_at/rb1/wp2"]
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "said"),
+    [
+        (["--format", "xlsx"], 2, "parquet, csv, jsonl, mcap"),
+        (["--format", "mcap", "--view", "fact"], 2, "--view"),
+        (["--format", "mcap", "--predicate", "robotat"], 1, "did you mean robot_at"),
+    ],
+)
+def test_what_is_wrong_is_one_line(
+    own_store: str, tmp_path: Path, words: list[str], code: int, said: str
+) -> None:
+    out = tmp_path / "out"
+    done = run("export", own_store, "--to", str(out), *words)
+    assert (done.exit_code, out.exists()) == (code, False)
+    assert said in one_line(done.stderr)
