@@ -13,7 +13,7 @@ from sqlalchemy import Connection
 from kant_sql.sql.dialects import backend_class, backend_name, create_backend
 from kant_sql.sql.schema import DROPPED_VIEWS, drop_generated_views, report_dropped_views
 from kant_sql.sql.tables import Base
-from kant_sql.sql.tables.base import VERSION_TABLE
+from kant_sql.sql.tables.base import VERSION_TABLE, with_dialects
 
 config = context.config
 logger = logging.getLogger("kant_sql.schema")
@@ -54,7 +54,7 @@ def run_online(connection: Connection) -> None:
     """Run the migrations on a connection that is in a transaction."""
     context.configure(
         connection=connection,
-        target_metadata=Base.metadata,
+        target_metadata=with_dialects(),
         version_table=VERSION_TABLE,
         include_object=lambda item, name, kind, reflected, _: (
             kind != "table" or not reflected or name in Base.metadata.tables
@@ -80,7 +80,7 @@ def run_offline(url: str) -> None:
     """Write the SQL of the migrations, in the dialect of a URL."""
     context.configure(
         dialect_name=backend_name(url),
-        target_metadata=Base.metadata,
+        target_metadata=with_dialects(),
         version_table=VERSION_TABLE,
         literal_binds=True,
         transactional_ddl=True,

@@ -204,10 +204,10 @@ def _head_part() -> Select[Any]:
     return _part("head", [head.definition_revision]).where(head.kb_id == KB)
 
 
-_NOW = Query(union_all(_head_part(), *_parts(lambda version: version.until.is_(None))))
-_AT = Query(union_all(*_parts(held_at)))
+_NOW = Query(lambda: union_all(_head_part(), *_parts(lambda version: version.until.is_(None))))
+_AT = Query(lambda: union_all(*_parts(held_at)))
 _LAST_CHANGE = Query(
-    union_all(
+    lambda: union_all(
         *(
             select(func.max(column)).where(tables.version.table.c.kb_id == KB, column <= THEN)
             for tables in KIND_TABLES.values()
@@ -216,14 +216,14 @@ _LAST_CHANGE = Query(
     )
 )
 _SINCE = Query(
-    union_all(
+    lambda: union_all(
         *(_gone_part(kind, tables.version) for kind, tables in KIND_TABLES.items()),
         *_parts(_newer),
     )
 )
 
 _ADVANCE = Query(
-    union_all(
+    lambda: union_all(
         *(
             _gone_part(kind, tables.version, tables.version.table.c.until <= THEN)
             for kind, tables in KIND_TABLES.items()

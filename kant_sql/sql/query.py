@@ -43,11 +43,14 @@ Conditions = Callable[[FromClause], tuple[ColumnElement[bool], ...]]
 
 
 class Query:
-    """A statement with named parameters, compiled once for each dialect."""
+    """A statement with named parameters, compiled once for each dialect.
+
+    A long one is given as what builds it: most processes never ask for it.
+    """
 
     __slots__ = ("_statement", "_texts")
 
-    def __init__(self, statement: Executable) -> None:
+    def __init__(self, statement: Executable | Callable[[], Executable]) -> None:
         self._statement = statement
         self._texts: dict[str, str] = {}
 
@@ -55,7 +58,9 @@ class Query:
         """Return the statement's SQL."""
         text = self._texts.get(dialect.name)
         if text is None:
-            compiled = self._statement.compile(dialect=dialect)  # type: ignore[attr-defined]
+            given: Any = self._statement
+            statement: Any = given if isinstance(given, Executable) else given()
+            compiled = statement.compile(dialect=dialect)
             constants = {key for key, value in compiled.params.items() if value is not None}
             # Only the text is kept: a constant must be a named parameter, or literal SQL.
             assert not constants, f"constants in {compiled}: {constants}"
@@ -265,10 +270,11 @@ class IdsQuery:
         self, change: Update | Delete, id_: ColumnElement[int], conditions: Conditions
     ) -> None:
         table = change.table
-        self.each = Query(change.where(*conditions(table), id_ == bindparam("id")))
+        self.each = Query(lambda: change.where(*conditions(table), id_ == bindparam("id")))
         # Citus looks for the knowledge base here, too.
-        own = table.c.kb_id == integer("kb")
-        self.listed = Query(change.where(own, RowsOfIds(table, id_, conditions)))
+        self.listed = Query(
+            lambda: change.where(table.c.kb_id == integer("kb"), RowsOfIds(table, id_, conditions))
+        )
 
 
 class Insert:

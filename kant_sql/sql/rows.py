@@ -61,10 +61,8 @@ def held_at(table: Any, at: ColumnElement[int] = THEN) -> ColumnElement[bool]:
 
 
 def table_of(mapped: type[Base]) -> Table:
-    """Return the table of a mapped class."""
-    table = mapped.__table__
-    assert isinstance(table, Table)
-    return table
+    """Return the table of a class."""
+    return mapped.__table__
 
 
 def looked_up(

@@ -24,8 +24,7 @@ import kant_sql
 from kant_sql.sql.dialects import postgresql_structure
 from kant_sql.sql.dialects import sqlite as sqlite_structure
 from kant_sql.sql.schema import VERSIONS, current, migrations_folder, upgrade_sql
-from kant_sql.sql.tables import Base
-from kant_sql.sql.tables.base import VERSION_TABLE
+from kant_sql.sql.tables.base import VERSION_TABLE, with_dialects
 
 pytestmark = pytest.mark.usefixtures("real_migrations")
 
@@ -87,7 +86,7 @@ def test_the_models_make_the_schema_that_the_migrations_make(
 ) -> None:
     kant_sql.upgrade(empty_url)
     with connected(second_empty_url) as connection:
-        Base.metadata.create_all(connection)
+        with_dialects().create_all(connection)
     # The models have no views.
     assert dump_of(second_empty_url) == dump_of(empty_url, without=[VERSION_TABLE, "views"])
 
@@ -97,7 +96,7 @@ def test_autogenerate_finds_nothing_to_migrate(empty_url: str) -> None:
     with connected(empty_url) as connection:
         options = {"version_table": VERSION_TABLE, "compare_type": True}
         context = MigrationContext.configure(connection, opts=options)
-        assert compare_metadata(context, Base.metadata) == []
+        assert compare_metadata(context, with_dialects()) == []
 
 
 def test_the_sql_that_is_written_offline_makes_the_same_schema(

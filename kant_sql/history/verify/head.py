@@ -50,7 +50,10 @@ def _largest(columns: list[Any]) -> Query:
     return Query(union_all(*values))
 
 
-_OTHERS = t.PropositionRow, t.FunctionValueRow, t.PlanRow, t.ArchiveRow, t.PromotionRow
+_OTHERS: tuple[type[t.Base], ...] = (
+    *(t.PropositionRow, t.FunctionValueRow, t.PlanRow),
+    *(t.ArchiveRow, t.PromotionRow),
+)
 _IDENTITIES = [kind.identity for kind in KIND_TABLES.values()] + [*map(table_of, _OTHERS)]
 _IDS = _largest([table.c.id for table in _IDENTITIES])
 _VERSIONS = [kind.version.table.c for kind in KIND_TABLES.values()]

@@ -4,30 +4,33 @@ from __future__ import annotations
 
 from typing import Any
 
-from sqlalchemy import CheckConstraint, Double, Index, UniqueConstraint, false, text
-from sqlalchemy.orm import Mapped, mapped_column
+from sqlalchemy import CheckConstraint, Double, Index, UniqueConstraint, false
 
 from .base import (
     LIVE,
     Base,
     Interval,
+    column,
     kb_column,
     lookup_index,
+    optional,
     owner_column,
     partial_index,
     position_column,
     reference,
     version_args,
+    where_both,
 )
 
 
 class _Atom:
     """What applies to objects, interned once for ever."""
 
-    kb_id: Mapped[int] = kb_column()
-    id: Mapped[int] = owner_column()
-    arguments: Mapped[str] = mapped_column(
-        sort_order=10,
+    kb_id = kb_column()
+    id = owner_column()
+    arguments = column(
+        str,
+        order=10,
         comment="the ids of its objects in order, by spaces: the key that interns it",
     )
 
@@ -35,9 +38,9 @@ class _Atom:
 class _Argument:
     """An argument of what applies to objects."""
 
-    kb_id: Mapped[int] = kb_column()
-    position: Mapped[int] = position_column()
-    object_id: Mapped[int] = mapped_column()
+    kb_id = kb_column()
+    position = position_column()
+    object_id = column(int)
 
 
 def _argument_args(atom: str) -> tuple[Any, ...]:
@@ -74,9 +77,9 @@ class PropositionRow(_Atom, Base):
         lookup_index("proposition", "text"),
     )
 
-    predicate_id: Mapped[int]
-    is_goal: Mapped[bool]
-    text: Mapped[str] = mapped_column(sort_order=20, comment="canonical PDDL")
+    predicate_id = column(int)
+    is_goal = column(bool)
+    text = column(str, order=20, comment="canonical PDDL")
 
 
 class PropositionArgumentRow(_Argument, Base):
@@ -85,7 +88,7 @@ class PropositionArgumentRow(_Argument, Base):
     __tablename__ = "proposition_argument"
     __table_args__ = _argument_args("proposition")
 
-    proposition_id: Mapped[int] = owner_column()
+    proposition_id = owner_column()
 
 
 def _goal_index(name: str, *columns: str) -> Index:
@@ -95,8 +98,7 @@ def _goal_index(name: str, *columns: str) -> Index:
         f"ix_proposition_version_{name}",
         "kb_id",
         *columns,
-        sqlite_where=text("is_goal = 1"),
-        postgresql_where=text("is_goal"),
+        info=where_both("is_goal = 1", "is_goal"),
     )
 
 
@@ -129,17 +131,13 @@ class PropositionVersionRow(Interval, Base):
         _goal_index("goal_since", "since"),
     )
 
-    proposition_id: Mapped[int] = owner_column()
-    predicate_id: Mapped[int]
-    is_goal: Mapped[bool] = mapped_column(server_default=false())
+    proposition_id = owner_column()
+    predicate_id = column(int)
+    is_goal = column(bool, server_default=false())
     # Copies of the argument rows, which have the foreign keys: two more on each version would cost
     # two lookups a row, and two indexes for the side that they refer to.
-    first_object_id: Mapped[int | None] = mapped_column(
-        sort_order=20, comment="its first argument; NULL: it has none"
-    )
-    second_object_id: Mapped[int | None] = mapped_column(
-        sort_order=20, comment="its second argument; NULL: it has fewer"
-    )
+    first_object_id = optional(int, order=20, comment="its first argument; NULL: it has none")
+    second_object_id = optional(int, order=20, comment="its second argument; NULL: it has fewer")
 
 
 class FunctionValueRow(_Atom, Base):
@@ -152,8 +150,8 @@ class FunctionValueRow(_Atom, Base):
         lookup_index("function_value", "text"),
     )
 
-    function_id: Mapped[int]
-    text: Mapped[str] = mapped_column(sort_order=20, comment="canonical PDDL, without the value")
+    function_id = column(int)
+    text = column(str, order=20, comment="canonical PDDL, without the value")
 
 
 class FunctionValueArgumentRow(_Argument, Base):
@@ -162,7 +160,7 @@ class FunctionValueArgumentRow(_Argument, Base):
     __tablename__ = "function_value_argument"
     __table_args__ = _argument_args("function_value")
 
-    function_value_id: Mapped[int] = owner_column()
+    function_value_id = owner_column()
 
 
 class FunctionValueVersionRow(Interval, Base):
@@ -184,11 +182,9 @@ class FunctionValueVersionRow(Interval, Base):
         ),
     )
 
-    function_value_id: Mapped[int] = owner_column()
-    function_id: Mapped[int]
-    value: Mapped[str | None] = mapped_column(comment="the number, as exact decimal text")
-    number: Mapped[float | None] = mapped_column(
-        Double, comment="the number, as near as a double comes"
-    )
-    object_id: Mapped[int | None] = mapped_column(comment="the object that it is")
-    text: Mapped[str] = mapped_column(comment="canonical PDDL, with the value")
+    function_value_id = owner_column()
+    function_id = column(int)
+    value = optional(str, comment="the number, as exact decimal text")
+    number = optional(float, Double, comment="the number, as near as a double comes")
+    object_id = optional(int, comment="the object that it is")
+    text = column(str, comment="canonical PDDL, with the value")

@@ -7,25 +7,31 @@ tenancy and of sharding.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from datetime import UTC, datetime
-from typing import Any
+from functools import partial
+from typing import Any, ClassVar, NamedTuple, TypeVar, cast
 
 from sqlalchemy import (
     JSON,
     BigInteger,
     Boolean,
     CheckConstraint,
+    Column,
+    ColumnClause,
+    DateTime,
     ForeignKeyConstraint,
     Index,
     Integer,
     MetaData,
     String,
+    Table,
     Text,
     TypeDecorator,
     text,
 )
-from sqlalchemy.dialects.postgresql import TIMESTAMP
-from sqlalchemy.orm import DeclarativeBase, Mapped, MappedColumn, mapped_column
+
+T = TypeVar("T")
 
 # The collation "C" sorts by code point, as SQLite does and as the hash of a revision demands.
 ShortText = String(255).with_variant(String(255, collation="C"), "postgresql")
@@ -42,7 +48,7 @@ def text_time(text: str) -> datetime:
 class UtcTime(TypeDecorator[datetime]):
     """A time in UTC: `timestamptz` on PostgreSQL, ISO 8601 text elsewhere."""
 
-    impl = String(27).with_variant(TIMESTAMP(timezone=True), "postgresql")
+    impl = String(27).with_variant(DateTime(timezone=True), "postgresql")
     cache_ok = True
 
 
@@ -71,33 +77,85 @@ ASSERTED = "asserted in this revision"
 RETRACTED = "retracted in this revision; NULL: holds now"
 
 
-class Base(DeclarativeBase):
-    """The base of all mapped classes."""
-
-    metadata = MetaData(naming_convention=NAMING_CONVENTION)
-    type_annotation_map = {int: BigInteger(), str: LongText, bool: Boolean(), datetime: UtcTime()}  # noqa: RUF012
-
-
-def key_column(
-    order: int, comment: str | None = None, kind: type[Any] = BigInteger
-) -> MappedColumn[Any]:
-    """Make a column of a primary key; `order` places it among those of the table."""
-    return mapped_column(
-        kind, primary_key=True, autoincrement=False, sort_order=order, comment=comment
-    )
+# The type of a column unless it is given another.
+_KINDS: dict[type[Any], Any] = {
+    int: BigInteger(),
+    str: LongText,
+    bool: Boolean(),
+    datetime: UtcTime(),
+}
 
 
-def kb_column() -> MappedColumn[int]:
+class _Field(NamedTuple):
+    """A column before it has a name and a table: several tables may have one like it."""
+
+    order: int
+    make: Callable[[str], Column[Any]]
+
+
+class Base:
+    """The base of the tables' classes: `HeadRow` is the table `head`, `HeadRow.hash` its column.
+
+    SQLAlchemy's ORM would map them, too; nothing else of it would be used, and importing it and
+    mapping takes longer than opening a store.
+    """
+
+    metadata: ClassVar[MetaData] = MetaData(naming_convention=NAMING_CONVENTION)
+    __tablename__: ClassVar[str]
+    __table_args__: ClassVar[tuple[Any, ...]] = ()
+    __table__: ClassVar[Table]
+
+    def __init_subclass__(cls) -> None:
+        fields = {
+            name: field
+            for each in reversed(cls.__mro__)
+            for name, field in vars(each).items()
+            if isinstance(field, _Field)
+        }
+        named = sorted(fields.items(), key=lambda item: item[1].order)
+        columns = {name: field.make(name) for name, field in named}
+        cls.__table__ = Table(
+            cls.__tablename__, cls.metadata, *columns.values(), *cls.__table_args__
+        )
+        for name, column in columns.items():
+            setattr(cls, name, column)
+
+    @classmethod
+    def __clause_element__(cls) -> Table:
+        """Return what stands for the class in a statement."""
+        return cls.__table__
+
+
+def column(
+    of: type[T], kind: Any = None, *, order: int = 0, nullable: bool = False, **options: Any
+) -> ColumnClause[T]:
+    """Make a column of a class; `order` places it among those of the table."""
+    made = partial(Column, type_=_KINDS[of] if kind is None else kind, nullable=nullable, **options)
+    # `Base` makes the column of it.
+    return cast("ColumnClause[T]", _Field(order, made))
+
+
+def optional(of: type[T], kind: Any = None, *, order: int = 0, **options: Any) -> ColumnClause[T]:
+    """Make a column that may be NULL."""
+    return column(of, kind, order=order, nullable=True, **options)
+
+
+def key_column(order: int, comment: str | None = None, kind: Any = BigInteger) -> ColumnClause[int]:
+    """Make a column of a primary key."""
+    return column(int, kind, order=order, primary_key=True, autoincrement=False, comment=comment)
+
+
+def kb_column() -> ColumnClause[int]:
     """Make the column that every table and every key starts with."""
     return key_column(-100)
 
 
-def owner_column() -> MappedColumn[int]:
+def owner_column() -> ColumnClause[int]:
     """Make the part of a primary key that names the element."""
     return key_column(-90)
 
 
-def position_column(order: int = -60, comment: str | None = "from 0") -> MappedColumn[int]:
+def position_column(order: int = -60, comment: str | None = "from 0") -> ColumnClause[int]:
     """Make the part of a primary key that is a position in a list."""
     return key_column(order, comment, Integer)
 
@@ -105,16 +163,17 @@ def position_column(order: int = -60, comment: str | None = "from 0") -> MappedC
 class VersionRow:
     """What held of an element from one revision until another."""
 
-    kb_id: Mapped[int] = kb_column()
-    since: Mapped[int] = key_column(-80, ASSERTED)
-    until: Mapped[int | None] = mapped_column(sort_order=-70, comment=RETRACTED)
+    kb_id = kb_column()
+    since = key_column(-80, ASSERTED)
+    until = optional(int, order=-70, comment=RETRACTED)
 
 
 class Interval(VersionRow):
     """A version among millions, found by its fork; see `sql/intervals.py`."""
 
-    fork: Mapped[int] = mapped_column(
-        sort_order=10,
+    fork = column(
+        int,
+        order=10,
         server_default=text("0"),
         comment="the revision from since to before until that the highest power of two divides; "
         "0: holds now",
@@ -133,14 +192,29 @@ def lookup_index(table: str, column: str) -> Index:
     a table without statistics is small, the planner would use an index that begins with `kb_id` for
     other queries.
     """
-    return Index(f"ix_{table}_{column}", column, postgresql_using="hash")
+    return Index(f"ix_{table}_{column}", column, info={"postgresql_using": "hash"})
 
 
 def partial_index(name: str, *columns: str, where: str, unique: bool = False) -> Index:
     """Make a partial index that both dialects have."""
-    return Index(
-        name, *columns, unique=unique, sqlite_where=text(where), postgresql_where=text(where)
-    )
+    return Index(name, *columns, unique=unique, info=where_both(where, where))
+
+
+def where_both(sqlite: str, postgresql: str) -> dict[str, Any]:
+    """Return the condition of a partial index, as its `info`: see `with_dialects`."""
+    return {"sqlite_where": text(sqlite), "postgresql_where": text(postgresql)}
+
+
+def with_dialects() -> MetaData:
+    """Return the tables with all that the migrations make, but for the views.
+
+    Only Alembic asks for what the dialects add to indexes: to name a dialect in an index makes
+    SQLAlchemy import it with all its drivers.
+    """
+    for table in Base.metadata.tables.values():
+        for index in table.indexes:
+            index.dialect_kwargs.update(index.info)
+    return Base.metadata
 
 
 def version_args(

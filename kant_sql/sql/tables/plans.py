@@ -5,15 +5,16 @@ from __future__ import annotations
 from typing import Any
 
 from sqlalchemy import CheckConstraint, ForeignKeyConstraint, Index, Integer, String
-from sqlalchemy.orm import Mapped, mapped_column
 
 from .base import (
     AT_COMMIT,
     REVISION,
     Base,
     VersionRow,
+    column,
     kb_column,
     key_column,
+    optional,
     owner_column,
     partial_index,
     position_column,
@@ -27,10 +28,10 @@ _GIVEN = "what the planner was given, if it is not what the store writes"
 class Record:
     """What is recorded once, about an earlier revision."""
 
-    kb_id: Mapped[int] = kb_column()
-    id: Mapped[int] = owner_column()
-    since: Mapped[int] = mapped_column(sort_order=-80, comment="recorded in this revision")
-    text: Mapped[str] = mapped_column(sort_order=10, comment="all of it in canonical form")
+    kb_id = kb_column()
+    id = owner_column()
+    since = column(int, order=-80, comment="recorded in this revision")
+    text = column(str, order=10, comment="all of it in canonical form")
 
 
 def record_args(table: str, about: str) -> tuple[Any, ...]:
@@ -55,19 +56,17 @@ class PlanRow(Record, Base):
     __tablename__ = "plan"
     __table_args__ = record_args("plan", "problem")
 
-    revision: Mapped[int] = mapped_column(comment="the state that it was planned from")
-    problem_hash: Mapped[str] = mapped_column(
-        comment="SHA-256 of the domain and then the problem that the planner was given"
+    revision = column(int, comment="the state that it was planned from")
+    problem_hash = column(
+        str, comment="SHA-256 of the domain and then the problem that the planner was given"
     )
-    planner: Mapped[str | None]
-    planner_version: Mapped[str | None]
-    objective: Mapped[str | None] = mapped_column(comment="what the plan is to make small or large")
-    value: Mapped[str | None] = mapped_column(
-        comment="what the objective comes to, as exact decimal text"
-    )
-    status: Mapped[str | None] = mapped_column(comment="what the planner says of it")
-    domain_pddl: Mapped[str | None] = mapped_column(comment=_GIVEN)
-    problem_pddl: Mapped[str | None] = mapped_column(comment=_GIVEN)
+    planner = optional(str)
+    planner_version = optional(str)
+    objective = optional(str, comment="what the plan is to make small or large")
+    value = optional(str, comment="what the objective comes to, as exact decimal text")
+    status = optional(str, comment="what the planner says of it")
+    domain_pddl = optional(str, comment=_GIVEN)
+    problem_pddl = optional(str, comment=_GIVEN)
 
 
 class PlanStepRow(Base):
@@ -80,17 +79,13 @@ class PlanStepRow(Base):
         Index("ix_plan_step_action", "kb_id", "action_id"),
     )
 
-    kb_id: Mapped[int] = kb_column()
-    plan_id: Mapped[int] = owner_column()
-    position: Mapped[int] = position_column()
-    start: Mapped[str | None] = mapped_column(
-        comment="seconds from the plan's beginning, as exact decimal text"
-    )
-    duration: Mapped[str | None] = mapped_column(
-        comment="seconds, as exact decimal text; NULL: an instant"
-    )
-    action_id: Mapped[int]
-    text: Mapped[str] = mapped_column(comment="canonical PDDL, without times")
+    kb_id = kb_column()
+    plan_id = owner_column()
+    position = position_column()
+    start = optional(str, comment="seconds from the plan's beginning, as exact decimal text")
+    duration = optional(str, comment="seconds, as exact decimal text; NULL: an instant")
+    action_id = column(int)
+    text = column(str, comment="canonical PDDL, without times")
 
 
 class PlanStepArgumentRow(Base):
@@ -103,11 +98,11 @@ class PlanStepArgumentRow(Base):
         Index("ix_plan_step_argument_object", "kb_id", "object_id"),
     )
 
-    kb_id: Mapped[int] = kb_column()
-    plan_id: Mapped[int] = owner_column()
-    position: Mapped[int] = position_column(comment=None)
-    argument: Mapped[int] = position_column(-50)
-    object_id: Mapped[int]
+    kb_id = kb_column()
+    plan_id = owner_column()
+    position = position_column(comment=None)
+    argument = position_column(-50)
+    object_id = column(int)
 
 
 class PlanStepVersionRow(VersionRow, Base):
@@ -125,10 +120,10 @@ class PlanStepVersionRow(VersionRow, Base):
         ),
     )
 
-    plan_id: Mapped[int] = owner_column()
-    position: Mapped[int] = position_column(-85, None)
-    status: Mapped[str] = mapped_column(String(16), comment="started, succeeded, failed or aborted")
-    text: Mapped[str] = mapped_column(comment="which step of which plan, and its status")
+    plan_id = owner_column()
+    position = position_column(-85, None)
+    status = column(str, String(16), comment="started, succeeded, failed or aborted")
+    text = column(str, comment="which step of which plan, and its status")
 
 
 class RevisionPlanStepRow(Base):
@@ -141,7 +136,7 @@ class RevisionPlanStepRow(Base):
         Index("ix_revision_plan_step_step", "kb_id", "plan_id", "position", "number"),
     )
 
-    kb_id: Mapped[int] = kb_column()
-    number: Mapped[int] = key_column(-90, "the revision")
-    plan_id: Mapped[int]
-    position: Mapped[int] = mapped_column(Integer, comment="the step's")
+    kb_id = kb_column()
+    number = key_column(-90, "the revision")
+    plan_id = column(int)
+    position = column(int, Integer, comment="the step's")

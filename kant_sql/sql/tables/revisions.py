@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from datetime import datetime
-from typing import Any
 
 from sqlalchemy import (
     CheckConstraint,
@@ -13,9 +12,8 @@ from sqlalchemy import (
     UniqueConstraint,
     text,
 )
-from sqlalchemy.orm import Mapped, mapped_column
 
-from .base import Base, CanonicalJson, ShortText, kb_column, key_column
+from .base import Base, CanonicalJson, ShortText, column, kb_column, key_column, optional
 from .plans import Record, record_args
 
 
@@ -25,8 +23,8 @@ class KnowledgeBaseRow(Base):
     __tablename__ = "knowledge_base"
     __table_args__ = (UniqueConstraint("name"),)
 
-    id: Mapped[int] = key_column(0)
-    name: Mapped[str] = mapped_column(ShortText)
+    id = key_column(0)
+    name = column(str, ShortText)
 
 
 class HeadRow(Base):
@@ -35,31 +33,27 @@ class HeadRow(Base):
     __tablename__ = "head"
     __table_args__ = (ForeignKeyConstraint(["kb_id"], ["knowledge_base.id"]),)
 
-    kb_id: Mapped[int] = kb_column()
-    revision: Mapped[int] = mapped_column(comment="the last revision; 0: none yet")
-    definition_revision: Mapped[int] = mapped_column(
-        comment="the last revision that changed anything but propositions"
+    kb_id = kb_column()
+    revision = column(int, comment="the last revision; 0: none yet")
+    definition_revision = column(
+        int, comment="the last revision that changed anything but propositions"
     )
-    next_id: Mapped[int] = mapped_column(comment="the id that the next element gets")
-    hash: Mapped[str | None] = mapped_column(comment="of the last revision")
-    committed_at: Mapped[datetime | None] = mapped_column(comment="of the last revision")
-    archived_revision: Mapped[int] = mapped_column(
+    next_id = column(int, comment="the id that the next element gets")
+    hash = optional(str, comment="of the last revision")
+    committed_at = optional(datetime, comment="of the last revision")
+    archived_revision = column(
+        int,
         server_default=text("0"),
         comment="what ended up to this revision is in an archive; 0: nothing is",
     )
-    origin: Mapped[str | None] = mapped_column(
+    origin = optional(
+        str,
         comment="the store that it is replicated from: a URL without its password; "
-        "NULL: written here"
+        "NULL: written here",
     )
-    origin_revision: Mapped[int | None] = mapped_column(
-        comment="the origin's last revision, as last heard of"
-    )
-    origin_committed_at: Mapped[datetime | None] = mapped_column(
-        comment="UTC, of the origin's last revision"
-    )
-    heard_at: Mapped[datetime | None] = mapped_column(
-        comment="UTC, when the origin was last heard of"
-    )
+    origin_revision = optional(int, comment="the origin's last revision, as last heard of")
+    origin_committed_at = optional(datetime, comment="UTC, of the origin's last revision")
+    heard_at = optional(datetime, comment="UTC, when the origin was last heard of")
 
 
 # The numbers of a head before the first revision. All else in it is NULL.
@@ -76,19 +70,15 @@ class RevisionRow(Base):
         Index("ix_revision_committed_at", "kb_id", "committed_at"),
     )
 
-    kb_id: Mapped[int] = kb_column()
-    number: Mapped[int] = key_column(-90, "1, 2, 3 ... without gaps")
-    committed_at: Mapped[datetime] = mapped_column(comment="UTC, never going back")
-    actor: Mapped[str | None] = mapped_column(comment="the component that wrote")
-    reason: Mapped[str | None]
-    source: Mapped[Any | None] = mapped_column(
-        CanonicalJson, comment="what the caller knows: sensor, plan step ..."
-    )
-    form: Mapped[int] = mapped_column(Integer, comment="version of the form that was hashed")
-    hash: Mapped[str] = mapped_column(comment="SHA-256, chained to the revision before")
-    observed_at: Mapped[datetime | None] = mapped_column(
-        comment="UTC, when what it says was sensed; NULL: not said"
-    )
+    kb_id = kb_column()
+    number = key_column(-90, "1, 2, 3 ... without gaps")
+    committed_at = column(datetime, comment="UTC, never going back")
+    actor = optional(str, comment="the component that wrote")
+    reason = optional(str)
+    source = optional(str, CanonicalJson, comment="what the caller knows: sensor, plan step ...")
+    form = column(int, Integer, comment="version of the form that was hashed")
+    hash = column(str, comment="SHA-256, chained to the revision before")
+    observed_at = optional(datetime, comment="UTC, when what it says was sensed; NULL: not said")
 
 
 class ArchiveRow(Record, Base):
@@ -97,14 +87,10 @@ class ArchiveRow(Record, Base):
     __tablename__ = "archive"
     __table_args__ = record_args("archive", "upto")
 
-    revision: Mapped[int] = mapped_column(
-        comment="the versions that ended up to this revision were moved"
-    )
-    target: Mapped[str] = mapped_column(comment="where to: a URL without its password")
-    versions: Mapped[int] = mapped_column(comment="how many were moved")
-    rest: Mapped[str] = mapped_column(
-        comment="SHA-256 of what this store keeps of the revisions up to there"
-    )
+    revision = column(int, comment="the versions that ended up to this revision were moved")
+    target = column(str, comment="where to: a URL without its password")
+    versions = column(int, comment="how many were moved")
+    rest = column(str, comment="SHA-256 of what this store keeps of the revisions up to there")
 
 
 class PromotionRow(Record, Base):
@@ -113,10 +99,8 @@ class PromotionRow(Record, Base):
     __tablename__ = "promotion"
     __table_args__ = record_args("promotion", "last")
 
-    revision: Mapped[int] = mapped_column(comment="the last one that was replicated")
-    origin: Mapped[str] = mapped_column(
-        comment="where it was replicated from: a URL without its password"
-    )
+    revision = column(int, comment="the last one that was replicated")
+    origin = column(str, comment="where it was replicated from: a URL without its password")
 
 
 class VerificationRow(Base):
@@ -125,10 +109,11 @@ class VerificationRow(Base):
     __tablename__ = "verification"
     __table_args__ = (ForeignKeyConstraint(["kb_id"], ["knowledge_base.id"]),)
 
-    kb_id: Mapped[int] = kb_column()
-    revision: Mapped[int] = mapped_column(comment="verified up to this revision")
-    hash: Mapped[str] = mapped_column(comment="of that revision, at that time")
-    verified_at: Mapped[datetime] = mapped_column(comment="UTC, when that was")
-    complete_at: Mapped[datetime | None] = mapped_column(
-        comment="UTC, when a verification that began at revision 1 last ended; NULL: none did"
+    kb_id = kb_column()
+    revision = column(int, comment="verified up to this revision")
+    hash = column(str, comment="of that revision, at that time")
+    verified_at = column(datetime, comment="UTC, when that was")
+    complete_at = optional(
+        datetime,
+        comment="UTC, when a verification that began at revision 1 last ended; NULL: none did",
     )
