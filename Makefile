@@ -4,33 +4,34 @@
 PYTHON ?= python3
 VENV := .venv
 PY := $(VENV)/bin/python
+PYTEST := $(PY) -m pytest -n 2 --dist worksteal
 # Compiled modules are cached: processes and test workers start in half the time.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test test-all test-fast browser check bench docs screenshots measure coverage clean
+.PHONY: demo test test-rest test-all browser check bench docs screenshots measure coverage clean
 
 demo: $(VENV)/demo-ready
 	$(PY) examples/coffee_shop.py
 
+# What anybody runs: CONTRIBUTING.md says which tests these are.
 test: check browser
-	$(PY) -m pytest -n 2 --dist worksteal
+	$(PYTEST) --most
 
 # Where other PostgreSQL servers are: those of Debian, or POSTGRESQL="/opt/pg14/bin /opt/pg17/bin".
 POSTGRESQL ?= $(wildcard /usr/lib/postgresql/*/bin)
 
-# All of it, and what depends on the server's version on each of these.
-test-all: test
-	@[ -n "$(POSTGRESQL)" ] || { echo "no other PostgreSQL is installed: apt-get install postgresql," \
-	  'or POSTGRESQL="FOLDER_OF_PROGRAMS ..."'; exit 1; }
+# The other tests, and what depends on the server's version on each of these.
+test-rest: $(VENV)/test-ready browser
+	$(PYTEST) --rest
+	@[ -n "$(POSTGRESQL)" ] || echo "no other PostgreSQL is installed, so none is tested:" \
+	  'apt-get install postgresql, or POSTGRESQL="FOLDER_OF_PROGRAMS ..."'
 	@set -e; for programs in $(POSTGRESQL); do \
 	  echo "PostgreSQL of $$programs"; \
-	  KANT_SQL_TEST_POSTGRESQL="$$programs" $(PY) -m pytest -n 2 --dist worksteal \
+	  KANT_SQL_TEST_POSTGRESQL="$$programs" $(PYTEST) \
 	    tests/contract tests/verify tests/audit tests/migrations --on-server; \
 	done
 
-# An answer in less than a minute: quick tests, on SQLite only.
-test-fast: $(VENV)/test-ready
-	KANT_SQL_TEST_PROFILE=quick $(PY) -m pytest -n 2 --dist worksteal --fast
+test-all: test test-rest
 
 # Where this cannot be done, the tests in a browser skip.
 browser:
@@ -66,7 +67,7 @@ measure: $(VENV)/test-ready
 
 # Which lines and branches the tests run, child processes included; ARGS="tests/unit" for a part.
 coverage: $(VENV)/test-ready
-	$(PY) -m pytest -n 2 --dist worksteal --cov --cov-report=term:skip-covered --cov-report=json $(ARGS)
+	$(PYTEST) --cov --cov-report=term:skip-covered --cov-report=json $(ARGS)
 
 # A virtual environment holds absolute paths: in a clone that was moved it is made anew.
 ifneq ($(shell cat $(VENV)/made-in 2>/dev/null),$(CURDIR))

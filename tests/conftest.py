@@ -7,7 +7,7 @@ import os
 import shutil
 import signal
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 from unittest import mock
@@ -17,6 +17,7 @@ import pytest
 import kant_sql
 from kant_sql import KnowledgeBase
 from kant_sql.sql import schema
+from tests import selection
 from tests.audit.story import record_store
 from tests.support import citus, profile
 from tests.support.citus import Cluster
@@ -40,11 +41,6 @@ if IN_MEMORY is not None:
     os.environ.setdefault("PYTEST_DEBUG_TEMPROOT", str(IN_MEMORY))
 
 
-# Tests of these start processes, servers or planners, or measure.
-SLOW_FOLDERS = {
-    *("archive", "benchmarks", "browser", "cli", "corpus", "docs", "durability", "examples"),
-    *("meaning", "migrations", "operation", "planning", "pooler"),
-}
 # With tests of five seconds and more.
 LONGEST = {
     *("test_site.py", "test_mutations.py", "test_store.py", "test_document_properties.py"),
@@ -53,8 +49,9 @@ LONGEST = {
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """Add the options of `make test-fast` and `make test-all`."""
-    parser.addoption("--fast", action="store_true", help="SQLite only, without slow tests")
+    """Add the options of the targets of `make`."""
+    parser.addoption("--most", action="store_true", help="what `make test` runs")
+    parser.addoption("--rest", action="store_true", help="what `make test` leaves out")
     parser.addoption("--on-server", action="store_true", help="only tests that use PostgreSQL")
 
 
@@ -63,24 +60,25 @@ def pytest_report_header() -> str | None:
     return None if CITUS else citus.MISSING
 
 
-def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
-    """Do not even collect slow folders."""
-    is_slow = collection_path.parent == Path(__file__).parent and collection_path.name
-    return True if config.option.fast and is_slow in SLOW_FOLDERS else None
-
-
 @pytest.hookimpl(trylast=True)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Deselect what an option leaves out; begin with the longest tests."""
-    for is_given, wanted in (
-        (config.option.fast, is_fast),
-        (config.option.on_server, is_on_server),
-    ):
-        if is_given:
-            config.hook.pytest_deselected(items=[item for item in items if not wanted(item)])
-            items[:] = filter(wanted, items)
+    option = config.option
+    if option.most or option.rest:
+        most = selection.in_make_test(items)
+        keep(config, items, lambda item: (item in most) == option.most)
+    if option.on_server:
+        keep(config, items, selection.is_on_server)
     # A long test that begins last keeps one worker busy while the other has nothing to do.
     items.sort(key=lambda item: item.path.name not in LONGEST)
+
+
+def keep(
+    config: pytest.Config, items: list[pytest.Item], is_wanted: Callable[[pytest.Item], bool]
+) -> None:
+    """Deselect the others."""
+    config.hook.pytest_deselected(items=[item for item in items if not is_wanted(item)])
+    items[:] = filter(is_wanted, items)
 
 
 def pytest_collection_finish() -> None:
@@ -89,36 +87,8 @@ def pytest_collection_finish() -> None:
     gc.freeze()
 
 
-def is_fast(item: pytest.Item) -> bool:
-    """Whether a test is quick and needs no server; SQLite in memory stands for SQLite in a file."""
-    if "cluster" in item.fixturenames or item.get_closest_marker("slow"):  # type: ignore[attr-defined]
-        return False
-    parameters, backends = backends_of(item)
-    if is_on_server(item) or any(each.startswith(("citus", "aio-")) for each in backends):
-        return False
-    is_twice = not {"url", "common_url"}.isdisjoint(parameters)
-    return not (is_twice and "sqlite-file" in backends)
-
-
-def is_on_server(item: pytest.Item) -> bool:
-    """Whether a test uses a PostgreSQL server."""
-    _, backends = backends_of(item)
-    return not {"server", "mortal_server"}.isdisjoint(item.fixturenames) or any(  # type: ignore[attr-defined]
-        backend.removeprefix("aio-").startswith("postgresql") for backend in backends
-    )
-
-
-def backends_of(item: pytest.Item) -> tuple[dict[str, Any], set[str]]:
-    """Give a test's parameters, and those that may name backends."""
-    call = getattr(item, "callspec", None)
-    parameters = {} if call is None else call.params
-    return parameters, {value for value in parameters.values() if isinstance(value, str)}
-
-
 @pytest.fixture(scope="session")
-def server(request: pytest.FixtureRequest) -> Iterator[Server]:
-    if request.config.option.fast:
-        pytest.skip("--fast runs on SQLite only")
+def server() -> Iterator[Server]:
     # A short path: a socket's path ends at about 100 characters.
     folder = Path(tempfile.mkdtemp(prefix="kantpg", dir=IN_MEMORY))
     running = Server(folder)
@@ -128,10 +98,10 @@ def server(request: pytest.FixtureRequest) -> Iterator[Server]:
 
 
 @pytest.fixture(scope="session")
-def cluster(request: pytest.FixtureRequest) -> Iterator[Cluster]:
+def cluster() -> Iterator[Cluster]:
     """A Citus cluster; tests that need it are skipped where there is none."""
     url = citus.citus_url()
-    if url is None or request.config.option.fast:
+    if url is None:
         pytest.skip(citus.MISSING)
     running = Cluster(url)
     yield running

@@ -122,6 +122,7 @@ def backends(server: Server, tmp_path_factory: pytest.TempPathFactory) -> Iterat
         backend.close()
 
 
+@pytest.mark.more
 @pytest.mark.parametrize(
     ("here", "there", "examples"),
     [(0, 1, PROFILE.archived), (0, 2, FEWER), (2, 1, FEWER)],

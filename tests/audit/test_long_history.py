@@ -53,7 +53,7 @@ def stores(
     return made
 
 
-@pytest.mark.slow
+@pytest.mark.more
 @pytest.mark.skipif(sys.platform != "linux", reason="reads the peak of memory from /proc")
 def test_memory_is_flat(stores: dict[int, str], tmp_path: Path) -> None:
     rows, peaks = zip(

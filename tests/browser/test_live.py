@@ -51,6 +51,7 @@ def follow(visitor: Visitor) -> None:
     expect(visitor.page.get_by_role("link", name=f"{HEAD + 1} →")).to_have_count(0)
 
 
+@pytest.mark.smoke
 def test_a_revision_appears_without_a_reload(running: Serving, own_url: str, visit: Visit) -> None:
     visitor = visit(running.address)
     follow(visitor)

@@ -36,6 +36,7 @@ def moved(visitor: Visitor, before: str) -> None:
     visitor.settle()
 
 
+@pytest.mark.smoke
 def test_keys_and_buttons_change_the_window_and_the_address(
     sqlite_served: Serving, visit: Visit
 ) -> None:

@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-import pytest
-
 from tests.citus.work import at_work, check_work, crash_a_worker, move_a_shard
 from tests.support.citus import Cluster
 
 WRITERS = 8
-
-pytestmark = pytest.mark.slow
 
 
 def test_a_shard_is_moved_below_eight_writers(cluster: Cluster, distributed_url: str) -> None:

@@ -163,6 +163,7 @@ def test_a_hyphen_is_standard_input() -> None:
     ]
 
 
+@pytest.mark.more
 def test_standard_input_that_cannot_be_read_is_one_line() -> None:
     for words in ("check -", "load sqlite:// -"):
         done = child("-c", f"{shlex.join(PROGRAM)} {words} <&-", program=["sh"])

@@ -288,6 +288,7 @@ def test_a_reader_that_stops_reading_ends_the_command_quietly(
     process.stderr.close()
 
 
+@pytest.mark.more
 def test_ctrl_c_ends_the_command_without_a_traceback(sqlite_store: str) -> None:
     process = start("log", sqlite_store, program=PROGRAM)
     assert process.stdout is not None

@@ -289,6 +289,7 @@ def test_the_offline_sql_needs_no_server() -> None:
     assert "CREATE TABLE knowledge_base" in result.stdout
 
 
+@pytest.mark.more
 def test_plain_alembic_migrates_from_a_clone(new_url: str) -> None:
     option = ["-x", f"url={new_url}"]
     for command, version in ((["upgrade", "head"], HEAD), (["downgrade", "base"], None)):

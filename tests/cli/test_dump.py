@@ -93,6 +93,7 @@ def test_both_are_of_one_state_whatever_is_written_meanwhile(
     assert dumped(own_store) != expected
 
 
+@pytest.mark.more
 def test_pddl_is_utf_8_whatever_the_locale(tmp_path: Path) -> None:
     url = f"sqlite:///{tmp_path / 'names.db'}"
     with kant_sql.connect(url) as kb:

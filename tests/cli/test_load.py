@@ -309,6 +309,7 @@ def test_what_a_revision_cannot_keep_is_one_line(url: str) -> None:
     assert (result.exit_code, revision(url)) == (1, 0)
 
 
+@pytest.mark.more
 def test_a_path_that_is_no_unicode_text_is_kept_readable(url: str, tmp_path: Path) -> None:
     path = os.fsencode(tmp_path) + b"/\xff.pddl"
     try:
@@ -352,6 +353,7 @@ def test_a_terminal_shows_what_is_going_on_and_a_pipe_does_not(url: str) -> None
     assert output.startswith(b"knowledge base default, revision 2\n")
 
 
+@pytest.mark.more
 def test_nothing_is_shown_without_standard_error(url: str) -> None:
     line = shlex.join([*PROGRAM, "load", url, DOMAIN])
     done = child("-c", f"{line} 2>&-", program=["sh"])
@@ -439,6 +441,7 @@ def test_a_load_that_fails_leaves_what_somebody_else_has_written(
     assert written_names(url) == ["other"]
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_a_load_that_is_stopped_leaves_no_new_file(tmp_path: Path, number: signal.Signals) -> None:
     facts = " ".join(f"(p o{one})" for one in range(40_000))

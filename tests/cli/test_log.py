@@ -92,6 +92,7 @@ def test_metadata_can_neither_break_lines_nor_steer_a_terminal(tmp_path: Path) -
     assert (entry["actor"], entry["source"]) == (odd, {"key": odd})
 
 
+@pytest.mark.more
 def test_output_that_cannot_take_all_letters_escapes_them(tmp_path: Path) -> None:
     url = f"sqlite:///{tmp_path / 'letters.db'}"
     with kant_sql.connect(url, actor="Zoë") as kb:

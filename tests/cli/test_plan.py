@@ -59,6 +59,7 @@ def answer_with(monkeypatch: pytest.MonkeyPatch, error: Exception) -> None:
     monkeypatch.setattr(KnowledgeBase, "plan", plan)
 
 
+@pytest.mark.more
 def test_a_plan_is_found_in_a_process_of_its_own(url: str) -> None:
     pytest.importorskip("up_pyperplan", reason="needs the extra planning")
     done = child("plan", url, "--at", "1", "--engine", "pyperplan", "--timeout", "50")

@@ -144,6 +144,7 @@ def test_each_that_is_refused_is_named_once(source: str, replica: str) -> None:
         assert f"knowledge base {name!r} is no replica" in one_line(line)
 
 
+@pytest.mark.more
 def test_a_damaged_one_does_not_keep_the_others(source: str, replica: str) -> None:
     save(source, 1, "other")
     damage(source, "UPDATE revision SET reason = CAST(x'ff41' AS TEXT) WHERE kb_id = 1")
@@ -168,6 +169,7 @@ def archived(source: str, tmp_path: Path) -> str:
     return source
 
 
+@pytest.mark.more
 def test_an_archive_that_is_away_does_not_keep_the_others(
     archived: str, replica: str, tmp_path: Path
 ) -> None:
@@ -192,6 +194,7 @@ def test_an_archive_that_is_away_does_not_keep_the_others(
     equal_histories(archived, replica, "other")
 
 
+@pytest.mark.more
 def test_a_store_that_is_locked_as_a_whole_ends_it(source: str, replica: str) -> None:
     save(source, 1, "other")
     kant_sql.upgrade(replica)
@@ -205,6 +208,7 @@ def test_a_store_that_is_locked_as_a_whole_ends_it(source: str, replica: str) ->
             assert next_event(process, "pushed")["revision"] == 3
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("command", ["push", "verify", "promote"])
 def test_work_is_finished_when_nobody_reads(source: str, replica: str, command: str) -> None:
     for name in ("a", "b"):
@@ -319,6 +323,7 @@ def test_it_follows_knowledge_bases_and_those_to_come(source: str, replica: str)
         equal_histories(source, replica, name)
 
 
+@pytest.mark.more
 def test_what_is_written_within_an_interval_is_sent_at_once(source: str, replica: str) -> None:
     with following(source, replica, "--interval", "2") as process:
         next_event(process, "pushed")
@@ -334,6 +339,7 @@ def test_what_is_written_within_an_interval_is_sent_at_once(source: str, replica
         assert process.wait(CHILD_TIMEOUT) == 130
 
 
+@pytest.mark.more
 def test_what_is_refused_is_set_aside_and_the_others_go_on(source: str, replica: str) -> None:
     save(source, 1, "other")
     run("push", source, replica)
@@ -349,6 +355,7 @@ def test_what_is_refused_is_set_aside_and_the_others_go_on(source: str, replica:
         assert process.wait(CHILD_TIMEOUT) == 0
 
 
+@pytest.mark.more
 def test_it_ends_when_nothing_is_left_that_may_be_sent(source: str, replica: str) -> None:
     run("push", source, replica)
     run("promote", replica)
@@ -359,7 +366,7 @@ def test_it_ends_when_nothing_is_left_that_may_be_sent(source: str, replica: str
         assert json.loads(process.stderr.read())["exit_code"] == 65
 
 
-@pytest.mark.slow
+@pytest.mark.more
 def test_it_waits_for_a_server(source: str, mortal_server: MortalServer, mortal_url: str) -> None:
     with following(source, mortal_url) as process:
         next_event(process, "pushed")
@@ -420,6 +427,7 @@ def short_delays(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(service, "LONGEST_DELAY", 0.1)
 
 
+@pytest.mark.more
 @pytest.mark.usefixtures("short_delays")
 def test_one_that_is_locked_does_not_keep_the_others(
     source: str, server: Server, monkeypatch: pytest.MonkeyPatch
@@ -585,6 +593,7 @@ def test_a_handler_that_is_not_python_s_does_no_harm(monkeypatch: pytest.MonkeyP
             signal.signal(number, handler)
 
 
+@pytest.mark.more
 def test_log_lines_are_pairs(source: str, replica: str) -> None:
     process = start("push", source, replica, "--follow", program=PROGRAM)
     try:
@@ -600,6 +609,7 @@ def test_log_lines_are_pairs(source: str, replica: str) -> None:
     assert " knowledge_base=tiago " in lines[1]
 
 
+@pytest.mark.more
 def test_it_can_be_started_before_its_knowledge_base(tmp_path: Path, replica: str) -> None:
     source = new_file_store(tmp_path / "empty.db")
     with following(source, replica, "--kb", "tiago") as process:

@@ -82,6 +82,7 @@ def test_the_whole_state_is_shown_as_plain_text_in_a_pipe(store: str) -> None:
     assert state == f"{STATE}{navigation()}\n"
 
 
+@pytest.mark.more
 def test_an_installed_script_does_the_same(store: str) -> None:
     script = Path(sys.executable).parent / "kant-sql"
     assert child("show", store, program=[str(script)]).stdout == child("show", store).stdout

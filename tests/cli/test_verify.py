@@ -310,6 +310,7 @@ def test_complete_since_begins_again_where_it_was_long_ago(fleet: str) -> None:
     assert verify_all(fleet, "--complete-since", "7 days ago")[-1].endswith("5 continued")
 
 
+@pytest.mark.more
 def test_a_fault_is_found_again_until_it_is_mended(fleet: str) -> None:
     verify_all(fleet)
     tamper(fleet, "UPDATE proposition_version SET fork = fork + 1 WHERE kb_id = 2")
@@ -335,7 +336,7 @@ def test_indexes_are_compared_with_the_first_that_is_complete(fleet: str) -> Non
     assert done.stdout.startswith("tiago: intact")
 
 
-@pytest.mark.slow
+@pytest.mark.more
 def test_processes_find_what_one_finds_in_the_same_order(fleet: str) -> None:
     tamper(fleet, "UPDATE revision SET reason = 'x' WHERE kb_id = 4")
     alone = run("verify", fleet, "--all", "--json")
@@ -351,7 +352,7 @@ def test_processes_find_what_one_finds_in_the_same_order(fleet: str) -> None:
     assert len(found(alone.stdout)) == 5
 
 
-@pytest.mark.slow
+@pytest.mark.more
 @pytest.mark.parametrize("jobs", ["1", "2"])
 def test_a_run_that_was_killed_goes_on(tmp_path: Path, jobs: str) -> None:
     """What was verified before is not verified again, and no process outlives the first."""

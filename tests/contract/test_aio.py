@@ -508,6 +508,7 @@ def test_watch_hears_of_others_and_can_be_cancelled(url: str) -> None:
     run(url, test)
 
 
+@pytest.mark.more
 def test_a_watch_outlasts_what_other_calls_do_not(
     url: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -609,7 +610,7 @@ def test_what_cannot_be_opened_is_refused_as_on_the_other_side() -> None:
     assert inspect.signature(aio.connect).parameters["actor"].kind is inspect.Parameter.KEYWORD_ONLY
 
 
-@pytest.mark.slow
+@pytest.mark.more
 def test_every_call_after_close_is_refused(shared_url: str) -> None:
     pytest.importorskip("unified_planning")
     with kant_sql.connect(shared_url, knowledge_base="tiago", actor="test") as kb:
@@ -704,7 +705,7 @@ asyncio.run(main())
 """
 
 
-@pytest.mark.slow
+@pytest.mark.more
 def test_ctrl_c_in_a_block_writes_nothing_of_it_and_ends(shared_url: str) -> None:
     command = [sys.executable, "-c", INTERRUPTED, shared_url]
     with subprocess.Popen(

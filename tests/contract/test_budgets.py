@@ -119,7 +119,6 @@ def test_a_warm_read_takes_two_statements_at_most_however_many_rows_it_gives(
     assert all(len(counts) == 1 and max(counts) <= READ for counts in taken.values()), taken
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("size", SIZES)
 def test_a_freshly_opened_store_answers_with_two_statements_at_most(
     shared_url: str, connect: Connect, size: int

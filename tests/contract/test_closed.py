@@ -18,8 +18,6 @@ from tests.support.stores import Connect
 from tests.support.worlds.missions import TOUR, begin
 from tests.support.worlds.robots import RB1, ROBOT, robot_at
 
-pytestmark = pytest.mark.slow
-
 REMEDY = "was closed; connect again"
 # What needs no store: it ends, or leaves the store to whom it is of.
 FREE = {"address", "close", "label", "name"}

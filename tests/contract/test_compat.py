@@ -541,6 +541,7 @@ print(dao.save(PddlTypeDto("robot")), *dao.get_all())
 """
 
 
+@pytest.mark.more
 def test_a_program_keeps_its_imports() -> None:
     done = subprocess.run(
         [sys.executable, "-c", PROGRAM], capture_output=True, text=True, check=False

@@ -107,6 +107,7 @@ def test_daos_take_and_give_what_is_deep(fresh_kb: KnowledgeBase) -> None:
 TOO_DEEP = "levels deep, expected at most 50 levels; name a part by a derived predicate"
 
 
+@pytest.mark.more
 def test_what_is_deeper_is_refused_wherever_it_comes_from(fresh_kb: KnowledgeBase) -> None:
     fresh_kb.load_domain(
         "(define (domain d) (:requirements :adl :fluents) (:predicates (p)) (:functions (f)))"

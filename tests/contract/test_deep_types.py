@@ -14,7 +14,7 @@ from kant_sql.errors import SourceError, TypeCycleError
 from kant_sql.pddl import read_domain
 from tests.support.profile import PROFILE
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.more
 # More than a recursion has room for.
 LEVELS = 3_000 if PROFILE.is_whole else 1_200
 

@@ -25,8 +25,6 @@ from tests.support.profile import PROFILE, hunting
 from tests.support.reading import beside, findings
 from tests.support.servers import Server
 
-pytestmark = pytest.mark.slow
-
 Documents = tuple[Domain, Problem]
 _numbers = itertools.count(1)
 

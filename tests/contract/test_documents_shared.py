@@ -24,8 +24,6 @@ from tests.support.processes.workers import in_processes
 from tests.support.stores import Connect
 from tests.support.worlds.depot import DOMAIN, PROBLEM, check_text, load
 
-pytestmark = pytest.mark.slow
-
 TIMES = 8
 
 

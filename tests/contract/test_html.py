@@ -139,7 +139,6 @@ def test_no_password_is_shown(server: Server, connect: Connect) -> None:
         assert "s3cret" not in text
 
 
-@pytest.mark.slow
 def test_hostile_texts_are_data(shared_url: str, connect: Connect) -> None:
     kb = connect(record_hostile(shared_url), knowledge_base=KNOWLEDGE_BASE)
     fact, name = NAMES[3], NAMES[0]

@@ -12,8 +12,6 @@ from tests.support.statements import Call, count
 from tests.support.stores import Connect
 from tests.support.worlds.depot import DOMAIN, IDLE, PLACE, TRUCK, P, T, at, fuel, number
 
-pytestmark = pytest.mark.slow
-
 SIZES = (1, 300)
 READ = 2
 # One for the facts and goals, one for the values, one for their fluents; one for definitions.

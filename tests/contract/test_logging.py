@@ -23,7 +23,7 @@ from tests.support.servers import Server
 from tests.support.statements import fact, fill
 from tests.support.stores import Connect
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.more
 
 DOMAIN = """(define (domain shop) (:requirements :strips :typing)
   (:types robot) (:predicates (free ?r - robot)))"""

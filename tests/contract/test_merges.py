@@ -110,7 +110,6 @@ def merge_all(kb: KnowledgeBase, url: str, name: str, size: int) -> dict[str, tu
     return found
 
 
-@pytest.mark.slow
 def test_a_merge_writes_what_is_new(shared_url: str, connect: Connect) -> None:
     few, many = (
         merge_all(connect(shared_url, knowledge_base=name), shared_url, name, size)

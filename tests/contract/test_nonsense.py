@@ -114,7 +114,6 @@ def one_argument(kb: aio.AsyncKnowledgeBase, case: Case) -> dict[str, object]:
     }
 
 
-@pytest.mark.slow
 def test_the_asynchronous_front_door_refuses_nonsense(tmp_path: Path) -> None:
     url = f"sqlite:///{tmp_path / 'nonsense.db'}"
     with kant_sql.connect(url, knowledge_base="tiago", actor="test") as kb:

@@ -250,7 +250,7 @@ def work_on(store: KnowledgeStore, number: int) -> None:
         kb.close()
 
 
-@pytest.mark.slow
+@pytest.mark.more
 @on_server
 def test_a_thousand_in_threads(shared_url: str) -> None:
     with (
@@ -279,7 +279,7 @@ async def work_in_a_task(store: aio.AsyncKnowledgeStore, number: int) -> None:
         await kb.close()
 
 
-@pytest.mark.slow
+@pytest.mark.more
 @on_server
 def test_a_thousand_in_tasks(shared_url: str) -> None:
     async def main() -> tuple[list[kant_sql.Inventory], int]:
@@ -368,7 +368,7 @@ def started(calls: list[Callable[[], Any]]) -> tuple[ThreadPoolExecutor, list[An
     return pool, [pool.submit(call) for call in calls]
 
 
-@pytest.mark.slow
+@pytest.mark.more
 @on_server
 def test_all_who_watch_share_one_connection(shared_url: str, only_told: None) -> None:
     with kant_sql.open_store(shared_url, connections=4) as store:
@@ -516,7 +516,7 @@ def test_closing_goes_on_when_something_cannot_be_closed(
         backend.close()
 
 
-@pytest.mark.slow
+@pytest.mark.more
 @on_server
 def test_lost_connections_are_replaced_for_writers_and_watchers(shared_url: str) -> None:
     with kant_sql.open_store(shared_url, connections=3) as store:
@@ -562,7 +562,7 @@ def test_a_forked_child_goes_on_with_connections_of_its_own(shared_url: str) -> 
         assert pepper.revision == (not shared_url.startswith("sqlite"))
 
 
-@pytest.mark.slow
+@pytest.mark.more
 def test_an_open_knowledge_base_takes_little_memory(shared_url: str) -> None:
     """What a knowledge base keeps is of its definitions and of a bounded number of facts."""
     with kant_sql.open_store(shared_url) as store:

@@ -38,7 +38,6 @@ from tests.support.servers import Server
 from tests.support.stores import Connect
 from tests.support.worlds.robots import robot_at
 
-pytestmark = pytest.mark.slow
 migrates = pytest.mark.usefixtures("real_migrations")
 
 

@@ -160,7 +160,7 @@ def test_a_port_that_nobody_listens_on_is_refused_at_once(
     assert_silent(caught.value, "s3cret")
 
 
-@pytest.mark.slow
+@pytest.mark.more
 def test_a_server_that_does_not_answer_is_not_waited_for_for_ever(silent_port: int) -> None:
     began = time.monotonic()
     with pytest.raises(StoreUnreachableError, match="timeout") as caught:

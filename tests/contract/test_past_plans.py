@@ -19,7 +19,7 @@ from tests.contract.test_plans import keep_without_statistics
 from tests.support.servers import Server
 from tests.support.statements import is_bracket, seen, work
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.more
 
 BOXES, REVISIONS = 1_200, 600
 LAST = REVISIONS + 3

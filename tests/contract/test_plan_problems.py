@@ -227,6 +227,7 @@ TOURED = """
 """
 
 
+@pytest.mark.more
 def test_what_the_planner_was_really_given_is_kept(fresh_kb: KnowledgeBase) -> None:
     pytest.importorskip("unified_planning")
     fresh_kb.load_domain(TOURED)

@@ -21,8 +21,6 @@ from tests.benchmarks.support import bare
 from tests.support.servers import Server, is_old
 from tests.support.statements import Statement, explain, is_bracket, seen, work
 
-pytestmark = pytest.mark.slow
-
 FACTS = 20_000
 LIT = 100
 GOALS = 20

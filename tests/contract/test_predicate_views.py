@@ -45,8 +45,6 @@ from tests.support.statements import count
 from tests.support.stores import Connect
 from tests.support.worlds.robots import RB1, ROBOT, ROBOT_AT, WAYPOINT, WP1, WP2, robot_at, waypoint
 
-pytestmark = pytest.mark.slow
-
 _numbers = itertools.count(1)
 REST = (
     *("since", "since_at", "until", "until_at"),

@@ -14,7 +14,7 @@ from tests.support.processes.workers import change, count, in_processes, watch
 from tests.support.stores import Connect
 from tests.support.worlds import counter
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.more
 
 PROCESSES = 4
 TIMES = 12

@@ -52,8 +52,6 @@ from tests.support.worlds.robots import (
     robot_at,
 )
 
-pytestmark = pytest.mark.slow
-
 _numbers = itertools.count(1)
 
 

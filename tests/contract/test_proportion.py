@@ -17,7 +17,7 @@ from kant_sql import (
 from kant_sql.errors import TypeMismatchError
 from kant_sql.pddl import read_domain
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.more
 
 
 def ratio(small: Callable[[], object], large: Callable[[], object]) -> float:

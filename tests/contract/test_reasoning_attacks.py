@@ -321,7 +321,6 @@ def test_the_cost_of_a_plan_begins_at_zero(yard: KnowledgeBase) -> None:
 # At work.
 
 
-@pytest.mark.slow
 def test_answers_are_of_one_state_while_others_write(shared_url: str, connect: Connect) -> None:
     kb = connect(shared_url)
     with kb.transaction():

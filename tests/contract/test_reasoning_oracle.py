@@ -52,8 +52,6 @@ from tests.support.generators.episodes import (
 from tests.support.profile import PROFILE, hunting
 from tests.support.reading import beside, undone
 
-pytestmark = pytest.mark.slow
-
 _numbers = itertools.count(1)
 # So many assignments of a question's variables are asked one by one.
 ASSIGNED = 3

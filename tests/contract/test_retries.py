@@ -69,6 +69,7 @@ def test_a_writer_waits_for_another_that_is_soon_done(
     assert kb.revision == 2
 
 
+@pytest.mark.more
 @each_write
 @pytest.mark.usefixtures("impatient")
 def test_a_writer_gives_up_on_another_that_is_never_done(

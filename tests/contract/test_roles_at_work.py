@@ -53,7 +53,7 @@ from tests.support.worlds.robots import (
     waypoint,
 )
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.more
 
 BATTERY = PddlFunctionDto("battery", [ROBOT])
 

@@ -56,6 +56,7 @@ def test_a_second_run_brings_rights_up_to_date(role_store: str, limited_users: M
     assert rights(role_store) == before
 
 
+@pytest.mark.more
 def test_rights_survive_migrations(server: Server, connect: Connect) -> None:
     url = server.new_store()
     connect(url, knowledge_base=MINE).propositions.save(robot_at())

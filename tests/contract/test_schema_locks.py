@@ -44,6 +44,7 @@ def migrate(url: str) -> None:
     kant_sql.upgrade(url)
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("change", [renew_roles, migrate])
 def test_an_open_transaction_of_a_reader_is_named_and_holds_nobody_up(
     change: Callable[[str], None], url: str, connect: Connect, monkeypatch: pytest.MonkeyPatch
@@ -106,6 +107,7 @@ def locked_by(user: str) -> psycopg.Connection[tuple[object, ...]]:
     return connection
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("role", range(2))
 def test_no_login_of_a_role_keeps_the_lock_of_the_schema(role: int, url: str) -> None:
     with members(url, kant_sql.create_roles(url)) as users, locked_by(users[role]):

@@ -19,8 +19,6 @@ from tests.support.stores import Connect
 from tests.support.worlds import counter
 from tests.support.worlds.robots import RB1, WP2, robot_at, waypoint
 
-pytestmark = pytest.mark.slow
-
 THREADS = 8
 TIMES = 6
 PROMPTLY = 2.0

@@ -32,8 +32,6 @@ from tests.support.statements import count
 from tests.support.stores import Connect
 from tests.support.worlds.robots import waypoint
 
-pytestmark = pytest.mark.slow
-
 
 def save(kb: KnowledgeBase, number: int) -> None:
     assert kb.objects.insert(waypoint(number))

@@ -33,6 +33,11 @@ OWN = re.compile(
 EXTRAS = set(
     tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
 )
+# These start servers, or repeat on the command line what other pages and `tests/cli/` check.
+LONG = {"CHANGELOG.md", "cli.md", "fleet.md"}
+PAGES = [
+    pytest.param(path, marks=pytest.mark.more if path.name in LONG else ()) for path in DOCUMENTS
+]
 KNOWN_LANGUAGES = {"python", "console", "sql", "text", "json", "ini"}
 
 
@@ -136,7 +141,7 @@ def fleet_page(
 
 @pytest.mark.usefixtures("empty_folder")
 @pytest.mark.filterwarnings("ignore::ResourceWarning")
-@pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: path.name)
+@pytest.mark.parametrize("path", PAGES, ids=lambda path: path.name)
 def test_code_blocks_run_in_order_in_an_empty_folder(
     path: Path,
     request: pytest.FixtureRequest,

@@ -44,7 +44,7 @@ def public_names(page: str) -> set[str]:
     return {f"{module}.{name}" for name in names}
 
 
-@pytest.mark.slow
+@pytest.mark.more
 @pytest.mark.timeout(900)
 def test_the_site_builds_strictly_with_every_public_name_and_fetches_nothing(
     tmp_path: Path,

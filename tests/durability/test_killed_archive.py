@@ -6,8 +6,6 @@ import random
 import signal
 from pathlib import Path
 
-import pytest
-
 import kant_sql
 from kant_sql import KnowledgeBase
 from kant_sql.history.replication import batch as replicating
@@ -70,7 +68,6 @@ def check(here: str, there: str, before: Rows, upto: int) -> bool:
     return is_done
 
 
-@pytest.mark.slow
 def test_a_killed_archive_is_gone_on_with(
     shared_url: str, tmp_path: Path, connect: Connect
 ) -> None:

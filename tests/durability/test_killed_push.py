@@ -69,7 +69,6 @@ def check_same(source: str, target: str) -> None:
     intact(source)
 
 
-@pytest.mark.slow
 def test_a_killed_push_is_gone_on_with(shared_url: str, target: str) -> None:
     write_whole_story(shared_url)
     before, kills, last = rows_of(shared_url), 0, 0
@@ -108,7 +107,6 @@ def following(source: str, target: str, said: Path) -> Iterator[None]:
         process.wait(PATIENCE)
 
 
-@pytest.mark.slow
 def test_killed_followers_and_writers(
     shared_url: str, target: str, connect: Connect, tmp_path: Path
 ) -> None:
@@ -128,7 +126,6 @@ def test_killed_followers_and_writers(
     check_same(shared_url, target)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("is_target", [True, False])
 def test_killed_servers(
     mortal_server: MortalServer,

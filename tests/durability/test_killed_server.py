@@ -28,7 +28,6 @@ def patience(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(retry, "RETRY_FOR", PATIENCE)
 
 
-@pytest.mark.slow
 def test_a_killed_server_loses_nothing_that_was_acknowledged(
     mortal_server: MortalServer, mortal_url: str, connect: Connect
 ) -> None:
@@ -46,7 +45,6 @@ def test_a_killed_server_loses_nothing_that_was_acknowledged(
     assert len(acknowledged) > KILLS
 
 
-@pytest.mark.slow
 def test_clients_survive_a_killed_server_and_do_everything_once(
     mortal_server: MortalServer, mortal_url: str, connect: Connect
 ) -> None:

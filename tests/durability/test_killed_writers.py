@@ -22,7 +22,6 @@ KILLS = 8
 CREATIONS = 4
 
 
-@pytest.mark.slow
 def test_a_killed_writer_loses_nothing_that_was_acknowledged(
     shared_url: str, connect: Connect
 ) -> None:
@@ -47,7 +46,6 @@ def create(url: str, tell: Connection) -> None:
     time.sleep(30)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("backend", ["sqlite-file", "postgresql"])
 def test_a_store_whose_creation_was_killed_can_be_created(
     server: Server, tmp_path: Path, backend: str

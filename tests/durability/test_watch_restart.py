@@ -52,7 +52,6 @@ def check_seen(folder: Path, kb: KnowledgeBase) -> None:
     ]
 
 
-@pytest.mark.slow
 def test_a_follower_that_is_killed_again_and_again_meets_every_revision(
     shared_url: str, connect: Connect, tmp_path: Path
 ) -> None:
@@ -79,7 +78,6 @@ def test_a_follower_that_is_killed_again_and_again_meets_every_revision(
     check_seen(tmp_path, kb)
 
 
-@pytest.mark.slow
 def test_who_waits_survives_a_server_that_is_killed_and_restarted(
     mortal_server: MortalServer, mortal_url: str, connect: Connect
 ) -> None:
@@ -100,7 +98,6 @@ def test_who_waits_survives_a_server_that_is_killed_and_restarted(
     assert open_files() <= before + 1
 
 
-@pytest.mark.slow
 def test_a_server_that_is_gone_when_time_is_over_is_an_error(
     mortal_server: MortalServer,
     mortal_url: str,
@@ -121,7 +118,6 @@ def test_a_server_that_is_gone_when_time_is_over_is_an_error(
     assert kb.watch(1, timeout=0) is None
 
 
-@pytest.mark.slow
 def test_a_follower_meets_every_revision_while_the_server_is_killed(
     mortal_server: MortalServer,
     mortal_url: str,

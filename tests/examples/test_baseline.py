@@ -27,6 +27,7 @@ def test_both_sides_keep_the_same_history_on_sqlite(backend: str, tmp_path: Path
     check(sqlite_stores(backend, tmp_path), tmp_path)
 
 
+@pytest.mark.more
 def test_both_sides_keep_the_same_history_on_postgresql(server: Server, tmp_path: Path) -> None:
     check(postgresql_stores(server, wait=False), tmp_path)
 

@@ -136,6 +136,7 @@ def test_it_writes_a_report_and_says_how_to_look(ran: Ran) -> None:
     assert words[-4:] == ["--since", str(ran.first), "--out", said[1]]
 
 
+@pytest.mark.more
 def test_without_the_extra_it_says_how_to_get_it(tmp_path: Path) -> None:
     # A module that cannot be imported is found first.
     (tmp_path / "jinja2.py").write_text("raise ImportError('not installed')")

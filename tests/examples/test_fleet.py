@@ -15,7 +15,7 @@ from tests.support.chain import check_chain
 from tests.support.processes.commands import EXAMPLES, run_example
 from tests.support.profile import PROFILE
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.more
 
 ROBOTS, KILLS = 6, 2
 

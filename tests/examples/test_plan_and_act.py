@@ -51,6 +51,7 @@ def missing(module: str) -> bool:
     return importlib.util.find_spec(module) is None
 
 
+@pytest.mark.more
 def test_it_delivers_the_letter_in_spite_of_the_surprise(tmp_path: Path) -> None:
     url = f"sqlite:///{tmp_path / 'delivery.db'}"
     done = run_example("plan_and_act.py", url)
@@ -67,6 +68,7 @@ def test_it_delivers_the_letter_in_spite_of_the_surprise(tmp_path: Path) -> None
         assert {"(parcel_at letter office)", "(robot_at dock)", "(gripper_free)"} <= now
 
 
+@pytest.mark.more
 @pytest.mark.skipif(missing("up_aries"), reason="aries is not installed")
 def test_a_door_that_slips_breaks_an_invariant_and_is_planned_for_anew(tmp_path: Path) -> None:
     url = f"sqlite:///{tmp_path / 'ward.db'}"

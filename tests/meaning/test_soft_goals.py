@@ -31,7 +31,6 @@ WISHING = sorted(
 SECONDS = 90
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", WISHING if ALL else SOLVED)
 def test_soft_goals_make_plans_better(name: str, tmp_path: Path) -> None:
     if name not in PAIRS:

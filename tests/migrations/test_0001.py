@@ -30,6 +30,9 @@ from tests.support.pages import ask
 from tests.support.reading import findings
 from tests.support.stores import Connect
 
+# A migration that has landed is frozen.
+pytestmark = pytest.mark.more
+
 FORKED = ("proposition_version", "function_value_version")
 
 

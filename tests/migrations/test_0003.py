@@ -23,6 +23,9 @@ from tests.support.chain import check_chain
 from tests.support.reading import findings
 from tests.support.stores import Connect
 
+# A migration that has landed is frozen.
+pytestmark = pytest.mark.more
+
 TABLE = "proposition_version"
 DOMAIN = """(define (domain d) (:requirements :typing) (:types robot wp)
  (:predicates (idle) (moving ?r - robot) (robot_at ?r - robot ?w - wp)

@@ -10,6 +10,9 @@ from tests.migrations.stores import Make, answers, record, rows_of, views, write
 from tests.migrations.test_golden import connected, dump_of
 from tests.support.reading import findings
 
+# A migration that has landed is frozen.
+pytestmark = pytest.mark.more
+
 
 def write_old(url: str) -> None:
     """Write what the first version wrote, and bring the tables to version 0004."""

@@ -68,6 +68,7 @@ def test_base_leaves_nothing_but_the_tables_of_others(empty_url: str, connect: C
         assert connection.scalar(text("SELECT charge FROM battery")) == 80
 
 
+@pytest.mark.more
 def test_each_step_down_and_up_again_gives_the_same_schema(
     empty_url: str, connect: Connect
 ) -> None:

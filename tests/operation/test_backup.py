@@ -20,8 +20,6 @@ from tests.support.processes.workers import PATIENCE
 from tests.support.stores import Connect
 from tests.support.worlds.robots import robot_at, waypoint
 
-pytestmark = pytest.mark.slow
-
 
 @contextmanager
 def writing(url: str, first: int = 1_000) -> Iterator[Callable[[], int]]:

@@ -24,8 +24,6 @@ from tests.support.stores import Connect
 from tests.support.worlds import counter
 from tests.support.worlds.robots import ROBOT, robot_at, waypoint
 
-pytestmark = pytest.mark.slow
-
 SYNCHRONOUS = {"synchronous_standby_names": "*", "synchronous_commit": "remote_apply"}
 
 

@@ -75,7 +75,7 @@ def draw(drawn: set[str], seed_: int) -> None:
     note()
 
 
-@pytest.mark.slow
+@pytest.mark.more
 def test_every_construct_is_drawn() -> None:
     drawn: set[str] = set()
     wanted = NODES | set(TIMES) | {"named", "unnamed", ACTION, DURATIVE_ACTION, PROCESS, EVENT}

@@ -33,7 +33,7 @@ from kant_sql.pddl import read_domain, read_problem, write
 from kant_sql.pddl.document import Action, Domain, Problem
 from tests.support.profile import PROFILE, hunting
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.more
 
 # What stands for a name, and the kind of name.
 KINDS = {

@@ -397,7 +397,7 @@ assert time.process_time() - start < 10
 """
 
 
-@pytest.mark.slow
+@pytest.mark.more
 @pytest.mark.parametrize(
     ("reader", "text", "found"),
     [

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pytest
 from hypothesis import example, given
 
 from kant_sql.pddl import read_domain, read_problem, write
@@ -37,6 +38,7 @@ def test_what_is_well_formed_round_trips_without_a_warning(
     assert check(domain, problem, strict=False) == ((), ())
 
 
+@pytest.mark.more
 @hunting(PROFILE.texts)
 @given(domains_and_problems(repeats=True))
 def test_parameters_that_share_a_name_round_trip(documents: tuple[Domain, Problem]) -> None:

@@ -272,6 +272,7 @@ DIFFERENT_KIND = {
 }
 
 
+@pytest.mark.more
 @pytest.mark.filterwarnings("ignore")  # its reader warns of what it reads
 @needs_corpus
 def test_what_unified_planning_reads_goes_there_and_back() -> None:

@@ -226,6 +226,7 @@ def test_what_a_planner_is_not_given_is_named(caplog: pytest.LogCaptureFixture) 
         solve(PAID[0], problem=PAID[1], engine="pyperplan", timeout=60, strict=True)
 
 
+@pytest.mark.more
 @pytest.mark.usefixtures("quick_start")
 def test_durations_of_plans_are_no_costs() -> None:
     given = documents(
@@ -297,6 +298,7 @@ solve, FastDownwardPDDLPlanner._solve = FastDownwardPDDLPlanner._solve, fail
 """
 
 
+@pytest.mark.more
 def test_a_metric_with_which_there_is_no_plan_is_named(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -343,6 +345,7 @@ def test_an_engine_that_does_not_suit() -> None:
     assert "kb.branch()" in str(caught.value)
 
 
+@pytest.mark.more
 def test_an_engine_that_cannot_be_imported_is_not_called_missing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -420,6 +423,7 @@ def _until(condition: Callable[[], bool], seconds: float = 30) -> bool:
     return condition()
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("engine", ["fast-downward-opt", "pyperplan-opt"])
 def test_time_is_up_and_nothing_stays_behind(
     engine: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -442,6 +446,7 @@ def test_what_an_engine_starts_stays_in_the_group() -> None:
         assert int(process.stdout.read()) == os.getpgrp()
 
 
+@pytest.mark.more
 @pytest.mark.skipif(not hasattr(os, "killpg"), reason="there are no process groups here")
 def test_a_killed_parent_leaves_nothing_behind(tmp_path: Path) -> None:
     call = "t.solve_pair(t._hard(), engine='fast-downward-opt')"

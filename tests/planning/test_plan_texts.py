@@ -179,6 +179,7 @@ def test_the_text_of_a_plan_is_read_as_the_plan(steps: tuple[PlanStep, ...]) -> 
     assert Plan.read(str(plan)) == plan
 
 
+@pytest.mark.more
 @given(st.lists(st.tuples(NAMES, st.lists(NAMES, max_size=3)), max_size=4), st.booleans())
 def test_plans_of_unified_planning(calls: list[tuple[str, list[str]]], is_timed: bool) -> None:
     """Its writer and its `str`, on names that both PDDL and its own text can have."""

@@ -137,6 +137,7 @@ def test_a_violation_that_is_welcome(tmp_path: Path) -> None:
     )
 
 
+@pytest.mark.more
 @pytest.mark.usefixtures("quick_start")
 def test_preferences_of_actions_that_take_time(tmp_path: Path) -> None:
     action = """(:durative-action drive :parameters (?r - robot ?a ?b - place)

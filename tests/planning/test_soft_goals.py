@@ -355,6 +355,7 @@ def test_eight_preferences_reach_the_optimum(tmp_path: Path) -> None:
     )
 
 
+@pytest.mark.more
 @pytest.mark.usefixtures("quick_start")
 @pytest.mark.parametrize("seed", range(60 if PROFILE.is_whole else 5))
 def test_the_best_plans_are_as_good_as_the_search_of_all_states(seed: int, tmp_path: Path) -> None:

@@ -164,6 +164,7 @@ def test_the_package_is_imported_without_unified_planning() -> None:
     assert find_spec("unified_planning") is not None
 
 
+@pytest.mark.more
 @needs_corpus
 def test_the_competitions_files_are_converted_or_refused_by_name() -> None:
     """All of them in the profile `long`, else the small ones."""

@@ -30,8 +30,6 @@ from tests.support.stores import Connect
 from tests.support.worlds import counter
 from tests.support.worlds.robots import robot_at, waypoint
 
-pytestmark = pytest.mark.slow
-
 
 @contextmanager
 def running(server: Server, mode: str = "transaction", **settings: str) -> Iterator[Pooler]:

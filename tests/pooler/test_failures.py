@@ -22,8 +22,6 @@ from tests.support.stores import Connect
 from tests.support.worlds import counter
 from tests.support.worlds.robots import waypoint
 
-pytestmark = pytest.mark.slow
-
 
 def test_clients_survive_a_killed_server_and_do_everything_once(
     mortal_server: MortalServer,

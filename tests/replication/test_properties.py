@@ -63,6 +63,7 @@ def _check(kb: KnowledgeBase, replica: KnowledgeBase, name: str, is_whole: bool)
     }
 
 
+@pytest.mark.more
 @pytest.mark.parametrize(
     ("here", "there", "examples"),
     [(0, 1, PROFILE.archived), (0, 3, FEWER), (3, 1, FEWER), (3, 4, FEWER)],

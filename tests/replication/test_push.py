@@ -94,6 +94,7 @@ def test_a_revision_takes_the_same_few_statements_however_long_the_history(
     assert counts[0] <= 23, statements
 
 
+@pytest.mark.more
 def test_a_revision_of_many_changes_arrives(
     file_kb: KnowledgeBase, file_url: str, target: str
 ) -> None:

@@ -245,7 +245,7 @@ def test_a_bad_name_is_bad_knowledge_and_a_value_error() -> None:
     assert issubclass(InvalidNameError, ValueError)
 
 
-@pytest.mark.slow
+@pytest.mark.more
 def test_no_white_space_separator_or_control_character_can_be_in_a_name() -> None:
     for character in all_characters():
         must_not = (
@@ -256,7 +256,7 @@ def test_no_white_space_separator_or_control_character_can_be_in_a_name() -> Non
         assert not (must_not and is_name(f"a{character}b")), hex(ord(character))
 
 
-@pytest.mark.slow
+@pytest.mark.more
 def test_letters_digits_and_marks_of_every_script_can_be_in_a_name() -> None:
     for character in characters():
         if unicodedata.category(character)[0] in "LNM":
@@ -326,7 +326,7 @@ def test_ascii_names_fold_as_all_others_do(name: str) -> None:
     assert fold(name) == unicodedata.normalize("NFC", name.casefold())
 
 
-@pytest.mark.slow
+@pytest.mark.more
 def test_what_a_name_folds_to_can_be_stored_whatever_the_character() -> None:
     for character in characters():
         if is_name(character):

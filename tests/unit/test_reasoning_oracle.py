@@ -14,7 +14,7 @@ from tests.support.generators.episodes import EPISODES, Episode
 from tests.support.profile import PROFILE, hunting
 
 
-@pytest.mark.slow
+@pytest.mark.more
 @hunting(5 * PROFILE.episodes)
 @given(EPISODES)
 def test_a_world_in_memory_is_as_the_plain_evaluator_has_it(episode: Episode) -> None:

@@ -82,6 +82,7 @@ def _modules_that_mention(names: set[str]) -> set[str]:
     return found
 
 
+@pytest.mark.more
 def test_the_recipe_names_each_module_that_a_function_is_in() -> None:
     title = "How to add a PDDL element"
     named = _files(title)

@@ -11,7 +11,7 @@ import pytest
 
 from tests.support.processes.workers import STOPPING
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.more
 
 SHOW = "import signal; print([number for number in range(1, 32) if signal.getsignal(number) == 1])"
 

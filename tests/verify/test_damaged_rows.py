@@ -33,7 +33,7 @@ from tests.support.stores import Connect, new_file_store
 from tests.support.worlds.robots import robot_at, waypoint
 from tests.support.worlds.story import DOMAIN, NAME, PROBLEM, write_story
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.more
 
 SEEDS = range(10)
 DAMAGES_OF_A_SEED = PROFILE.damages // len(SEEDS)

@@ -9,7 +9,7 @@ from tests.support.profile import PROFILE
 from tests.verify.bare import Bare
 from tests.verify.mutations import Mutation, mutations
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.more
 
 UNUSED = (
     "a name without any version is part of no state; archives leave some, and so do revisions that "

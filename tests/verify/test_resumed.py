@@ -326,7 +326,7 @@ def is_later(mutation: Mutation) -> bool:
     return any(isinstance(number, int) and number > MIDDLE for number in numbers)
 
 
-@pytest.mark.slow
+@pytest.mark.more
 @pytest.mark.usefixtures("forced")
 def test_each_mutation_of_what_came_later_is_found(full: Bare) -> None:
     with full.tampering():

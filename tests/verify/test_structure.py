@@ -156,7 +156,7 @@ def flips(path: Path, index: str, count: int) -> Iterator[bytes]:
         yield bytes(changed)
 
 
-@pytest.mark.slow
+@pytest.mark.more
 def test_a_flipped_bit_in_a_page_of_an_index_does_not_hide_a_fact(
     tmp_path: Path, connect: Connect
 ) -> None:

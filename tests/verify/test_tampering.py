@@ -13,8 +13,6 @@ from kant_sql.knowledge.canonical import archive_text
 from tests.support.worlds.story import NAME
 from tests.verify.bare import TABLES, Bare
 
-pytestmark = pytest.mark.slow
-
 LAST = 24
 ARCHIVED = 8
 

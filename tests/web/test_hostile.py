@@ -59,14 +59,14 @@ def hostile(request: pytest.FixtureRequest) -> Iterator[TestClient]:
         yield client
 
 
-@pytest.mark.slow
+@pytest.mark.more
 def test_every_link_leads_somewhere(client: TestClient) -> None:
     visited = [(page.answer.status_code, page.address) for page in walk(client)]
     assert len(visited) > 50
     assert [each for each in visited if each[0] != 200] == []
 
 
-@pytest.mark.slow
+@pytest.mark.more
 def test_every_page_of_a_hostile_store_is_made_by_its_template(hostile: TestClient) -> None:
     seen: set[str] = set()
     for page in walk(hostile):
@@ -84,7 +84,7 @@ def test_every_page_of_a_hostile_store_is_made_by_its_template(hostile: TestClie
     assert seen == set(NAMES)
 
 
-@pytest.mark.slow
+@pytest.mark.more
 def test_what_is_asked_for_is_text_in_the_answer(hostile: TestClient) -> None:
     described = hostile.get("/api/openapi.json").json()["paths"]
     for api, methods in described.items():
@@ -106,7 +106,7 @@ def columns(sqlite_hostile: str) -> list[tuple[str, str]]:
     return text_columns(str(make_url(sqlite_hostile).database))
 
 
-@pytest.mark.slow
+@pytest.mark.more
 def test_a_file_that_somebody_has_written_into_is_data_too(
     sqlite_story: str, columns: list[tuple[str, str]], tmp_path: Path
 ) -> None:

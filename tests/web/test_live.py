@@ -251,7 +251,7 @@ def test_lost_connections_are_made_again(shared_url: str, kb: KnowledgeBase) -> 
         assert stream.next().id == "3"
 
 
-@pytest.mark.slow
+@pytest.mark.more
 def test_readers_go_on_after_a_restart_of_the_database(connect: Connect) -> None:
     folder = Path(tempfile.mkdtemp(prefix="kantpg"))
     database = MortalServer(folder)

@@ -239,7 +239,7 @@ def test_what_is_left_out_is_said_with_the_command_that_shows_it(
     assert len(text) < len(report_html(sqlite_kb, objects=["rb1", "rb2", "t1"]))
 
 
-@pytest.mark.slow
+@pytest.mark.more
 def test_names_and_reasons_are_data(connect: Connect, shared_url: str) -> None:
     kb = connect(record_hostile(shared_url), knowledge_base=KNOWLEDGE_BASE)
     text = report_html(kb, objects=NAMES)
@@ -304,7 +304,7 @@ def test_a_section_that_cannot_be_read_says_why(connect: Connect, tmp_path: Path
     assert "Intact" in page.text
 
 
-@pytest.mark.slow
+@pytest.mark.more
 def test_a_store_that_was_written_over_is_reported(tmp_path: Path) -> None:
     sound, path = tmp_path / "sound.db", tmp_path / "damaged.db"
     record_hostile(f"sqlite:///{sound}")

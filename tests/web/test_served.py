@@ -69,7 +69,7 @@ def served(sqlite_story: str, tmp_path_factory: pytest.TempPathFactory) -> Itera
         yield running
 
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.more
 
 
 def test_it_listens_where_only_this_machine_reaches_it(served: Serving) -> None:

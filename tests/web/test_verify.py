@@ -159,6 +159,7 @@ def test_one_runs_at_a_time_and_shows_its_progress(
     assert result_of(client)["result"]["is_intact"]
 
 
+@pytest.mark.more
 def test_one_that_is_cancelled_says_so(client: TestClient, held_back: threading.Event) -> None:
     client.post("/verify?kb=courier")
     wait_for(lambda: client.get("/api/verify?kb=courier").json()["running"]["total"])
