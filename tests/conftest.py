@@ -60,6 +60,11 @@ def pytest_report_header() -> str | None:
     return None if CITUS else citus.MISSING
 
 
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """Do not even import what is left out as a whole."""
+    return True if config.option.most and selection.has_none(collection_path) else None
+
+
 @pytest.hookimpl(trylast=True)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Deselect what an option leaves out; begin with the longest tests."""

@@ -14,7 +14,7 @@ import pytest
 ROOT = Path(__file__).parent
 # Who judge, measure, kill or drive browsers for long: only a test marked `smoke` is in `make test`.
 MORE_FOLDERS = {
-    *("benchmarks", "browser", "citus", "corpus", "durability", "meaning", "operation", "pooler"),
+    *("benchmarks", "browser", "citus", "corpus", "meaning", "operation", "pooler"),
 }
 MAIN = re.compile(r"(sqlite(-file|-memory)?|postgresql)( .*)?")
 OTHER = re.compile(r"aio-.*|citus|extra-\d+")
@@ -35,6 +35,12 @@ def in_make_test(items: Sequence[pytest.Item]) -> set[pytest.Item]:
             else [group[zlib.crc32(name.encode()) % len(group)]]
         )
     }
+
+
+def has_none(path: Path) -> bool:
+    """Whether `make test` runs nothing of a file of tests, which it need not import."""
+    is_more = path.relative_to(ROOT).parts[0] in MORE_FOLDERS and path.name.startswith("test_")
+    return is_more and "mark.smoke" not in path.read_text()
 
 
 def _is_more(item: pytest.Item) -> bool:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import pytest
 from playwright.sync_api import expect
 
 from tests.browser.conftest import Visit
@@ -17,7 +16,6 @@ def enter(visitor: Visitor, page: str) -> None:
     visitor.settle()
 
 
-@pytest.mark.smoke
 def test_a_condition_is_asked_in_a_state_and_over_time(served: Serving, visit: Visit) -> None:
     visitor = visit(served.address)
     enter(visitor, "Ask")

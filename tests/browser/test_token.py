@@ -4,14 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import pytest
-
 from tests.browser.addresses import address
 from tests.browser.conftest import Visit
 from tests.support.browsing import LOOKS, NARROW, Serving
 
 
-@pytest.mark.smoke
 def test_a_reader_gives_the_token_once(sqlite_story: str, tmp_path: Path, visit: Visit) -> None:
     running = Serving(sqlite_story, tmp_path, "--host", "0.0.0.0")
     try:

@@ -311,6 +311,7 @@ def test_output_that_cannot_be_written_is_an_error(sqlite_store: str) -> None:
     assert process.returncode == 1
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("words", [["--help"], ["show"], ["log", "--json"]])
 def test_closed_output_is_no_error(words: list[str], tmp_path: Path) -> None:
     url = new_file_store(tmp_path / "store.db")
@@ -466,6 +467,7 @@ print([name for name in {heavy} if name in sys.modules])
     assert child(program=[sys.executable, "-c", program]).stdout == "[]\n"
 
 
+@pytest.mark.more
 @pytest.mark.parametrize(
     ("words", "said"),
     [

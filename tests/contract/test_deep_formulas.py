@@ -55,6 +55,7 @@ def load(kb: KnowledgeBase, opening: str, levels: int) -> tuple[Any, Any]:
     return domain, problem
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("opening", ["(or (p) ", "(exists (?x) "])
 def test_what_is_deep_comes_back_equal(fresh_kb: KnowledgeBase, opening: str) -> None:
     domain, problem = load(fresh_kb, opening, LEVELS)

@@ -101,6 +101,7 @@ def test_documents_survive_the_store() -> None:
     survive()
 
 
+@pytest.mark.more
 def test_documents_replace_others(stores: list[str]) -> None:
     @hunting(PROFILE.documents)
     @given(domains_and_problems(), domains_and_problems())

@@ -36,6 +36,7 @@ def test_threads_read_whole_documents_while_others_load(kb: KnowledgeBase) -> No
         assert [future.result() for future in reading] == [TIMES, TIMES]
 
 
+@pytest.mark.more
 def test_processes_read_whole_documents_while_others_load(
     shared_url: str, connect: Connect
 ) -> None:
@@ -48,6 +49,7 @@ def test_processes_read_whole_documents_while_others_load(
     check_chain(shared_url)
 
 
+@pytest.mark.more
 def test_processes_load_domains_and_problems_at_once(shared_url: str, connect: Connect) -> None:
     kb = connect(shared_url, knowledge_base="tiago")
     load(kb)

@@ -311,6 +311,7 @@ def test_a_file_without_the_right_to_read_is_refused(public_folder: Path) -> Non
 # Competing creations.
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("round_", range(3))
 def test_processes_that_create_a_store_at_once_leave_one_good_store(
     server: Server, shared_url: str, tmp_path: Path, round_: int
@@ -325,6 +326,7 @@ def test_processes_that_create_a_store_at_once_leave_one_good_store(
         assert len(kb.propositions.get_all()) == 4
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("round_", range(3))
 def test_processes_that_create_knowledge_bases_at_once_leave_one_of_each_name(
     shared_url: str, connect: Connect, round_: int

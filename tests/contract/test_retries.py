@@ -88,6 +88,7 @@ def test_a_writer_gives_up_on_another_that_is_never_done(
     assert work(kb) is True
 
 
+@pytest.mark.more
 @on_file
 @each_write
 def test_the_seconds_of_a_url_bound_all_that_a_writer_waits(

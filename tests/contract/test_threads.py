@@ -195,6 +195,7 @@ def test_what_a_slow_thread_has_seen_does_not_hide_what_a_quicker_one_has_done(
         assert not kb.propositions.insert(robot_at(place=WP2))
 
 
+@pytest.mark.more
 def test_more_threads_than_connections_take_turns(kb: KnowledgeBase, url: str) -> None:
     kb.propositions.save(robot_at())
     threads = 70

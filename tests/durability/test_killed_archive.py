@@ -6,6 +6,8 @@ import random
 import signal
 from pathlib import Path
 
+import pytest
+
 import kant_sql
 from kant_sql import KnowledgeBase
 from kant_sql.history.replication import batch as replicating
@@ -24,6 +26,8 @@ from tests.support.processes.workers import PATIENCE, PROCESSES
 from tests.support.stores import Connect
 from tests.support.worlds import counter
 from tests.support.worlds.robots import robot_at, waypoint
+
+pytestmark = pytest.mark.more
 
 COUNTED, BULK = 30, 20
 # So many statements are enough for several steps, and for all that comes behind the last.

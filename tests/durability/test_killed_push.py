@@ -25,6 +25,8 @@ from tests.support.stores import CITUS, Connect, make_store_url
 from tests.support.worlds import counter
 from tests.support.worlds.story import write_whole_story
 
+pytestmark = pytest.mark.more
+
 # Enough statements for several batches; a push of all of them takes more.
 MOST = 150
 KILLS, SERVER_KILLS = 2, 2

@@ -19,6 +19,8 @@ from tests.support.stores import Connect
 from tests.support.worlds import counter
 from tests.support.worlds.robots import waypoint
 
+pytestmark = pytest.mark.more
+
 KILLS = 2
 
 

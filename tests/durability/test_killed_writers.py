@@ -46,6 +46,7 @@ def create(url: str, tell: Connection) -> None:
     time.sleep(30)
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("backend", ["sqlite-file", "postgresql"])
 def test_a_store_whose_creation_was_killed_can_be_created(
     server: Server, tmp_path: Path, backend: str

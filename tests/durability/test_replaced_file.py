@@ -390,6 +390,7 @@ def test_an_overwrite_within_a_commit_is_noticed_soon(
         kb.propositions.get_all()
 
 
+@pytest.mark.more
 def test_checkpoints_of_this_process_are_compared_at_a_bounded_rate(
     kb: KnowledgeBase, path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

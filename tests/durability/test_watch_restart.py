@@ -19,6 +19,8 @@ from tests.support.servers import MortalServer
 from tests.support.stores import Connect
 from tests.support.worlds.robots import waypoint
 
+pytestmark = pytest.mark.more
+
 WRITERS, WRITES, KILLS = 3, 40, 4
 
 

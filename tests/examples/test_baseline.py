@@ -22,6 +22,7 @@ def check(stores: Stores, folder: Path) -> None:
     assert all(time > 0 for time in (*measured.bare.values(), *measured.library.values()))
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("backend", ["sqlite-file", "sqlite-memory"])
 def test_both_sides_keep_the_same_history_on_sqlite(backend: str, tmp_path: Path) -> None:
     check(sqlite_stores(backend, tmp_path), tmp_path)

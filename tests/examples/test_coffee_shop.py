@@ -62,6 +62,7 @@ def times(output: str) -> dict[str, list[float]]:
     return {name: [float(cell) for cell in cells] for name, *cells in rows}
 
 
+@pytest.mark.more
 def test_the_table_has_a_row_for_each_task_and_the_total(ran: Ran) -> None:
     rows = times(ran.output)
     assert "milliseconds" in ran.output

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pytest
 from pytest_alembic.tests import (
     test_model_definitions_match_ddl,
     test_single_head_revision,
@@ -17,3 +18,6 @@ __all__ = [
     "test_up_down_consistency",
     "test_upgrade",
 ]
+
+for each in (test_downgrade_leaves_no_trace, test_up_down_consistency):
+    pytest.mark.more(each)

@@ -67,6 +67,7 @@ def test_a_store_that_is_created_is_one_that_was_migrated(tmp_path: Path) -> Non
     assert current(created) == current(migrated) == VERSIONS[-1]
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("version", VERSIONS)
 def test_the_schema_of_each_version_is_the_one_on_record(empty_url: str, version: str) -> None:
     kant_sql.upgrade(empty_url, revision=version)

@@ -293,6 +293,7 @@ def test_the_history_of_a_fact_is_read_page_by_page(filled: Filled) -> None:
     assert found == [version.since.number for version in kb.history("(robot_at rb1 wp1)")][::-1]
 
 
+@pytest.mark.more
 def test_pages_take_as_many_statements_however_much_is_stored(
     filled: Filled,
 ) -> None:
