@@ -10,7 +10,7 @@ BINDERS = {"reads", "writes", "delegates"}
 
 
 class Questions(Extension):
-    """Makes a method of each `name = reads(name)`, with the question's own docstring."""
+    """Makes a method of each `name = reads(lambda: package.module.name)`, with its docstring."""
 
     def on_package(self, *, pkg: Module, **_: Any) -> None:
         """Replace the attributes, when all modules are read."""
@@ -21,7 +21,10 @@ class Questions(Extension):
             call = str(member.value) if member.is_attribute and member.value is not None else ""
             binder, _, asked = call.removesuffix(")").partition("(")
             if binder in BINDERS:
-                found = pkg["knowledge_base"][asked]
+                place = (
+                    f"knowledge_base.{asked}" if binder == "delegates" else asked[len("lambda: ") :]
+                )
+                found = pkg[place]
                 facade.set_member(name, _method(name, getattr(found, "final_target", found)))
 
 

@@ -26,7 +26,6 @@ from .dao.predicate import SqlPredicateDao
 from .dao.proposition import SqlPropositionDao
 from .dao.type import SqlTypeDao
 from .errors import InvalidArgumentError, InvalidUrlError
-from .history.branch import read_origin, write_branch
 from .history.moments import head_revision, state_at
 from .moment_text import When
 from .plans.dao import SqlPlanDao, check_step, place_of
@@ -401,6 +400,8 @@ class SqlDaoFactory(DaoFactory):
         at: When | None = None,
         url: str | None = None,
     ) -> DaoFactory:
+        from .history.branch import read_origin, write_branch
+
         store = self._store
         origin = read_origin(store, self._at if at is None else state_at(store, at, self._at))
         if url is None and name is not None:

@@ -5,45 +5,14 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable
 from functools import wraps
-from typing import Concatenate, ParamSpec, Self, TypeVar, cast
+from typing import Any, Concatenate, ParamSpec, Self, TypeVar, cast
 
-from . import html
+from . import documents, history, html, reasoning
 from .arguments import expect
 from .dao.base import refuse_past
-from .documents.exchange import (
-    domain,
-    domain_pddl,
-    load_domain,
-    load_problem,
-    problem,
-    problem_pddl,
-    requirements,
-)
-from .documents.planners import load_unified_planning, plan, to_unified_planning
 from .errors import InvalidArgumentError
 from .factory import DaoFactory, Daos, SqlDaoFactory, create_dao_factory, daos_only
-from .history.anchors import anchor
-from .history.archive.archive import archive
-from .history.audit import to_arrow
-from .history.diff import diff, diff_lines, state_lines
-from .history.follow import changes, watch
-from .history.log import log, revisions
-from .history.overview import read_overview
-from .history.replication.calls import push
-from .history.replication.promote import promote
-from .history.restore import restore
-from .history.timeline import timeline
-from .history.verify.verify import verify
-from .history.versions import blame, history
 from .moment_text import When
-from .reasoning.act import applicable_actions, is_applicable, why_not
-from .reasoning.ask import holds, query
-from .reasoning.complete import complete
-from .reasoning.durative import abort, apply, broken_invariants, end, start
-from .reasoning.explain import is_goal_reached, metric_value, unsatisfied, unsatisfied_goals
-from .reasoning.rules import check_rules
-from .reasoning.validate import validate
-from .reasoning.when import when
 from .sql.changes import Change
 from .store.state import State
 
@@ -69,37 +38,66 @@ def state_of(kb: KnowledgeBase) -> State:
     return state
 
 
+class _Question:
+    """A method of the class below that is made when it is first asked for."""
+
+    def __init__(self, make: Callable[[], Callable[..., Any]]) -> None:
+        self._make = make
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self._place = owner, name
+
+    def __get__(self, kb: object, owner: type | None = None) -> Any:
+        """Take the place of it for good."""
+        method = self._make()
+        setattr(*self._place, method)
+        return method.__get__(kb, owner)
+
+
 def reads(
-    function: Callable[Concatenate[State, P], R],
+    find: Callable[[], Callable[Concatenate[State, P], R]],
 ) -> Callable[Concatenate[KnowledgeBase, P], R]:
-    """Bind a function of a state: a method with its docstring, arguments and defaults."""
+    """Bind a function of a state: a method with its docstring, arguments and defaults.
 
-    @wraps(function)
-    def ask(self: KnowledgeBase, /, *args: P.args, **kwargs: P.kwargs) -> R:
-        return function(state_of(self), *args, **kwargs)
+    `find` names it. Its module is imported when the method is first asked for.
+    """
 
-    return _method(ask)
+    def make() -> Callable[..., R]:
+        function = find()
+
+        @wraps(function)
+        def ask(self: KnowledgeBase, /, *args: P.args, **kwargs: P.kwargs) -> R:
+            return function(state_of(self), *args, **kwargs)
+
+        return _method(ask)
+
+    return cast("Callable[Concatenate[KnowledgeBase, P], R]", _Question(make))
 
 
 def writes(
-    function: Callable[Concatenate[State, P], R],
+    find: Callable[[], Callable[Concatenate[State, P], R]],
 ) -> Callable[Concatenate[KnowledgeBase, P], R]:
     """Bind a function that writes, as `reads`; views of the past refuse it."""
 
-    @wraps(function)
-    def write(self: KnowledgeBase, /, *args: P.args, **kwargs: P.kwargs) -> R:
-        state = state_of(self)
-        if state.at is not None:
-            refuse_past(state.store, state.at)
-        return function(state, *args, **kwargs)
+    def make() -> Callable[..., R]:
+        function = find()
 
-    return _method(write)
+        @wraps(function)
+        def write(self: KnowledgeBase, /, *args: P.args, **kwargs: P.kwargs) -> R:
+            state = state_of(self)
+            if state.at is not None:
+                refuse_past(state.store, state.at)
+            return function(state, *args, **kwargs)
+
+        return _method(write)
+
+    return cast("Callable[Concatenate[KnowledgeBase, P], R]", _Question(make))
 
 
 def delegates(
     method: Callable[Concatenate[DaoFactory, P], R],
 ) -> Callable[Concatenate[KnowledgeBase, P], R]:
-    """Bind a method of the factory, as `reads`."""
+    """Bind a method of the factory."""
 
     @wraps(method)
     def call(self: KnowledgeBase, /, *args: P.args, **kwargs: P.kwargs) -> R:
@@ -108,9 +106,7 @@ def delegates(
     return call
 
 
-def _method(
-    bound: Callable[Concatenate[KnowledgeBase, P], R],
-) -> Callable[Concatenate[KnowledgeBase, P], R]:
+def _method(bound: Callable[..., R]) -> Callable[..., R]:
     """Show `self` in place of the state, to `help` and to who reads annotations."""
     shown = inspect.signature(bound)
     state, *others = shown.parameters.values()
@@ -142,51 +138,51 @@ class KnowledgeBase(Daos):
 
     transaction = delegates(DaoFactory.transaction)
 
-    load_domain = writes(load_domain)
-    load_problem = writes(load_problem)
-    load_unified_planning = writes(load_unified_planning)
-    domain = reads(domain)
-    problem = reads(problem)
-    domain_pddl = reads(domain_pddl)
-    problem_pddl = reads(problem_pddl)
-    requirements = reads(requirements)
-    to_unified_planning = reads(to_unified_planning)
-    plan = reads(plan)
+    load_domain = writes(lambda: documents.exchange.load_domain)
+    load_problem = writes(lambda: documents.exchange.load_problem)
+    load_unified_planning = writes(lambda: documents.planners.load_unified_planning)
+    domain = reads(lambda: documents.exchange.domain)
+    problem = reads(lambda: documents.exchange.problem)
+    domain_pddl = reads(lambda: documents.exchange.domain_pddl)
+    problem_pddl = reads(lambda: documents.exchange.problem_pddl)
+    requirements = reads(lambda: documents.exchange.requirements)
+    to_unified_planning = reads(lambda: documents.planners.to_unified_planning)
+    plan = reads(lambda: documents.planners.plan)
 
-    holds = reads(holds)
-    query = reads(query)
-    complete = reads(complete)
-    unsatisfied = reads(unsatisfied)
-    unsatisfied_goals = reads(unsatisfied_goals)
-    is_goal_reached = reads(is_goal_reached)
-    metric_value = reads(metric_value)
-    why_not = reads(why_not)
-    applicable_actions = reads(applicable_actions)
-    is_applicable = reads(is_applicable)
-    apply = writes(apply)
-    start = writes(start)
-    end = writes(end)
-    abort = writes(abort)
-    broken_invariants = reads(broken_invariants)
-    validate = reads(validate)
-    when = reads(when)
-    check_rules = reads(check_rules)
+    holds = reads(lambda: reasoning.ask.holds)
+    query = reads(lambda: reasoning.ask.query)
+    complete = reads(lambda: reasoning.complete.complete)
+    unsatisfied = reads(lambda: reasoning.explain.unsatisfied)
+    unsatisfied_goals = reads(lambda: reasoning.explain.unsatisfied_goals)
+    is_goal_reached = reads(lambda: reasoning.explain.is_goal_reached)
+    metric_value = reads(lambda: reasoning.explain.metric_value)
+    why_not = reads(lambda: reasoning.act.why_not)
+    applicable_actions = reads(lambda: reasoning.act.applicable_actions)
+    is_applicable = reads(lambda: reasoning.act.is_applicable)
+    apply = writes(lambda: reasoning.durative.apply)
+    start = writes(lambda: reasoning.durative.start)
+    end = writes(lambda: reasoning.durative.end)
+    abort = writes(lambda: reasoning.durative.abort)
+    broken_invariants = reads(lambda: reasoning.durative.broken_invariants)
+    validate = reads(lambda: reasoning.validate.validate)
+    when = reads(lambda: reasoning.when.when)
+    check_rules = reads(lambda: reasoning.rules.check_rules)
 
-    revisions = reads(revisions)
-    log = reads(log)
-    changes = reads(changes)
-    watch = reads(watch)
-    diff = reads(diff)
-    history = reads(history)
-    blame = reads(blame)
-    timeline = reads(timeline)
-    to_arrow = reads(to_arrow)
-    restore = writes(restore)
-    verify = reads(verify)
-    anchor = reads(anchor)
-    archive = writes(archive)
-    push = writes(push)
-    promote = writes(promote)
+    revisions = reads(lambda: history.log.revisions)
+    log = reads(lambda: history.log.log)
+    changes = reads(lambda: history.follow.changes)
+    watch = reads(lambda: history.follow.watch)
+    diff = reads(lambda: history.diff.diff)
+    history = reads(lambda: history.versions.history)
+    blame = reads(lambda: history.versions.blame)
+    timeline = reads(lambda: history.timeline.timeline)
+    to_arrow = reads(lambda: history.audit.to_arrow)
+    restore = writes(lambda: history.restore.restore)
+    verify = reads(lambda: history.verify.verify.verify)
+    anchor = reads(lambda: history.anchors.anchor)
+    archive = writes(lambda: history.archive.archive.archive)
+    push = writes(lambda: history.replication.calls.push)
+    promote = writes(lambda: history.replication.promote.promote)
 
     def diff_with(self, other: KnowledgeBase) -> list[Change]:
         """Compare this state with that of another knowledge base, in any store.
@@ -211,7 +207,9 @@ class KnowledgeBase(Daos):
             + object wp2 - wp
         """
         expect(other, KnowledgeBase, "what it is compared with", InvalidArgumentError)
-        return diff_lines(state_lines(state_of(self)), state_lines(state_of(other)))
+        return history.diff.diff_lines(
+            history.diff.state_lines(state_of(self)), history.diff.state_lines(state_of(other))
+        )
 
     def at(self, when: When) -> Self:
         """Open a past state for reading; writes raise `ReadOnlyError`.
@@ -310,7 +308,7 @@ class KnowledgeBase(Daos):
         head = self.revision
         last = [each._html_row_() for each in self.revisions(after=max(0, head - _LATEST))][::-1]
         latest = html.heading("The latest revisions") + html.table(last) if last else ""
-        counts = {"revision": head, **read_overview(state_of(self))._asdict()}
+        counts = {"revision": head, **history.overview.read_overview(state_of(self))._asdict()}
         return html.heading(self.factory.label) + html.fields(counts) + latest
 
     def __enter__(self) -> Self:

@@ -2,6 +2,15 @@
 
 from __future__ import annotations
 
-from .exchange import Loaded, Mode
+from typing import TYPE_CHECKING
+
+from ..later import asked_for
+
+if TYPE_CHECKING:
+    from . import exchange as exchange
+    from . import planners as planners
+    from .exchange import Loaded, Mode
+else:
+    __getattr__ = asked_for(__name__, {".exchange": ("Loaded", "Mode")})
 
 __all__ = ["Loaded", "Mode"]

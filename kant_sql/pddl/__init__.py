@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from ..dto.formulas import (
     And,
     Arithmetic,
@@ -31,11 +33,20 @@ from ..dto.formulas import (
     Variable,
     When,
 )
+from ..later import asked_for
 from .document import Action, Domain, Function, FunctionValue, PddlWarning, Predicate, Problem
 from .lexer import Position, Source, Text
-from .reader import read, read_domain, read_problem
-from .requirements import used_requirements
 from .writer import write
+
+if TYPE_CHECKING:
+    from .reader import read, read_domain, read_problem
+    from .requirements import used_requirements
+else:
+    homes = {
+        ".reader": ("read", "read_domain", "read_problem"),
+        ".requirements": ("used_requirements",),
+    }
+    __getattr__ = asked_for(__name__, homes)
 
 __all__ = [
     "Action",

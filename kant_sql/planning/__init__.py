@@ -2,9 +2,17 @@
 
 from __future__ import annotations
 
-from .from_up import from_unified_planning
+from typing import TYPE_CHECKING
+
+from ..later import asked_for
 from .plan import Plan, PlanStep, problem_hash, solve
-from .to_up import to_unified_planning
+
+if TYPE_CHECKING:
+    from .from_up import from_unified_planning
+    from .to_up import to_unified_planning
+else:
+    homes = {".from_up": ("from_unified_planning",), ".to_up": ("to_unified_planning",)}
+    __getattr__ = asked_for(__name__, homes)
 
 __all__ = [
     "Plan",

@@ -17,7 +17,6 @@ from .. import html
 from ..arguments import one_of, shown, whole_number
 from ..dao.base import SqlDao
 from ..dao.formula import read_formulas
-from ..documents.exchange import domain_pddl, problem_pddl
 from ..dto.elements import atom_text
 from ..dto.lexical import number_text
 from ..errors import InvalidKnowledgeError, PlanError, reading_rows
@@ -236,6 +235,8 @@ Kept = tuple[str | None, str | None]
 
 def _write_given(store: Store, revision: int) -> Given:
     state = State(store, revision)
+    from ..documents.exchange import domain_pddl, problem_pddl
+
     return Given(domain_pddl(state), problem_pddl(state))
 
 

@@ -2,7 +2,23 @@
 
 from __future__ import annotations
 
-from .ask import Answers, Binding
-from .steps import Step, UpActionInstance
+from typing import TYPE_CHECKING
+
+from ..later import asked_for
+
+if TYPE_CHECKING:
+    from . import act as act
+    from . import ask as ask
+    from . import complete as complete
+    from . import durative as durative
+    from . import explain as explain
+    from . import rules as rules
+    from . import validate as validate
+    from . import when as when
+    from .ask import Answers, Binding
+    from .steps import Step, UpActionInstance
+else:
+    homes = {".ask": ("Answers", "Binding"), ".steps": ("Step", "UpActionInstance")}
+    __getattr__ = asked_for(__name__, homes)
 
 __all__ = ["Answers", "Binding", "Step", "UpActionInstance"]

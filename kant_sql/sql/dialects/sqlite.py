@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes
 import json
 import os
 import re
@@ -565,6 +564,8 @@ class _MemoryPool(_Pool, StaticPool):
 
 def _keep_for_ever(kept: object) -> None:
     """Keep something until this process ends, beyond the end of the interpreter."""
+    import ctypes
+
     ctypes.pythonapi.Py_IncRef(ctypes.py_object(kept))
 
 
