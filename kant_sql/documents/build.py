@@ -19,7 +19,7 @@ from ..dto.lexical import ROOT_TYPE, fold
 from ..errors import ConflictError, each_readable, reading_rows
 from ..knowledge import definitions as d
 from ..knowledge.canonical import with_text
-from ..knowledge.formulas import TreeReader, typed_name
+from ..knowledge.formulas import action_of, typed_name
 from ..knowledge.trees import ParameterDefinition
 from ..pddl import used_requirements
 from ..pddl.document import Action, Domain, Function, FunctionValue, Predicate, Problem
@@ -257,11 +257,7 @@ class _DomainBuilder(_Builder):
 
     def _action(self, action: d.ActionDefinition) -> Action:
         with reading_rows("action_version", f"action {action.id!r}"):
-            parts = (
-                TreeReader(self._definitions, tree, action.parameters).conjuncts()
-                for tree in action.trees
-            )
-            return Action(action.kind, action.name, self._parameters(action.parameters), *parts)
+            return action_of(self._definitions, action)
 
 
 def build_domain(definitions: d.Definitions, default_name: str) -> Domain:

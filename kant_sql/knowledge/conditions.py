@@ -394,6 +394,9 @@ class Resolver:
                 least = self._expression(first, needed, bound)
                 most = self._expression(second, needed, bound)
                 found = Compares(operator, least, most)
+            case f.Preference():
+                # It is counted, not required.
+                return TRUE
             case _:
                 raise UnsupportedConstructError(
                     f"{node} is no condition of one state; give a formula of atoms, comparisons, "

@@ -8,8 +8,9 @@ from typing import Any
 
 from ..dto import formulas as f
 from ..dto.formulas import Term as FormulaTerm
+from ..pddl.document import Action
 from . import trees as kinds
-from .definitions import Definitions
+from .definitions import ActionDefinition, Definitions
 from .trees import ParameterDefinition, Tree, TreeNode, TreeTerm, children
 
 _Build = Callable[[TreeNode, tuple[Any, ...]], Any]
@@ -109,3 +110,10 @@ class TreeReader:
             return f.Variable(self._tree[term.quantifier].variables[term.variable or 0].name)
         fluent: f.Fluent = self._read[term.child or 0]
         return fluent
+
+
+def action_of(definitions: Definitions, action: ActionDefinition) -> Action:
+    """Read an action."""
+    parts = [TreeReader(definitions, tree, action.parameters).conjuncts() for tree in action.trees]
+    variables = tuple([typed_name(definitions, each) for each in action.parameters])
+    return Action(action.kind, action.name, variables, *parts)

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from itertools import count
 from typing import TypeVar
 
+from ..dto.formulas import Derived
 from ..errors import UNREADABLE, InvalidKnowledgeError, KantSqlError, unreadable
 from .conditions import (
     AllOf,
@@ -47,35 +48,44 @@ class DerivationRules:
         component: for each derived predicate, those that it depends on and that depend on it.
     """
 
-    def __init__(self, definitions: Definitions) -> None:
+    def __init__(self, definitions: Definitions, given: Iterable[Derived] | None = None) -> None:
+        """Resolve the rules of a state: those that are stored, or given."""
         self.numbers: Iterator[int] = count(1_000_000)
         self._rules: dict[int, list[DerivationRule]] = {}
         self._checked: set[int] = set()
-        for formula in definitions.formulas:
-            if formula.section == DERIVED_PREDICATE:
-                predicate, rule = self._read(definitions, formula)
-                self._rules.setdefault(predicate, []).append(rule)
+        if given is None:
+            for formula in definitions.formulas:
+                if formula.section == DERIVED_PREDICATE:
+                    self._read(definitions, formula)
+        else:
+            for node in given:
+                self._add(definitions, node)
         self.component = {
             each: frozenset(component)
             for component in strong_components({each: self._uses(each) for each in self._rules})
             for each in component
         }
 
-    def _read(
-        self, definitions: Definitions, formula: FormulaDefinition
-    ) -> tuple[int, DerivationRule]:
-        """Return the predicate of a rule, and the rule; its rows may be damaged."""
+    def _read(self, definitions: Definitions, formula: FormulaDefinition) -> None:
+        """Add a stored rule, whose rows may be damaged."""
         try:
-            node = TreeReader(definitions, formula.tree).formula()
-            predicate = definitions.predicates.named(node.predicate)
-            assert predicate is not None
-            resolver = Resolver(definitions, self.numbers)
-            parameters = resolver.variables(node.variables)
-            return predicate.id, DerivationRule(parameters, resolver.part(node.formula))
+            self._add(definitions, TreeReader(definitions, formula.tree).formula())
         except KantSqlError:
             raise
         except UNREADABLE as error:
             raise unreadable("formula_version", f"rule {formula.text!r}", error) from error
+
+    def _add(self, definitions: Definitions, node: Derived) -> None:
+        predicate = definitions.predicates.named(node.predicate)
+        assert predicate is not None
+        resolver = Resolver(definitions, self.numbers)
+        rule = DerivationRule(resolver.variables(node.variables), resolver.part(node.formula))
+        self._rules.setdefault(predicate.id, []).append(rule)
+
+    @property
+    def components(self) -> list[frozenset[int]]:
+        """The predicates that depend on each other, those that others use first."""
+        return [*dict.fromkeys(self.component.values())]
 
     def replaced(self, of: Callable[[Part], Part]) -> DerivationRules:
         """Return rules with other bodies, which use the same derived predicates."""
@@ -106,7 +116,7 @@ class DerivationRules:
         return len(component) > 1 or predicate in self._uses(predicate)
 
     def _uses(self, predicate: int) -> list[int]:
-        found = (used for rule in self.of(predicate) for used, _ in _mentioned(rule.body))
+        found = (used for rule in self.of(predicate) for used, _ in mentioned(rule.body))
         return [each for each in dict.fromkeys(found) if each in self._rules]
 
     def check_stratified(self, definitions: Definitions) -> None:
@@ -118,7 +128,7 @@ class DerivationRules:
         name = {each: definitions.predicates.live(each).name for each in self._rules}
         for predicate, component in self.component.items():
             for rule in self.of(predicate):
-                for used, is_negative in _mentioned(rule.body):
+                for used, is_negative in mentioned(rule.body):
                     if is_negative and used in component:
                         others = sorted(name[each] for each in component - {predicate})
                         through = f", through {', '.join(others)}" if others else ""
@@ -130,7 +140,7 @@ class DerivationRules:
                         )
 
 
-def _mentioned(body: Part) -> Iterator[tuple[int, bool]]:
+def mentioned(body: Part) -> Iterator[tuple[int, bool]]:
     """Yield each predicate of a body, and whether it stands below a negation."""
     stack: list[tuple[Part, bool]] = [(body, False)]
     while stack:

@@ -13,42 +13,46 @@ An effect on a fluent without a value is undefined, except `assign`, and fails.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from decimal import Decimal
 from fractions import Fraction
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from ..dto import formulas as f
-from ..dto.lexical import fold
-from ..errors import UnsupportedConstructError
-from ..pddl.cursor import hint
-from ..pddl.document import DURATIVE_ACTION, Action
-from ..pddl.formulas import flatten
-from .arithmetic import CHANGES, EXACT, LINEARS, Exact, Linear, decimal_of
-from .conditions import Compiler, Conditions, Env, Search
-from .failures import FailedCondition, duration_failure, failed_parts
-from .grounding import (
-    Binding,
-    bound,
-    check_continuous,
-    is_continuous,
-    no_multiple,
-    substitute,
+from ..knowledge.conditions import (
+    FALSE,
+    TRUE,
+    FluentIs,
+    HoldsFact,
+    Known,
+    NumberOf,
+    Operation,
+    Part,
+    Place,
+    Quantity,
+    Slot,
+    Witness,
+    parts_of,
 )
-from .junctions import positive
-from .relations import Row
-from .world import FluentRow, World
+from ..knowledge.rules import rules_of
+from ..pddl.cursor import hint
+from ..pddl.document import Action
+from .arithmetic import CHANGES, EXACT, LINEARS, Exact, Linear, decimal_of
+from .evaluate import Compiler, Env, Rows, Search
+from .failures import FailedCondition, duration_failure, failed_parts
+from .grounding import Binding, bound, substitute
+from .steps import CONTINUOUS, EffectItem, PreparedAction
+from .world import FluentRow, Head, Row, World
 
 _ADDITIVE = ("increase", "decrease")
-_CONTINUOUS = "continuously"
 
 
 class Update(NamedTuple):
     """A change of a fluent: `assign` and the like, with the value of the right-hand side."""
 
     operator: str
-    value: Exact | str
+    value: Exact | int
 
 
 @dataclass
@@ -62,292 +66,210 @@ class Changes:
         undefined: effects that have no defined result.
     """
 
-    deletes: set[tuple[str, Row]] = field(default_factory=set)
-    adds: set[tuple[str, Row]] = field(default_factory=set)
+    deletes: set[FluentRow] = field(default_factory=set)
+    adds: set[FluentRow] = field(default_factory=set)
     updates: dict[FluentRow, list[Update]] = field(default_factory=dict)
     undefined: list[FailedCondition] = field(default_factory=list)
-
-
-class _Effect(NamedTuple):
-    """A single effect, with the quantified variables and the conditions around it."""
-
-    leaf: f.Formula
-    time: str | None
-    variables: tuple[f.TypedName, ...]
-    conditions: tuple[tuple[f.Formula, str | None], ...]
-
-
-def _effects(action: Action) -> Iterator[_Effect]:
-    """Yield the single effects of an action."""
-    stack = [_Effect(one, None, (), ()) for one in reversed(action.effect)]
-    while stack:
-        whole = stack.pop()
-        part, _, variables, conditions = whole
-        if isinstance(part, f.And):
-            stack.extend(whole._replace(leaf=one) for one in reversed(part.formulas))
-        elif isinstance(part, f.Timed):
-            stack.append(whole._replace(leaf=part.formula, time=part.time))
-        elif isinstance(part, f.When):
-            parts = [_timed(one) for one in flatten(part.condition)]
-            stack.append(whole._replace(leaf=part.effect, conditions=(*conditions, *parts)))
-        elif isinstance(part, f.Forall):
-            inner = _renamed(part, variables)
-            stack.append(
-                whole._replace(leaf=inner.formula, variables=(*variables, *inner.variables))
-            )
-        else:
-            yield whole._replace(time=_CONTINUOUS) if is_continuous(part) else whole
-
-
-def _timed(condition: f.Formula) -> tuple[f.Formula, str | None]:
-    if isinstance(condition, f.Timed):
-        return condition.formula, condition.time
-    return condition, None
-
-
-def _renamed(part: f.Forall, outside: Sequence[f.TypedName]) -> f.Forall:
-    """Rename variables that would hide those of a quantifier outside."""
-    taken = {fold(one.name) for one in outside}
-    other = {
-        fold(v.name): f"{v.name}-{len(taken)}" for v in part.variables if fold(v.name) in taken
-    }
-    variables = [f.TypedName(other.get(fold(v.name), v.name), v.types) for v in part.variables]
-    return f.Forall(tuple(variables), substitute(part.formula, other, f.Variable))
-
-
-# Notes what an effect changes, in an environment where all its variables have objects.
-_Apply = Callable[[Env, Changes], None]
 
 
 class _CompiledEffect:
     """A single effect, with the search for the objects that it takes place for."""
 
-    def __init__(self, world: World, action: Action, effect: _Effect, time: str | None) -> None:
-        self.source = effect
-        compiler = Compiler(world, action.parameters)
-        early = [part for part, when in effect.conditions if when == f.AT_START != time]
-        now = [part for part, when in effect.conditions if when in (None, time)]
-        for _, when in effect.conditions:
-            if when not in (None, time) and (when, time) != (f.AT_START, f.AT_END):
-                raise UnsupportedConstructError(
-                    f"the action {action.name} has an effect {time} with a condition {when}; a "
-                    "condition of an effect is at the same time, or at the start"
-                )
-        applied: list[_Apply] = []
-        self._search, self._slots = compiler.open_search(
-            effect.variables,
-            positive(now),
-            within=lambda: applied.append(_leaf(world, compiler, effect.leaf)),
-        )
-        self._apply = applied[0]
-        self._early: Search | None = None
-        if early:
-            self._early, self._early_slots = compiler.open_search(effect.variables, positive(early))
-        self._template, self._duration = compiler.template, compiler.duration
+    def __init__(self, world: World, action: PreparedAction, item: EffectItem) -> None:
+        self._world, self._item = world, item
+        compiler = self._compiler = _compiler(world, action)
+        self._search = compiler.search(item.bound, item.condition)
+        self._objects = compiler.picker([each.slot for each in item.bound])
+        self._around = compiler.picker([each.slot for each in item.around])
+        self._row = compiler.picker(item.terms)
+        self._value = _value(compiler, item.value)
+        self._lacking: Search | None = None
+        if item.lacking != FALSE:
+            self._lacking = compiler.search(item.around, item.lacking)
+        self._early: Rows | None = None
+        if item.earlier != TRUE:
+            self._early = compiler.rows(item.around, item.earlier)
 
-    def _env(self, arguments: Sequence[str], duration: Decimal | None) -> Env:
-        env = self._template.copy()
-        env[: len(arguments)] = arguments
-        env[self._duration] = duration
-        return env
-
-    def remember(self, arguments: Sequence[str], duration: Decimal | None) -> set[Row] | None:
+    def remember(self, arguments: Sequence[int], duration: Decimal | None) -> set[Row] | None:
         """Return the objects for which the conditions at start hold, if there are such."""
         if self._early is None:
             return None
-        env = self._env(arguments, duration)
-        return {tuple([env[slot] for slot in self._early_slots]) for _ in self._early(env)}
+        return self._early(self._compiler.env(arguments, duration))
 
     def collect(
         self,
-        arguments: Sequence[str],
+        arguments: Sequence[int],
         duration: Decimal | None,
         remembered: set[Row] | None,
         changes: Changes,
     ) -> None:
         """Note what the effect changes."""
-        env = self._env(arguments, duration)
+        env = self._compiler.env(arguments, duration)
+        if self._lacking is not None:
+            for _ in self._lacking(env):
+                if remembered is None or self._around(env) in remembered:
+                    is_fact = self._item.value is None
+                    reason = "an argument has no value" if is_fact else "its value is undefined"
+                    changes.undefined.append(FailedCondition(str(self._item.node), reason))
         seen: set[Row] = set()
         for _ in self._search(env):
-            row = tuple([env[slot] for slot in self._slots])
             # Alternatives of a disjunction may find the same objects.
-            if row not in seen and (remembered is None or row in remembered):
+            row = self._objects(env)
+            if row not in seen and (remembered is None or self._around(env) in remembered):
                 seen.add(row)
                 self._apply(env, changes)
 
-
-def _leaf(world: World, compiler: Compiler, leaf: f.Formula) -> _Apply:
-    if isinstance(leaf, f.Assign):
-        return _assignment(world, compiler, leaf)
-    is_delete = isinstance(leaf, f.Not)
-    atom = leaf.formula if isinstance(leaf, f.Not) else leaf
-    if not isinstance(atom, f.Atom):
-        raise UnsupportedConstructError(f"({f.head(leaf)} ...) is no effect")
-    row_of = compiler.row(atom.terms)
-    predicate = atom.predicate
-
-    def apply(env: Env, changes: Changes) -> None:
-        row = row_of(env)
-        if row is None:
-            changes.undefined.append(FailedCondition(str(leaf), "an argument has no value"))
-        elif is_delete:
-            changes.deletes.add((predicate, row))
+    def _apply(self, env: Env, changes: Changes) -> None:
+        item, row = self._item, self._row(env)
+        if item.operator == "delete":
+            changes.deletes.add((item.head, row))
+        elif item.operator == "add":
+            changes.adds.add((item.head, row))
         else:
-            changes.adds.add((predicate, row))
+            self._update(row, self._value(env), changes)
 
-    return apply
-
-
-def _assignment(world: World, compiler: Compiler, leaf: f.Assign) -> _Apply:
-    row_of = compiler.row(leaf.fluent.terms)
-    function, operator = leaf.fluent.function, leaf.operator
-    value_of = _value(world, compiler, leaf)
-
-    def apply(env: Env, changes: Changes) -> None:
-        row, value = row_of(env), value_of(env)
-        present = None if row is None else world.table(function).get(row)
-        if row is None or value is None:
-            changes.undefined.append(FailedCondition(str(leaf), "its value is undefined"))
-        elif present is None and operator != "assign":
-            text = f"({' '.join((function, *row))})"
-            changes.undefined.append(FailedCondition(str(leaf), f"{text} has no value"))
-        elif operator == "scale-down" and not value:
-            changes.undefined.append(FailedCondition(str(leaf), "it divides by 0"))
+    def _update(self, row: Row, value: Exact | int | None, changes: Changes) -> None:
+        item, reason = self._item, ""
+        if value is None:
+            reason = "its value is undefined"
+        elif item.operator != "assign" and row not in self._world.table(item.head):
+            reason = f"{self._world.text((False, item.head), row)} has no value"
+        elif item.operator == "scale-down" and not value:
+            reason = "it divides by 0"
+        if value is None or reason:
+            changes.undefined.append(FailedCondition(str(item.node), reason))
         else:
-            changes.updates.setdefault((function, row), []).append(Update(operator, value))
-
-    return apply
+            changes.updates.setdefault((item.head, row), []).append(Update(item.operator, value))
 
 
-def _value(world: World, compiler: Compiler, leaf: f.Assign) -> Callable[[Env], Exact | str | None]:
+def _compiler(world: World, action: PreparedAction) -> Compiler:
+    return Compiler(world, [each.slot for each in action.parameters])
+
+
+def _value(compiler: Compiler, value: Quantity | Place | None) -> Callable[[Env], Any]:
     """Compile the right-hand side of an assignment."""
-    if world.is_numeric(leaf.fluent.function):
-        assert not isinstance(leaf.value, f.Constant)
-        number = compiler.expression(leaf.value)
-        return lambda env: number(env, EXACT)
-    assert isinstance(leaf.value, f.Variable | f.Constant | f.Fluent)
-    row_of = compiler.row((leaf.value,))
-
-    def of(env: Env) -> str | None:
-        row = row_of(env)
-        return None if row is None else row[0]
-
-    return of
+    if value is None:
+        return lambda env: None
+    if isinstance(value, Slot | Known):
+        at = compiler.at(value)
+        return lambda env: env[at]
+    number = compiler.number(value)
+    return lambda env: number(env, EXACT)
 
 
 class Phase:
     """What an action requires and does at one time: at its start, at its end, or at once.
 
+    Args:
+        world: the state.
+        action: the action.
+        time: `at start` or `at end`; an instantaneous action is at its start.
+
     Attributes:
-        time: `at start`, `at end`, or None for an instantaneous action.
-        conditions: the conjuncts of its condition.
-        durations: the constraints on its duration.
+        condition: what it requires, hard conditions only.
         effects: its effects.
         reads: what it reads: conditions, those of effects included, and right-hand sides.
     """
 
-    def __init__(self, world: World, action: Action, time: str | None) -> None:
-        self.time = time
-        self.conditions = [*_conditions(action, time)]
-        self.durations = [*_durations(action, time)]
-        found = [one for one in _effects(action) if one.time == time]
-        self.effects = [_CompiledEffect(world, action, one, time) for one in found]
-        self.reads: list[f.Node] = [*self.conditions, *self.durations]
-        for effect in found:
-            self.reads += [part for part, when in effect.conditions if when in (None, time)]
-            if isinstance(effect.leaf, f.Assign):
-                self.reads += [effect.leaf.value, *effect.leaf.fluent.terms]
-        if time == f.AT_START:
+    def __init__(self, world: World, action: PreparedAction, time: str) -> None:
+        self._world, self._action, self._time = world, action, time
+        self.condition = action.condition(time)
+        self._compiler = _compiler(world, action)
+        self._holds = self._compiler.test(self.condition)
+        items = action.items(time)
+        self.effects = [_CompiledEffect(world, action, item) for item in items]
+        self._limits = [*self._durations()]
+        self._preferences = [*self._preferred()]
+        self.reads: list[Part | Quantity] = [self.condition]
+        self.reads += [each for limit in self._limits for each in limit.reads]
+        self.reads += [each.part for each in self._preferences]
+        for item in items:
+            self.reads.append(item.condition)
+            if not isinstance(item.value, Slot | Known | None):
+                self.reads.append(item.value)
+        if time == f.AT_START and action.is_durative:
             # What an effect at the end depends on at the start is read then.
-            self.reads += [
-                part
-                for one in _effects(action)
-                for part, when in one.conditions
-                if (one.time, when) == (f.AT_END, f.AT_START)
-            ]
+            self.reads += [item.earlier for item in action.items(f.AT_END)]
+
+    def _durations(self) -> Iterator[_Limit]:
+        resolver, compiler = self._action.resolver, self._compiler
+        for constraint in self._action.constraints(self._time) if self._action.is_durative else ():
+            sides = [resolver.number(side) for side in (constraint.left, constraint.right)]
+            reads = [part for number, needed in sides for part in (number, *needed.needed)]
+            left, right = (compiler.number(*side) for side in sides)
+            yield _Limit(constraint, left, right, reads)
+
+    def _preferred(self) -> Iterator[_Preference]:
+        compile_ = self._compiler.counterexamples
+        for name, variables, formula in self._action.preferences(self._time):
+            yield _Preference(name, *compile_(self._action.resolver, variables, formula))
+
+    def unmet(
+        self, arguments: Sequence[int], binding: Binding, duration: Decimal | None
+    ) -> list[FailedCondition]:
+        """Return what of the condition and of the constraints on the duration does not hold."""
+        env, found = self._compiler.env(arguments, duration), []
+        for limit in self._limits:
+            sides = [limit.left(env, EXACT), limit.right(env, EXACT)]
+            left, right = (None if side is None else decimal_of(side) for side in sides)
+            failed = duration_failure(substitute(limit.constraint, binding), left, right)
+            found += [] if failed is None else [failed]
+        if not self._holds(env):
+            for node in self._action.nodes(self._time):
+                found += failed_parts(self._world, node, binding, duration)
+        return found
+
+    def violated(self, arguments: Sequence[int]) -> Iterator[str | None]:
+        """Yield the name of a preference for each of its violations."""
+        env = self._compiler.env(arguments)
+        for name, _, rows in self._preferences:
+            yield from [name] * len(rows(env))
 
 
-def _conditions(action: Action, time: str | None) -> Iterator[f.Formula]:
-    """Yield the conditions at a time; one without a time in a durative action is at the start."""
-    default = f.AT_START if action.kind == DURATIVE_ACTION else None
-    for part in _spread(action.condition):
-        condition, when = _timed(part)
-        if (when or default) == time:
-            yield condition
+class _Limit(NamedTuple):
+    """A constraint on the duration."""
+
+    constraint: f.Comparison
+    left: Callable[..., Any]
+    right: Callable[..., Any]
+    reads: list[Part | Quantity]
 
 
-def _spread(conditions: Sequence[f.Formula]) -> Iterator[f.Formula]:
-    """Yield conjuncts; quantifiers and preferences go inside of times."""
-    for condition in conditions:
-        for part in flatten(condition):
-            if isinstance(part, f.Forall | f.Preference) and _has_times(part):
-                for inner in _spread((part.formula,)):
-                    formula, when = _timed(inner)
-                    wrapped = (
-                        f.Forall(part.variables, formula)
-                        if isinstance(part, f.Forall)
-                        else f.Preference(part.name, formula)
-                    )
-                    yield wrapped if when is None else f.Timed(when, wrapped)
-            elif isinstance(part, f.Timed) and isinstance(part.formula, f.And):
-                yield from (f.Timed(part.time, one) for one in flatten(part.formula))
-            else:
-                yield part
+class _Preference(NamedTuple):
+    """A preference, and what finds the objects for which it is violated."""
 
-
-def _has_times(part: f.Formula) -> bool:
-    return any(isinstance(node, f.Timed) for node in f.walk(part))
-
-
-def _durations(action: Action, time: str | None) -> Iterator[f.Comparison]:
-    """Yield the constraints on the duration at a time; by default at the start."""
-    for part in action.duration:
-        constraint, when = _timed(part)
-        if action.kind == DURATIVE_ACTION and (when or f.AT_START) == time:
-            yield from (one for one in flatten(constraint) if isinstance(one, f.Comparison))
+    name: str | None
+    part: Part
+    rows: Rows
 
 
 class _Continuous:
     """A continuous effect: the rate at which fluents change while an action runs."""
 
-    def __init__(self, world: World, action: Action, effect: _Effect) -> None:
-        leaf = effect.leaf
-        assert isinstance(leaf, f.Assign)
-        assert not isinstance(leaf.value, f.Constant)
-        value = leaf.value
-        check_continuous(action.name, leaf, bool(effect.conditions))
-        self._leaf = leaf
-        compiler = Compiler(world, action.parameters)
-        parts: list[tuple[Callable[[Env], Row | None], Callable[..., Linear | None]]] = []
-        self._search, _ = compiler.open_search(
-            effect.variables,
-            (),
-            within=lambda: parts.append(
-                (compiler.row(leaf.fluent.terms), compiler.expression(value))
-            ),
-        )
-        self._row, self._number = parts[0]
-        self._sign = 1 if leaf.operator == "increase" else -1
-        self._template, self._duration = compiler.template, compiler.duration
+    def __init__(self, world: World, action: PreparedAction, item: EffectItem) -> None:
+        assert isinstance(item.value, Operation)
+        self._item = item
+        compiler = self._compiler = _compiler(world, action)
+        self._search = compiler.search(item.bound, item.condition)
+        self._row = compiler.picker(item.terms)
+        # The value is the rate times the duration.
+        self._rate = compiler.number(item.value.operands[0])
+        self._sign = 1 if item.operator == "increase" else -1
 
     def rates(
-        self, arguments: Sequence[str], duration: Decimal | None
+        self, arguments: Sequence[int], duration: Decimal | None
     ) -> Iterator[tuple[FluentRow, Fraction]]:
         """Yield the rate of each fluent.
 
         Raises:
             UnsupportedConstructError: the change is not linear in time.
         """
-        env = self._template.copy()
-        env[: len(arguments)] = arguments
-        env[self._duration] = duration
+        env = self._compiler.env(arguments, duration)
         for _ in self._search(env):
-            row, change = self._row(env), self._number(env, LINEARS)
-            if row is None or change is None:
-                continue
-            if change.value:
-                raise no_multiple(self._leaf)
-            yield (self._leaf.fluent.function, row), self._sign * change.rate
+            rate = self._rate(env, LINEARS)
+            if rate is not None:
+                change = LINEARS.multiply(Linear(Fraction(0), Fraction(1)), rate)
+                yield (self._item.head, self._row(env)), self._sign * change.rate
 
 
 class Schema:
@@ -355,58 +277,67 @@ class Schema:
 
     Attributes:
         action: the action.
-        phases: what it requires and does at each of its times.
-        invariants: the conjuncts of its condition over all.
+        phases: what it requires and does at each of its times; None for an instantaneous action.
         continuous: its continuous effects.
     """
 
-    def __init__(self, world: World, action: Action) -> None:
-        """Compile an action.
+    def __init__(self, world: World, node: Action) -> None:
+        """Compile an action of a document.
 
         Raises:
             UnsupportedConstructError: an effect has a condition at another time, or changes a
                 fluent continuously, but not linearly.
         """
-        self.action = action
-        times = (f.AT_START, f.AT_END) if action.kind == DURATIVE_ACTION else (None,)
-        self.phases = {time: Phase(world, action, time) for time in times}
-        self.invariants = [*_conditions(action, f.OVER_ALL)]
-        self.continuous = [
-            _Continuous(world, action, one) for one in _effects(action) if one.time == _CONTINUOUS
-        ]
+        self._world = world
+        action = self.action = PreparedAction(world.definitions, node)
+        self._durative = (f.AT_START, f.AT_END) if action.is_durative else ()
+        self.phases: dict[str | None, Phase] = {
+            time: Phase(world, action, time) for time in self._durative
+        } or {None: Phase(world, action, f.AT_START)}
+        items = action.items(CONTINUOUS) if action.is_durative else ()
+        self.continuous = [_Continuous(world, action, item) for item in items]
+        self._compiler = _compiler(world, action)
+        always = action.condition(f.OVER_ALL) if action.is_durative else TRUE
+        self._is_kept = self._compiler.test(always)
+
+    def broken(self, snap: Snap) -> list[FailedCondition]:
+        """Return what of the condition over all does not hold."""
+        if self._is_kept(self._compiler.env(snap.arguments, snap.duration)):
+            return []
+        nodes = self.action.nodes(f.OVER_ALL)
+        parts = [failed_parts(self._world, one, snap.binding, snap.duration) for one in nodes]
+        return [failed for found in parts for failed in found]
 
     def misfit(self, world: World, names: Sequence[str]) -> FailedCondition | None:
         """Return why names are no arguments of the action, if so."""
-        parameters = self.action.parameters
+        variables = self.action.variables
         text = f"({' '.join((self.action.name, *names))})"
-        if len(names) != len(parameters):
-            needs = f"{self.action.name} has {len(parameters)} parameters"
+        if len(names) != len(variables):
+            needs = f"{self.action.name} has {len(variables)} parameters"
             return FailedCondition(text, f"{needs}, and {len(names)} arguments are given")
-        for name, parameter in zip(names, parameters, strict=True):
+        for name, variable, own in zip(names, variables, self.action.parameters, strict=True):
             known = world.object(name)
             if known is None:
-                near = hint(name, list(world.objects))
+                near = hint(name, [one.name for one in world.definitions.objects])
                 return FailedCondition(text, f"there is no object {name}{near}")
-            if known not in world.members(parameter.types):
-                wanted = f"?{parameter.name} is of type {parameter.type_text}"
-                return FailedCondition(text, f"{known} does not fit: {wanted}")
+            if known not in world.members(own.types):
+                wanted = f"?{variable.name} is of type {variable.type_text}"
+                [spelled] = world.names([known])
+                return FailedCondition(text, f"{spelled} does not fit: {wanted}")
         return None
-
-    def binding(self, names: Sequence[str]) -> Binding:
-        """Bind the parameters."""
-        return bound(self.action.parameters, names)
 
 
 # What an argument may be: one object, or some.
-_Pattern = tuple[frozenset[str], ...]
+_Pattern = tuple[frozenset[int], ...]
 
 
 class Snap:
     """A ground action at one of its times.
 
     Attributes:
-        position: the position of its step in the plan; None for a timed initial literal.
+        position: the position of its step in the plan.
         time: its time in the action; None for an instantaneous action.
+        binding: the names of the objects of its parameters.
         changes: what it changes; computed by `prepare`.
     """
 
@@ -414,7 +345,7 @@ class Snap:
         self,
         world: World,
         schema: Schema,
-        arguments: Sequence[str],
+        arguments: Sequence[int],
         time: str | None,
         position: int,
         duration: Decimal | None,
@@ -426,36 +357,22 @@ class Snap:
         self.duration = duration
         self.changes = Changes()
         self._world = world
-        self._phase = schema.phases[time]
+        self.phase = schema.phases[time]
         self._memory = memory
 
     @property
     def binding(self) -> Binding:
         """The objects of the action's parameters."""
-        return self.schema.binding(self.arguments)
+        return bound(self.schema.action.variables, self._world.names(self.arguments))
 
-    @property
-    def conditions(self) -> list[f.Formula]:
-        """The conjuncts of the condition at this time."""
-        return self._phase.conditions
-
-    def unmet(self, conditions: Conditions) -> Iterator[FailedCondition]:
-        """Yield what of the condition and of the constraints on the duration does not hold."""
-        binding, duration = self.binding, self.duration
-        for constraint in self._phase.durations:
-            sides = (constraint.left, constraint.right)
-            left, right = (conditions.number(side, binding, duration) for side in sides)
-            failed = duration_failure(substitute(constraint, binding), left, right)
-            if failed is not None:
-                yield failed
-        for condition in self.conditions:
-            if not conditions.holds(condition, binding, duration):
-                yield from failed_parts(self._world, conditions, condition, binding, duration)
+    def unmet(self) -> list[FailedCondition]:
+        """Return what of the condition and of the constraints on the duration does not hold."""
+        return self.phase.unmet(self.arguments, self.binding, self.duration)
 
     def prepare(self) -> list[FailedCondition]:
         """Compute the changes in the present state; return what makes them impossible."""
         changes = self.changes = Changes()
-        for number, effect in enumerate(self._phase.effects):
+        for number, effect in enumerate(self.phase.effects):
             remembered = self._memory.get(number) if self.time == f.AT_END else None
             effect.collect(self.arguments, self.duration, remembered, changes)
         if self.time == f.AT_START:
@@ -464,91 +381,98 @@ class Snap:
                 if found is not None:
                     self._memory[number] = found
         failed = list(changes.undefined)
-        for fluent, updates in changes.updates.items():
+        for (function, row), updates in changes.updates.items():
             if len(updates) > 1 and any(one.operator not in _ADDITIVE for one in updates):
-                failed.append(_about(fluent, "two effects of the action change it"))
+                text = self._world.text((False, function), row)
+                failed.append(FailedCondition(text, "two effects of the action change it"))
         return failed
 
-    def reads(self) -> list[tuple[str, _Pattern]]:
+    def reads(self) -> list[tuple[Head, _Pattern]]:
         """Return the facts and fluents that it reads."""
-        objects = {key: frozenset((name,)) for key, name in self.binding.items()}
-        return [*_patterns(self._world, self._phase.reads, objects)]
+        parameters = [each.slot for each in self.schema.action.parameters]
+        objects = {
+            slot: frozenset((id_,)) for slot, id_ in zip(parameters, self.arguments, strict=True)
+        }
+        return [*_patterns(self._world, self.phase.reads, objects)]
 
 
 def interference(
-    mine: Changes, reads: Sequence[tuple[str, _Pattern]], others: Changes
+    world: World, mine: Changes, reads: Sequence[tuple[Head, _Pattern]], others: Changes
 ) -> FailedCondition | None:
     """Return what another action at the same time changes, and this one reads or changes.
 
     Args:
+        world: the state.
         mine: what this action changes.
         reads: what it reads.
         others: what the other action changes.
     """
-    facts = sorted((mine.adds & others.deletes) | (mine.deletes & others.adds))
+
+    def about(found: Sequence[tuple[bool, FluentRow]], reason: str) -> FailedCondition:
+        return FailedCondition(
+            min(world.text((is_fact, head), row) for is_fact, (head, row) in found), reason
+        )
+
+    facts = (mine.adds & others.deletes) | (mine.deletes & others.adds)
     if facts:
-        return _about(facts[0], "of two actions at the same time, one adds it and one deletes it")
+        reason = "of two actions at the same time, one adds it and one deletes it"
+        return about([(True, fact) for fact in facts], reason)
     for fluent, updates in mine.updates.items():
         both = [*updates, *others.updates.get(fluent, ())]
         if fluent in others.updates and any(one.operator not in _ADDITIVE for one in both):
-            return _about(fluent, "two actions at the same time change it")
-    changed = sorted({*others.adds, *others.deletes, *others.updates})
-    for name, pattern in reads:
-        for found in changed:
-            if found[0] == name and _matches(found[1], pattern):
-                return _about(found, "an action reads it at the same time as another changes it")
+            return about([(False, fluent)], "two actions at the same time change it")
+    changed = [(True, fact) for fact in others.adds | others.deletes]
+    changed += [(False, fluent) for fluent in others.updates]
+    for head, pattern in reads:
+        found = [
+            (is_fact, (id_, row))
+            for is_fact, (id_, row) in changed
+            if (is_fact, id_) == head and _matches(row, pattern)
+        ]
+        if found:
+            return about(found, "an action reads it at the same time as another changes it")
     return None
 
 
-def _about(fact: tuple[str, Row], reason: str) -> FailedCondition:
-    return FailedCondition(f"({' '.join((fact[0], *fact[1]))})", reason)
-
-
 def _matches(row: Row, pattern: _Pattern) -> bool:
-    return len(row) == len(pattern) and all(
-        name in objects for name, objects in zip(row, pattern, strict=True)
-    )
+    return all(id_ in objects for id_, objects in zip(row, pattern, strict=True))
 
 
 def _patterns(
-    world: World, nodes: Sequence[f.Node], binding: dict[str, frozenset[str]]
-) -> Iterator[tuple[str, _Pattern]]:
-    """Yield what formulas read: names with the objects that each argument may be."""
-    everything = frozenset(world.objects)
-    derived: set[tuple[str, _Pattern]] = set()
-    stack: list[tuple[f.Node, dict[str, frozenset[str]]]] = [(node, binding) for node in nodes]
+    world: World, parts: Sequence[Part | Quantity], objects: Mapping[Slot, frozenset[int]]
+) -> Iterator[tuple[Head, _Pattern]]:
+    """Yield what parts read: what it is about, with the objects that each argument may be."""
+    rules, everything = rules_of(world.definitions), world.members(())
+    derived: set[tuple[int, _Pattern]] = set()
+    stack: list[tuple[Any, dict[Slot, frozenset[int]]]] = [(one, dict(objects)) for one in parts]
     while stack:
-        node, names = stack.pop()
-        variables = getattr(node, "variables", ())
-        if variables:
-            names = {**names, **{fold(v.name): world.members(v.types) for v in variables}}
-        stack.extend((child, names) for child in f.children(node))
-        if not isinstance(node, f.Atom | f.Fluent):
-            continue
-        name = node.predicate if isinstance(node, f.Atom) else node.function
-        pattern = tuple([_objects(term, names, everything) for term in node.terms])
-        yield name, pattern
-        if world.rules(name) is not None and (name, pattern) not in derived:
-            derived.add((name, pattern))
-            for rule in world.domain.derived:
-                if rule.predicate == name:
-                    keys = [fold(one.name) for one in rule.variables]
-                    stack.append((rule.formula, dict(zip(keys, pattern, strict=True))))
-
-
-def _objects(
-    term: f.Term, names: dict[str, frozenset[str]], everything: frozenset[str]
-) -> frozenset[str]:
-    if isinstance(term, f.Constant):
-        return frozenset((term.name,))
-    if isinstance(term, f.Variable):
-        return names.get(fold(term.name), everything)
-    return everything
+        whole, known = stack.pop()
+        # A witness comes before what it is about.
+        for part in parts_of(whole):
+            if isinstance(part, Witness):
+                known.update((each.slot, world.members(each.types)) for each in part.bound)
+            if not isinstance(part, HoldsFact | FluentIs | NumberOf):
+                continue
+            pattern = tuple(
+                [
+                    frozenset((one.id,)) if isinstance(one, Known) else known.get(one, everything)
+                    for one in part.terms
+                ]
+            )
+            if not isinstance(part, HoldsFact):
+                yield (False, part.function), pattern
+                continue
+            yield (True, part.predicate), pattern
+            if (part.predicate, pattern) not in derived:
+                derived.add((part.predicate, pattern))
+                for rule in rules.of(part.predicate):
+                    slots = [each.slot for each in rule.parameters]
+                    stack.append((rule.body, dict(zip(slots, pattern, strict=True))))
 
 
 def apply_changes(world: World, changes: Sequence[Changes]) -> None:
     """Apply the changes of actions at one time: deletes, then adds, then updates."""
-    updates: dict[FluentRow, Exact | str] = {}
+    updates: dict[FluentRow, Exact | int] = {}
     for one in changes:
         for fluent, several in one.updates.items():
             value = updates.get(fluent, world.table(fluent[0]).get(fluent[1]))
@@ -563,12 +487,12 @@ def apply_changes(world: World, changes: Sequence[Changes]) -> None:
         for predicate, row in one.adds:
             world.add(predicate, row)
     for (function, row), value in updates.items():
-        world.set(function, row, value if isinstance(value, str) else decimal_of(value))
+        world.set(function, row, value if isinstance(value, int) else decimal_of(value))
 
 
-def _updated(update: Update, value: Exact | str | None) -> Exact | str:
+def _updated(update: Update, value: Exact | int | None) -> Exact | int:
     operator, by = update
-    if operator == "assign" or isinstance(by, str):
+    if operator == "assign" or isinstance(by, int):
         return by
     assert isinstance(value, Decimal | Fraction)
     result = CHANGES[operator](value, by)

@@ -46,6 +46,14 @@ class Numbers(ABC, Generic[T]):
     def divide(self, left: T, right: T) -> T | None:
         """Divide."""
 
+    def apply(self, operator: str, left: T, right: T) -> T | None:
+        """Apply one of `+`, `-`, `*` and `/`."""
+        if operator == "+":
+            return self.add(left, right)
+        if operator == "-":
+            return self.subtract(left, right)
+        return self.multiply(left, right) if operator == "*" else self.divide(left, right)
+
 
 class Exacts(Numbers[Exact]):
     """Decimals, or fractions where a quotient of decimals has no end."""

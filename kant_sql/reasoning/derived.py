@@ -1,88 +1,40 @@
-"""Derived predicates of a world: components of rules, in the order in which they are derived."""
+"""Derived predicates of a world: components of rules, in the order in which they are derived.
+
+They hold of the least fixpoint, stratum by stratum (Thiebaux, Hoffmann and Nebel, In defense of
+PDDL axioms, Artificial Intelligence 168, 2005).
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from ..dto import formulas as f
-from ..errors import InvalidKnowledgeError
-from ..knowledge.rules import strong_components
+from ..knowledge.conditions import Bound, HoldsFact, Part, closure
+from ..knowledge.definitions import Definitions
+from ..knowledge.rules import DerivationRule, mentioned, rules_of
 from ..pddl.document import Domain, Problem
-from ..pddl.symbols import ANY
-from .conditions import Compiler
-from .junctions import alternatives, junction
-from .relations import Relation, Row, picker
-from .world import World
+from .after import heads_of
+from .evaluate import Compiler, alternatives
+from .world import Relation, Row, World, definitions_of, fill
 
 
-def read_world(domain: Domain, problem: Problem) -> World:
-    """Read the initial state of a problem.
-
-    Args:
-        domain: the domain.
-        problem: the problem.
-
-    Returns:
-        The state.
+def world_of(definitions: Definitions) -> World:
+    """Make a state without facts and values.
 
     Raises:
         InvalidKnowledgeError: the derived predicates cannot be stratified.
     """
-    world = World(domain, problem)
-    uses = {rule.predicate: dict[str, bool]() for rule in domain.derived}
-    for rule in domain.derived:
-        for name, negated in used_by(rule.formula):
-            known = uses[rule.predicate]
-            known[name] = known.get(name, False) or negated
-    below: dict[str, frozenset[str]] = {}
-    for heads in strata(uses):
-        found = {name for head in heads for name in uses[head]}
-        sources = found.union(*(below.get(name, ()) for name in found))
-        below.update(dict.fromkeys(heads, frozenset(sources)))
-        rules = [rule for rule in domain.derived if rule.predicate in heads]
-        world.add_rules(Component(world, rules, heads, frozenset(sources - set(heads))))
+    world, rules = World(definitions), rules_of(definitions)
+    rules.check_stratified(definitions)
+    for heads in rules.components:
+        world.add_rules(Component(world, heads))
     return world
 
 
-def used_by(formula: f.Formula) -> Iterator[tuple[str, bool]]:
-    """Yield the predicates and functions of a formula, and whether each is negated there."""
-    stack: list[tuple[f.Node, bool]] = [(formula, False)]
-    while stack:
-        part, negated = stack.pop()
-        if isinstance(part, f.Atom):
-            yield part.predicate, negated
-        elif isinstance(part, f.Fluent):
-            yield part.function, False
-        inner = junction(part, negated)
-        if inner is not None:
-            stack.extend(inner[0])
-        else:
-            stack.extend((child, negated) for child in f.children(part))
-
-
-def strata(uses: dict[str, dict[str, bool]]) -> list[tuple[str, ...]]:
-    """Order derived predicates; those that depend on each other stand together.
-
-    Args:
-        uses: what each uses, and whether in a negation.
-
-    Raises:
-        InvalidKnowledgeError: one depends on its own negation.
-    """
-    found: list[tuple[str, ...]] = []
-    derived = {name: [one for one in used if one in uses] for name, used in uses.items()}
-    for component in strong_components(derived):
-        together = set(component)
-        for name in component:
-            for used, negated in uses[name].items():
-                if negated and used in together:
-                    raise InvalidKnowledgeError(
-                        f"the derived predicate {name} depends on its own negation, through "
-                        f"(not ({used} ...)); rules must be stratified: derive {used} without "
-                        f"{name}, or leave the negation out"
-                    )
-        found.append(tuple(component))
-    return found
+def read_world(domain: Domain, problem: Problem) -> World:
+    """Read the initial state of a problem; raise as `world_of`."""
+    world = world_of(definitions_of(domain, problem))
+    fill(world, problem)
+    return world
 
 
 class Component:
@@ -93,41 +45,36 @@ class Component:
     inside is evaluated as a whole.
     """
 
-    def __init__(
-        self,
-        world: World,
-        rules: Sequence[f.Derived],
-        heads: tuple[str, ...],
-        sources: frozenset[str],
-    ) -> None:
-        self.heads, self.sources = heads, sources
+    def __init__(self, world: World, heads: frozenset[int]) -> None:
+        rules = rules_of(world.definitions)
+        self.heads = heads
+        bodies = [rule.body for head in heads for rule in rules.of(head)]
+        self.sources = heads_of(rules, *bodies) - {(True, head) for head in heads}
         self.is_fresh = False
         self._world = world
         self._new = {head: Relation() for head in heads}
         self._first: list[_Rule] = []
         self._again: list[_Rule] = []
-        for rule in rules:
-            self._compile(rule)
+        for head in heads:
+            for rule in rules.of(head):
+                self._compile(head, rule)
 
-    def _compile(self, rule: f.Derived) -> None:
-        self._first.append(_Rule(self._world, rule, None))
-        for parts in alternatives([(rule.formula, False)]):
+    def _compile(self, head: int, rule: DerivationRule) -> None:
+        self._first.append(_Rule(self._world, head, rule))
+        for _, parts in alternatives((), rule.body):
             recursive = [
-                atom
-                for atom, negated in parts
-                if isinstance(atom, f.Atom) and not negated and self._is_plain(atom)
+                each for each in parts if isinstance(each, HoldsFact) and self._derives(each)
             ]
-            inner = [name for part, _ in parts for name, _ in used_by(part) if name in self.heads]
-            if len(inner) > len(recursive):
-                self._again.append(_Rule(self._world, rule, None))
+            inner = sum(used in self.heads for part in parts for used, _ in mentioned(part))
+            if inner > len(recursive):
+                self._again.append(_Rule(self._world, head, rule))
                 continue
             for atom in recursive:
                 delta = atom, self._new[atom.predicate]
-                self._again.append(_Rule(self._world, rule, delta))
+                self._again.append(_Rule(self._world, head, rule, delta))
 
-    def _is_plain(self, atom: f.Atom) -> bool:
-        terms = atom.terms
-        return atom.predicate in self.heads and not any(isinstance(one, f.Fluent) for one in terms)
+    def _derives(self, atom: HoldsFact) -> bool:
+        return atom.predicate in self.heads and not atom.is_stored
 
     def refresh(self) -> None:
         """Derive the facts unless they are fresh."""
@@ -138,7 +85,7 @@ class Component:
         world = self._world
         for head in self.heads:
             world.relation(head).clear()
-            for row in world.stored(head):
+            for row in world.relation(head, is_stored=True).rows:
                 world.relation(head).add(row)
         found = self._round(self._first)
         while any(found.values()):
@@ -149,8 +96,8 @@ class Component:
                     self._new[head].add(row)
             found = self._round(self._again)
 
-    def _round(self, rules: Sequence[_Rule]) -> dict[str, set[Row]]:
-        found: dict[str, set[Row]] = {head: set() for head in self.heads}
+    def _round(self, rules: Sequence[_Rule]) -> dict[int, set[Row]]:
+        found: dict[int, set[Row]] = {head: set() for head in self.heads}
         for rule in rules:
             known = self._world.relation(rule.head).rows
             found[rule.head].update(row for row in rule.rows() if row not in known)
@@ -161,28 +108,26 @@ class _Rule:
     """A rule, compiled as a search for the objects of its head."""
 
     def __init__(
-        self, world: World, rule: f.Derived, delta: tuple[f.Atom, Relation] | None
+        self,
+        world: World,
+        head: int,
+        rule: DerivationRule,
+        delta: tuple[Part, Relation] | None = None,
     ) -> None:
-        self.head = rule.predicate
-        compiler = Compiler(world, ())
-        # A variable without a type has that of the parameter.
-        variables = [
-            f.TypedName(one.name, types if one.types == ANY else one.types)
-            for one, types in zip(rule.variables, world.parameters(self.head), strict=True)
+        self.head = head
+        compiler = Compiler(world)
+        declared = world.definitions.predicates.live(head).parameters
+        # Objects fit the parameters of the predicate, too.
+        bound = [
+            Bound(each.slot, (*each.types, closure(world.definitions, parameter.type_ids)))
+            for each, parameter in zip(rule.parameters, declared, strict=True)
         ]
-        self._search, slots = compiler.open_search(variables, [(rule.formula, False)], delta)
-        self._pick = picker(slots)
-        self._kinds = [
-            (at, world.members(types))
-            for at, types in enumerate(world.parameters(self.head))
-            if variables[at].types != types
-        ]
+        self._search = compiler.search(bound, rule.body, delta)
+        self._pick = compiler.picker([each.slot for each in bound])
         self._template = compiler.template
 
     def rows(self) -> Iterator[Row]:
         """Yield the facts that the rule derives, perhaps repeatedly."""
         env = self._template.copy()
         for _ in self._search(env):
-            row = self._pick(env)
-            if all(row[at] in members for at, members in self._kinds):
-                yield row
+            yield self._pick(env)

@@ -8,6 +8,8 @@ from decimal import Decimal
 from itertools import count, islice
 from typing import Any
 
+from typing_extensions import override
+
 from ..dao.formula import read_formula, read_formulas
 from ..dao.proposition import GOALS
 from ..dto import formulas as f
@@ -50,21 +52,13 @@ from .ask import (
     given_variable,
     question,
 )
-from .failures import FAILED, MAX_INSTANCES, FailedCondition, failed_comparison
+from .failures import FAILED, MAX_INSTANCES, Explaining, FailedCondition
 from .grounding import substitute
-from .steps import EffectItem, of_time, quantities_of
+from .steps import EffectItem, of_time, preferred, quantities_of
 
-# How many parts one statement judges.
-TOGETHER = 200
 # Numbers of variables that no condition has.
 _FAR = 2_000_000
 _NOTHING = Needed((), [])
-OPERATIONS = {
-    "+": EXACT.add,
-    "-": EXACT.subtract,
-    "*": EXACT.multiply,
-    "/": EXACT.divide,
-}
 
 
 class Changed:
@@ -101,7 +95,7 @@ class Changed:
         return self._after.part(part)
 
 
-class Explainer:
+class Explainer(Explaining):
     """Finds the parts of closed formulas that do not hold in a state.
 
     Args:
@@ -118,24 +112,14 @@ class Explainer:
     ) -> None:
         self._view = view
         self._changed = changed
+        self.said = "" if changed is None else f" {changed.said}"
         self._exact = {} if numbers is None else dict(numbers)
         self._numbers = given_numbers(self._exact)
 
     def failed(self, formulas: Iterable[f.Formula]) -> list[FailedCondition]:
         """Return the parts that do not hold, in order."""
-        false = self._failed(formulas)
-        return self._with_history(false, [self._failure(node) for node in false])
-
-    def _failed(self, formulas: Iterable[f.Formula]) -> list[f.Formula]:
-        found: list[f.Formula] = []
-        pending = [part for formula in formulas for part in _conjuncts(formula)]
-        for start in range(0, len(pending), TOGETHER):
-            for node in self._false(pending[start : start + TOGETHER]):
-                if isinstance(node, f.Forall):
-                    found += self._failed(self._counterexamples(node))
-                else:
-                    found.append(node)
-        return found
+        false = self.failed_nodes(formulas)
+        return self._with_history(false, [self.failure(node) for node in false])
 
     def _resolve(self, node: f.Formula) -> Part:
         return self._checked(Resolver(self._view.definitions).part(node))
@@ -146,8 +130,9 @@ class Explainer:
         check_levels(part)
         return part
 
-    def _false(self, nodes: Sequence[f.Formula]) -> list[f.Formula]:
-        """Return those that do not hold; ground facts are looked up together."""
+    @override
+    def false(self, nodes: Sequence[f.Formula]) -> list[f.Formula]:
+        # Ground facts are looked up together.
         parts = [self._resolve(node) for node in nodes]
         groups: dict[int, dict[str, list[int]]] = {}
         others: list[int] = []
@@ -184,8 +169,8 @@ class Explainer:
         ids = [str(term.id) for term in part.terms if isinstance(term, Known)]
         return (part.predicate, " ".join(ids)) if len(ids) == len(part.terms) else None
 
-    def _counterexamples(self, node: f.Forall) -> list[f.Formula]:
-        """Return the formula of a quantifier for the first objects for which it does not hold."""
+    @override
+    def counterexamples(self, node: f.Forall) -> Sequence[Sequence[str]]:
         resolver = Resolver(self._view.definitions)
         with resolver.within(node.variables) as bound:
             part = self._checked(negate(resolver.part(node.formula)))
@@ -197,25 +182,12 @@ class Explainer:
         given = {**self._numbers, "most": MAX_INSTANCES}
         rows = asked(self._view, statement, given, lambda row: row[1:3])[1:]
         live = self._view.definitions.objects.live
-        found: list[f.Formula] = []
-        for row in rows:
-            names = [live(id_).name for id_ in row[1 : len(columns) + 1]]
-            keys = [fold(column.name) for column in columns]
-            inner = substitute(node.formula, dict(zip(keys, names, strict=True)))
-            found += _conjuncts(inner)
-        return found
+        return [[live(id_).name for id_ in row[1 : len(columns) + 1]] for row in rows]
 
-    def _failure(self, node: f.Formula) -> FailedCondition:
-        changed = self._changed
-        when = "" if changed is None else f" {changed.said}"
-        if isinstance(node, f.Comparison):
-            values = {} if changed is None else changed.values
-            left, right = (
-                exact_number(self._view, one, self._exact, values)
-                for one in (node.left, node.right)
-            )
-            return failed_comparison(str(node), left, right, when)
-        return FailedCondition(str(node), f"does not hold{when}")
+    @override
+    def exact(self, expression: f.Expression) -> Exact | None:
+        values = {} if self._changed is None else self._changed.values
+        return exact_number(self._view, expression, self._exact, values)
 
     def _with_history(
         self, nodes: Sequence[f.Formula], found: list[FailedCondition]
@@ -239,28 +211,6 @@ class Explainer:
     def _revisions(self, numbers: set[int]) -> dict[int, Revision]:
         kb_id = self._view.kb_id
         return {} if kb_id is None else read_numbered(self._view.session, kb_id, numbers)
-
-
-def _conjuncts(formula: f.Formula) -> list[f.Formula]:
-    """Return the parts of a conjunction, with negations brought to where they stand in it."""
-    found: list[f.Formula] = []
-    stack: list[tuple[f.Formula, bool]] = [(formula, False)]
-    while stack:
-        part, negated = stack.pop()
-        match part:
-            case f.Not(inner):
-                stack.append((inner, not negated))
-            case f.And(parts) if not negated:
-                stack += [(inner, False) for inner in reversed(parts)]
-            case f.Or(parts) if negated:
-                stack += [(inner, True) for inner in reversed(parts)]
-            case f.Imply(condition, then) if negated:
-                stack += [(then, True), (condition, False)]
-            case f.Exists(variables, inner) if negated:
-                found.append(f.Forall(variables, f.Not(inner)))
-            case _:
-                found.append(f.Not(part) if negated else part)
-    return found
 
 
 def number_of(view: View, node: f.Expression, numbers: Mapping[str, Decimal]) -> Decimal | None:
@@ -327,7 +277,7 @@ def exact(
     result: Exact | None = known[0]
     for operand in islice(known, 1, None):
         if result is not None:
-            result = OPERATIONS[quantity.operator](result, operand)
+            result = EXACT.apply(quantity.operator, result, operand)
     return result
 
 
@@ -478,14 +428,19 @@ def metric_value(state: State) -> Decimal | None:
 
 def _violations(view: View, name: str) -> int:
     """Count the instances of a preference among the goals that do not hold."""
-    found = [formula for goal in goals_of(view) for formula in _preferred(goal, name)]
+    found = [
+        one
+        for goal in goals_of(view)
+        for one in preferred(goal)
+        if one.name is not None and fold(one.name) == fold(name)
+    ]
     if not found:
         raise UnsupportedConstructError(
             f"the metric counts violations of the preference {name!r}, which is not one of the "
             "goals: a state does not have it; kb.validate(plan) counts it"
         )
     count = 0
-    for variables, formula in found:
+    for _, variables, formula in found:
         resolver = Resolver(view.definitions)
         with resolver.within(variables) as bound:
             part = resolver.part(formula)
@@ -494,17 +449,3 @@ def _violations(view: View, name: str) -> int:
         statement = question(view).answers(Lacks(part), columns, {}, False)
         count += len(asked(view, statement, {}, lambda row: row[1:3])) - 1
     return count
-
-
-def _preferred(goal: f.Formula, name: str) -> Iterable[tuple[tuple[f.TypedName, ...], f.Formula]]:
-    """Yield the formulas of a preference, with the variables that it is for."""
-    stack: list[tuple[f.Formula, tuple[f.TypedName, ...]]] = [(goal, ())]
-    while stack:
-        part, variables = stack.pop()
-        match part:
-            case f.Preference(own, formula) if own is not None and fold(own) == fold(name):
-                yield variables, formula
-            case f.And(parts):
-                stack += [(inner, variables) for inner in reversed(parts)]
-            case f.Forall(more, inner):
-                stack.append((inner, (*variables, *more)))

@@ -2,25 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from decimal import Decimal
 from fractions import Fraction
 
+from typing_extensions import override
+
 from .. import html
 from ..dto import formulas as f
-from ..dto.lexical import fold
 from ..history.revisions import Revision
+from ..knowledge.conditions import Resolver
 from .arithmetic import Exact, decimal_of
-from .conditions import Compiler, Condition, Conditions, Env
-from .grounding import Binding, substitute
-from .junctions import Literal, junction
+from .evaluate import Compiler, Conditions
+from .grounding import Binding, bound, substitute
 from .world import World
 
 # What notebooks call one of a list.
 FAILED = "failed condition"
 # Parts of one universal quantifier that are named.
 MAX_INSTANCES = 20
+# How many parts are judged together.
+TOGETHER = 200
 # How far a duration may be from what its constraints allow, as in VAL.
 TOLERANCE = Decimal("0.01")
 # A comparison of a duration with its limit -> whether their difference satisfies it.
@@ -81,116 +85,114 @@ def duration_failure(
     return FailedCondition(str(constraint), reason, left, right)
 
 
-def failed_parts(
-    world: World,
-    conditions: Conditions,
-    formula: f.Formula,
-    binding: Binding,
-    duration: Decimal | None = None,
-) -> Iterator[FailedCondition]:
-    """Yield the parts of a condition that do not hold.
+class Explaining(ABC):
+    """Finds the parts of closed formulas that do not hold, in a database or in memory.
 
-    Conjunctions and universal quantifiers are taken apart; of the latter, the first
-    `MAX_INSTANCES` counterexamples are named.
+    Attributes:
+        said: what a reason ends with: when conditions are judged.
+    """
+
+    said = ""
+
+    @abstractmethod
+    def false(self, nodes: Sequence[f.Formula]) -> list[f.Formula]:
+        """Return those that do not hold, in order."""
+
+    @abstractmethod
+    def counterexamples(self, node: f.Forall) -> Sequence[Sequence[str]]:
+        """Return the first `MAX_INSTANCES` objects for which a quantified formula does not hold."""
+
+    @abstractmethod
+    def exact(self, expression: f.Expression) -> Exact | None:
+        """Return the value of an expression; None without one."""
+
+    def failed_nodes(self, formulas: Iterable[f.Formula]) -> list[f.Formula]:
+        """Return the parts that do not hold, in order.
+
+        Conjunctions are taken apart, and universal quantifiers into counterexamples.
+        """
+        found: list[f.Formula] = []
+        pending = [part for formula in formulas for part in conjuncts(formula)]
+        for start in range(0, len(pending), TOGETHER):
+            for node in self.false(pending[start : start + TOGETHER]):
+                if isinstance(node, f.Forall):
+                    bindings = (bound(node.variables, row) for row in self.counterexamples(node))
+                    found += self.failed_nodes(substitute(node.formula, one) for one in bindings)
+                else:
+                    found.append(node)
+        return found
+
+    def failure(self, node: f.Formula) -> FailedCondition:
+        """Say why a part does not hold."""
+        comparison = node.formula if isinstance(node, f.Not) else node
+        if isinstance(comparison, f.Comparison):
+            left, right = (self.exact(each) for each in (comparison.left, comparison.right))
+            return failed_comparison(str(node), left, right, self.said)
+        return FailedCondition(str(node), f"does not hold{self.said}")
+
+
+def conjuncts(formula: f.Formula) -> list[f.Formula]:
+    """Return the parts of a conjunction, with negations brought to where they stand in it."""
+    found: list[f.Formula] = []
+    stack: list[tuple[f.Formula, bool]] = [(formula, False)]
+    while stack:
+        part, negated = stack.pop()
+        match part:
+            case f.Not(inner):
+                stack.append((inner, not negated))
+            case f.And(parts) if not negated:
+                stack += [(inner, False) for inner in reversed(parts)]
+            case f.Or(parts) if negated:
+                stack += [(inner, True) for inner in reversed(parts)]
+            case f.Imply(condition, then) if negated:
+                stack += [(then, True), (condition, False)]
+            case f.Exists(variables, inner) if negated:
+                found.append(f.Forall(variables, f.Not(inner)))
+            case _:
+                found.append(f.Not(part) if negated else part)
+    return found
+
+
+class _InMemory(Explaining):
+    """Explains in a world."""
+
+    def __init__(self, world: World, duration: Decimal | None) -> None:
+        self._world = world
+        self._duration = duration
+        self._conditions = Conditions(world)
+
+    @override
+    def false(self, nodes: Sequence[f.Formula]) -> list[f.Formula]:
+        holds, duration = self._conditions.holds, self._duration
+        return [node for node in nodes if not holds(node, {}, duration)]
+
+    @override
+    def counterexamples(self, node: f.Forall) -> Sequence[Sequence[str]]:
+        resolver, compiler = Resolver(self._world.definitions), Compiler(self._world)
+        _, find = compiler.counterexamples(resolver, node.variables, node.formula)
+        rows = sorted(find(compiler.env(duration=self._duration)))
+        return [self._world.names(row) for row in rows[:MAX_INSTANCES]]
+
+    @override
+    def exact(self, expression: f.Expression) -> Exact | None:
+        return self._conditions.exact_number(expression, {}, self._duration)
+
+
+def failed_parts(
+    world: World, formula: f.Formula, binding: Binding, duration: Decimal | None = None
+) -> list[FailedCondition]:
+    """Return the parts of a condition that do not hold in a world.
 
     Args:
         world: the state.
-        conditions: its compiled conditions.
         formula: the condition.
         binding: the objects of its free variables.
         duration: the value of `?duration`.
     """
-    stack: list[tuple[f.Formula, bool, Binding, _Truths | None]]
-    stack = [(formula, False, binding, None)]
-    while stack:
-        part, negated, names, truths = stack.pop()
-        if truths is None:
-            truths = _truths(world, part, negated, names, duration)
-        if truths[id(part), negated]:
-            continue
-        inner = _parts(part, negated)
-        if inner is not None and inner[1]:
-            stack.extend((one, flag, names, truths) for one, flag in reversed(inner[0]))
-        elif isinstance(part, f.Exists if negated else f.Forall):
-            assert isinstance(part, f.Forall | f.Exists)
-            found = _counterexamples(world, part, negated, names, duration)
-            stack.extend((part.formula, negated, one, None) for one in reversed(found))
-        else:
-            yield _failure(conditions, part, negated, names, duration)
-
-
-# Whether each part of a formula holds, by its id and whether it is negated.
-_Truths = dict[tuple[int, bool], bool]
-
-
-def _parts(part: f.Formula, negated: bool) -> tuple[list[Literal], bool] | None:
-    """Return the parts of a junction; a preference is one without parts, which holds."""
-    if isinstance(part, f.Preference):
-        return [], True
-    if isinstance(part, f.Timed):
-        return [(part.formula, negated)], True
-    return junction(part, negated)
-
-
-def _truths(
-    world: World, formula: f.Formula, negated: bool, binding: Binding, duration: Decimal | None
-) -> _Truths:
-    """Evaluate all parts of a formula, each once."""
-    parameters = [f.TypedName(name) for name in binding]
-    order: list[Literal] = []
-    stack: list[Literal] = [(formula, negated)]
-    while stack:
-        order.append(stack.pop())
-        inner = _parts(*order[-1])
-        stack.extend(inner[0] if inner is not None else ())
-    truths: _Truths = {}
-    for part, flag in reversed(order):
-        key, inner = (id(part), flag), _parts(part, flag)
-        if key in truths:
-            continue
-        if inner is None:
-            holds = Condition(world, part, parameters).holds(tuple(binding.values()), duration)
-            truths[key] = holds != flag
-        else:
-            values = (truths[id(one), each] for one, each in inner[0])
-            truths[key] = all(values) if inner[1] else any(values)
-    return truths
-
-
-def _counterexamples(
-    world: World,
-    part: f.Forall | f.Exists,
-    negated: bool,
-    binding: Binding,
-    duration: Decimal | None,
-) -> list[Binding]:
-    """Return bindings for which the inner formula fails, in the order of declaration."""
-    compiler = Compiler(world, [f.TypedName(name) for name in binding])
-    search, slots = compiler.open_search(part.variables, [(part.formula, not negated)])
-    env: Env = compiler.template.copy()
-    env[: len(binding)] = binding.values()
-    env[compiler.duration] = duration
-    found = {tuple([env[slot] for slot in slots]) for _ in search(env)}
-    order = {name: number for number, name in enumerate(world.objects)}
-    rows = sorted(found, key=lambda row: [order[name] for name in row])[:MAX_INSTANCES]
-    names = [fold(one.name) for one in part.variables]
-    return [{**binding, **dict(zip(names, row, strict=True))} for row in rows]
-
-
-def _failure(
-    conditions: Conditions,
-    part: f.Formula,
-    negated: bool,
-    binding: Binding,
-    duration: Decimal | None,
-) -> FailedCondition:
-    ground = substitute(part, binding)
-    text = str(f.Not(ground) if negated else ground)
-    if isinstance(part, f.Comparison):
-        left = conditions.exact_number(part.left, binding, duration)
-        right = conditions.exact_number(part.right, binding, duration)
-        return failed_comparison(text, left, right)
-    return FailedCondition(text, "does not hold")
+    explaining = _InMemory(world, duration)
+    return [
+        explaining.failure(node) for node in explaining.failed_nodes([substitute(formula, binding)])
+    ]
 
 
 def failed_comparison(

@@ -203,7 +203,7 @@ def _equal(
 def _limits(action: PreparedAction) -> list[tuple[str, Quantity, Needed]]:
     """Return the constraints on the duration at the start, each with its limit."""
     found = []
-    for constraint in constraints(action, AT_START):
+    for constraint in action.constraints(AT_START):
         operator, side = constraint.operator, constraint.right
         if constraint.right == f.Variable(f.DURATION):
             operator, side = _MIRRORED[operator], constraint.left
@@ -213,17 +213,6 @@ def _limits(action: PreparedAction) -> list[tuple[str, Quantity, Needed]]:
 
 
 _MIRRORED = {"=": "=", "<=": ">=", "<": ">", ">=": "<=", ">": "<"}
-
-
-def constraints(action: PreparedAction, time: str) -> list[f.Comparison]:
-    """Return the constraints on the duration at a time."""
-    found = []
-    for node in action.duration:
-        its = node.time if isinstance(node, f.Timed) else AT_START
-        constraint = node.formula if isinstance(node, f.Timed) else node
-        if its == time and isinstance(constraint, f.Comparison):
-            found.append(constraint)
-    return found
 
 
 def _with_duration(action: PreparedAction, part: Part) -> tuple[bool, Part]:
@@ -282,7 +271,7 @@ def duration_of(
     duration, action = known, step.action
     binding = bound(action.variables, step.names)
     found: list[tuple[f.Comparison, bool, Decimal | None]] = []
-    for constraint in constraints(action, time):
+    for constraint in action.constraints(time):
         closed = substitute(constraint, binding)
         is_left = constraint.left == f.Variable(f.DURATION)
         limit = number_of(view, closed.right if is_left else closed.left, {})

@@ -32,7 +32,7 @@ from ..sql.dialects.base import Session
 from ..sql.touches import stream_times
 from ..store.state import State
 from ..store.store import Store
-from .conditions import Conditions
+from .evaluate import Conditions
 from .questions import read_at_last
 from .sweep import Range, Sweep, Visit, read_range
 from .trajectory import Moment, Rule, rules_of

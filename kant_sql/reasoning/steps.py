@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from decimal import Decimal
 from itertools import count
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 from ..arguments import shown
 from ..dto import formulas as f
@@ -35,11 +35,12 @@ from ..knowledge.conditions import (
     negate,
 )
 from ..knowledge.definitions import ActionDefinition, Definitions
-from ..knowledge.formulas import TreeReader, typed_name
+from ..knowledge.formulas import action_of
 from ..knowledge.symbols import symbols_of
 from ..pddl.conditions import read_step
 from ..pddl.cursor import hint
-from ..pddl.document import ACTION, DURATIVE_ACTION
+from ..pddl.document import ACTION, DURATIVE_ACTION, Action
+from ..pddl.formulas import flatten
 from ..planning import PlanStep
 from ..plans.interfaces import RecordedStep
 from .failures import FailedCondition
@@ -125,6 +126,7 @@ class EffectItem:
         lacking: holds where an object fluent in its terms or its value has no value; for the
             variables of `around`.
         around: the variables that quantifiers bind.
+        node: the effect as it is written.
     """
 
     operator: str
@@ -136,6 +138,7 @@ class EffectItem:
     earlier: Part
     lacking: Part
     around: tuple[Bound, ...]
+    node: f.Node | None = None
 
     @property
     def numbers(self) -> list[NumberOf]:
@@ -150,7 +153,8 @@ class PreparedAction:
     """An action whose names are resolved: conditions and effects by their times.
 
     Attributes:
-        definition: the action.
+        node: the action.
+        definition: what it was read from; None for one of a document.
         name: its name.
         is_durative: whether it has a duration.
         variables: its parameters.
@@ -160,19 +164,18 @@ class PreparedAction:
         kept: cache of its statements.
     """
 
-    def __init__(self, definitions: Definitions, definition: ActionDefinition) -> None:
+    def __init__(
+        self, definitions: Definitions, node: Action, definition: ActionDefinition | None = None
+    ) -> None:
+        self.node = node
         self.definition = definition
         self.definitions = definitions
-        self.name = definition.name
-        self.is_durative = definition.kind == DURATIVE_ACTION
-        self.variables = tuple(typed_name(definitions, each) for each in definition.parameters)
+        self.name = node.name
+        self.is_durative = node.kind == DURATIVE_ACTION
+        self.variables = node.parameters
         self.numbers = count()
         self.resolver = Resolver(definitions, self.numbers)
         self.parameters = self.resolver.variables(self.variables)
-        self.duration, self.conditions, self.effects = (
-            TreeReader(definitions, tree, definition.parameters).conjuncts()
-            for tree in definition.trees
-        )
         self._parts: dict[str, Part] = {}
         self._items: dict[str, tuple[EffectItem, ...]] = {}
         self.kept: dict[Any, Any] = {}
@@ -186,9 +189,26 @@ class PreparedAction:
         )
 
     def nodes(self, time: str) -> list[f.Formula]:
-        """Return the hard conditions of a time; those of an action are all at its start."""
-        found = [of_time(node, time if self.is_durative else None) for node in self.conditions]
+        """Return the hard conditions of a time; by default they are at the start."""
+        wanted = time if self.is_durative else None
+        found = [of_time(node, wanted, self._default) for node in self.node.condition]
         return [node for node in found if node is not None]
+
+    @property
+    def _default(self) -> str | None:
+        """The time of what has none."""
+        return f.AT_START if self.is_durative else None
+
+    def preferences(self, time: str) -> Iterator[Preferred]:
+        """Yield the preferences among the conditions of a time."""
+        for node in self.node.condition:
+            yield from preferred(node, time if self.is_durative else None, self._default)
+
+    def constraints(self, time: str) -> list[f.Comparison]:
+        """Return the constraints on the duration at a time; by default they are at the start."""
+        nodes = [of_time(node, time, f.AT_START) for node in self.node.duration]
+        parts = (part for node in nodes if node is not None for part in flatten(node))
+        return [part for part in parts if isinstance(part, f.Comparison)]
 
     def condition(self, time: str) -> Part:
         """Return the conjunction of the hard conditions of a time."""
@@ -206,7 +226,7 @@ class PreparedAction:
     @property
     def needs_duration(self) -> bool:
         """Whether a condition or an effect depends on the duration."""
-        parts = f.walk(*self.conditions, *self.effects)
+        parts = f.walk(*self.node.condition, *self.node.effect)
         return any(node == _DURATION or isinstance(node, f.ContinuousTime) for node in parts)
 
     def items(self, time: str) -> tuple[EffectItem, ...]:
@@ -220,7 +240,7 @@ class PreparedAction:
             wanted = time if self.is_durative or time == CONTINUOUS else None
             found = tuple(
                 item
-                for node in self.effects
+                for node in self.node.effect
                 for item in self._effect(node, _Around((), AllOf(()), AllOf(())), wanted)
             )
             self._items[time] = found
@@ -270,20 +290,21 @@ class PreparedAction:
         if time is None:
             return around.holding(self.resolver.part(condition))
         if of_time(condition, f.OVER_ALL) is not None:
-            raise UnsupportedConstructError(
-                f"action {self.name!r} has an effect whose condition is over all: {condition}; it "
-                "cannot be executed step by step"
-            )
+            raise self._other_time(time, f.OVER_ALL, condition)
         now, start = (of_time(condition, each) for each in (time, f.AT_START))
         if time == f.AT_START and of_time(condition, f.AT_END) is not None:
-            raise UnsupportedConstructError(
-                f"action {self.name!r} has an effect at start on a condition at end: {condition}"
-            )
+            raise self._other_time(time, f.AT_END, condition)
         if now is not None:
             around = around.holding(self.resolver.part(now))
         if time == f.AT_END and start is not None:
             around = around.after(self.resolver.part(start))
         return around
+
+    def _other_time(self, time: str, other: str, condition: f.Formula) -> Exception:
+        return UnsupportedConstructError(
+            f"the action {self.name} has an effect {time} with a condition {other}, {condition}; a "
+            "condition of an effect is at the same time, or at the start"
+        )
 
     def _leaf(self, node: f.Node, around: _Around) -> EffectItem:
         resolver = self.resolver
@@ -291,13 +312,13 @@ class PreparedAction:
             function, terms, bound, needed = resolver.fluent(node.fluent)
             value, of_value = resolver.assigned(node.value, function)
             parts = around.needing((*bound, *of_value.bound), [*needed, *of_value.needed])
-            return EffectItem(node.operator, function.id, terms, value, *parts)
+            return EffectItem(node.operator, function.id, terms, value, *parts, node)
         operator, atom = ("delete", node.formula) if isinstance(node, f.Not) else ("add", node)
         if not isinstance(atom, f.Atom):
             raise UnsupportedConstructError(f"action {self.name!r} has no such effect: {node}")
         predicate, terms, bound, needed = resolver.atom(atom)
         parts = around.needing(bound, needed)
-        return EffectItem(operator, predicate.id, terms, None, *parts)
+        return EffectItem(operator, predicate.id, terms, None, *parts, node)
 
 
 @dataclass(frozen=True)
@@ -363,19 +384,51 @@ def _has_effect(effect: f.Formula, time: str | None) -> bool:
     return any(isinstance(node, f.Timed) and node.time == time for node in f.walk(effect))
 
 
-def of_time(node: f.Formula, time: str | None) -> f.Formula | None:
-    """Return what of a condition belongs to a time, without preferences; None without any."""
-    if isinstance(node, f.Preference):
-        return None
-    if isinstance(node, f.And):
-        parts = [part for inner in node.formulas if (part := of_time(inner, time)) is not None]
-        return f.And(tuple(parts)) if parts else None
-    if isinstance(node, f.Forall):
-        within = of_time(node.formula, time)
-        return None if within is None else f.Forall(node.variables, within)
-    if isinstance(node, f.Timed):
-        return node.formula if node.time == time else None
-    return node if time is None else None
+def of_time(node: f.Formula, time: str | None, default: str | None = None) -> f.Formula | None:
+    """Return what of a condition belongs to a time, without preferences; None without any.
+
+    What has no time is at the default one.
+    """
+    match node:
+        case f.Preference():
+            return None
+        case f.And(formulas):
+            found = [of_time(inner, time, default) for inner in formulas]
+            parts = tuple([part for part in found if part is not None])
+            return f.And(parts) if parts else None
+        case f.Forall(variables, formula):
+            within = of_time(formula, time, default)
+            return None if within is None else f.Forall(variables, within)
+        case f.Timed(its, formula):
+            return formula if its == time else None
+    return node if time == default else None
+
+
+class Preferred(NamedTuple):
+    """A preference, with the variables that it is for."""
+
+    name: str | None
+    variables: tuple[f.TypedName, ...]
+    formula: f.Formula
+
+
+def preferred(
+    node: f.Formula,
+    time: str | None = None,
+    default: str | None = None,
+    around: tuple[f.TypedName, ...] = (),
+) -> Iterator[Preferred]:
+    """Yield the preferences within a condition that belong to a time."""
+    match node:
+        case f.And(formulas):
+            for inner in formulas:
+                yield from preferred(inner, time, default, around)
+        case f.Forall(variables, formula):
+            yield from preferred(formula, time, default, (*around, *variables))
+        case f.Preference(name, formula):
+            within = of_time(formula, time, default)
+            if within is not None:
+                yield Preferred(name, around, within)
 
 
 def prepared(definitions: Definitions, definition: ActionDefinition) -> PreparedAction:
@@ -384,7 +437,7 @@ def prepared(definitions: Definitions, definition: ActionDefinition) -> Prepared
     found: PreparedAction | None = definitions.derived.get(key)
     is_kept = type(definitions) is Definitions
     if found is None or found.definition is not definition or not is_kept:
-        found = PreparedAction(definitions, definition)
+        found = PreparedAction(definitions, action_of(definitions, definition), definition)
         if is_kept:
             definitions.derived[key] = found
     return found

@@ -13,18 +13,14 @@ from decimal import Decimal
 from itertools import groupby
 from typing import NamedTuple
 
-from ..documents.build import build_domain
 from ..dto import formulas as f
 from ..dto.lexical import fold
 from ..history.moments import Bounds
 from ..history.revisions import read_archived_revision
 from ..knowledge.definitions import Definitions
-from ..knowledge.formulas import typed_name
-from ..knowledge.trees import ParameterDefinition
-from ..pddl.document import Problem
 from ..sql.definitions import advance, find_identities, load_at
 from ..sql.dialects.base import Session
-from ..sql.held import Pattern, read_all_names, read_meanings
+from ..sql.held import Pattern, read_meanings
 from ..sql.touches import (
     Meaning,
     Touch,
@@ -34,7 +30,7 @@ from ..sql.touches import (
     subjects_of,
 )
 from ..store.snapshot import refuse_archived
-from .derived import read_world
+from .derived import world_of
 from .world import World
 
 RULE = re.compile(r"\(:derived \(([^\s()]+)")
@@ -81,11 +77,7 @@ class Visit(NamedTuple):
 
 
 class Sweep:
-    """Visits the states of a range in which something changed that formulas mention.
-
-    Attributes:
-        ids: the ids of objects by name.
-    """
+    """Visits the states of a range in which something changed that formulas mention."""
 
     def __init__(
         self,
@@ -110,10 +102,6 @@ class Sweep:
         self._kb_id = kb_id
         self._range = span
         self._definitions = definitions
-        names = read_all_names(session, kb_id)
-        self.ids = {name: id_ for id_, name in names.items()}
-        self._objects = names
-        self._names: dict[tuple[bool, int], str] = {}
         nodes = [*f.walk(*formulas)]
         facts, values = self._patterns(nodes)
         _, rules = read_meanings(session, kb_id, [], span.low, span.high)
@@ -149,22 +137,19 @@ class Sweep:
                 predicate = definitions.predicates.named(node.predicate)
                 if predicate is not None:
                     facts.append(Pattern(predicate.id, tuple(objects)))
-                    self._names[True, predicate.id] = predicate.name
             else:
                 function = definitions.functions.named(node.function)
                 if function is not None:
                     values.append(Pattern(function.id, tuple(objects)))
-                    self._names[False, function.id] = function.name
         return facts, values
 
     def _of_rules(self, rules: Iterable[str]) -> tuple[list[Pattern], list[Pattern]]:
         """Return all facts and values of what any rule names."""
         words = {fold(word) for rule in rules for word in _WORD.findall(rule)}
         found: list[list[Pattern]] = []
-        for is_fact, kind in ((True, "predicate"), (False, "function")):
+        for kind in ("predicate", "function"):
             identities = find_identities(self._session, self._kb_id, kind, words)
             known = [identity for identity in identities.values() if identity is not None]
-            self._names.update({(is_fact, id_): name for id_, name in known})
             # Any objects: only a pattern of none would be a fact without arguments.
             found.append([Pattern(id_, (None,)) for id_, _ in known])
         return found[0], found[1]
@@ -177,7 +162,7 @@ class Sweep:
         session, kb_id, (low, high, archived) = self._session, self._kb_id, self._range
         base = low if low == archived else low - 1
         self._definitions = load_at(session, kb_id, base) if base else Definitions()
-        self._world = _world(self._definitions)
+        self._world = world_of(self._definitions)
         self._last = base
         for touch in state_of(session, kb_id, self._subjects, base) if base else ():
             self._apply(self._world, touch)
@@ -219,16 +204,14 @@ class Sweep:
             yield self.step()
 
     def _apply(self, world: World, touch: Touch) -> None:
-        name = self._names[touch.is_fact, touch.owner]
-        row = tuple([self._objects[id_] for id_ in touch.objects])
+        row = tuple(touch.objects)
         if touch.is_fact:
-            (world.remove if touch.is_end else world.add)(name, row)
+            (world.remove if touch.is_end else world.add)(touch.owner, row)
         elif touch.is_end:
-            world.set(name, row, None)
+            world.set(touch.owner, row, None)
         else:
             value = touch.value
-            held = self._objects[value] if isinstance(value, int) else Decimal(str(value))
-            world.set(name, row, held)
+            world.set(touch.owner, row, value if isinstance(value, int) else Decimal(str(value)))
 
 
 def object_id(definitions: Definitions, term: f.Term) -> int | None:
@@ -237,23 +220,11 @@ def object_id(definitions: Definitions, term: f.Term) -> int | None:
     return None if known is None else known.id
 
 
-def _world(definitions: Definitions) -> World:
-    """Make a state without facts and values."""
-    domain = build_domain(definitions, "domain")
-    objects = tuple(
-        [
-            typed_name(definitions, ParameterDefinition(one.name, one.type_ids))
-            for one in definitions.objects
-        ]
-    )
-    return read_world(domain, Problem("problem", domain.name, objects=objects))
-
-
 def _moved(world: World, definitions: Definitions) -> World:
     """Make the same state with other definitions."""
-    made = _world(definitions)
-    for name, row in world.facts():
-        made.add(name, row)
-    for (name, row), value in world.values().items():
-        made.set(name, row, value)
+    made = world_of(definitions)
+    for predicate, row in world.facts():
+        made.add(predicate, row)
+    for (function, row), value in world.values().items():
+        made.set(function, row, value)
     return made

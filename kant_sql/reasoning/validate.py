@@ -18,12 +18,12 @@ them, which is exact. Trajectory constraints are judged in the states at happeni
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from decimal import Decimal
 from fractions import Fraction
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from .. import html
 from ..arguments import expect
@@ -32,6 +32,7 @@ from ..dto import formulas as f
 from ..dto.lexical import fold
 from ..errors import UnsupportedConstructError
 from ..history.moments import state_at
+from ..knowledge.conditions import Resolver
 from ..moment_text import When
 from ..pddl.cursor import hint
 from ..pddl.document import DURATIVE_ACTION, EVENT, PROCESS, Domain, Problem
@@ -40,12 +41,13 @@ from ..planning import Plan, PlanStep
 from ..plans.interfaces import RecordedPlan, RecordedStep
 from ..store.state import State
 from .actions import Changes, Schema, Snap, Update, apply_changes, interference, pass_time
-from .conditions import Conditions
 from .derived import read_world
+from .evaluate import Compiler, Conditions
 from .failures import FailedCondition, failed_parts
-from .grounding import Binding, combinations, ground_text
+from .grounding import ground_text
+from .steps import preferred
 from .trajectory import Moment, Rule, Trajectory
-from .world import World
+from .world import FluentRow, Row, World
 
 SIMULTANEOUS = Decimal("0.001")
 ANONYMOUS = "anonymous"
@@ -265,13 +267,14 @@ class _Execution:
     steps: Sequence[Step]
     now: Decimal = Decimal(0)
     running: dict[int, _Running] = field(default_factory=dict)
-    memories: dict[int, dict[int, set[tuple[str, ...]]]] = field(default_factory=dict)
+    memories: dict[int, dict[int, set[Row]]] = field(default_factory=dict)
     positions: list[int | None] = field(default_factory=list)
     violated: dict[str, int] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.world: World = read_world(self.domain, self.problem)
         self.conditions = Conditions(self.world)
+        self.actions = {fold(one.name): one for one in self.domain.actions}
         self.schemas: dict[str, Schema] = {}
         constraints = (*self.domain.constraints, *self.problem.constraints)
         self.trajectory = Trajectory(constraints, self.world.range_of)
@@ -291,7 +294,7 @@ class _Execution:
         value = None
         if failed is None:
             for goal in self.problem.goal:
-                goals += failed_parts(self.world, self.conditions, goal, {})
+                goals += failed_parts(self.world, goal, {})
             self._count_preferences()
             value = self._value()
         return Validation(
@@ -349,7 +352,7 @@ class _Execution:
             if start is None:
                 untimed += 1
                 start = Decimal(untimed)
-            action = self.world.action(step.action)
+            action = self.actions.get(fold(step.action))
             if action is None or action.kind != DURATIVE_ACTION:
                 yield _Entry(start, None, position)
                 continue
@@ -362,12 +365,12 @@ class _Execution:
         literals = [self._literal(one.position) for one in entries if one.is_literal]
         snaps = [self._snap(one) for one in entries if not one.is_literal]
         for snap in snaps:
-            failed = [*snap.unmet(self.conditions)] or snap.prepare()
+            failed = snap.unmet() or snap.prepare()
             if failed:
                 raise _Failure(snap.position, snap.time, failed)
         self._check_interference(snaps, literals)
         for snap in snaps:
-            self._note_preferences(snap.conditions, snap.binding)
+            self._note(snap.phase.violated(snap.arguments))
         apply_changes(self.world, [*literals, *(snap.changes for snap in snaps)])
         for snap in snaps:
             if snap.time == f.AT_START:
@@ -380,25 +383,30 @@ class _Execution:
     def _literal(self, number: int) -> Changes:
         """Return what a timed initial literal changes."""
         effect = self.problem.timed[number].effect
-        changes = Changes()
+        definitions, changes = self.world.definitions, Changes()
+
+        def row(terms: Iterable[object]) -> Row:
+            named = definitions.objects.named
+            return tuple([named(str(term)).id for term in terms])  # type: ignore[union-attr]
+
         if isinstance(effect, f.Assign):
-            row = tuple([str(term) for term in effect.fluent.terms])
-            value = effect.value
-            assert isinstance(value, f.Number | f.Constant)
-            new = value.value if isinstance(value, f.Number) else value.name
-            changes.updates[effect.fluent.function, row] = [Update("assign", new)]
-        elif isinstance(effect, f.Atom):
-            changes.adds.add((effect.predicate, tuple([str(term) for term in effect.terms])))
-        else:
-            assert isinstance(effect.formula, f.Atom)
-            row = tuple([str(term) for term in effect.formula.terms])
-            changes.deletes.add((effect.formula.predicate, row))
+            function = definitions.functions.named(effect.fluent.function)
+            assert function is not None
+            given = effect.value
+            value = given.value if isinstance(given, f.Number) else row((given,))[0]
+            changes.updates[function.id, row(effect.fluent.terms)] = [Update("assign", value)]
+            return changes
+        atom: Any = effect.formula if isinstance(effect, f.Not) else effect
+        predicate = definitions.predicates.named(atom.predicate)
+        assert predicate is not None
+        into = changes.deletes if isinstance(effect, f.Not) else changes.adds
+        into.add((predicate.id, row(atom.terms)))
         return changes
 
     def _snap(self, entry: _Entry) -> Snap:
         """Return a step at one of its times."""
         step = self.steps[entry.position]
-        action = self.world.action(step.action)
+        action = self.actions.get(fold(step.action))
         if action is None:
             near = hint(step.action, [one.name for one in self.domain.actions])
             failed = FailedCondition(str(step), f"there is no action {step.action}{near}")
@@ -417,11 +425,9 @@ class _Execution:
             reason = "it starts before the plan does, at 0"
         if reason:
             raise _Failure(entry.position, entry.phase, [FailedCondition(str(step), reason)])
-        arguments = [self.world.object(name) or name for name in step.arguments]
+        ids = [id_ for name in step.arguments if (id_ := self.world.object(name)) is not None]
         memory = self.memories.setdefault(entry.position, {})
-        return Snap(
-            self.world, schema, arguments, entry.phase, entry.position, step.duration, memory
-        )
+        return Snap(self.world, schema, ids, entry.phase, entry.position, step.duration, memory)
 
     def _check_interference(self, snaps: Sequence[Snap], literals: Sequence[Changes]) -> None:
         if len(snaps) + len(literals) < 2:
@@ -430,7 +436,7 @@ class _Execution:
             reads = snap.reads()
             others = [one.changes for at, one in enumerate(snaps) if at != number]
             for changes in (*others, *literals):
-                found = interference(snap.changes, reads, changes)
+                found = interference(self.world, snap.changes, reads, changes)
                 if found is not None:
                     raise _Failure(snap.position, snap.time, [found])
 
@@ -450,9 +456,9 @@ class _Execution:
         if rates and time > was:
             self._observe(self.positions[-1])
 
-    def _rates(self) -> dict[tuple[str, tuple[str, ...]], Fraction]:
+    def _rates(self) -> dict[FluentRow, Fraction]:
         """Return the rates at which fluents change, which are constant until the next happening."""
-        rates: dict[tuple[str, tuple[str, ...]], Fraction] = {}
+        rates: dict[FluentRow, Fraction] = {}
         effects = [
             (effect, one.snap) for one in self.running.values() for effect in one.schema.continuous
         ]
@@ -469,15 +475,11 @@ class _Execution:
 
     def _check_invariants(self) -> None:
         for position, one in self.running.items():
-            binding, duration = one.snap.binding, one.snap.duration
-            for formula in one.schema.invariants:
-                if not self.conditions.holds(formula, binding, duration):
-                    parts = failed_parts(self.world, self.conditions, formula, binding, duration)
-                    raise _Failure(position, f.OVER_ALL, [*parts])
+            broken = one.schema.broken(one.snap)
+            if broken:
+                raise _Failure(position, f.OVER_ALL, broken)
 
-    def _check_continuously(
-        self, rates: dict[tuple[str, tuple[str, ...]], Fraction], elapsed: Fraction
-    ) -> None:
+    def _check_continuously(self, rates: dict[FluentRow, Fraction], elapsed: Fraction) -> None:
         """Check invariants in the open interval of linear change."""
         world = self.world
         world.rates = rates
@@ -501,31 +503,20 @@ class _Execution:
 
     # Preferences, constraints and the metric.
 
-    def _note_preferences(self, formulas: Sequence[f.Formula], binding: Binding) -> None:
-        """Count the preferences that are violated now."""
-        for formula in formulas:
-            for name in self._violated(formula, binding):
-                self.violated[name] = self.violated.get(name, 0) + 1
-
-    def _violated(self, formula: f.Formula, binding: Binding) -> Iterator[str]:
-        stack: list[tuple[f.Formula, Binding]] = [(formula, binding)]
-        while stack:
-            part, names = stack.pop()
-            if isinstance(part, f.And):
-                stack.extend((one, names) for one in part.formulas)
-            elif isinstance(part, f.Forall) and _has_preferences(part):
-                ranges = [self.world.range_of(variable) for variable in part.variables]
-                found = combinations(part.variables, ranges, names)
-                stack.extend((part.formula, extended) for extended in found)
-            elif isinstance(part, f.Preference) and not self.conditions.holds(part.formula, names):
-                yield part.name or ANONYMOUS
+    def _note(self, names: Iterable[str | None]) -> None:
+        """Count violations of preferences."""
+        for name in names:
+            key = name or ANONYMOUS
+            self.violated[key] = self.violated.get(key, 0) + 1
 
     def _count_preferences(self) -> None:
-        self._note_preferences(self.problem.goal, {})
-        for rule in self.trajectory.violated():
-            if rule.is_soft:
-                name = rule.preference or ANONYMOUS
-                self.violated[name] = self.violated.get(name, 0) + 1
+        compiler, resolver = Compiler(self.world), Resolver(self.world.definitions)
+        for goal in self.problem.goal:
+            for preference in preferred(goal):
+                name, variables, formula = preference
+                _, rows = compiler.counterexamples(resolver, variables, formula)
+                self._note([name] * len(rows(compiler.env())))
+        self._note(rule.preference for rule in self.trajectory.violated() if rule.is_soft)
 
     def _constraint(self, rule: Rule, violation: Moment) -> ViolatedConstraint:
         parts = [one for one in rule.violated if one.violation == violation]
@@ -540,7 +531,3 @@ class _Execution:
             key = fold(name)
             self.world.violations[key] = self.world.violations.get(key, 0) + count
         return self.conditions.number(self.problem.metric.expression, {})
-
-
-def _has_preferences(part: f.Formula) -> bool:
-    return any(isinstance(node, f.Preference) for node in f.walk(part))

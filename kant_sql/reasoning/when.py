@@ -6,7 +6,7 @@ from collections import defaultdict
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from itertools import chain
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from ..dto import PddlObjectDto
 from ..dto import formulas as f
@@ -15,11 +15,11 @@ from ..dto.lexical import ROOT_TYPE, fold
 from ..errors import InvalidArgumentError, InvalidKnowledgeError
 from ..history.moments import find_bounds
 from ..history.revisions import Revision, read_numbered
+from ..knowledge.conditions import resolve
 from ..knowledge.definitions import Definitions, PredicateDefinition
-from ..knowledge.formulas import typed_name
 from ..knowledge.symbols import symbols_of
 from ..moment_text import When
-from ..pddl.conditions import ReadCondition, disjuncts, text_of
+from ..pddl.conditions import disjuncts, text_of
 from ..sql.dialects.base import Session
 from ..sql.held import (
     FoundFact,
@@ -30,12 +30,11 @@ from ..sql.held import (
     read_names,
 )
 from ..store.state import State
-from .conditions import Compiler, Condition
+from .evaluate import Compiler
 from .held import HeldPeriods, Span, span_order
 from .questions import EXAMPLE, PastQuestion, ask
-from .relations import picker
 from .sweep import RULE, Range, Sweep, Visit, object_id, read_range
-from .world import World
+from .world import Row, World
 
 
 def when(
@@ -201,26 +200,25 @@ class _Search:
             self._range,
             bool(question.free),
         )
-        held: dict[tuple[str, ...], int] = {}
+        held: dict[Row, int] = {}
         solutions: Solutions | None = None
         world: World | None = None
         for visit in sweep.visits():
             if visit.world is not world:
                 world, solutions = visit.world, solutions_of(visit, question)
             now = set() if solutions is None else solutions()
-            for names in [names for names in held if names not in now]:
-                since = held.pop(names)
+            for row in [row for row in held if row not in now]:
+                since = held.pop(row)
                 # What ended with the first revision held before the range alone.
                 if visit.revision > self._range.low:
-                    objects = tuple([sweep.ids[name] for name in names])
-                    yield Span(since, objects, visit.revision)
-            for names in now:
-                held.setdefault(names, visit.revision)
-        for names, since in held.items():
-            yield Span(since, tuple([sweep.ids[name] for name in names]), None)
+                    yield Span(since, row, visit.revision)
+            for row in now:
+                held.setdefault(row, visit.revision)
+        for row, since in held.items():
+            yield Span(since, row, None)
 
 
-Solutions = Callable[[], set[tuple[str, ...]]]
+Solutions = Callable[[], set[Row]]
 
 
 def solutions_of(visit: Visit, question: PastQuestion) -> Solutions | None:
@@ -229,67 +227,10 @@ def solutions_of(visit: Visit, question: PastQuestion) -> Solutions | None:
         read = question.read(symbols_of(visit.definitions))
     except InvalidKnowledgeError:
         return None
-    world = visit.world
-    if not read.free:
-        condition = Condition(world, read.formula)
-        return lambda: {()} if condition.holds() else set()
-    variables, members = _ranges(world, read, visit.definitions)
-    compiler = Compiler(world, ())
-    search, slots = compiler.open_search(variables, [(read.formula, False)])
-    pick, template = picker(slots), compiler.template
-
-    def found() -> set[tuple[str, ...]]:
-        env = template.copy()
-        rows = {pick(env) for _ in search(env)}
-        if members:
-            rows = {row for row in rows if all(row[place] in names for place, names in members)}
-        return rows
-
-    return found
-
-
-def _ranges(
-    world: World, read: ReadCondition, definitions: Definitions
-) -> tuple[list[f.TypedName], list[tuple[int, frozenset[str]]]]:
-    """Give free variables types: the declared ones, or those that atoms and fluents allow.
-
-    Several may be allowed; those after the first restrict the objects, by the variable's place.
-    """
-    if read.are_declared:
-        return list(read.free), []
-    allowed = _allowed(read.formula, {fold(one.name) for one in read.free}, definitions)
-    variables: list[f.TypedName] = []
-    members: list[tuple[int, frozenset[str]]] = []
-    for place, variable in enumerate(read.free):
-        first, *rest = allowed.get(fold(variable.name)) or [variable.types]
-        variables.append(f.TypedName(variable.name, first))
-        members += [(place, world.members(types)) for types in rest]
-    return variables, members
-
-
-def _allowed(
-    formula: f.Formula, free: set[str], definitions: Definitions
-) -> dict[str, list[tuple[str, ...]]]:
-    """Return the types that predicates and functions allow for free variables."""
-    found: dict[str, list[tuple[str, ...]]] = {}
-    stack: list[tuple[f.Node, frozenset[str]]] = [(formula, frozenset())]
-    while stack:
-        node, hidden = stack.pop()
-        hidden = hidden.union(fold(one.name) for one in getattr(node, "variables", ()))
-        declared: Any = None
-        if isinstance(node, f.Atom):
-            declared = definitions.predicates.named(node.predicate)
-        elif isinstance(node, f.Fluent):
-            declared = definitions.functions.named(node.function)
-        if declared is not None and isinstance(node, f.Atom | f.Fluent):
-            for term, parameter in zip(node.terms, declared.parameters, strict=False):
-                key = fold(str(term)[1:])
-                if isinstance(term, f.Variable) and key in free and key not in hidden:
-                    types = typed_name(definitions, parameter).types
-                    if types not in found.setdefault(key, []):
-                        found[key].append(types)
-        stack.extend((child, hidden) for child in f.children(node))
-    return found
+    condition = resolve(visit.definitions, read)
+    compiler = Compiler(visit.world)
+    rows = compiler.rows([column.bound for column in condition.columns], condition.part)
+    return lambda: rows(compiler.env())
 
 
 def conjunction(formula: f.Formula) -> list[f.Atom] | None:

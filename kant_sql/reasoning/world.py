@@ -1,34 +1,104 @@
-"""A state of a PDDL world in memory, which conditions are evaluated in and effects change.
+"""A state in memory, which resolved conditions are evaluated in and effects change.
 
-- Quantifiers range over the objects, constants included, whose type is one of the variable's types
-  or a subtype of it.
 - A fluent without a value makes the atom, the equality or the comparison around it false, as in
   VAL; so does a division by zero. Negation is classical: `(not (< (f) 3))` holds then.
 - Conditions and effects calculate exactly; what an effect writes has an end.
-- A derived predicate holds of what its rules derive, and of the facts that the state has of it: the
-  least fixpoint, stratum by stratum (Thiebaux, Hoffmann and Nebel, In defense of PDDL axioms,
-  Artificial Intelligence 168, 2005).
+- A derived predicate holds of what its rules derive, and of the facts that the state has of it.
 - While numbers change continuously, the state is that at `elapsed` since the change began.
 
-Names are those of the documents, in their spelling.
+Predicates, functions and objects are ids, as in `knowledge.conditions`.
 """
 
 from __future__ import annotations
 
+from collections import defaultdict
+from collections.abc import Callable, Collection, Iterable, Sequence
 from decimal import Decimal
 from fractions import Fraction
-from typing import Protocol
+from functools import cached_property
+from operator import itemgetter
+from typing import Any, Protocol
 
-from ..dto import formulas as f
-from ..dto.lexical import fold
-from ..pddl.document import Action, Domain, Problem
-from ..pddl.hierarchy import Ancestry, Types
-from ..pddl.symbols import ANY
+from ..dto.elements import atom_text
+from ..dto.formulas import TOTAL_COST, TypedName
+from ..dto.lexical import ROOT_TYPE, fold
+from ..knowledge import definitions as d
+from ..knowledge.conditions import Resolver, TypeSet
+from ..knowledge.rules import DerivationRules
+from ..knowledge.trees import ParameterDefinition
+from ..pddl.document import Domain, Problem
 from .arithmetic import Linear, decimal_of
-from .relations import Relation, Row
 
-# A fluent: its function, and the names of its objects.
-FluentRow = tuple[str, Row]
+# The objects of a fact; a fluent with its function; a predicate (True) or a function, by id.
+Row = tuple[int, ...]
+FluentRow = tuple[int, Row]
+Head = tuple[bool, int]
+Value = Decimal | int
+
+
+def picker(positions: tuple[int, ...]) -> Callable[[Sequence[Any]], Row]:
+    """Return a function that picks items as a tuple."""
+    if len(positions) > 1:
+        return itemgetter(*positions)
+    if not positions:
+        return lambda row: ()
+    only = positions[0]
+    return lambda row: (row[only],)
+
+
+class Relation:
+    """The facts of one predicate, with indexes on demand.
+
+    Attributes:
+        rows: the facts; to be changed by the methods alone.
+    """
+
+    __slots__ = ("_indexes", "rows")
+
+    def __init__(self, rows: Iterable[Row] = ()) -> None:
+        self.rows: set[Row] = set(rows)
+        self._indexes: dict[
+            tuple[int, ...], tuple[Callable[[Sequence[Any]], Row], dict[Row, set[Row]]]
+        ] = {}
+
+    def add(self, row: Row) -> bool:
+        """Add a fact; return False if it is there."""
+        if row in self.rows:
+            return False
+        self.rows.add(row)
+        for pick, index in self._indexes.values():
+            index.setdefault(pick(row), set()).add(row)
+        return True
+
+    def discard(self, row: Row) -> bool:
+        """Remove a fact; return False if it is not there."""
+        if row not in self.rows:
+            return False
+        self.rows.discard(row)
+        for pick, index in self._indexes.values():
+            index[pick(row)].discard(row)
+        return True
+
+    def clear(self) -> None:
+        """Remove all facts."""
+        self.rows.clear()
+        self._indexes.clear()
+
+    def lookup(self, positions: tuple[int, ...]) -> Callable[[Row], Collection[Row]]:
+        """Return a function from objects at some positions to the facts that have them."""
+        if not positions:
+            return lambda key: self.rows
+        return lambda key: self._index(positions).get(key, ())
+
+    def _index(self, positions: tuple[int, ...]) -> dict[Row, set[Row]]:
+        found = self._indexes.get(positions)
+        if found is not None:
+            return found[1]
+        pick, index = picker(positions), dict[Row, set[Row]]()
+        for row in self.rows:
+            index.setdefault(pick(row), set()).add(row)
+        self._indexes[positions] = pick, index
+        return index
 
 
 class Rules(Protocol):
@@ -40,8 +110,8 @@ class Rules(Protocol):
         is_fresh: whether the derived facts are those of the present state.
     """
 
-    heads: tuple[str, ...]
-    sources: frozenset[str]
+    heads: frozenset[int]
+    sources: set[Head]
     is_fresh: bool
 
     def refresh(self) -> None:
@@ -49,11 +119,10 @@ class Rules(Protocol):
 
 
 class World:
-    """The objects, facts and values of one state.
+    """The facts and values of one state; `derived.world_of` adds the rules.
 
     Attributes:
-        domain: the domain.
-        problem: the problem.
+        definitions: what is defined in it.
         elapsed: the time since `rates` began to hold.
         rates: the continuous change of each fluent in a unit of time.
         roots: the times at which comparisons change their value, collected while numbers change.
@@ -61,180 +130,130 @@ class World:
         violations: the number of violations of each preference, by folded name.
     """
 
-    def __init__(self, domain: Domain, problem: Problem) -> None:
-        """Read the initial state of a problem; `derived.read_world` adds the rules."""
-        self.domain, self.problem = domain, problem
+    def __init__(self, definitions: d.Definitions) -> None:
+        self.definitions = definitions
         self.rates: dict[FluentRow, Fraction] = {}
         self.elapsed = Fraction(0)
         self.roots: set[Fraction] = set()
         self.total_time = Decimal(0)
         self.violations: dict[str, int] = {}
-        self._parents = {one.name: one.types for one in domain.types}
-        self._ancestry: Ancestry[str] = Ancestry(lambda type_: self._parents.get(type_, ()))
-        self.objects = {one.name: one.types for one in (*domain.constants, *problem.objects)}
-        self._names = {fold(name): name for name in self.objects}
-        self._ranges: dict[Types, tuple[str, ...]] = {}
-        self._members: dict[Types, frozenset[str]] = {}
-        self._relations = {one.name: Relation() for one in domain.predicates}
-        self._tables: dict[str, dict[Row, Decimal | str]] = {
-            one.name: {} for one in domain.functions
-        }
-        self._actions = {fold(one.name): one for one in domain.actions}
-        self._functions = {fold(one.name) for one in domain.functions}
-        self._of_objects = {one.name for one in domain.functions if one.types}
-        self._parameters = {
-            one.name: tuple([parameter.types for parameter in one.parameters])
-            for one in domain.predicates
-        }
-        self._rules: dict[str, Rules] = {}
+        self._members: dict[tuple[TypeSet, ...], frozenset[int]] = {}
+        self._relations: defaultdict[int, Relation] = defaultdict(Relation)
+        self._tables: defaultdict[int, dict[Row, Value]] = defaultdict(dict)
+        self._rules: dict[int, Rules] = {}
         # The facts of derived predicates that hold without a rule.
-        self._stored: dict[str, Relation] = {}
-        self._dependants: dict[str, list[Rules]] = {}
-        for atom in problem.facts:
-            self.relation(atom.predicate).add(tuple([str(term) for term in atom.terms]))
-        for fluent, value in problem.values:
-            table = self.table(fluent.function)
-            row = tuple([str(term) for term in fluent.terms])
-            table[row] = value.value if isinstance(value, f.Number) else value.name
-        for function in domain.functions:
-            if fold(function.name) == f.TOTAL_COST and not (function.parameters or function.types):
-                # Action costs count from 0 (IPC 2008), whether the problem says so or not.
-                self.table(function.name).setdefault((), Decimal(0))
+        self._stored: dict[int, Relation] = {}
+        self._dependants: dict[Head, list[Rules]] = {}
 
     def add_rules(self, rules: Rules) -> None:
         """Derive the facts of some predicates by rules."""
         self._rules.update(dict.fromkeys(rules.heads, rules))
-        for name in rules.heads:
-            self._stored[name] = Relation(self.relation(name).rows)
-        for name in rules.sources:
-            self._dependants.setdefault(name, []).append(rules)
+        for predicate in rules.heads:
+            self._stored[predicate] = Relation(self.relation(predicate).rows)
+        for head in rules.sources:
+            self._dependants.setdefault(head, []).append(rules)
 
     # Names and types.
 
-    def object(self, name: str) -> str | None:
-        """Return the declared spelling of an object's name, or None."""
-        return name if name in self.objects else self._names.get(fold(name))
+    def object(self, name: str) -> int | None:
+        """Return the id of an object."""
+        found = self.definitions.objects.named(name)
+        return None if found is None else found.id
 
-    def action(self, name: str) -> Action | None:
-        """Look up an action."""
-        return self._actions.get(fold(name))
+    @cached_property
+    def ids(self) -> dict[str, int]:
+        """The ids of objects by their declared names."""
+        return {one.name: one.id for one in self.definitions.objects}
 
-    def fits(self, types: Types, wanted: Types) -> bool:
-        """Return whether an object of some types is of one of others."""
-        if ANY[0] in wanted:
-            return True
-        is_below = self._ancestry.is_below
-        return any(is_below(one, other) for one in types for other in wanted)
+    def names(self, ids: Iterable[int]) -> tuple[str, ...]:
+        """Return the names of objects."""
+        live = self.definitions.objects.live
+        return tuple([live(id_).name for id_ in ids])
 
-    def range(self, types: Types) -> tuple[str, ...]:
-        """Return the objects of some types, as declared."""
-        found = self._ranges.get(types)
-        if found is None:
-            fitting = {own for own in set(self.objects.values()) if self.fits(own, types)}
-            found = tuple([name for name, own in self.objects.items() if own in fitting])
-            self._ranges[types] = found
-        return found
+    def text(self, head: Head, row: Row) -> str:
+        """Write a fact or a fluent."""
+        declared: Any = self.definitions.predicates if head[0] else self.definitions.functions
+        return atom_text(declared.live(head[1]).name, self.names(row))
 
-    def members(self, types: Types) -> frozenset[str]:
-        """Return the objects of some types as a set."""
+    def members(self, types: tuple[TypeSet, ...]) -> frozenset[int]:
+        """Return the objects that fit all of some type sets."""
         found = self._members.get(types)
         if found is None:
-            found = self._members[types] = frozenset(self.range(types))
+            wanted = [each for each in types if each is not None]
+            found = self._members[types] = frozenset(
+                one.id
+                for one in self.definitions.objects
+                if not any(each.isdisjoint(one.type_ids) for each in wanted)
+            )
         return found
 
-    def range_of(self, variable: f.TypedName) -> tuple[str, ...]:
-        """Return the objects of a variable's types."""
-        return self.range(variable.types)
-
-    def parameters(self, predicate: str) -> tuple[Types, ...]:
-        """Return the types of a predicate's parameters."""
-        return self._parameters[predicate]
-
-    def always_fits(self, predicate: str, position: int, wanted: Types) -> bool:
-        """Return whether any argument of a predicate at a position is of some types."""
-        declared = self._parameters.get(predicate, ())[position : position + 1]
-        return any(
-            all(any(self.fits((one,), (other,)) for other in wanted) for one in types)
-            for types in declared
-        )
+    def range_of(self, variable: TypedName) -> tuple[str, ...]:
+        """Return the names of the objects of a variable's types, as declared."""
+        types = Resolver(self.definitions).types(variable.types)
+        return self.names(sorted(self.members((types,))))
 
     # Facts and values.
 
-    def relation(self, predicate: str) -> Relation:
+    def relation(self, predicate: int, is_stored: bool = False) -> Relation:
         """Return the facts of a predicate, which may be behind for a derived one."""
-        found = self._relations.get(predicate)
-        if found is None:
-            found = self._relations[predicate] = Relation()
-        return found
+        if is_stored and predicate in self._stored:
+            return self._stored[predicate]
+        return self._relations[predicate]
 
-    def stored(self, predicate: str) -> set[Row]:
-        """Return the facts of a predicate that hold without a rule."""
-        return self._own(predicate).rows
-
-    def _own(self, predicate: str) -> Relation:
-        return self._stored.get(predicate) or self.relation(predicate)
-
-    def rules(self, predicate: str) -> Rules | None:
+    def rules(self, predicate: int) -> Rules | None:
         """Return the rules of a derived predicate."""
         return self._rules.get(predicate)
 
-    def table(self, function: str) -> dict[Row, Decimal | str]:
+    def table(self, function: int) -> dict[Row, Value]:
         """Return the values of a function."""
-        return self._tables.setdefault(function, {})
+        return self._tables[function]
 
-    def is_declared_function(self, name: str) -> bool:
-        """Return whether the domain declares a function."""
-        return fold(name) in self._functions
-
-    def is_numeric(self, function: str) -> bool:
-        """Return whether the values of a function are numbers."""
-        return function not in self._of_objects
-
-    def has(self, predicate: str, row: Row) -> bool:
+    def has(self, predicate: int, row: Row) -> bool:
         """Return whether a fact holds, derived ones included."""
         rules = self._rules.get(predicate)
         if rules is not None:
             rules.refresh()
         return row in self.relation(predicate).rows
 
-    def add(self, predicate: str, row: Row) -> bool:
+    def add(self, predicate: int, row: Row) -> bool:
         """Add a fact; return False if it holds already."""
-        added = self._own(predicate).add(row)
+        added = self.relation(predicate, is_stored=True).add(row)
         if added:
-            self.touch(predicate)
+            self.touch((True, predicate))
         return added
 
-    def remove(self, predicate: str, row: Row) -> bool:
+    def remove(self, predicate: int, row: Row) -> bool:
         """Remove a fact; return False if it does not hold."""
-        removed = self._own(predicate).discard(row)
+        removed = self.relation(predicate, is_stored=True).discard(row)
         if removed:
-            self.touch(predicate)
+            self.touch((True, predicate))
         return removed
 
-    def set(self, function: str, row: Row, value: Decimal | str | None) -> None:
+    def set(self, function: int, row: Row, value: Value | None) -> None:
         """Set or, with None, remove the value of a fluent."""
         if value is None:
             self.table(function).pop(row, None)
         else:
             self.table(function)[row] = value
-        self.touch(function)
+        self.touch((False, function))
 
-    def touch(self, name: str) -> None:
+    def touch(self, head: Head) -> None:
         """Note that the facts of a predicate, or the values of a function, have changed."""
-        own = self._rules.get(name)
+        own = self._rules.get(head[1]) if head[0] else None
         if own is not None:
             own.is_fresh = False
-        for rules in self._dependants.get(name, ()):
+        for rules in self._dependants.get(head, ()):
             rules.is_fresh = False
 
-    def facts(self) -> frozenset[tuple[str, Row]]:
+    def facts(self) -> frozenset[tuple[int, Row]]:
         """Return the facts that hold without a rule."""
-        return frozenset((name, row) for name in self._relations for row in self.stored(name))
+        heads = [*self._relations]
+        return frozenset((one, row) for one in heads for row in self.relation(one, True).rows)
 
-    def values(self) -> dict[FluentRow, Decimal | str]:
+    def values(self) -> dict[FluentRow, Value]:
         """Return the values of all fluents."""
         tables = self._tables.items()
-        return {(name, row): value for name, table in tables for row, value in table.items()}
+        return {(function, row): value for function, rows in tables for row, value in rows.items()}
 
     # Continuous change.
 
@@ -242,16 +261,82 @@ class World:
         """Go to another time since the continuous change began."""
         self.elapsed = elapsed
         for function, _ in self.rates:
-            self.touch(function)
+            self.touch((False, function))
 
-    def value_now(self, function: str, row: Row) -> Decimal | None:
+    def value_now(self, function: int, row: Row) -> Decimal | None:
         """Return the number of a fluent, moved to the time that elapsed."""
         linear = self.linear(function, row)
         return None if linear is None else decimal_of(linear.at(self.elapsed))
 
-    def linear(self, function: str, row: Row) -> Linear | None:
+    def linear(self, function: int, row: Row) -> Linear | None:
         """Return the value of a fluent as a function of the time since the change began."""
         value = self.table(function).get(row)
         if not isinstance(value, Decimal):
             return None
         return Linear(Fraction(value), self.rates.get((function, row), Fraction(0)))
+
+
+def definitions_of(domain: Domain, problem: Problem) -> d.Definitions:
+    """Return what documents define, without actions and formulas; rules are kept with it."""
+    types = {ROOT_TYPE: 0}
+    for one in domain.types:
+        for name in (one.name, *one.types):
+            types.setdefault(fold(name), len(types))
+
+    def ids(names: Iterable[str]) -> tuple[int, ...]:
+        return tuple([types[fold(name)] for name in names])
+
+    def parameters(variables: Iterable[TypedName]) -> tuple[ParameterDefinition, ...]:
+        return tuple([ParameterDefinition(one.name, ids(one.types)) for one in variables])
+
+    above = {fold(one.name): ids(one.types) for one in domain.types}
+    objects = {one.name: one for one in (*domain.constants, *problem.objects)}
+    made: tuple[list[Any], ...] = (
+        [d.TypeDefinition(id_, name, *_first(above.get(name, ()))) for name, id_ in types.items()],
+        [
+            d.ObjectDefinition(number, one.name, *_first(ids(one.types)))
+            for number, one in enumerate(objects.values())
+        ],
+        [
+            d.PredicateDefinition(number, one.name, parameters(one.parameters))
+            for number, one in enumerate(domain.predicates)
+        ],
+        [
+            d.FunctionDefinition(number, one.name, parameters(one.parameters), ids(one.types))
+            for number, one in enumerate(domain.functions)
+        ],
+    )
+    elements = [
+        d.Elements({fold(one.name): one.id for one in some}, {one.id: one for one in some})
+        for some in made
+    ]
+    rest = [d.Elements[Any]() for _ in d.KINDS[len(elements) :]]
+    definitions = d.Definitions(*elements, *rest)
+    definitions.derived[DerivationRules] = DerivationRules(definitions, domain.derived)
+    return definitions
+
+
+def _first(ids: Sequence[int]) -> tuple[Any, tuple[int, ...]]:
+    """Return the first of some types, and the others."""
+    return (ids[0] if ids else None), tuple(ids[1:])
+
+
+def fill(world: World, problem: Problem) -> None:
+    """Add the initial state of a problem."""
+    definitions = world.definitions
+    predicates, functions = definitions.predicates.ids, definitions.functions.ids
+    objects = world.ids
+
+    def row(terms: Iterable[object]) -> Row:
+        return tuple([objects[str(term)] for term in terms])
+
+    for atom in problem.facts:
+        world.add(predicates[fold(atom.predicate)], row(atom.terms))
+    for fluent, value in problem.values:
+        given = getattr(value, "value", None)
+        number = objects[str(value)] if given is None else given
+        world.set(functions[fold(fluent.function)], row(fluent.terms), number)
+    for function in definitions.functions:
+        if fold(function.name) == TOTAL_COST and not (function.parameters or function.type_ids):
+            # Action costs count from 0 (IPC 2008), whether the problem says so or not.
+            world.table(function.id).setdefault((), Decimal(0))

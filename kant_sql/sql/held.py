@@ -280,11 +280,3 @@ _NAMES = Query(select(*found_rows(_EVERY_NAME, _OBJECT.id, "ids").c))
 def read_names(session: Session, kb_id: int, ids: Sequence[int]) -> dict[int, str]:
     """Read the names of objects, also of past ones."""
     return dict(session.rows(_NAMES, kb=kb_id, ids=session.list_value(ids)))
-
-
-_ALL_NAMES = Query(_EVERY_NAME)
-
-
-def read_all_names(session: Session, kb_id: int) -> dict[int, str]:
-    """Read the names of all objects that ever were."""
-    return dict(session.rows(_ALL_NAMES, kb=kb_id))

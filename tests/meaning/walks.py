@@ -11,9 +11,9 @@ from kant_sql import Plan, PlanStep
 from kant_sql.dto import formulas as f
 from kant_sql.pddl import Action, Domain, Problem
 from kant_sql.reasoning.actions import Schema, Snap, apply_changes
-from kant_sql.reasoning.conditions import Compiler, Conditions
 from kant_sql.reasoning.derived import read_world
-from kant_sql.reasoning.junctions import positive
+from kant_sql.reasoning.evaluate import Compiler, Conditions
+from kant_sql.reasoning.grounding import bound
 from kant_sql.reasoning.validate import validate_plan
 from kant_sql.reasoning.world import World
 from tests.meaning.plan_mutations import EPSILON, plan_of
@@ -37,7 +37,7 @@ def walk(domain: Domain, problem: Problem, seed: object, length: int) -> Plan:
     steps: list[PlanStep] = []
     now = Decimal("0.01")
     for _ in range(length):
-        found = _next(world, conditions, chance)
+        found = _next(world, conditions, domain, chance)
         if found is None:
             break
         action, arguments, duration = found
@@ -62,18 +62,19 @@ def _take(
 ) -> None:
     """Apply the effects of an action, those at its end included."""
     schema = Schema(world, action)
-    memory: dict[int, set[tuple[str, ...]]] = {}
+    memory: dict[int, set[tuple[int, ...]]] = {}
+    ids = [world.ids[name] for name in arguments]
     for phase in schema.phases:
-        snap = Snap(world, schema, arguments, phase, 0, duration, memory)
+        snap = Snap(world, schema, ids, phase, 0, duration, memory)
         if not snap.prepare():
             apply_changes(world, [snap.changes])
 
 
 def _next(
-    world: World, conditions: Conditions, chance: random.Random
+    world: World, conditions: Conditions, domain: Domain, chance: random.Random
 ) -> tuple[Action, tuple[str, ...], Decimal | None] | None:
     """Choose an action that can be taken."""
-    actions = list(world.domain.actions)
+    actions = list(domain.actions)
     chance.shuffle(actions)
     for action in actions:
         found = [*islice(_ways(world, action), MOST)]
@@ -87,13 +88,14 @@ def _next(
 
 def _ways(world: World, action: Action) -> Iterator[tuple[str, ...]]:
     """Yield arguments for which an action can be taken now."""
-    wanted = Schema(world, action).phases
-    phase = wanted.get(f.AT_START) or wanted[None]
-    compiler = Compiler(world, ())
-    search, slots = compiler.open_search(action.parameters, positive(phase.conditions))
-    env = compiler.template.copy()
+    schema = Schema(world, action)
+    phase = schema.phases.get(f.AT_START) or schema.phases[None]
+    compiler = Compiler(world)
+    search = compiler.search(schema.action.parameters, phase.condition)
+    pick = compiler.picker([one.slot for one in schema.action.parameters])
+    env = compiler.env()
     for _ in search(env):
-        yield tuple([env[slot] for slot in slots])
+        yield world.names(pick(env))
 
 
 def _duration(
@@ -104,7 +106,7 @@ def _duration(
     chance: random.Random,
 ) -> Decimal:
     """Choose a duration, which mostly fits."""
-    binding = Schema(world, action).binding(arguments)
+    binding = bound(action.parameters, arguments)
     for constraint in action.duration:
         inner = constraint.formula if isinstance(constraint, f.Timed) else constraint
         if isinstance(inner, f.Comparison):

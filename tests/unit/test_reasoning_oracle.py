@@ -7,8 +7,8 @@ from hypothesis import given
 
 from kant_sql.dto.lexical import fold
 from kant_sql.pddl import read_domain, read_problem, write
-from kant_sql.reasoning.conditions import Conditions
 from kant_sql.reasoning.derived import read_world
+from kant_sql.reasoning.evaluate import Conditions
 from tests.support.evaluator import Evaluator
 from tests.support.generators.episodes import EPISODES, Episode
 from tests.support.profile import PROFILE, hunting
@@ -20,7 +20,7 @@ from tests.support.profile import PROFILE, hunting
 def test_a_world_in_memory_is_as_the_plain_evaluator_has_it(episode: Episode) -> None:
     domain = read_domain(write(episode.domain))
     world = read_world(domain, read_problem(write(episode.problem), domain=domain))
-    spelling = {fold(name): name for name in world.objects}
+    spelling = {fold(name): name for name in world.ids}
     conditions, plain = Conditions(world), Evaluator(episode.theory, episode.first)
     for question in episode.questions:
         for bound in plain.bindings(question.columns):

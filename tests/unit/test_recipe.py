@@ -46,6 +46,7 @@ BEYOND = {
     "knowledge/conditions.py": "conditions and effects apply functions",
     "reasoning/effects.py": "effects change the values of functions",
     "knowledge/symbols.py": "conditions apply functions",
+    "reasoning/world.py": "a plan is executed with the functions of its documents",
     "sql/intervals.py": "past values are found by their function",
 }
 

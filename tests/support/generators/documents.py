@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from decimal import Decimal
 from functools import cached_property, lru_cache
@@ -48,6 +48,7 @@ from kant_sql.dto.formulas import (
     TypedName,
     Variable,
     When,
+    children,
     walk,
 )
 from kant_sql.dto.lexical import ROOT_TYPE, fold
@@ -64,7 +65,6 @@ from kant_sql.pddl.document import (
     Problem,
 )
 from kant_sql.pddl.requirements import REQUIREMENTS, used_requirements
-from kant_sql.reasoning.derived import used_by
 
 T = TypeVar("T")
 Scope = tuple[TypedName, ...]
@@ -486,9 +486,18 @@ def _derived(words: Formulas) -> tuple[Derived, ...]:
             parts = [TypedName(f"v{i}", part.types) for i, part in enumerate(predicate.parameters)]
             formula = words.goal(tuple(parts), 2)
             # Rules must be stratified: none negates what rules derive.
-            if not any(no and fold(used) in words.world.derived for used, no in used_by(formula)):
+            if words.world.derived.isdisjoint(map(fold, _negated(formula))):
                 rules.append(Derived(predicate.name, tuple(parts), formula))
     return tuple(rules)
+
+
+def _negated(node: Node, negated: bool = False) -> Iterator[str]:
+    """Yield the predicates below a negation."""
+    if isinstance(node, Atom) and negated:
+        yield node.predicate
+    for number, child in enumerate(children(node)):
+        is_turned = isinstance(node, Not) or (isinstance(node, Imply) and number == 0)
+        yield from _negated(child, negated != is_turned)
 
 
 def _action(words: Formulas, name: str) -> Action:

@@ -1,0 +1,562 @@
+"""Resolved conditions and numbers, compiled for a world in memory.
+
+What `sql.conditions` writes as SQL becomes a closure here. `Witness` is a search for objects: a
+nested loop over facts of the positive atoms in its conjunction, with the most terms known first,
+and over the objects of a type where no atom is left; each other part is tested as soon as its
+variables have objects.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from decimal import Decimal
+from fractions import Fraction
+from typing import Any, NamedTuple
+
+from ..dto import formulas as f
+from ..errors import UnsupportedConstructError
+from ..knowledge.conditions import (
+    COMPARE,
+    AllOf,
+    Bound,
+    Compares,
+    FluentIs,
+    HasType,
+    HoldsFact,
+    Known,
+    Lacks,
+    Needed,
+    NumberOf,
+    OneOf,
+    Operation,
+    Part,
+    Place,
+    Quantity,
+    Resolver,
+    SameObject,
+    Slot,
+    TypeSet,
+    Witness,
+    all_of,
+    closure,
+    negate,
+    slots_of,
+)
+from .arithmetic import EXACT, LINEARS, Exact, Linear, Numbers, decimal_of
+from .grounding import Binding
+from .world import Relation, Row, World, picker
+
+# The objects of variables and constants, and the duration, by their places.
+Env = list[Any]
+Test = Callable[[Env], bool]
+Number = Callable[[Env, Numbers[Any]], Any]
+# Yields whenever the variables of a search have objects in the environment.
+Search = Callable[[Env], Iterator[None]]
+Rows = Callable[[Env], set[Row]]
+# An atom of a conjunction that is read from other facts.
+Delta = tuple[Part, Relation] | None
+
+_DURATION = 0
+_Types = dict[Slot, tuple[TypeSet, ...]]
+
+
+def alternatives(bound: Iterable[Bound], part: Part) -> list[tuple[_Types, tuple[Part, ...]]]:
+    """Return the conjunctions of a disjunction, each with its variables; one for anything else."""
+    variables = {each.slot: each.types for each in bound}
+    while isinstance(part, Witness):
+        variables.update({each.slot: each.types for each in part.bound})
+        part = part.part
+    if not isinstance(part, OneOf):
+        return [(variables, part.parts if isinstance(part, AllOf) else (part,))]
+    return [
+        (variables | more, parts) for one in part.parts for more, parts in alternatives((), one)
+    ]
+
+
+class Compiler:
+    """Compiles parts that share the places of their variables.
+
+    Args:
+        world: the state.
+        parameters: variables that each evaluation gives an object, in this order.
+    """
+
+    def __init__(self, world: World, parameters: Iterable[Slot] = ()) -> None:
+        self.world = world
+        self.template: Env = [None]
+        self._places: dict[Place, int] = {}
+        self._parameters = [self.at(slot) for slot in parameters]
+
+    def env(self, arguments: Sequence[int] = (), duration: Decimal | None = None) -> Env:
+        """Return what an evaluation begins with."""
+        env = self.template.copy()
+        env[_DURATION] = duration
+        env[1 : len(arguments) + 1] = arguments
+        return env
+
+    def at(self, place: Place) -> int:
+        """Return where an object stands in the environment."""
+        found = self._places.get(place)
+        if found is None:
+            found = self._places[place] = len(self.template)
+            self.template.append(place.id if isinstance(place, Known) else None)
+        return found
+
+    def picker(self, terms: Iterable[Place]) -> Callable[[Env], Row]:
+        """Return what picks objects from the environment."""
+        return picker(tuple([self.at(term) for term in terms]))
+
+    # Tests.
+
+    def test(self, part: Part) -> Test:
+        """Compile a part whose variables have objects."""
+        match part:
+            case HoldsFact():
+                return self._fact(part)
+            case FluentIs(function, terms, value):
+                table, pick, at = self.world.table(function), self.picker(terms), self.at(value)
+                return lambda env: table.get(pick(env)) == env[at]
+            case SameObject(left, right):
+                first, second = self.at(left), self.at(right)
+                return lambda env: bool(env[first] == env[second])
+            case HasType(term, types):
+                members, at = self.world.members((types,)), self.at(term)
+                return lambda env: env[at] in members
+            case Compares():
+                return self._compares(part)
+            case Lacks(inner):
+                test = self.test(inner)
+                return lambda env: not test(env)
+            case AllOf(parts):
+                return _all([self.test(each) for each in parts])
+            case OneOf(parts):
+                return _any([self.test(each) for each in parts])
+            case Witness(bound, inner):
+                search = self.search(bound, inner)
+                return lambda env: next(search(env), True) is None
+
+    def _fact(self, fact: HoldsFact) -> Test:
+        pick, world = self.picker(fact.terms), self.world
+        rows = world.relation(fact.predicate, fact.is_stored).rows
+        rules = None if fact.is_stored else world.rules(fact.predicate)
+        if rules is None:
+            return lambda env: pick(env) in rows
+        its = rules
+
+        def derived(env: Env) -> bool:
+            if not its.is_fresh:
+                its.refresh()
+            return pick(env) in rows
+
+        return derived
+
+    def _compares(self, part: Compares) -> Test:
+        compare = COMPARE[part.operator]
+        left, right = self.number(part.left), self.number(part.right)
+        world = self.world
+
+        def test(env: Env) -> bool:
+            if world.rates:
+                return _compare_linear(world, part.operator, left, right, env)
+            first, second = left(env, EXACT), right(env, EXACT)
+            return first is not None and second is not None and compare(first, second)
+
+        return test
+
+    # Searches.
+
+    def search(self, bound: Iterable[Bound], part: Part, delta: Delta = None) -> Search:
+        """Compile a search for the objects of variables, which yields with each solution in `env`.
+
+        Args:
+            bound: the variables.
+            part: what holds of them.
+            delta: an atom of its conjunction to be read from other facts; the alternatives
+                without it are left out.
+        """
+        searches = [
+            self._join(variables, parts, delta)
+            for variables, parts in alternatives(bound, part)
+            if delta is None or any(each is delta[0] for each in parts)
+        ]
+        if len(searches) == 1:
+            return searches[0]
+
+        def union(env: Env) -> Iterator[None]:
+            for search in searches:
+                yield from search(env)
+
+        return union
+
+    def rows(self, bound: Sequence[Bound], part: Part) -> Rows:
+        """Compile for which objects of variables a part holds."""
+        search, pick = self.search(bound, part), self.picker([each.slot for each in bound])
+        return lambda env: {pick(env) for _ in search(env)}
+
+    def counterexamples(
+        self, resolver: Resolver, variables: Sequence[f.TypedName], formula: f.Formula
+    ) -> tuple[Witness, Rows]:
+        """Return that a formula fails for some objects, and compile for which."""
+        with resolver.within(variables) as bound:
+            part = negate(resolver.part(formula))
+        return Witness(bound, part), self.rows(bound, part)
+
+    def _join(self, unbound: _Types, parts: Sequence[Part], delta: Delta) -> Search:
+        """Compile a nested loop over a conjunction."""
+        rest = [_Conjunct(each, slots_of(each)) for each in parts]
+        steps: list[_Step] = []
+        tests = self._ready(rest, unbound)
+        while unbound:
+            step = self._chosen(rest, unbound, delta) or self._all_objects(rest, unbound)
+            steps.append(step._replace(tests=tuple(self._ready(rest, unbound))))
+        return _loop(tuple(tests), tuple(steps))
+
+    def _ready(self, rest: list[_Conjunct], unbound: _Types) -> list[Test]:
+        """Compile and remove the parts whose variables all have objects."""
+        ready = [each.part for each in rest if each.free.isdisjoint(unbound)]
+        rest[:] = [each for each in rest if not each.free.isdisjoint(unbound)]
+        ready.sort(key=_is_slow)
+        return [self.test(part) for part in ready]
+
+    def _chosen(self, rest: list[_Conjunct], unbound: _Types, delta: Delta) -> _Step | None:
+        """Choose the atom or the fluent whose objects are looped over next."""
+        best: tuple[tuple[int, int], _Conjunct] | None = None
+        for each in rest:
+            part = each.part
+            if delta is not None and part is delta[0]:
+                best = (0, 0), each
+                break
+            if isinstance(part, FluentIs):
+                if unbound.keys().isdisjoint(part.terms):
+                    best = (0, 0), each
+                    break
+            elif isinstance(part, HoldsFact):
+                known = sum(term not in unbound for term in part.terms)
+                rank = (len(part.terms) - known, -known)
+                if best is None or rank < best[0]:
+                    best = rank, each
+        if best is None:
+            return None
+        rest.remove(best[1])
+        part = best[1].part
+        if isinstance(part, FluentIs):
+            return self._value(part, unbound)
+        assert isinstance(part, HoldsFact)
+        return self._scan(part, unbound, delta)
+
+    def _all_objects(self, rest: Sequence[_Conjunct], unbound: _Types) -> _Step:
+        """Loop over the objects of a variable; those of fluents are looked up if they can be."""
+        values = {each.part.value for each in rest if isinstance(each.part, FluentIs)}
+        members = self.world.members
+        slot = min(unbound, key=lambda one: (one in values, len(members(unbound[one]))))
+        rows = [(id_,) for id_ in sorted(members(unbound.pop(slot)))]
+        return _Step(lambda env: rows, (0,), (self.at(slot),), ())
+
+    def _value(self, part: FluentIs, unbound: _Types) -> _Step:
+        """Look up the value of a fluent."""
+        assert isinstance(part.value, Slot)
+        function = self.world.definitions.functions.live(part.function)
+        own = closure(self.world.definitions, function.type_ids)
+        members = self._misfits(unbound.pop(part.value), own)
+        table, pick = self.world.table(part.function), self.picker(part.terms)
+
+        def rows(env: Env) -> Collection[Row]:
+            value = table.get(pick(env))
+            if not isinstance(value, int) or (members is not None and value not in members):
+                return ()
+            return ((value,),)
+
+        return _Step(rows, (0,), (self.at(part.value),), ())
+
+    def _misfits(self, wanted: tuple[TypeSet, ...], own: TypeSet) -> frozenset[int] | None:
+        """Return the objects that fit, unless all of some types do."""
+        left = tuple(
+            [each for each in wanted if each is not None and (own is None or not own <= each)]
+        )
+        return self.world.members(left) if left else None
+
+    def _scan(self, atom: HoldsFact, unbound: _Types, delta: Delta) -> _Step:
+        """Compile a loop over the facts of an atom; its variables have objects from then on."""
+        world, definitions = self.world, self.world.definitions
+        known = tuple([at for at, term in enumerate(atom.terms) if term not in unbound])
+        declared = definitions.predicates.live(atom.predicate).parameters
+        targets: dict[Slot, int] = {}
+        repeated: list[tuple[int, int]] = []
+        kinds: list[tuple[int, frozenset[int]]] = []
+        for at, term in enumerate(atom.terms):
+            if not isinstance(term, Slot) or term not in unbound:
+                continue
+            if term in targets:
+                repeated.append((targets[term], at))
+                continue
+            targets[term] = at
+            members = self._misfits(unbound[term], closure(definitions, declared[at].type_ids))
+            if members is not None:
+                kinds.append((at, members))
+        for slot in targets:
+            del unbound[slot]
+        is_delta = delta is not None and atom is delta[0]
+        relation = (
+            delta[1] if delta and is_delta else world.relation(atom.predicate, atom.is_stored)
+        )
+        rules = None if is_delta or atom.is_stored else world.rules(atom.predicate)
+        find, pick = relation.lookup(known), self.picker([atom.terms[at] for at in known])
+
+        def rows(env: Env) -> Collection[Row]:
+            if rules is not None and not rules.is_fresh:
+                rules.refresh()
+            return _fitting(find(pick(env)), repeated, kinds)
+
+        slots = tuple([self.at(slot) for slot in targets])
+        return _Step(rows, tuple(targets.values()), slots, ())
+
+    # Numbers.
+
+    def number(self, quantity: Quantity, needed: Needed | None = None) -> Number:
+        """Compile a number, with the objects that it needs; it returns None without a value."""
+        number = self._number(quantity)
+        if needed is None or not needed.bound:
+            return number
+        search = self.search(needed.bound, all_of(needed.needed))
+
+        def found(env: Env, numbers: Numbers[Any]) -> Any:
+            return next((number(env, numbers) for _ in search(env)), None)
+
+        return found
+
+    def _number(self, quantity: Quantity) -> Number:
+        if isinstance(quantity, Decimal):
+            return lambda env, numbers: numbers.of(quantity)
+        if isinstance(quantity, NumberOf):
+            return self._fluent(quantity)
+        if isinstance(quantity, Operation):
+            operands = [self._number(each) for each in quantity.operands]
+            return _operation(quantity.operator, operands)
+        return self._parameter(quantity.name)
+
+    def _parameter(self, name: str) -> Number:
+        world = self.world
+        if name == "#t":
+            return _continuous_time
+        if name == f.TOTAL_TIME:
+            return lambda env, numbers: numbers.of(world.total_time)
+        if name == f.DURATION:
+
+            def duration(env: Env, numbers: Numbers[Any]) -> Any:
+                return None if env[_DURATION] is None else numbers.of(env[_DURATION])
+
+            return duration
+        preference = name.partition("is-violated ")[2]
+        return lambda env, numbers: numbers.of(Decimal(world.violations.get(preference, 0)))
+
+    def _fluent(self, fluent: NumberOf) -> Number:
+        world, function = self.world, fluent.function
+        table, pick = world.table(function), self.picker(fluent.terms)
+
+        def value(env: Env, numbers: Numbers[Any]) -> Any:
+            row = pick(env)
+            if numbers is LINEARS:
+                return world.linear(function, row)
+            found = table.get(row)
+            if found is None:
+                return None
+            if world.rates and (function, row) in world.rates:
+                found = world.value_now(function, row)
+            return numbers.of(found)  # type: ignore[arg-type]
+
+        return value
+
+
+class _Conjunct(NamedTuple):
+    """A part of a conjunction, and its free variables."""
+
+    part: Part
+    free: set[Slot]
+
+
+class _Step(NamedTuple):
+    """A loop: rows, the positions in them that are new, their places, and the tests of each."""
+
+    rows: Callable[[Env], Collection[Row]]
+    positions: tuple[int, ...]
+    slots: tuple[int, ...]
+    tests: tuple[Test, ...]
+
+
+def _is_slow(part: Part) -> bool:
+    return not isinstance(part.part if isinstance(part, Lacks) else part, HoldsFact | SameObject)
+
+
+def _all(tests: Sequence[Test]) -> Test:
+    if len(tests) == 2:
+        first, second = tests
+        return lambda env: first(env) and second(env)
+
+    def test(env: Env) -> bool:
+        for each in tests:  # noqa: SIM110
+            if not each(env):
+                return False
+        return True
+
+    return test
+
+
+def _any(tests: Sequence[Test]) -> Test:
+    if len(tests) == 2:
+        first, second = tests
+        return lambda env: first(env) or second(env)
+
+    def test(env: Env) -> bool:
+        for each in tests:  # noqa: SIM110
+            if each(env):
+                return True
+        return False
+
+    return test
+
+
+def _fitting(
+    rows: Collection[Row],
+    repeated: list[tuple[int, int]],
+    kinds: list[tuple[int, frozenset[int]]],
+) -> Collection[Row]:
+    """Return the rows with the same objects at some positions, and some of certain types."""
+    if not repeated and not kinds:
+        return rows
+    return [
+        row
+        for row in rows
+        if all(row[one] == row[other] for one, other in repeated)
+        and all(row[at] in members for at, members in kinds)
+    ]
+
+
+def _loop(tests: tuple[Test, ...], steps: tuple[_Step, ...]) -> Search:
+    """Return a nested loop, on an explicit stack."""
+    is_possible = _all(tests)
+
+    def run(env: Env) -> Iterator[None]:
+        if not is_possible(env):
+            return
+        if not steps:
+            yield None
+            return
+        depth = len(steps)
+        stack = [iter(steps[0].rows(env))]
+        while stack:
+            row = next(stack[-1], None)
+            if row is None:
+                stack.pop()
+                continue
+            step = steps[len(stack) - 1]
+            for position, slot in zip(step.positions, step.slots, strict=True):
+                env[slot] = row[position]
+            for test in step.tests:
+                if not test(env):
+                    break
+            else:
+                if len(stack) == depth:
+                    yield None
+                else:
+                    stack.append(iter(steps[len(stack)].rows(env)))
+
+    return run
+
+
+def _operation(operator: str, operands: Sequence[Number]) -> Number:
+    first, *others = operands
+
+    def run(env: Env, numbers: Numbers[Any]) -> Any:
+        result = first(env, numbers)
+        if result is not None and not others:
+            return numbers.subtract(numbers.of(Decimal(0)), result)
+        for each in others:
+            operand = None if result is None else each(env, numbers)
+            if operand is None:
+                return None
+            result = numbers.apply(operator, result, operand)
+        return result
+
+    return run
+
+
+def _continuous_time(env: Env, numbers: Numbers[Any]) -> Any:
+    del env
+    if numbers is not LINEARS:
+        raise UnsupportedConstructError(
+            "#t is not a number; it belongs to a continuous effect such as "
+            "(increase (fuel) (* #t 2))"
+        )
+    return Linear(Fraction(0), Fraction(1))
+
+
+def _compare_linear(world: World, operator: str, left: Number, right: Number, env: Env) -> bool:
+    """Compare while numbers change; note the time at which the sides are equal."""
+    first, second = left(env, LINEARS), right(env, LINEARS)
+    if first is None or second is None:
+        return False
+    difference = LINEARS.subtract(first, second)
+    if difference.rate:
+        world.roots.add(-difference.value / difference.rate)
+    return COMPARE[operator](difference.at(world.elapsed), Fraction(0))
+
+
+class Conditions:
+    """The formulas of one world, each compiled once."""
+
+    def __init__(self, world: World) -> None:
+        self.world = world
+        self._compiled: dict[tuple[int, tuple[str, ...]], tuple[f.Node, Compiler, Any]] = {}
+
+    def holds(
+        self, formula: f.Formula, binding: Binding | None = None, duration: Decimal | None = None
+    ) -> bool:
+        """Return whether a formula holds now; a preference in it holds always.
+
+        Args:
+            formula: the condition.
+            binding: the objects of its free variables.
+            duration: the value of `?duration`.
+
+        Raises:
+            InvalidKnowledgeError: another variable is free in it.
+            UnsupportedConstructError: it has effects or modal operators.
+        """
+        test, env = self._get(formula, binding or {}, duration)
+        return bool(test(env))
+
+    def number(
+        self, expression: f.Expression, binding: Binding, duration: Decimal | None = None
+    ) -> Decimal | None:
+        """Return the value of an expression as it is written; None without one."""
+        found = self.exact_number(expression, binding, duration)
+        return None if found is None else decimal_of(found)
+
+    def exact_number(
+        self, expression: f.Expression, binding: Binding, duration: Decimal | None = None
+    ) -> Exact | None:
+        """Return the value of an expression now; None without one."""
+        run, env = self._get(expression, binding, duration)
+        found: Exact | None = run(env, EXACT)
+        return found
+
+    def _get(
+        self, node: f.Node, binding: Binding, duration: Decimal | None
+    ) -> tuple[Callable[..., Any], Env]:
+        key = id(node), tuple(binding)
+        found = self._compiled.get(key)
+        if found is None:
+            # An id is used again once its formula is gone, so it is kept.
+            found = self._compiled[key] = (node, *self._compile(node, key[1]))
+        ids = self.world.ids
+        return found[2], found[1].env([ids[name] for name in binding.values()], duration)
+
+    def _compile(self, node: f.Node, names: Iterable[str]) -> tuple[Compiler, Any]:
+        resolver = Resolver(self.world.definitions)
+        slots = {name: resolver.slot() for name in names}
+        for name, slot in slots.items():
+            resolver.bind(name, slot)
+        compiler = Compiler(self.world, slots.values())
+        if isinstance(node, f.Expression):
+            return compiler, compiler.number(*resolver.number(node))
+        return compiler, compiler.test(resolver.part(node))
