@@ -37,8 +37,7 @@ if TYPE_CHECKING:
     from .reasoning.verdicts import Verdict, Verdicts
     from .sql.backup import Backup, backup
     from .sql.changes import Change
-    from .sql.dialects.base import Distribution, Roles
-    from .sql.distribution import distribute
+    from .sql.dialects.base import Roles
     from .sql.inventory import Inventory, knowledge_bases
     from .sql.predicate_views import PredicateView, drop_views, update_views
     from .sql.schema import create_roles, downgrade, upgrade
@@ -58,7 +57,6 @@ __all__ = [
     "Completion",
     "DaoFactory",
     "Density",
-    "Distribution",
     "FailedCondition",
     "FailedStep",
     "Finding",
@@ -92,7 +90,6 @@ __all__ = [
     "connect",
     "create_dao_factory",
     "create_roles",
-    "distribute",
     "downgrade",
     "drop_views",
     "knowledge_bases",
@@ -136,8 +133,7 @@ _HOMES = {
         ".reasoning.held": ("Held", "HeldPeriods"),
         ".sql.backup": ("Backup", "backup"),
         ".sql.changes": ("Change",),
-        ".sql.dialects.base": ("Distribution", "Roles"),
-        ".sql.distribution": ("distribute",),
+        ".sql.dialects.base": ("Roles",),
         ".sql.inventory": ("Inventory", "knowledge_bases"),
         ".sql.predicate_views": ("PredicateView", "drop_views", "update_views"),
         ".sql.schema": ("create_roles", "downgrade", "upgrade"),

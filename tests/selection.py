@@ -14,7 +14,7 @@ import pytest
 ROOT = Path(__file__).parent
 # Who judge, measure, kill or drive browsers for long: only a test marked `smoke` is in `make test`.
 MORE_FOLDERS = {
-    *("benchmarks", "browser", "citus", "corpus", "meaning", "operation", "pooler"),
+    *("benchmarks", "browser", "corpus", "meaning", "operation", "plugins", "pooler"),
 }
 MAIN = re.compile(r"(sqlite(-file|-memory)?|postgresql)( .*)?")
 OTHER = re.compile(r"aio-.*|citus|extra-\d+")

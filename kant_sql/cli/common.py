@@ -9,14 +9,16 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NoReturn, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, NoReturn, TypeVar
 
 import typer
+from typer.core import TyperArgument, TyperGroup
 
 from ..errors import InvalidArgumentError, KantSqlError, printable
 from ..moment_text import is_now, parse_moment
 from ..pddl.cursor import hint
 from ..pddl.lexer import tokenize
+from ..plugins import Plugins
 
 if TYPE_CHECKING:
     from ..knowledge_base import KnowledgeBase
@@ -281,3 +283,55 @@ def unknown_element(kb: KnowledgeBase, name: str, element: str, what: str) -> Ka
     return KantSqlError(
         f"{printable(element)!r} in knowledge base {name!r}: it {what}{next(hints, '')}"
     )
+
+
+class Argument(TyperArgument):
+    """An argument shown in the help by its metavar alone: no braces, dots or Python types."""
+
+    def get_usage_pieces(self, ctx: Any) -> list[str]:
+        """Return the argument for the usage line."""
+        return [self.metavar or str(self.name)]
+
+    def get_help_record(self, ctx: Any) -> tuple[str, str] | None:
+        """Return the argument for the list of arguments."""
+        record = super().get_help_record(ctx)
+        return record and (self.metavar or str(self.name), record[1])
+
+
+class PluggedCommands(TyperGroup):
+    """Commands of the library, and of plugins: functions with annotations for Typer.
+
+    Attributes:
+        plugins: the group of entry points with the names of these.
+    """
+
+    plugins: ClassVar[Plugins[Callable[..., object]]]
+
+    def __init__(self, *args: Any, **options: Any) -> None:
+        super().__init__(*args, **options)
+        _name_arguments(self)
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        """Name the commands for the help."""
+        return [*super().list_commands(ctx), *self.plugins.names()]
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        """Find a command; None if there is none."""
+        command = super().get_command(ctx, cmd_name)
+        plugged = None if command else self.plugins.get(cmd_name)
+        if plugged is None:
+            return command
+        app = typer.Typer(rich_markup_mode=None, add_completion=False)
+        app.command(cmd_name)(plugged)
+        made = typer.main.get_command(app)
+        _name_arguments(made)
+        return made
+
+
+def _name_arguments(command: Any) -> None:
+    """Make the arguments of a command and its subcommands ours; Typer has no setting for it."""
+    for parameter in command.params:
+        if type(parameter) is TyperArgument:
+            parameter.__class__ = Argument
+    for one in getattr(command, "commands", {}).values():
+        _name_arguments(one)

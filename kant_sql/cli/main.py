@@ -14,12 +14,12 @@ from pathlib import Path
 from typing import Annotated, Any, NoReturn
 
 import typer
-from typer.core import TyperArgument, TyperGroup
 
 from .. import __version__
 from ..errors import KantSqlError
+from ..plugins import Plugins
 from .check import check
-from .common import JSON_OPTION
+from .common import JSON_OPTION, PluggedCommands
 from .conditions import goals, holds, query, rules, when
 from .documents import dump, load
 from .export import export
@@ -121,25 +121,10 @@ def _wants_json(words: Sequence[str]) -> bool:
     return JSON_OPTION in options
 
 
-class Argument(TyperArgument):
-    """An argument shown in the help by its metavar alone: no braces, dots or Python types."""
-
-    def get_usage_pieces(self, ctx: Any) -> list[str]:
-        """Return the argument for the usage line."""
-        return [self.metavar or str(self.name)]
-
-    def get_help_record(self, ctx: Any) -> tuple[str, str] | None:
-        """Return the argument for the list of arguments."""
-        record = super().get_help_record(ctx)
-        return record and (self.metavar or str(self.name), record[1])
-
-
-class Commands(TyperGroup):
+class Commands(PluggedCommands):
     """The commands; an error is one line, never a traceback."""
 
-    def __init__(self, *args: Any, **options: Any) -> None:
-        super().__init__(*args, **options)
-        _name_arguments(self)
+    plugins = Plugins("kant_sql.commands")
 
     def main(self, *args: Any, **options: Any) -> NoReturn:
         """Run a command line and exit."""
@@ -156,15 +141,6 @@ class Commands(TyperGroup):
             raise EndedEarlyError(0) from error
         except KeyboardInterrupt as error:
             raise EndedEarlyError(INTERRUPTED) from error
-
-
-def _name_arguments(command: Any) -> None:
-    """Make the arguments of a command and its subcommands ours; Typer has no setting for it."""
-    for parameter in command.params:
-        if type(parameter) is TyperArgument:
-            parameter.__class__ = Argument
-    for one in getattr(command, "commands", {}).values():
-        _name_arguments(one)
 
 
 def _in_pager(command: Callable[..., object]) -> Callable[..., object]:

@@ -11,12 +11,14 @@ import typer
 
 from ..errors import KantSqlError, printable
 from ..knowledge.canonical import time_text
+from ..plugins import Plugins
 from .common import (
     DEFAULT_NAME,
     JSON_OPTION,
     Actor,
     AsJson,
     Name,
+    PluggedCommands,
     Reason,
     Url,
     leaving_nothing,
@@ -36,7 +38,14 @@ if TYPE_CHECKING:
 
 _NAMES_SHOWN = 10
 
-db = typer.Typer(help="Create, migrate and check the tables.", rich_markup_mode=None)
+
+class _DbCommands(PluggedCommands):
+    plugins = Plugins("kant_sql.commands.db")
+
+
+db = typer.Typer(
+    cls=_DbCommands, help="Create, migrate and check the tables.", rich_markup_mode=None
+)
 
 
 @db.command()
@@ -119,10 +128,9 @@ def current(url: Url, as_json: AsJson = False) -> None:
 def check(url: Url, as_json: AsJson = False) -> None:
     """Exit with 1 if tables are missing, outdated or misplaced."""
     from ..sql import schema
-    from ..sql.distribution import check_distribution
 
     schema.check(url)
-    check_distribution(url)
+    schema.check_placement(url)
     _write_version(url, as_json)
 
 
@@ -182,45 +190,6 @@ def roles(
             )
         for statement in made.remaining:
             typer.echo(f"this user may not run, but its owner: {statement};", err=True)
-
-
-@db.command()
-def distribute(
-    url: Url,
-    shards: Annotated[
-        int | None,
-        option(
-            "How many shards each table has; otherwise as the server sets citus.shard_count.",
-            "--shards",
-            metavar="N",
-            min=1,
-        ),
-    ] = None,
-    undo: Annotated[bool, option("Bring all tables back to the coordinator.", "--undo")] = False,
-    as_sql: Annotated[bool, option("Only write the SQL; change nothing.", "--sql")] = False,
-    as_json: AsJson = False,
-) -> None:
-    """Distribute the tables over a Citus cluster.
-
-    All of it happens, or nothing; what is distributed already stays as it is. Make a backup first.
-    """
-    from ..sql.distribution import distribute as distribute_tables
-    from ..sql.distribution import script
-
-    done = distribute_tables(url, shards=shards, undo=undo, dry_run=as_sql)
-    if as_json:
-        document = done._asdict()
-        if not as_sql:
-            del document["statements"], document["views"]
-        write_json(document)
-    elif as_sql:
-        typer.echo("-- Make a backup first.")
-        typer.echo("".join(f"{line};\n" for line in script(done)), nl=False)
-    elif done.shards:
-        over = f"{plural(done.shards, 'shard')} on {', '.join(done.nodes)}"
-        typer.echo(f"{plural(len(done.tables), 'table')} distributed over {over}")
-    else:
-        typer.echo(f"{plural(len(done.tables), 'table')} brought back")
 
 
 def _write_version(url: str, as_json: bool, more: Mapping[str, object] | None = None) -> None:

@@ -271,7 +271,7 @@ class IdsQuery:
     ) -> None:
         table = change.table
         self.each = Query(lambda: change.where(*conditions(table), id_ == bindparam("id")))
-        # Citus looks for the knowledge base here, too.
+        # A cluster looks for the knowledge base here, too.
         self.listed = Query(
             lambda: change.where(table.c.kb_id == integer("kb"), RowsOfIds(table, id_, conditions))
         )

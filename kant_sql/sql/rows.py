@@ -71,7 +71,7 @@ def looked_up(
     """Look up one row for each row of the query around it, by the last column of a key.
 
     The parameter names the knowledge base: equal columns of the two rows would say the same, but
-    Citus then looks in all shards. Sorted by the key, because PostgreSQL without statistics takes
+    a cluster then looks in all shards. Sorted by the key: PostgreSQL without statistics takes
     any index that begins with `kb_id` for as good as that of the key.
     """
     found = select(wanted).where(column.table.c.kb_id == KB, *conditions)

@@ -100,6 +100,14 @@ def check(url: str) -> None:
         _judge(backend, _current(backend))
 
 
+def check_placement(url: str) -> None:
+    """Check that the tables of a store on several servers are all where they belong."""
+    with closing(create_backend(url)) as backend:
+        fault = backend.layout_fault()
+        if fault is not None:
+            raise SchemaError(f"{backend.label}: {fault}")
+
+
 def require_store(url: str) -> None:
     """Check that the database exists, whatever is in it."""
     with closing(create_backend(url)) as backend:

@@ -16,6 +16,7 @@ import psycopg
 from sqlalchemy import URL, make_url
 
 import kant_sql
+from kant_sql_plugins.citus import distribute
 from tests.support.reading import store_of
 
 VARIABLE = "KANT_SQL_TEST_CITUS_URL"
@@ -105,7 +106,7 @@ class Cluster:
             if shards == 0:
                 kant_sql.upgrade(url)
             else:
-                kant_sql.distribute(url, shards=shards)
+                distribute(url, shards=shards)
             self._templates[shards] = self._close(url)
         return self._copy(self._templates[shards])
 

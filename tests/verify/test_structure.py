@@ -444,9 +444,9 @@ def test_every_index_can_be_read_by_itself(
     backend = create_backend(url)
     with backend.open_session() as session:
         session.begin(write=False)
-        made = indexes._indexes_of(session, TABLES)
+        made = indexes._indexes_of(session, TABLES, None)
         assert len(made) > 100
-        assert len(indexes._by_indexes(session, made)) == len(made)
+        assert len(indexes._by_indexes(session, made, None)) == len(made)
         session.rollback()
     backend.close()
     server.drop_database(url)

@@ -10,7 +10,7 @@ import threading
 import time
 import weakref
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Collection, Hashable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Hashable, Iterator, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 from datetime import UTC, datetime
 from pathlib import Path
@@ -92,24 +92,6 @@ class Roles(NamedTuple):
     knowledge_base: str | None
     statements: tuple[str, ...]
     remaining: tuple[str, ...] = ()
-
-
-class Distribution(NamedTuple):
-    """The distribution of a store's tables over the nodes of a Citus cluster.
-
-    Attributes:
-        shards: how many shards each table has; 0 where none is distributed.
-        nodes: host and port of each node that may hold shards.
-        tables: the tables that are moved.
-        statements: the SQL that does it, in one transaction; empty where nothing is to be done.
-        views: the SQL that creates the generated views again, afterwards.
-    """
-
-    shards: int
-    nodes: tuple[str, ...]
-    tables: tuple[str, ...]
-    statements: tuple[str, ...]
-    views: tuple[str, ...] = ()
 
 
 T = TypeVar("T")
@@ -466,7 +448,6 @@ class Backend(ABC):
         when_closed: called when it is closed, to close what was opened for its sake.
         is_server: whether it is a server, which is shown credentials.
         patience: seconds that a call waits for another writer to end.
-        no_nodes: why tables cannot be distributed over servers; None where they can.
         no_roles: why there are no roles, and what to do instead; None where there are.
         revision_comes_last: whether the row of a revision is written last, so that row policies
             take its versions for past.
@@ -480,7 +461,6 @@ class Backend(ABC):
     has_one_connection = False
     is_server = False
     patience = 20.0
-    no_nodes: str | None = "only PostgreSQL with the extension citus distributes tables"
     no_roles: str | None = None
     revision_comes_last = False
     begin_read: str
@@ -632,19 +612,6 @@ class Backend(ABC):
     def create_roles(self, knowledge_base: str | None, dry_run: bool) -> Roles:
         """Create the roles of the database, or update them."""
         raise StoreError(f"{self.label}: {self.no_roles}")
-
-    def distribute(
-        self, shards: int | None, *, undo: bool, dry_run: bool, views: Mapping[str, str]
-    ) -> Distribution:
-        """Distribute the tables over the nodes of a cluster, or bring them together.
-
-        Args:
-            shards: how many shards each table has; None for the server's setting.
-            undo: whether to bring them together.
-            dry_run: whether to return the statements without running them.
-            views: the views of auditors, each with its query, in the order of their creation.
-        """
-        raise NotImplementedError(self.no_nodes)
 
     def layout_fault(self) -> str | None:
         """Say what is wrong with a store whose tables are on several servers; None for nothing."""

@@ -12,8 +12,8 @@ import re
 import selectors
 import threading
 import time
-from collections.abc import Collection, Hashable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
+from collections.abc import Collection, Hashable, Iterator, Sequence
+from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext, suppress
 from datetime import UTC, datetime
 from functools import cache
 from typing import Any
@@ -67,7 +67,6 @@ from ..query import (
 from .base import (
     FETCH_SIZE,
     Backend,
-    Distribution,
     Listener,
     Roles,
     Row,
@@ -76,26 +75,14 @@ from .base import (
     log_statement,
     refuse_unknown_options,
 )
-from .citus import (
-    Distributor,
-    HandedOn,
-    has_lost_a_node,
-    layout_fault,
-    migrating,
-    of_one_shard,
-    read_handed_on,
-    use_one_connection,
-)
+from .cluster import EXTENSIONS, ClusterExtension, Nodes, cluster_among, cluster_of
 from .guard import StatementGuard
 from .postgresql_pooler import IS_POOLED, OPTION, local, read_pooler, settle
 from .postgresql_roles import (
-    around,
     holders,
     lock_schema,
-    lock_tables,
     make_roles,
     roles_set_aside,
-    run_all,
 )
 from .postgresql_sharing import (
     POLL_PAUSE,
@@ -107,7 +94,7 @@ from .postgresql_sharing import (
     WriterTurns,
     channel,
 )
-from .postgresql_structure import PostgresqlViews, Qualifier, describe, index_faults
+from .postgresql_structure import PostgresqlViews, describe, index_faults
 from .structure import IndexFault, Statement
 from .words import POSTGRESQL_WORDS
 
@@ -405,31 +392,30 @@ class PostgresqlSession(Session):
         scan a large one for each row.
         """
         self._execute("DISCARD PLANS")
-        handed_on = self._handed_on
-        if handed_on is not None and self.in_transaction():
+        nodes = self._nodes
+        if nodes is not None and self.in_transaction():
             self._is_replanned = not self._is_replanned
-            self._execute(handed_on.replanning(self._is_replanned))
+            self._execute(nodes.replanning(self._is_replanned))
 
     def make_durable(self) -> None:
         """Make later commits of this connection, on any node, survive a power cut."""
         super().make_durable()
-        handed_on = self._handed_on
-        if handed_on is not None:
+        nodes = self._nodes
+        if nodes is not None:
             self._execute("SHOW synchronous_commit")
-            value = str(self._fetch()[0][0])
-            self._pooled.info[_HANDED_ON] = handed_on._replace(synchronous_commit=value)
+            self._pooled.info[_NODES] = nodes.committing(str(self._fetch()[0][0]))
 
     @property
-    def _handed_on(self) -> HandedOn | None:
-        found: HandedOn | None = self._pooled.info.get(_HANDED_ON)
+    def _nodes(self) -> Nodes | None:
+        found: Nodes | None = self._pooled.info.get(_NODES)
         return found
 
     def begin(self, write: bool) -> None:
         """Begin a transaction, with the same settings on all nodes."""
-        handed_on = self._handed_on
+        nodes = self._nodes
         self._is_replanned = False
-        if write and handed_on is not None:
-            settings = {**handed_on.settings(), "lock_timeout": LOCK_TIMEOUT}
+        if write and nodes is not None:
+            settings = {**nodes.settings(), "lock_timeout": LOCK_TIMEOUT}
             self._execute(f"{self.backend.begin_write}{local(settings)}")
         else:
             super().begin(write)
@@ -525,15 +511,16 @@ class PostgresqlSession(Session):
 
     def query_of_view(self, name: str, kb_id: int) -> str | None:
         """Return a query that one shard answers, on a cluster."""
-        row = None if self._handed_on is None else self.first(_VIEW, view=name)
-        if row is None:
+        nodes = self._nodes
+        row = None if nodes is None else self.first(_VIEW, view=name)
+        if nodes is None or row is None:
             return None
         query, schema = row
-        return of_one_shard(query.rstrip().rstrip(";"), Qualifier(schema), kb_id)
+        return nodes.of_one_shard(query.rstrip().rstrip(";"), schema, kb_id)
 
     def index_faults(self, tables: Sequence[str]) -> Iterator[IndexFault]:
         """Compare the indexes of some tables with the tables."""
-        return index_faults(self, tables)
+        return index_faults(self, tables, self._nodes)
 
     def close(self) -> None:
         """Return the connection to the pool, unless it is broken."""
@@ -573,8 +560,8 @@ class PooledSession(PostgresqlSession):
         self._set_and_begin(self.backend.begin_write if write else self.backend.begin_read, write)
 
     def _set_and_begin(self, text: str, write: bool) -> None:
-        handed_on = self._handed_on
-        settings = {} if handed_on is None else handed_on.settings(is_durable=self._is_durable)
+        nodes = self._nodes
+        settings = {} if nodes is None else nodes.settings(is_durable=self._is_durable)
         settings["lock_timeout"] = LOCK_TIMEOUT
         if self._allowed is not None:
             settings[_TIMEOUT] = str(self._allowed)
@@ -642,8 +629,8 @@ _DURABLE = (
 _ENCLOSING = "BEGIN ISOLATION LEVEL READ COMMITTED READ ONLY"
 # Seconds until a request to cancel a statement is given up.
 CANCEL_TIMEOUT = 2.0
-# What a connection's record calls the settings that other nodes need.
-_HANDED_ON = "handed_on"
+# What a connection's record calls what it does for other nodes.
+_NODES = "nodes"
 # What a connection's record calls its timeout, and its value when a change may have failed.
 _TIMEOUT, _UNKNOWN = "statement_timeout", -1
 # The server counts milliseconds in 31 bits.
@@ -672,9 +659,11 @@ class PostgresqlBackend(Backend):
     Attributes:
         listening: the engine of listeners' connections.
         deafness: whether LISTEN is not possible.
+        cluster: the plugin of an extension that puts tables on several servers, if there is one.
     """
 
     listening: Engine
+    cluster: ClusterExtension | None = None
     deafness: Deafness
     begin_read = "BEGIN ISOLATION LEVEL REPEATABLE READ READ ONLY"
     begin_write = "BEGIN ISOLATION LEVEL READ COMMITTED"
@@ -682,7 +671,6 @@ class PostgresqlBackend(Backend):
     # Row policies let a writer change only versions without it.
     revision_comes_last = True
     is_server = True
-    no_nodes = None
     views = PostgresqlViews()
     words = POSTGRESQL_WORDS
     _lost_at = 0.0
@@ -724,7 +712,8 @@ class PostgresqlBackend(Backend):
             if self.is_read_only:
                 settings["default_transaction_read_only"] = "on"
             record.info[IS_POOLED] = settle(connection, pooler, settings)
-            record.info[_HANDED_ON] = read_handed_on(connection)
+            self.cluster = cluster_among(name for (name,) in connection.execute(EXTENSIONS))
+            record.info[_NODES] = self.cluster and self.cluster.nodes(connection)
             read_all_times(connection)
 
         @event.listens_for(engine, "checkout")
@@ -840,7 +829,9 @@ class PostgresqlBackend(Backend):
         try:
             with engine.connect() as connection, connection.begin():
                 lock_schema(lambda sql: _says_true(connection.exec_driver_sql(sql)))
-                use_one_connection(connection)
+                self.cluster = cluster_of(connection)
+                if self.cluster is not None:
+                    self.cluster.use_one_connection(connection)
                 yield connection
         except DBAPIError as error:
             if getattr(error.orig, "sqlstate", None) not in _IN_THE_WAY:
@@ -878,46 +869,25 @@ class PostgresqlBackend(Backend):
                 ) from error
             raise self.translate_connect(original) from error
 
-    def distribute(
-        self, shards: int | None, *, undo: bool, dry_run: bool, views: Mapping[str, str]
-    ) -> Distribution:
-        """Distribute the tables over the nodes of a Citus cluster, or bring them together."""
-        try:
-            with self.migration_connection() as connection:
-                distributor = Distributor(connection, self.label, views)
-                wanted = distributor.undistribute() if undo else distributor.distribute(shards)
-                if not wanted.statements:
-                    return wanted
-                generated = sorted(
-                    self.views.list_generated(lambda sql: connection.exec_driver_sql(sql).all())
-                )
-                withdrawn, made = around(connection, has_writers=undo)
-                drops = (self.views.drop(name) for name in generated)
-                statements = (*withdrawn, *drops, *wanted.statements, *made)
-                if not dry_run:
-                    lock_tables(connection)
-                    run_all(connection, statements)
-                return wanted._replace(statements=statements)
-        except DBAPIError as error:
-            raise self._of_driver(error) from error
-
     def layout_fault(self) -> str | None:
         """Say what is wrong with a store of which some tables are distributed."""
         engine = self._engine(poolclass=NullPool)
         try:
             with engine.connect() as connection:
-                return layout_fault(connection, self.label)
+                cluster = cluster_of(connection)
+                return None if cluster is None else cluster.fault(connection, self.label)
         except self.driver_errors as error:
             raise self.translate_connect(error) from error
         except DBAPIError as error:
-            raise self._of_driver(error) from error
+            raise self.of_driver(error) from error
         finally:
             engine.dispose()
 
     @staticmethod
     def migrating(connection: Connection, label: str) -> AbstractContextManager[None]:
         """Let migrations create tables where those of the store are."""
-        return migrating(connection, label)
+        cluster = cluster_of(connection)
+        return nullcontext() if cluster is None else cluster.migrating(connection, label)
 
     @staticmethod
     def roles_set_aside(connection: Connection) -> AbstractContextManager[None]:
@@ -960,14 +930,15 @@ class PostgresqlBackend(Backend):
         is_lost = state.startswith(("57P", "08", "25P03", "25P04")) or (
             not state and isinstance(error, self.engine.dialect.loaded_dbapi.OperationalError)
         )
-        if is_lost or has_lost_a_node(state, text):
+        cluster = self.cluster
+        if is_lost or (cluster is not None and cluster.has_lost_a_node(state, text)):
             return ConnectionLostError(
                 f"{self.label}: the connection was lost ({text}); nothing of the open transaction "
                 "was written, try again"
             )
         return StoreError(f"{self.label}: {type(error).__name__}: {text}")
 
-    def _of_driver(self, error: DBAPIError) -> StoreError:
+    def of_driver(self, error: DBAPIError) -> StoreError:
         """Translate an error of the driver that SQLAlchemy has wrapped."""
         return self.translate_connect(error.orig if isinstance(error.orig, Exception) else error)
 

@@ -26,7 +26,7 @@ from ...errors import KantSqlError
 from ..tables import EMPTY_HEAD, Base
 from ..tables.base import VERSION_TABLE
 from .base import Roles
-from .citus import is_distributed, of_one_shard
+from .cluster import cluster_of
 from .postgresql_structure import SCHEMA_OF_TABLES, PostgresqlViews, Qualifier
 
 # The prefix of roles, and of all that is created for them.
@@ -454,10 +454,12 @@ class RoleMaker:
         self._generated = _VIEWS.list_generated(lambda sql: connection.exec_driver_sql(sql).all())
         self._old = [(row[0], row[1]) for row in self._query(_POLICIES)]
         self._own = [(row[0], row[1]) for row in self._query(_OWN_VIEWS)]
-        # Policies of writers have subqueries, which Citus refuses on a distributed table. And a
-        # worker asks for a user's own rights on tables, not for those of a view's owner.
+        # Policies of writers have subqueries, which tables on several nodes cannot have. There, a
+        # node asks for a user's own rights on tables, not for those of a view's owner.
+        self._cluster = cluster_of(connection)
         if has_writers is None:
-            has_writers = not is_distributed(connection, self._names.schema)
+            schema = self._names.schema
+            has_writers = not (self._cluster and self._cluster.is_distributed(connection, schema))
         self._has_writers = has_writers
 
     @property
@@ -596,8 +598,9 @@ class RoleMaker:
                 f"SELECT * FROM {names.relation(view)} WHERE knowledge_base = (SELECT k.name FROM "
                 f"{names.relation('knowledge_base')} AS k WHERE k.id = {scope.kb_id})"
             )
-            if not self._has_writers:
-                query = of_one_shard(self._query_of(view), names, int(scope.kb_id or 0))
+            if self._cluster is not None and not self._has_writers:
+                kb_id = int(scope.kb_id or 0)
+                query = self._cluster.of_one_shard(self._query_of(view), names.schema, kb_id)
             yield f"CREATE VIEW {own} WITH (security_barrier) AS {query}"
             yield f"GRANT SELECT ON TABLE {own} TO {everyone}"
 

@@ -20,6 +20,7 @@ from ...errors import StoreError
 from ..query import raw
 from ..tables.base import VERSION_TABLE
 from .base import Row, Session
+from .cluster import Nodes
 from .structure import (
     MARK,
     MARKED,
@@ -239,15 +240,10 @@ _TABLES_ONLY = ("enable_indexscan", "enable_indexonlyscan", "enable_bitmapscan")
 _INDEXES_ONLY = ("enable_seqscan", "enable_bitmapscan", "enable_sort", "enable_incremental_sort")
 # The keys of a sorted index are read without its table; a hash index has no keys to read.
 _WAYS = {"btree": (*_INDEXES_ONLY, "enable_indexscan"), "hash": _INDEXES_ONLY}
-# The first one hands the others on to the nodes of Citus; elsewhere it means nothing.
-_PLAIN = (
-    "SET LOCAL citus.propagate_set_commands = 'local'; SET LOCAL jit = off; "
-    "SET LOCAL max_parallel_workers_per_gather = 0"
-)
+_PLAIN = {"jit": "off", "max_parallel_workers_per_gather": "0"}
 
 _CHECKED_INDEXES = """
 SELECT row_number() OVER (), x.oid, x.relname, c.relname, a.amname,
-    to_regclass('pg_dist_partition') IS NOT NULL,
     pg_get_expr(i.indpred, i.indrelid), ARRAY(
     SELECT pg_get_indexdef(i.indexrelid, n, true)
     FROM generate_series(1, i.indnkeyatts) AS n ORDER BY n
@@ -278,9 +274,9 @@ class _Index(NamedTuple):
     name: str
     table: str
     method: str
-    has_shards: bool
     condition: str | None
     columns: list[str]
+    nodes: Nodes | None
 
     def counts(self) -> tuple[str, str]:
         """Write the count of the table's rows and the sum of their keys' hashes."""
@@ -300,7 +296,7 @@ class _Index(NamedTuple):
             return f"SELECT {self.number}, count(*), {self.digest()} FROM ({keys}) AS keys"
         # It is not sorted: look up each value and count the rows. Of a distributed table, each
         # shard does so.
-        key, own = ("kb_id, ", "t.kb_id = wanted.kb_id AND ") if self.has_shards else ("", "")
+        key, own = ("kb_id, ", "t.kb_id = wanted.kb_id AND ") if self.nodes else ("", "")
         return (
             f"SELECT {self.number}, coalesce(sum(found), 0), NULL::numeric "
             f"FROM (SELECT DISTINCT {key}{columns} AS value FROM {self.table}) AS wanted "
@@ -312,12 +308,14 @@ class _Index(NamedTuple):
 _TABLE = attrgetter("table")
 
 
-def index_faults(session: Session, tables: Sequence[str]) -> Iterator[IndexFault]:
+def index_faults(
+    session: Session, tables: Sequence[str], nodes: Nodes | None
+) -> Iterator[IndexFault]:
     """Compare the indexes of some tables with the tables, in constant memory."""
-    indexes = _indexes_of(session, tables)
+    indexes = _indexes_of(session, tables, nodes)
     if indexes:
-        had = _numbers_of_tables(session, _by_tables(indexes))
-        found = _by_indexes(session, indexes)
+        had = _numbers_of_tables(session, _by_tables(indexes), nodes)
+        found = _by_indexes(session, indexes, nodes)
         for index in indexes:
             # An index that is not used even now is used by no other query.
             if index.number in found and found[index.number] != had[index.number]:
@@ -325,9 +323,10 @@ def index_faults(session: Session, tables: Sequence[str]) -> Iterator[IndexFault
         yield from _amcheck(session, indexes)
 
 
-def _indexes_of(session: Session, tables: Sequence[str]) -> list[_Index]:
+def _indexes_of(session: Session, tables: Sequence[str], nodes: Nodes | None) -> list[_Index]:
     names = ", ".join(f"to_regclass('{table}')" for table in tables)
-    return [_Index(*row) for row in _rows(session, _CHECKED_INDEXES.replace("{tables}", names))]
+    rows = _rows(session, _CHECKED_INDEXES.replace("{tables}", names))
+    return [_Index._make((*row, nodes)) for row in rows]
 
 
 def _difference(index: _Index, had: _Found, found: _Found) -> str:
@@ -355,42 +354,39 @@ def _by_tables(indexes: list[_Index]) -> str:
     return " UNION ALL ".join(parts)
 
 
-def _by_indexes(session: Session, indexes: list[_Index]) -> _Found:
+def _by_indexes(session: Session, indexes: list[_Index], nodes: Nodes | None) -> _Found:
     """Compute the numbers of the indexes that the server can be made to use."""
     numbers: _Found = {}
     for method, off in _WAYS.items():
         chosen = [index for index in indexes if index.method == method]
         if chosen:
             query = " UNION ALL ".join(index.reading() for index in chosen)
-            with _settings(session, off):
+            with _settings(session, off, nodes):
                 ((plan,),) = _rows(session, f"EXPLAIN (FORMAT JSON, COSTS OFF) {query}")
-            used, found = {*_used(plan)}, _numbers(session, off, query)
+            used = {nodes.whole_index(name) if nodes else name for name in _used(plan)}
+            found = _numbers(session, off, query, nodes)
             numbers |= {each.number: found[each.number] for each in chosen if each.name in used}
     return numbers
-
-
-# What Citus adds to the name of each part of an index.
-_OF_SHARD = re.compile(r"_\d{6,}$")
 
 
 def _used(plan: Any) -> Iterator[str]:
     """Yield the indexes that a plan uses."""
     if isinstance(plan, dict):
         if "Index Name" in plan:
-            yield _OF_SHARD.sub("", plan["Index Name"])
+            yield plan["Index Name"]
         plan = [*plan.values()]
     if isinstance(plan, list):
         for part in plan:
             yield from _used(part)
 
 
-def _numbers(session: Session, off: Iterable[str], query: str) -> _Found:
-    with _settings(session, off):
+def _numbers(session: Session, off: Iterable[str], query: str, nodes: Nodes | None) -> _Found:
+    with _settings(session, off, nodes):
         return {number: (int(count), digest) for number, count, digest in _rows(session, query)}
 
 
-def _numbers_of_tables(session: Session, query: str) -> _Found:
-    with _settings(session, _TABLES_ONLY):
+def _numbers_of_tables(session: Session, query: str, nodes: Nodes | None) -> _Found:
+    with _settings(session, _TABLES_ONLY, nodes):
         return {
             number: (int(count), digest)
             for row in _rows(session, query)
@@ -399,11 +395,12 @@ def _numbers_of_tables(session: Session, query: str) -> _Found:
 
 
 @contextmanager
-def _settings(session: Session, off: Iterable[str]) -> Iterator[None]:
+def _settings(session: Session, off: Iterable[str], nodes: Nodes | None) -> Iterator[None]:
     """Switch off planner settings for a while."""
     savepoint = session.savepoint()
+    settings = {**(nodes.settings() if nodes else {}), **_PLAIN, **dict.fromkeys(off, "off")}
     try:
-        session.define("; ".join([_PLAIN, *(f"SET LOCAL {name} = off" for name in off)]))
+        session.define("; ".join(f"SET LOCAL {name} = '{settings[name]}'" for name in settings))
         yield
     finally:
         session.rollback_to(savepoint)

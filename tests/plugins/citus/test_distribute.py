@@ -11,13 +11,14 @@ from sqlalchemy import make_url
 
 import kant_sql
 from kant_sql import StoreError
-from kant_sql.sql.dialects import citus
-from kant_sql.sql.distribution import check_distribution
+from kant_sql.sql.schema import check_placement
 from kant_sql.sql.tables import Base
 from kant_sql.sql.tables.base import VERSION_TABLE
-from tests.citus.conftest import NewDatabase
+from kant_sql_plugins.citus import cluster as citus
+from kant_sql_plugins.citus import distribute
 from tests.migrations.stores import rows_of
 from tests.migrations.test_golden import dump_of
+from tests.plugins.citus.conftest import NewDatabase
 from tests.support.citus import SHARDS as DEFAULT_SHARDS
 from tests.support.citus import Cluster
 from tests.support.processes.commands import one_line, run
@@ -68,7 +69,7 @@ def refusal(url: str, **options: bool) -> str:
     """Why a store cannot be distributed, which changes nothing."""
     before = rows_of(url), dump_of(url)
     with pytest.raises(StoreError) as caught:
-        kant_sql.distribute(url, **options)
+        distribute(url, **options)
     assert (rows_of(url), dump_of(url)) == before
     return str(caught.value)
 
@@ -78,27 +79,27 @@ def test_all_tables_are_distributed_and_brought_back_as_they_were(
 ) -> None:
     assert len(kant_sql.update_views(story_url)) > 0
     rows, dump = rows_of(story_url), dump_of(story_url)
-    done = kant_sql.distribute(story_url, shards=SHARDS)
+    done = distribute(story_url, shards=SHARDS)
     assert {*done.tables} == TABLES
     assert (done.shards, len(done.nodes)) == (SHARDS, len(cluster.nodes) - 1)
     assert places(cluster, story_url) == distributed()
     assert rows_of(story_url) == rows
     assert dump_of(story_url) == dump
-    check_distribution(story_url)
+    check_placement(story_url)
     assert findings(story_url) == []
     kb = connect(story_url, knowledge_base=NAME)
     kb.propositions.save(robot_at())
     kb.close()
     rows = rows_of(story_url)
-    assert kant_sql.distribute(story_url, shards=SHARDS).statements == ()
-    assert {*kant_sql.distribute(story_url, undo=True).tables} == TABLES
+    assert distribute(story_url, shards=SHARDS).statements == ()
+    assert {*distribute(story_url, undo=True).tables} == TABLES
     assert places(cluster, story_url) == {}
     assert rows_of(story_url) == rows
     # The new predicate has no view yet.
     assert dump_of(story_url) != dump
     kant_sql.drop_views(story_url)
     kant_sql.update_views(story_url)
-    assert kant_sql.distribute(story_url, undo=True).statements == ()
+    assert distribute(story_url, undo=True).statements == ()
     assert findings(story_url) == []
 
 
@@ -106,12 +107,12 @@ def test_the_structure_is_the_same_after_each_step(story_url: str) -> None:
     kant_sql.update_views(story_url)
     dump = dump_of(story_url)
     for undo in (False, True, False):
-        kant_sql.distribute(story_url, shards=None if undo else SHARDS, undo=undo)
+        distribute(story_url, shards=None if undo else SHARDS, undo=undo)
         assert dump_of(story_url) == dump
 
 
 def test_no_row_stays_out_of_sight_on_the_coordinator(cluster: Cluster, story_url: str) -> None:
-    kant_sql.distribute(story_url, shards=SHARDS)
+    distribute(story_url, shards=SHARDS)
     query = "SELECT sum(pg_relation_size(oid)) FROM pg_class WHERE relname = ANY('{{{}}}')"
     coordinator = query.format(",".join(Base.metadata.tables.keys() - {"knowledge_base"}))
     assert cluster.run(coordinator, story_url) == [(0,)]
@@ -161,14 +162,14 @@ def test_a_writer_in_the_way_is_named(distributed_url: str, local_url: str) -> N
         with psycopg.connect(url, application_name="a long report") as reader:
             reader.execute("SELECT count(*) FROM knowledge_base")
             with pytest.raises(kant_sql.StoreBusyError, match="a long report"):
-                kant_sql.distribute(url, undo=undo)
+                distribute(url, undo=undo)
 
 
 def test_a_worker_refuses(cluster: Cluster, distributed_url: str) -> None:
     (_, host, port), *_ = (node for node in cluster.nodes if node[0] == 0)
     for undo in (False, True):
         with pytest.raises(StoreError, match="this is a worker node") as caught:
-            kant_sql.distribute(cluster.at_node(distributed_url, 1), undo=undo)
+            distribute(cluster.at_node(distributed_url, 1), undo=undo)
         assert f"connect to the coordinator, {host}:{port}" in str(caught.value)
 
 
@@ -234,10 +235,10 @@ def test_another_user_is_refused(cluster: Cluster, local_url: str) -> None:
 def test_outdated_tables_are_refused(new_database: NewDatabase) -> None:
     url = new_database()
     with pytest.raises(kant_sql.SchemaMissingError):
-        kant_sql.distribute(url)
+        distribute(url)
     kant_sql.upgrade(url, revision="0005")
     with pytest.raises(kant_sql.SchemaOutdatedError, match="kant-sql db upgrade"):
-        kant_sql.distribute(url)
+        distribute(url)
 
 
 def test_tables_that_others_distributed_are_refused_and_brought_back(
@@ -250,7 +251,7 @@ def test_tables_that_others_distributed_are_refused_and_brought_back(
     checked = run("db", "check", local_url)
     assert checked.exit_code == 1
     assert "in another way than head: document_item; " in one_line(checked.stderr)
-    assert kant_sql.distribute(local_url, undo=True).tables == ("document_item",)
+    assert distribute(local_url, undo=True).tables == ("document_item",)
     assert places(cluster, local_url) == {}
 
 
@@ -266,6 +267,6 @@ def test_a_store_of_which_a_part_is_local_is_named_and_completed(
     assert "not distributed, though other tables are: archive; distribute them with: " in one_line(
         checked.stderr
     )
-    assert kant_sql.distribute(distributed_url).tables == ("archive",)
+    assert distribute(distributed_url).tables == ("archive",)
     assert places(cluster, distributed_url) == distributed(DEFAULT_SHARDS)
     assert run("db", "check", distributed_url).exit_code == 0

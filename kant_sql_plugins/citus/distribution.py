@@ -1,61 +1,38 @@
-"""Citus, the extension of PostgreSQL that distributes tables over several servers (nodes).
-
-`head` is distributed by `kb_id`, and all other tables are colocated with it, so that what belongs
-to a knowledge base is in one shard on one node. `knowledge_base` and the version table are
-reference tables, which each node has whole.
-
-Citus distributes no table that has a foreign key to one that is not: they are dropped and added
-again. What it brings back to one table it makes from a text: comments are lost, and lists of words
-are written in another way. So a store that is distributed no more gets these as its migrations make
-them.
-"""
+"""The distribution of a store's tables over the nodes of a Citus cluster."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import closing
 from typing import Any, NamedTuple
 
-from sqlalchemy import CheckConstraint, Connection, event, text
+from sqlalchemy import CheckConstraint, Connection, text
 from sqlalchemy.dialects.postgresql.base import PGDialect
-from sqlalchemy.schema import AddConstraint, CreateTable, DropTable
+from sqlalchemy.exc import DBAPIError
 
-from ...errors import SchemaError, StoreError
-from ..tables import Base
-from ..tables.base import VERSION_TABLE
-from .base import Distribution
-from .postgresql_structure import SCHEMA_OF_TABLES, Qualifier
+from kant_sql.arguments import flag, whole_number
+from kant_sql.errors import InvalidArgumentError, StoreError
+from kant_sql.sql.dialects import create_backend
+from kant_sql.sql.dialects.base import retrying
+from kant_sql.sql.dialects.postgresql import PostgresqlBackend
+from kant_sql.sql.dialects.postgresql_roles import around, lock_tables, run_all
+from kant_sql.sql.dialects.postgresql_structure import SCHEMA_OF_TABLES, Qualifier
+from kant_sql.sql.predicate_views import CHANGES_AT_ONCE, recreated_views, update_views
+from kant_sql.sql.schema import check, view_queries
+from kant_sql.sql.tables import Base
 
-# Each node has these whole, so what refers to them does not leave its shard.
-REFERENCE_TABLES = ("knowledge_base", VERSION_TABLE)
-# The table that the others are colocated with.
-FIRST = "head"
-KEY = "kb_id"
+from .cluster import FIRST, KEY, REFERENCE_TABLES, SEQUENTIAL, own_tables, read_layout
+
 OLDEST = (13, 1)
 MOST_SHARDS = 64_000
-# Statements of a transaction use one connection to each node: it sees what earlier ones changed.
-SEQUENTIAL = "SET LOCAL citus.multi_shard_modify_mode = 'sequential'"
 _QUIET = "SET LOCAL client_min_messages = 'warning'"
-
 _EXTENSION = text("SELECT extversion FROM pg_extension WHERE extname = 'citus'")
-_IS_DISTRIBUTED = text(
-    "SELECT EXISTS (SELECT FROM pg_dist_partition AS p JOIN pg_class AS c "
-    "ON c.oid = p.logicalrelid JOIN pg_namespace AS n ON n.oid = c.relnamespace "
-    f"WHERE c.relname = '{FIRST}' AND n.nspname = :schema)"
-)
 _GROUP = text("SELECT groupid FROM pg_dist_local_group")
 _NODES = text(
     "SELECT groupid, nodename || ':' || nodeport, "
     "isactive AND (metadatasynced OR NOT hasmetadata), shouldhaveshards "
     "FROM pg_dist_node WHERE noderole = 'primary' ORDER BY groupid, nodeid"
-)
-_TABLES = text(
-    "SELECT c.relname, p.partmethod::text, p.colocationid, g.shardcount "
-    "FROM pg_class AS c JOIN pg_namespace AS n ON n.oid = c.relnamespace "
-    "LEFT JOIN pg_dist_partition AS p ON p.logicalrelid = c.oid "
-    "LEFT JOIN pg_dist_colocation AS g ON g.colocationid = p.colocationid "
-    "WHERE n.nspname = :schema AND c.relkind = 'r' AND c.relname = ANY(:names)"
 )
 _FOREIGN_KEYS = text(
     "SELECT c.relname, k.conname, pg_get_constraintdef(k.oid), f.relname "
@@ -128,6 +105,24 @@ _WRITERS = text(
 )
 
 
+class Distribution(NamedTuple):
+    """The distribution of a store's tables over the nodes of a Citus cluster.
+
+    Attributes:
+        shards: how many shards each table has; 0 where none is distributed.
+        nodes: host and port of each node that may hold shards.
+        tables: the tables that are moved.
+        statements: the SQL that does it, in one transaction; empty where nothing is to be done.
+        views: the SQL that creates the generated views again, afterwards.
+    """
+
+    shards: int
+    nodes: tuple[str, ...]
+    tables: tuple[str, ...]
+    statements: tuple[str, ...]
+    views: tuple[str, ...] = ()
+
+
 class ClusterNode(NamedTuple):
     """A server of the cluster.
 
@@ -144,139 +139,94 @@ class ClusterNode(NamedTuple):
     holds_shards: bool
 
 
-class Layout(NamedTuple):
-    """Where the tables are.
+def distribute(
+    url: str, *, shards: int | None = None, undo: bool = False, dry_run: bool = False
+) -> Distribution:
+    """Distribute the tables of a store over the nodes of a Citus cluster, or bring them together.
 
-    Attributes:
-        local: tables that are on the coordinator alone.
-        reference: reference tables.
-        colocated: tables that are distributed as `head` is.
-        others: tables that are distributed in another way.
-        shards: how many shards `head` has; 0 where it is not distributed.
+    All of it is one transaction, which no reader or writer may be in the way of. Tables that are
+    distributed already stay as they are. Generated views are dropped, and created again afterwards.
+    Make a backup first.
+
+    Args:
+        url: the URL of the database on the coordinator, of the owner of the tables.
+        shards: how many shards each table has; None for the server's `citus.shard_count`.
+        undo: whether to bring the tables together, in the coordinator's database.
+        dry_run: whether to return the statements without running them.
+
+    Returns:
+        What is distributed how, and the statements that did it.
+
+    Raises:
+        InvalidArgumentError: the number of shards is no number from 1 on.
+        SchemaError: the tables are missing, outdated or too new; the message names the remedy.
+        StoreBusyError: a session, which the message names, holds a table's lock; nothing was
+            changed.
+        StoreError: this is no coordinator of a cluster, or something is in the way of the
+            distribution; the message names it, and nothing was changed.
     """
+    if shards is not None:
+        whole_number(shards, "shards", least=1, expected="a whole number of shards from 1 on")
+    flag(undo, "undo", InvalidArgumentError)
+    flag(dry_run, "dry_run", InvalidArgumentError)
+    with closing(create_backend(url)) as backend:
+        if not isinstance(backend, PostgresqlBackend):
+            raise StoreError(
+                f"{backend.label}: nothing was changed: only PostgreSQL with the extension citus "
+                "distributes tables"
+            )
+        check(url)
+        views = view_queries(url)
+        generated = recreated_views(url)
 
-    local: frozenset[str]
-    reference: frozenset[str]
-    colocated: frozenset[str]
-    others: frozenset[str]
-    shards: int
+        def run() -> Distribution:
+            return _run(backend, shards, undo, dry_run, views)
 
-    @property
-    def is_distributed(self) -> bool:
-        """Whether some table is."""
-        return bool(self.reference or self.colocated or self.others)
-
-    @property
-    def misplaced(self) -> frozenset[str]:
-        """The tables that are distributed in another way than a distributed store has them."""
-        whole = frozenset(REFERENCE_TABLES)
-        return self.others | (self.reference - whole) | (self.colocated & whole)
-
-
-class HandedOn(NamedTuple):
-    """The settings of a connection to a node of a cluster that the other nodes need, too.
-
-    `SET LOCAL` is sent to another node with the statement that begins its transaction there.
-
-    Attributes:
-        search_path: the schemas in which names are looked up.
-        synchronous_commit: what a commit waits for, where it is not the servers' own setting.
-    """
-
-    search_path: str
-    synchronous_commit: str | None
-
-    def settings(self, *, is_durable: bool = False) -> dict[str, str]:
-        """Return what a transaction that writes sets: what follows it is handed on."""
-        settings = {"citus.propagate_set_commands": "local"}
-        commit = self.synchronous_commit
-        if is_durable and commit in (None, "off"):
-            commit = "on"
-        if commit is not None:
-            settings["synchronous_commit"] = commit
-        return settings
-
-    def replanning(self, is_other: bool) -> str:
-        """Write the statement after which a node makes its plans again.
-
-        None discards another node's plans. A cached plan is made again under another search path:
-        a schema at its end, in which nothing is looked up, makes it another.
-        """
-        schemas = f"{self.search_path}, information_schema" if is_other else self.search_path
-        return f"SET LOCAL search_path = {schemas}"
+        done = retrying(backend, run)
+        if not done.statements:
+            return done
+        if not dry_run:
+            for name in dict.fromkeys(view.knowledge_base for view in generated):
+                update_views(url, knowledge_base=name)
+        statements = (statement for view in generated for statement in view.statements)
+        return done._replace(views=(*statements,))
 
 
-# No row where there is no cluster.
-_HANDED_ON = (
-    "SELECT current_setting('search_path'), (SELECT setting FROM pg_settings "
-    "WHERE name = 'synchronous_commit' "
-    "AND source IN ('client', 'user', 'database', 'database user', 'session')) "
-    "FROM pg_extension WHERE extname = 'citus'"
-)
+def script(distribution: Distribution) -> Iterator[str]:
+    """Yield the statements of a distribution with those that begin and end its transactions."""
+    if distribution.statements:
+        yield from ("BEGIN", *distribution.statements, "COMMIT")
+    views = distribution.views
+    for start in range(0, len(views), CHANGES_AT_ONCE):
+        yield from ("BEGIN", *views[start : start + CHANGES_AT_ONCE], "COMMIT")
 
 
-# How a coordinator tells of a node that it has lost when it has no state for it: in words of its
-# own, or in those of its driver.
-_LOST_NODE = re.compile(
-    "failure on connection marked as essential|server closed the connection unexpectedly"
-    "|connection not open|no connection to the server|could not (receive|send) data"
-)
-
-
-def has_lost_a_node(state: str, message: str) -> bool:
-    """Return whether an internal error is that of a connection to another node."""
-    return state == "XX000" and _LOST_NODE.search(message) is not None
-
-
-def read_handed_on(connection: Any) -> HandedOn | None:
-    """Read what a new connection of the driver hands on; None where there is no cluster."""
-    row = connection.execute(_HANDED_ON).fetchone()
-    return None if row is None else HandedOn(*row)
-
-
-def own_tables() -> list[str]:
-    """Name the tables of the newest version, those first that others refer to."""
-    return [VERSION_TABLE, *(table.name for table in Base.metadata.sorted_tables)]
-
-
-def has_citus(connection: Connection) -> bool:
-    """Return whether this database has the extension."""
-    return connection.scalar(_EXTENSION) is not None
-
-
-def is_distributed(connection: Connection, schema: str) -> bool:
-    """Return whether the tables of a schema are distributed."""
-    return has_citus(connection) and bool(connection.scalar(_IS_DISTRIBUTED, {"schema": schema}))
-
-
-def use_one_connection(connection: Connection) -> None:
-    """Let a transaction of schema changes use one connection to each node."""
-    if has_citus(connection):
-        connection.exec_driver_sql(SEQUENTIAL)
-
-
-def read_layout(connection: Connection, schema: str, names: Sequence[str] | None = None) -> Layout:
-    """Read where the tables are."""
-    wanted = own_tables() if names is None else [*names]
-    rows = connection.execute(_TABLES, {"schema": schema, "names": wanted}).all()
-    places = {name: (method, colocation) for name, method, colocation, _ in rows}
-    first = places.get(FIRST, (None, None))
-    shards = next((count for name, method, _, count in rows if name == FIRST and method), 0)
-
-    def named(kind: str) -> frozenset[str]:
-        return frozenset(name for name, place in places.items() if _kind(place, first) == kind)
-
-    return Layout(named("local"), named("reference"), named("colocated"), named("other"), shards)
-
-
-def _kind(place: tuple[str | None, int | None], first: tuple[str | None, int | None]) -> str:
-    method, colocation = place
-    if method is None:
-        return "local"
-    if method == "n":
-        # A table that Citus knows and that is on the coordinator alone has no colocation.
-        return "reference" if colocation else "other"
-    return "colocated" if place == first and method == "h" else "other"
+def _run(
+    backend: PostgresqlBackend,
+    shards: int | None,
+    undo: bool,
+    dry_run: bool,
+    views: Mapping[str, str],
+) -> Distribution:
+    """Run the statements of a distribution in one transaction."""
+    try:
+        with backend.migration_connection() as connection:
+            distributor = Distributor(connection, backend.label, views)
+            wanted = distributor.undistribute() if undo else distributor.distribute(shards)
+            if not wanted.statements:
+                return wanted
+            generated = sorted(
+                backend.views.list_generated(lambda sql: connection.exec_driver_sql(sql).all())
+            )
+            withdrawn, made = around(connection, has_writers=undo)
+            drops = (backend.views.drop(name) for name in generated)
+            statements = (*withdrawn, *drops, *wanted.statements, *made)
+            if not dry_run:
+                lock_tables(connection)
+                run_all(connection, statements)
+            return wanted._replace(statements=statements)
+    except DBAPIError as error:
+        raise backend.of_driver(error) from error
 
 
 class Distributor:
@@ -487,89 +437,3 @@ def _in_order() -> list[str]:
     """Name all tables in the order in which they are distributed."""
     first = (*REFERENCE_TABLES, FIRST)
     return [*first, *(table for table in own_tables() if table not in first)]
-
-
-def of_one_shard(query: str, names: Qualifier, kb_id: int) -> str:
-    """Restrict each table of a view's query to one knowledge base, whose shard then answers it.
-
-    Within a subquery, Citus does not conclude from `x.kb_id = y.kb_id` which shard it needs.
-    """
-
-    def restricted(found: re.Match[str]) -> str:
-        before, table, alias = found.groups()
-        key = "id" if table == "knowledge_base" else KEY
-        rows = f"SELECT * FROM {names.relation(table)} WHERE {key} = {kb_id:d}"
-        return f"{before}({rows}) AS {names.quote(alias or table)}"
-
-    return _table_in(names.schema).sub(restricted, query)
-
-
-def _table_in(schema: str) -> re.Pattern[str]:
-    """Find tables where a query reads them, each with its alias."""
-    tables = "|".join(sorted(Base.metadata.tables, key=len, reverse=True))
-    qualified = rf'(?:"?{re.escape(schema)}"?\.)?'
-    alias = r"(?: (?:AS )?(?!(?:ON|WHERE|JOIN|LEFT|CROSS|GROUP|ORDER|LIMIT|UNION)\b)(\w+))?"
-    return re.compile(rf'(\b(?:FROM|JOIN)\s+\(*){qualified}"?\b({tables})\b"?{alias}')
-
-
-def layout_fault(connection: Connection, label: str) -> str | None:
-    """Say what is wrong with a store of which some tables are distributed; None for nothing."""
-    if not has_citus(connection):
-        return None
-    layout = read_layout(connection, connection.scalar(SCHEMA_OF_TABLES) or "public")
-    command = f"kant-sql db distribute '{label}'"
-    if layout.misplaced:
-        return (
-            f"distributed in another way than {FIRST}: {', '.join(sorted(layout.misplaced))}; "
-            f"bring all tables together with: {command} --undo"
-        )
-    if layout.is_distributed and layout.local:
-        return (
-            f"not distributed, though other tables are: {', '.join(sorted(layout.local))}; "
-            f"distribute them with: {command}"
-        )
-    return None
-
-
-@contextmanager
-def migrating(connection: Connection, label: str) -> Iterator[None]:
-    """Let migrations that know nothing of distribution change a distributed store.
-
-    A new table is created without foreign keys, distributed as the others are, and then given
-    them.
-    """
-    schema = connection.scalar(SCHEMA_OF_TABLES) or "public"
-    if not is_distributed(connection, schema):
-        yield
-        return
-    names = Qualifier(schema)
-
-    def before(_: object, statement: Any, multiparams: Any, params: Any, __: object) -> Any:
-        if isinstance(statement, DropTable):
-            raise SchemaError(
-                f"{label}: this version has no table {statement.element.name}, and a distributed "
-                f"table is not dropped; nothing was changed: bring the tables together first, with "
-                f"kant-sql db distribute '{label}' --undo"
-            )
-        if isinstance(statement, CreateTable):
-            statement = CreateTable(statement.element, include_foreign_key_constraints=[])
-        return statement, multiparams, params
-
-    def after(_: object, statement: Any, *__: object) -> None:
-        if isinstance(statement, CreateTable):
-            table = statement.element
-            place = names.relation(table.name).replace("'", "''")
-            first = names.relation(FIRST).replace("'", "''")
-            connection.exec_driver_sql(
-                f"SELECT create_distributed_table('{place}', '{KEY}', colocate_with => '{first}')"
-            )
-            for key in table.foreign_key_constraints:
-                connection.execute(AddConstraint(key))
-
-    event.listen(connection, "before_execute", before, retval=True)
-    event.listen(connection, "after_execute", after)
-    try:
-        yield
-    finally:
-        event.remove(connection, "before_execute", before)
-        event.remove(connection, "after_execute", after)

@@ -10,6 +10,7 @@ import pytest
 import kant_sql
 from kant_sql import SchemaError
 from kant_sql.sql import schema
+from kant_sql_plugins.citus import distribute
 from tests.migrations.extra import VERSION, add_migration
 from tests.migrations.stores import rows_of
 from tests.support.citus import SHARDS, Cluster
@@ -113,6 +114,6 @@ def test_the_tables_are_dropped_after_they_were_brought_back(
     connect(distributed_url).propositions.save(robot_at())
     with pytest.raises(SchemaError, match="--undo"):
         kant_sql.downgrade(distributed_url, revision="base")
-    kant_sql.distribute(distributed_url, undo=True)
+    distribute(distributed_url, undo=True)
     kant_sql.downgrade(distributed_url, revision="base")
     assert schema.current(distributed_url) is None

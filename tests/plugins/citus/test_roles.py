@@ -16,6 +16,7 @@ from sqlalchemy import make_url
 
 import kant_sql
 from kant_sql import StoreError
+from kant_sql_plugins.citus import distribute
 from tests.audit.story import record_store
 from tests.audit.test_cookbook import QUESTIONS, TITLES
 from tests.support.citus import Cluster
@@ -101,11 +102,11 @@ def test_a_store_with_writers_is_not_distributed_until_they_are_gone(
         members(local_url, roles),
         pytest.raises(StoreError, match="DROP OWNED BY kant_sql_writer; DROP ROLE") as caught,
     ):
-        kant_sql.distribute(local_url)
+        distribute(local_url)
     assert "let writers connect as the owner" in str(caught.value)
     cluster.run("DROP OWNED BY kant_sql_writer", local_url)
     policies = "SELECT count(DISTINCT polroles) FROM pg_policy WHERE starts_with(polname, 'kant')"
-    kant_sql.distribute(local_url, shards=2)
+    distribute(local_url, shards=2)
     assert cluster.run(policies, local_url) == [(1,)]
-    kant_sql.distribute(local_url, undo=True)
+    distribute(local_url, undo=True)
     assert cluster.run(policies, local_url) == [(2,)]

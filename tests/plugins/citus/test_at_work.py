@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from tests.citus.work import at_work, check_work, crash_a_worker, move_a_shard
+from tests.plugins.citus.work import at_work, check_work, crash_a_worker, move_a_shard
 from tests.support.citus import Cluster
 
 WRITERS = 8

@@ -1,0 +1,273 @@
+"""Citus, the extension of PostgreSQL that distributes tables over several servers (nodes).
+
+`head` is distributed by `kb_id`, and all other tables are colocated with it, so that what belongs
+to a knowledge base is in one shard on one node. `knowledge_base` and the version table are
+reference tables, which each node has whole.
+
+Citus distributes no table that has a foreign key to one that is not: they are dropped and added
+again. What it brings back to one table it makes from a text: comments are lost, and lists of words
+are written in another way. So a store that is distributed no more gets these as its migrations make
+them.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any, NamedTuple
+
+from sqlalchemy import Connection, event, text
+from sqlalchemy.schema import AddConstraint, CreateTable, DropTable
+
+from kant_sql.errors import SchemaError
+from kant_sql.sql.dialects.postgresql_structure import SCHEMA_OF_TABLES, Qualifier
+from kant_sql.sql.tables import Base
+from kant_sql.sql.tables.base import VERSION_TABLE
+
+# Each node has these whole, so what refers to them does not leave its shard.
+REFERENCE_TABLES = ("knowledge_base", VERSION_TABLE)
+# The table that the others are colocated with.
+FIRST = "head"
+KEY = "kb_id"
+# Statements of a transaction use one connection to each node: it sees what earlier ones changed.
+SEQUENTIAL = "SET LOCAL citus.multi_shard_modify_mode = 'sequential'"
+
+_IS_DISTRIBUTED = text(
+    "SELECT EXISTS (SELECT FROM pg_dist_partition AS p JOIN pg_class AS c "
+    "ON c.oid = p.logicalrelid JOIN pg_namespace AS n ON n.oid = c.relnamespace "
+    f"WHERE c.relname = '{FIRST}' AND n.nspname = :schema)"
+)
+_TABLES = text(
+    "SELECT c.relname, p.partmethod::text, p.colocationid, g.shardcount "
+    "FROM pg_class AS c JOIN pg_namespace AS n ON n.oid = c.relnamespace "
+    "LEFT JOIN pg_dist_partition AS p ON p.logicalrelid = c.oid "
+    "LEFT JOIN pg_dist_colocation AS g ON g.colocationid = p.colocationid "
+    "WHERE n.nspname = :schema AND c.relkind = 'r' AND c.relname = ANY(:names)"
+)
+
+
+class Layout(NamedTuple):
+    """Where the tables are.
+
+    Attributes:
+        local: tables that are on the coordinator alone.
+        reference: reference tables.
+        colocated: tables that are distributed as `head` is.
+        others: tables that are distributed in another way.
+        shards: how many shards `head` has; 0 where it is not distributed.
+    """
+
+    local: frozenset[str]
+    reference: frozenset[str]
+    colocated: frozenset[str]
+    others: frozenset[str]
+    shards: int
+
+    @property
+    def is_distributed(self) -> bool:
+        """Whether some table is."""
+        return bool(self.reference or self.colocated or self.others)
+
+    @property
+    def misplaced(self) -> frozenset[str]:
+        """The tables that are distributed in another way than a distributed store has them."""
+        whole = frozenset(REFERENCE_TABLES)
+        return self.others | (self.reference - whole) | (self.colocated & whole)
+
+
+class CitusNodes(NamedTuple):
+    """The settings of a connection to a node of a cluster that the other nodes need, too.
+
+    `SET LOCAL` is sent to another node with the statement that begins its transaction there.
+
+    Attributes:
+        search_path: the schemas in which names are looked up.
+        synchronous_commit: what a commit waits for, where it is not the servers' own setting.
+    """
+
+    search_path: str
+    synchronous_commit: str | None
+
+    def settings(self, *, is_durable: bool = False) -> dict[str, str]:
+        """Return what a transaction that writes sets: what follows it is sent to other nodes."""
+        settings = {"citus.propagate_set_commands": "local"}
+        commit = self.synchronous_commit
+        if is_durable and commit in (None, "off"):
+            commit = "on"
+        if commit is not None:
+            settings["synchronous_commit"] = commit
+        return settings
+
+    def replanning(self, is_other: bool) -> str:
+        """Write the statement after which a node makes its plans again.
+
+        None discards another node's plans. A cached plan is made again under another search path:
+        a schema at its end, in which nothing is looked up, makes it another.
+        """
+        schemas = f"{self.search_path}, information_schema" if is_other else self.search_path
+        return f"SET LOCAL search_path = {schemas}"
+
+    def committing(self, synchronous_commit: str) -> CitusNodes:
+        """Return these with another setting of what a commit waits for."""
+        return self._replace(synchronous_commit=synchronous_commit)
+
+    @staticmethod
+    def of_one_shard(query: str, schema: str, kb_id: int) -> str:
+        """Restrict each table of a view's query to one knowledge base."""
+        return of_one_shard(query, schema, kb_id)
+
+    def whole_index(self, name: str) -> str:
+        """Return the name of the index that an index of a shard belongs to."""
+        return _OF_SHARD.sub("", name)
+
+
+# What Citus adds to the name of each part of an index.
+_OF_SHARD = re.compile(r"_\d{6,}$")
+_NODE_SETTINGS = (
+    "SELECT current_setting('search_path'), (SELECT setting FROM pg_settings "
+    "WHERE name = 'synchronous_commit' "
+    "AND source IN ('client', 'user', 'database', 'database user', 'session'))"
+)
+
+
+# How a coordinator tells of a node that it has lost when it has no state for it: in words of its
+# own, or in those of its driver.
+_LOST_NODE = re.compile(
+    "failure on connection marked as essential|server closed the connection unexpectedly"
+    "|connection not open|no connection to the server|could not (receive|send) data"
+)
+
+
+def has_lost_a_node(state: str, message: str) -> bool:
+    """Return whether an internal error is that of a connection to another node."""
+    return state == "XX000" and _LOST_NODE.search(message) is not None
+
+
+def nodes(connection: Any) -> CitusNodes:
+    """Read what the other nodes need of a new connection of the driver."""
+    return CitusNodes(*connection.execute(_NODE_SETTINGS).fetchone())
+
+
+def own_tables() -> list[str]:
+    """Name the tables of the newest version, those first that others refer to."""
+    return [VERSION_TABLE, *(table.name for table in Base.metadata.sorted_tables)]
+
+
+def is_distributed(connection: Connection, schema: str) -> bool:
+    """Return whether the tables of a schema are distributed."""
+    return bool(connection.scalar(_IS_DISTRIBUTED, {"schema": schema}))
+
+
+def use_one_connection(connection: Connection) -> None:
+    """Let a transaction of schema changes use one connection to each node."""
+    connection.exec_driver_sql(SEQUENTIAL)
+
+
+def read_layout(connection: Connection, schema: str, names: Sequence[str] | None = None) -> Layout:
+    """Read where the tables are."""
+    wanted = own_tables() if names is None else [*names]
+    rows = connection.execute(_TABLES, {"schema": schema, "names": wanted}).all()
+    places = {name: (method, colocation) for name, method, colocation, _ in rows}
+    first = places.get(FIRST, (None, None))
+    shards = next((count for name, method, _, count in rows if name == FIRST and method), 0)
+
+    def named(kind: str) -> frozenset[str]:
+        return frozenset(name for name, place in places.items() if _kind(place, first) == kind)
+
+    return Layout(named("local"), named("reference"), named("colocated"), named("other"), shards)
+
+
+def _kind(place: tuple[str | None, int | None], first: tuple[str | None, int | None]) -> str:
+    method, colocation = place
+    if method is None:
+        return "local"
+    if method == "n":
+        # A table that Citus knows and that is on the coordinator alone has no colocation.
+        return "reference" if colocation else "other"
+    return "colocated" if place == first and method == "h" else "other"
+
+
+def of_one_shard(query: str, schema: str, kb_id: int) -> str:
+    """Restrict each table of a view's query to one knowledge base, whose shard then answers it.
+
+    Within a subquery, Citus does not conclude from `x.kb_id = y.kb_id` which shard it needs.
+    """
+    names = Qualifier(schema)
+
+    def restricted(found: re.Match[str]) -> str:
+        before, table, alias = found.groups()
+        key = "id" if table == "knowledge_base" else KEY
+        rows = f"SELECT * FROM {names.relation(table)} WHERE {key} = {kb_id:d}"
+        return f"{before}({rows}) AS {names.quote(alias or table)}"
+
+    return _table_in(schema).sub(restricted, query)
+
+
+def _table_in(schema: str) -> re.Pattern[str]:
+    """Find tables where a query reads them, each with its alias."""
+    tables = "|".join(sorted(Base.metadata.tables, key=len, reverse=True))
+    qualified = rf'(?:"?{re.escape(schema)}"?\.)?'
+    alias = r"(?: (?:AS )?(?!(?:ON|WHERE|JOIN|LEFT|CROSS|GROUP|ORDER|LIMIT|UNION)\b)(\w+))?"
+    return re.compile(rf'(\b(?:FROM|JOIN)\s+\(*){qualified}"?\b({tables})\b"?{alias}')
+
+
+def fault(connection: Connection, label: str) -> str | None:
+    """Say what is wrong with a store of which some tables are distributed; None for nothing."""
+    layout = read_layout(connection, connection.scalar(SCHEMA_OF_TABLES) or "public")
+    command = f"kant-sql db distribute '{label}'"
+    if layout.misplaced:
+        return (
+            f"distributed in another way than {FIRST}: {', '.join(sorted(layout.misplaced))}; "
+            f"bring all tables together with: {command} --undo"
+        )
+    if layout.is_distributed and layout.local:
+        return (
+            f"not distributed, though other tables are: {', '.join(sorted(layout.local))}; "
+            f"distribute them with: {command}"
+        )
+    return None
+
+
+@contextmanager
+def migrating(connection: Connection, label: str) -> Iterator[None]:
+    """Let migrations that know nothing of distribution change a distributed store.
+
+    A new table is created without foreign keys, distributed as the others are, and then given
+    them.
+    """
+    schema = connection.scalar(SCHEMA_OF_TABLES) or "public"
+    if not is_distributed(connection, schema):
+        yield
+        return
+    names = Qualifier(schema)
+
+    def before(_: object, statement: Any, multiparams: Any, params: Any, __: object) -> Any:
+        if isinstance(statement, DropTable):
+            raise SchemaError(
+                f"{label}: this version has no table {statement.element.name}, and a distributed "
+                f"table is not dropped; nothing was changed: bring the tables together first, with "
+                f"kant-sql db distribute '{label}' --undo"
+            )
+        if isinstance(statement, CreateTable):
+            statement = CreateTable(statement.element, include_foreign_key_constraints=[])
+        return statement, multiparams, params
+
+    def after(_: object, statement: Any, *__: object) -> None:
+        if isinstance(statement, CreateTable):
+            table = statement.element
+            place = names.relation(table.name).replace("'", "''")
+            first = names.relation(FIRST).replace("'", "''")
+            connection.exec_driver_sql(
+                f"SELECT create_distributed_table('{place}', '{KEY}', colocate_with => '{first}')"
+            )
+            for key in table.foreign_key_constraints:
+                connection.execute(AddConstraint(key))
+
+    event.listen(connection, "before_execute", before, retval=True)
+    event.listen(connection, "after_execute", after)
+    try:
+        yield
+    finally:
+        event.remove(connection, "before_execute", before)
+        event.remove(connection, "after_execute", after)
