@@ -29,7 +29,7 @@ from ..sql.tables import HeadRow
 from ..store.snapshot import View, refuse_archived
 from ..store.state import State
 from .moments import states_at
-from .revisions import read_archived_revision
+from .revisions import read_position
 
 # States so many revisions apart are compared by what began and ended between them.
 NARROW = 20_000
@@ -174,23 +174,36 @@ def diff(state: State, a: When, b: When) -> list[Change]:
     return html.Listing(store.query(work), "change")
 
 
+class ChangesOfKind(NamedTuple):
+    """Texts of one kind."""
+
+    kind: str
+    texts: list[str]
+
+
 class Difference(NamedTuple):
-    """A page of the difference of two states.
+    """A page of what holds in only one of two states.
 
     Attributes:
         a: the revision of the one.
         b: the revision of the other.
         head: the last revision.
-        only_a: what only the one has.
-        only_b: what only the other has.
-        is_cut: whether there are differences that no page has.
+        changes: the same as `kant-sql diff` shows: `+` for what only `b` has.
+        only_a: what only the one has, by kind.
+        only_b: what only the other has, by kind.
+        offset: how many come before the page, on each side.
+        next: the offset of the next page; None after the last.
+        is_cut: whether more elements differ than all pages have.
     """
 
     a: int
     b: int
     head: int
-    only_a: ChangesPage
-    only_b: ChangesPage
+    changes: list[Change]
+    only_a: list[ChangesOfKind]
+    only_b: list[ChangesOfKind]
+    offset: int
+    next: int | None
     is_cut: bool
 
 
@@ -203,13 +216,13 @@ def read_difference(
         UnknownRevisionError: there is no such revision yet.
         ArchivedError: one of the states was moved to an archive.
     """
-    (one, other), head = states_at(state.store, (a, b), state.at)
+    (one, other), stand = states_at(state.store, (a, b), state.at)
     before, after = sorted((one, other))
 
     def work(session: Session, kb_id: int | None) -> list[ChangesPage]:
         if kb_id is None or before == after:
             return [ChangesPage([], None)] * 2
-        refuse_archived(session, kb_id, before, read_archived_revision(session, kb_id))
+        refuse_archived(session, kb_id, before, read_position(session, kb_id).archived)
         own: dict[str, Any] = {"kb": kb_id, "before": before, "after": after}
         pages = []
         for side, at in enumerate((after, before)):
@@ -219,7 +232,26 @@ def read_difference(
         return pages
 
     came, went = state.store.query_in_snapshot(work)
-    only_a, only_b = (went, came) if one == before else (came, went)
-    last = head.revision if state.at is None else state.at
-    ends = [offset + len(page.changes) for page in (only_a, only_b) if page.next is None]
-    return Difference(one, other, last, only_a, only_b, any(end >= COMPARED for end in ends))
+    sides = [(ASSERTED, came), (RETRACTED, went)]
+    if one != before:
+        sides = [(ASSERTED, went), (RETRACTED, came)]
+    changes = [change._replace(sign=sign) for sign, page in sides for _, change in page.changes]
+    return Difference(
+        one,
+        other,
+        stand.revision if state.at is None else state.at,
+        changes,
+        _by_kind(changes, RETRACTED),
+        _by_kind(changes, ASSERTED),
+        offset,
+        came.next or went.next,
+        any(p.next is None and offset + len(p.changes) >= COMPARED for p in (came, went)),
+    )
+
+
+def _by_kind(changes: list[Change], sign: str) -> list[ChangesOfKind]:
+    found: dict[str, list[str]] = {}
+    for one, kind, text in sorted(changes):
+        if one == sign:
+            found.setdefault(kind, []).append(text)
+    return [ChangesOfKind(*each) for each in found.items()]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Sequence
-from functools import lru_cache
 from typing import Any, NamedTuple
 
 from sqlalchemy import (
@@ -15,7 +14,6 @@ from sqlalchemy import (
     cast,
     literal_column,
     select,
-    union_all,
 )
 
 from ..arguments import expect, expect_list, flag, shown
@@ -36,7 +34,7 @@ from ..dto.lexical import RESERVED, fold, is_word
 from ..errors import InvalidKnowledgeError
 from ..pddl.lexer import tokenize
 from ..sql.dialects.base import Session
-from ..sql.query import Query
+from ..sql.query import Query, integer
 from ..sql.rows import FACT, GOAL, KB, KIND_TABLES, PROPOSITION, VALUE, VERSION_COLUMNS
 from ..store.store import Store
 
@@ -227,28 +225,57 @@ def _parts(words: list[str]) -> Iterator[str]:
         words = words[end:]
 
 
-# Lookups per statement: SQLite combines at most 500 queries, and a lookup may be split in two.
-MOST_LOOKUPS = 200
-
-
 class Lookup(NamedTuple):
-    """How one part of a question finds identities by names."""
+    """How one part of a question finds an identity, or none."""
 
     source: str  # a key of `VERSION_COLUMNS`
     part: int  # the position of the part in the question, which its parameters have
     arguments: int | None = None  # how many objects something is applied to; None for a name
-    is_goal: tuple[bool, ...] = ()  # of a proposition: True, False, or both
+    is_goal: bool = False  # of a proposition
     is_involved: bool = False  # an object, of which all that involves it may be asked for
 
 
-def lookups(wanted: Sequence[Sought]) -> tuple[Lookup, ...]:
-    """Return the lookups that find all elements but formulas."""
-    return tuple(
-        lookup
-        for part, each in enumerate(wanted)
-        if not isinstance(each, Written) and _may_be(_names_in(each))
-        for lookup in _lookups(part, each)
-    )
+class Found(NamedTuple):
+    """What may be asked for: lookups, and their parameters."""
+
+    lookups: tuple[Lookup, ...]
+    parameters: dict[str, Any]
+
+
+def look_up(session: Session, kb_id: int, wanted: Sequence[Sought]) -> Found:
+    """Find how to ask for elements: without a statement for names, in one for formulas."""
+    found: list[Lookup] = []
+    parameters: dict[str, Any] = {}
+    for part, each in enumerate(wanted):
+        if not isinstance(each, Written) and _may_be(names := _names_in(each)):
+            found += _lookups(part, each)
+            parameters |= {_parameter(part, number): name for number, name in enumerate(names)}
+    texts = {each.words for each in wanted if isinstance(each, Written)}
+    if texts:
+        formulas = session.stream(_FORMULAS, kb=kb_id)
+        ids = dict.fromkeys(id_ for id_, text in formulas if comparable(text) in texts)
+        for part, id_ in enumerate(ids, start=len(wanted)):
+            found.append(Lookup("formula", part))
+            parameters[_parameter(part, 0)] = id_
+    return Found(tuple(found), parameters)
+
+
+_VERSION = VERSION_COLUMNS["formula"].version
+_FORMULAS = Query(select(_VERSION.formula_id, _VERSION.text).where(_VERSION.kb_id == KB).distinct())
+
+
+def take_objects(wanted: Sequence[Sought]) -> tuple[set[str], list[Sought]]:
+    """Split off the names of objects of which all that involves them is asked for."""
+    names, rest = set[str](), list[Sought]()
+    for each in wanted:
+        if not (isinstance(each, Named) and each.is_involved and "object" in each.kinds):
+            rest.append(each)
+            continue
+        kinds = tuple(kind for kind in each.kinds if kind != "object")
+        rest.append(each._replace(kinds=kinds))
+        if is_word(each.name):
+            names.add(each.name)
+    return names, rest
 
 
 def _may_be(names: Sequence[str]) -> bool:
@@ -265,47 +292,34 @@ def _lookups(part: int, wanted: Named | Applied) -> Iterator[Lookup]:
         for kind in wanted.kinds:
             yield Lookup(kind, part, is_involved=wanted.is_involved and kind == "object")
         return
-    count, kinds = len(wanted.arguments), wanted.kinds
-    if is_goal := tuple(kind == GOAL for kind in (FACT, GOAL) if kind in kinds):
-        yield Lookup(PROPOSITION, part, count, is_goal)
-    if VALUE in kinds:
-        yield Lookup(VALUE, part, count)
-
-
-def split_goals(lookup: Lookup) -> list[Lookup]:
-    """Split a lookup into those that find one identity at most."""
-    return [lookup._replace(is_goal=(each,)) for each in lookup.is_goal] or [lookup]
-
-
-def parameters(wanted: Sequence[Sought], found: Iterable[Lookup]) -> dict[str, str]:
-    """Return the parameters of lookups."""
-    return {
-        _parameter(part, number): name
-        for part in {lookup.part for lookup in found}
-        for number, name in enumerate(_names_in(wanted[part]))  # type: ignore[arg-type]
-    }
+    for kind, source in ((FACT, PROPOSITION), (GOAL, PROPOSITION), (VALUE, VALUE)):
+        if kind in wanted.kinds:
+            yield Lookup(source, part, len(wanted.arguments), kind == GOAL)
 
 
 def _parameter(part: int, number: int) -> str:
     return f"name{part}_{number}"
 
 
-def identities_of(lookup: Lookup) -> Select[Any]:
-    """Select the ids of the identities that a lookup finds."""
+def identity_of(lookup: Lookup) -> ColumnElement[int]:
+    """Select the id of the identity that a lookup finds."""
     identity = VERSION_COLUMNS[lookup.source].identity
-    ids: Select[Any] = select(identity.id).where(identity.kb_id == KB)
     name = _parameter(lookup.part, 0)
+    if lookup.source == "formula":
+        return integer(name)
     if lookup.arguments is None:
-        return ids.where(identity.key == bindparam(name))
+        return _id_of(lookup.source, name)
+    ids: Select[Any] = select(identity.id).where(identity.kb_id == KB)
     objects = range(1, lookup.arguments + 1)
     interned = identity.arguments == _interned(
         [cast(_id_of("object", _parameter(lookup.part, number)), Text) for number in objects]
     )
     if lookup.source == VALUE:
-        return ids.where(identity.function_id == _id_of("function", name), interned)
-    goals: list[Any] = [literal_column("TRUE" if each else "FALSE") for each in lookup.is_goal]
-    is_goal = identity.is_goal == goals[0] if len(goals) == 1 else identity.is_goal.in_(goals)
-    return ids.where(is_goal, identity.predicate_id == _id_of("predicate", name), interned)
+        ids = ids.where(identity.function_id == _id_of("function", name), interned)
+    else:
+        is_goal = identity.is_goal == literal_column("TRUE" if lookup.is_goal else "FALSE")
+        ids = ids.where(is_goal, identity.predicate_id == _id_of("predicate", name), interned)
+    return ids.scalar_subquery()
 
 
 def _id_of(kind: str, parameter: str) -> ColumnElement[int]:
@@ -325,37 +339,3 @@ def _interned(ids: Sequence[ColumnElement[str]]) -> ColumnElement[str]:
     # By halves: databases limit the depth of an expression.
     left, right = _interned(ids[: len(ids) // 2]), _interned(ids[len(ids) // 2 :])
     return left.concat(literal_column("' '")).concat(right)
-
-
-class Owner(NamedTuple):
-    """An identity, and the key of `VERSION_COLUMNS` of its versions."""
-
-    source: str
-    id: int
-
-
-@lru_cache(maxsize=64)
-def _owners_of(found: tuple[Lookup, ...]) -> Query:
-    columns = (
-        identities_of(lookup).add_columns(literal_column(f"'{lookup.source}'")) for lookup in found
-    )
-    return Query(union_all(*columns))
-
-
-_VERSION = VERSION_COLUMNS["formula"].version
-_FORMULAS = Query(select(_VERSION.formula_id, _VERSION.text).where(_VERSION.kb_id == KB).distinct())
-
-
-def find_owners(session: Session, kb_id: int, wanted: Sequence[Sought]) -> list[Owner]:
-    """Find identities: in one statement for names, and one for formulas."""
-    owners: list[Owner] = []
-    found = lookups(wanted)
-    for start in range(0, len(found), MOST_LOOKUPS):
-        some = found[start : start + MOST_LOOKUPS]
-        rows = session.rows(_owners_of(some), kb=kb_id, **parameters(wanted, some))
-        owners += [Owner(source, id_) for id_, source in rows]
-    texts = {each.words for each in wanted if isinstance(each, Written)}
-    if texts:
-        formulas = session.stream(_FORMULAS, kb=kb_id)
-        owners += [Owner("formula", id_) for id_, text in formulas if comparable(text) in texts]
-    return list(dict.fromkeys(owners))

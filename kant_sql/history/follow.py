@@ -6,9 +6,6 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import closing
 from functools import partial
-from typing import NamedTuple
-
-from sqlalchemy import select
 
 from ..arguments import seconds
 from ..errors import (
@@ -21,24 +18,20 @@ from ..errors import (
 )
 from ..sql.dialects import base as retry
 from ..sql.dialects.base import FIRST_PAUSE, LONGEST_PAUSE, PASSING, Listener, Session
-from ..sql.query import Query
-from ..sql.rows import KB
-from ..sql.tables import HeadRow
-from ..store.head import check_numbers
-from ..store.snapshot import archive_of, vanished
+from ..store.snapshot import archive_of
 from ..store.state import State
 from ..store.store import Store
-from .revisions import PAGE, LogEntry, at_most, check_after, feed, read_page, refuse_unknown
-
-_HEAD = Query(select(HeadRow.revision, HeadRow.archived_revision).where(HeadRow.kb_id == KB))
-
-
-class FeedPosition(NamedTuple):
-    """The head of a knowledge base, as a watcher sees it."""
-
-    kb_id: int | None  # None before the first write
-    head: int
-    archived: int  # versions that ended up to this revision are in an archive
+from .revisions import (
+    PAGE,
+    FeedPosition,
+    LogEntry,
+    at_most,
+    check_after,
+    feed,
+    read_page,
+    read_position,
+    refuse_unknown,
+)
 
 
 def changes(state: State, after: int = 0, *, limit: int | None = None) -> Iterator[LogEntry]:
@@ -110,17 +103,6 @@ def _page(
         )
     high = int(min(head, after + size))
     return [] if kb_id is None or high <= after else read_page(session, kb_id, after + 1, high)
-
-
-def read_position(session: Session, kb_id: int | None) -> FeedPosition:
-    """Read the head in one statement."""
-    if kb_id is None:
-        return FeedPosition(None, 0, 0)
-    row = session.first(_HEAD, kb=kb_id)
-    if row is None:
-        raise vanished(session)
-    check_numbers(session, kb_id, zip(("revision", "archived_revision"), row[:2], strict=True))
-    return FeedPosition(kb_id, row[0], row[1])
 
 
 # Seconds between polls: a writer killed right after its commit has notified nobody.

@@ -1,38 +1,55 @@
-"""The log: revisions with their changes, newest first; that of an element, by its versions."""
+"""The log: revisions with their changes, newest first: all of them, and a page at a time."""
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
-from functools import partial
-from heapq import merge
-from itertools import groupby, islice
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cache, partial
+from itertools import islice
 from typing import Any, NamedTuple
 
-from sqlalchemy import bindparam, select
+from sqlalchemy import (
+    ColumnElement,
+    Select,
+    Text,
+    bindparam,
+    cast,
+    literal_column,
+    or_,
+    select,
+    union,
+)
 
 from .. import html
 from ..arguments import optional_text
 from ..dao.known import refuse_unknown_actor
+from ..errors import ArchivedError
 from ..moment_text import When
 from ..sql.changes import (
     ASSERTED,
+    COUNTED_CHANGES,
     RETRACTED,
     REVISIONS,
     Change,
+    count_each,
     few_changes,
     in_range,
+    read_changes_page,
     stream_changes_of,
 )
+from ..sql.definitions import find_identities
 from ..sql.dialects.base import Row, Session
-from ..sql.query import Query, first_rows, in_list, integer
-from ..sql.rows import KB, VERSION_COLUMNS, VersionColumns
+from ..sql.dialects.containing import contains, is_in, pattern_of
+from ..sql.query import Query, first_rows, in_list, in_rows, integer
+from ..sql.rows import KB, PROPOSITION, VALUE, VERSION_COLUMNS
 from ..sql.tables import HeadRow, RevisionRow
+from ..store.snapshot import archive_of
 from ..store.state import State
 from ..store.store import Store
-from .elements import Element, Named, Owner, Sought, find_owners, refuse_unknown_element, sought
-from .involvement import Involvement, read_involvement
-from .moments import Bounds, find_bounds
+from .elements import Element, Sought, refuse_unknown_element, sought, take_objects
+from .involvement import read_involvement
+from .moments import Bounds, find_bounds, head_revision
 from .revisions import (
     LARGEST,
     OLDEST_FIRST,
@@ -44,125 +61,154 @@ from .revisions import (
     feed,
     make_revision,
     missing_revision,
+    read_position,
     refuse_archived_revision,
+    refuse_unknown,
 )
 from .revisions import PAGE as LOG_PAGE
 from .revisions import PAGE_CHANGES as LOG_CHANGES
+from .versions import read_newest
 
-# Versions of an element that are read at a time.
-VERSION_PAGE = 500
-
-Changed = tuple[int, Change]
-
-
-def _page(source: VersionColumns) -> Query:
-    version = source.version
-    columns: tuple[Any, ...] = (source.kind, source.text, version.since, version.until)
-    rows = select(*columns).where(
-        version.kb_id == KB, source.owner == integer("id"), version.since <= integer("high")
-    )
-    return Query(first_rows(rows.order_by(version.since.desc()), integer("size")))
-
-
-NEWEST_VERSIONS = {name: _page(source) for name, source in VERSION_COLUMNS.items()}
-
-
-def changed_revisions(
-    store: Store, wanted: list[Sought], low: int, high: int
-) -> Iterator[tuple[int, tuple[Change, ...]]]:
-    """Read the changes of an element by revision, newest first, in constant memory."""
-
-    def find(session: Session, kb_id: int | None) -> list[Owner]:
-        return [] if kb_id is None else find_owners(session, kb_id, wanted)
-
-    is_involved = any(isinstance(one, Named) and one.is_involved for one in wanted)
-    each = [
-        _involving(store, owner.id, low, high)
-        if is_involved and owner.source == "object"
-        else _changes(store, owner, low, high)
-        for owner in store.query_in_snapshot(find)
-    ]
-    together = merge(*each, key=lambda changed: -changed[0])
-    for number, changes in groupby(together, key=lambda changed: changed[0]):
-        yield number, tuple(sorted({change for _, change in changes}))
-
-
-def _involving(store: Store, object_id: int, low: int, high: int) -> Iterator[Changed]:
-    """Yield the changes of what involves an object, newest first."""
-    size = VERSION_PAGE
-    while high >= low:
-        page = store.query_in_snapshot(
-            partial(_read_involving, object_id=object_id, low=low, high=high, size=size)
-        )
-        if page.is_cut:
-            size *= 2
-            continue
-        yield from page.changes
-        high, size = (page.before or 0) - 1, VERSION_PAGE
-
-
-def _read_involving(
-    session: Session, kb_id: int | None, object_id: int, low: int, high: int, size: int
-) -> Involvement:
-    if kb_id is None:
-        return Involvement([], None, None)
-    return read_involvement(session, kb_id, object_id, high, size, low)
-
-
-def _changes(store: Store, owner: Owner, low: int, high: int) -> Iterator[Changed]:
-    """Yield the changes of one identity, newest first; its versions do not overlap."""
-    for kind, text, since, until in _versions(store, owner, high):
-        if until is not None and low <= until <= high:
-            yield until, Change(RETRACTED, kind, text)
-        if (until or since) < low:
-            return
-        if since >= low:
-            yield since, Change(ASSERTED, kind, text)
-
-
-def _versions(store: Store, owner: Owner, high: int) -> Iterator[Row]:
-    """Read the versions of one identity that began up to a revision, newest first."""
-    while True:
-        page = store.query_in_snapshot(partial(_read, owner=owner, high=high))
-        yield from page
-        if len(page) < VERSION_PAGE:
-            return
-        high = page[-1][2] - 1
-
-
-def _read(session: Session, kb_id: int | None, owner: Owner, high: int) -> list[Row]:
-    if kb_id is None:
-        return []
-    query = NEWEST_VERSIONS[owner.source]
-    return session.rows(query, kb=kb_id, id=owner.id, high=high, size=VERSION_PAGE)
+# Versions of each identity of an element that are read at a time; each has two changes at most.
+VERSION_PAGE = 250
+# Revisions that a page searches for an actor, and for a text.
+SEARCHED_FOR_ACTOR, SEARCHED_FOR_TEXT = 100_000, 10_000
+# Revisions of an element that a page looks at, if it is to have those of an actor or a text.
+SEARCHED_OF_ELEMENT = 500
+# A revision with more changes has them on its own page.
+LISTED = 60
+# Changes in which a page looks for a text, if they are of several revisions.
+SEARCHED_CHANGES = 20_000
 
 
 _Changes = dict[int, tuple[Change, ...]]
 
-_ARCHIVED = select(HeadRow.archived_revision).where(HeadRow.kb_id == KB).scalar_subquery()
-_LATEST = (
-    REVISIONS.add_columns(_ARCHIVED)
-    .where(in_range(RevisionRow.number))
-    .order_by(RevisionRow.number.desc())
+
+class LogFilter(NamedTuple):
+    """Which revisions are asked for; all conditions apply.
+
+    Attributes:
+        actor: who wrote.
+        element: what was changed, as for `log`.
+        text: what is in the reason, the actor, the source as JSON, or a change, in any case.
+    """
+
+    actor: str | None = None
+    element: str | None = None
+    text: str | None = None
+
+
+@dataclass(frozen=True)
+class LogLine:
+    """A revision in a page of the log.
+
+    Attributes:
+        revision: the revision.
+        changes: what it changed; nothing if that is too much, or in an archive.
+        total: how much it changed, as far as it is counted.
+        is_counted: whether `total` counts all.
+        is_archived: whether a part of its changes is in an archive.
+    """
+
+    _json_ = "*revision", "changes", "total", "is_counted", "is_archived"
+
+    revision: Revision
+    changes: tuple[Change, ...]
+    total: int
+    is_counted: bool
+    is_archived: bool
+
+
+class LogPage(NamedTuple):
+    """A page of the log.
+
+    Attributes:
+        head: the last revision.
+        revisions: the revisions, newest first.
+        before: the revision before which the next page goes on; None after the last.
+        searched: the first revision that was searched, where a page ended before it was full.
+        archive: why a page ended at an archive, and where that is.
+    """
+
+    head: int
+    revisions: list[LogLine]
+    before: int | None = None
+    searched: int | None = None
+    archive: str | None = None
+
+
+def _changed() -> Select[Any]:
+    """Select the revisions of a range that changed what has the text."""
+    ends = []
+    for columns in VERSION_COLUMNS.values():
+        version = columns.version
+        for end in (version.since, version.until):
+            within = in_range(end)
+            ends.append(
+                select(end.label("n")).where(version.kb_id == KB, within, contains(columns.text))
+            )
+    return select(union(*ends).subquery("changed").c.n)
+
+
+def _end_of_search() -> Query:
+    """Select the revisions in which the bound of what is searched is reached, by table."""
+    ends = []
+    for name in (PROPOSITION, VALUE):
+        version = VERSION_COLUMNS[name].version
+        for end in (version.since, version.until):
+            newest = select(end.label("n")).where(version.kb_id == KB, in_range(end))
+            bound: ColumnElement[int] = literal_column(str(SEARCHED_CHANGES))
+            last = newest.order_by(end.desc()).limit(literal_column("1")).offset(bound)
+            ends.append(select(last.subquery().c.n))
+    return Query(union(*ends))
+
+
+_END_OF_SEARCH = _end_of_search()
+
+
+_REVISIONS = REVISIONS.add_columns(
+    select(HeadRow.archived_revision).where(HeadRow.kb_id == KB).scalar_subquery()
 )
-_NEWEST_FIRST = Query(_LATEST)
-_SIZE = integer("size")
-_OF_ALL = Query(first_rows(_LATEST, _SIZE))
-_OF_ACTOR = Query(first_rows(_LATEST.where(RevisionRow.actor == bindparam("actor")), _SIZE))
-_NUMBERED = Query(
-    REVISIONS.add_columns(_ARCHIVED)
-    .where(in_list(RevisionRow.number, "numbers"))
-    .order_by(RevisionRow.number.desc())
-)
+_NEWEST_FIRST = _REVISIONS.order_by(RevisionRow.number.desc())
+_NUMBERED = Query(_NEWEST_FIRST.where(in_list(RevisionRow.number, "numbers")))
 
 
-class _Page(NamedTuple):
-    """Entries that were read together."""
+@cache
+def _newest(has_actor: bool, has_text: bool) -> Query:
+    """Select the newest revisions of a range, and up to which one a part is in an archive."""
+    number = RevisionRow.number
+    rows = _NEWEST_FIRST.where(in_range(number))
+    if has_actor:
+        rows = rows.where(RevisionRow.actor == bindparam("actor"))
+    if has_text:
+        said: list[ColumnElement[bool]] = [
+            contains(RevisionRow.actor),
+            contains(RevisionRow.reason),
+            contains(cast(RevisionRow.source, Text)),
+            in_rows(number, _changed()),
+        ]
+        rows = rows.where(or_(*said))
+    return Query(first_rows(rows, integer("size")))
 
-    entries: list[LogEntry]
-    archived: int = 0  # versions that ended up to this revision are in an archive
-    next: int = 0  # the revision that the next page begins with; 0 after the last page
-    size: int | None = None  # of the next page, where this page determines it
+
+def _find(
+    session: Session, kb_id: int, asked: LogFilter, low: int, high: int, limit: int
+) -> tuple[list[Row], int]:
+    """Find the newest revisions of a range, and the first revision that was looked at."""
+    own: dict[str, Any] = {"kb": kb_id, "high": high, "size": limit, "actor": asked.actor}
+    first = low
+    if asked.text is not None:
+        first = max(low, high - SEARCHED_FOR_TEXT + 1)
+        ends = session.rows(_END_OF_SEARCH, kb=kb_id, low=first, high=high)
+        first = min(high, max([first, *(row[0] + 1 for row in ends)]))
+        own["pattern"] = pattern_of(session, asked.text)
+    elif asked.actor is not None:
+        first = max(low, high - SEARCHED_FOR_ACTOR + 1)
+    query = _newest(asked.actor is not None, asked.text is not None)
+    rows = session.rows(query, low=first, **own)
+    if asked.actor is None and asked.text is None:
+        _refuse_holes(session, rows, high, min(limit, high - low + 1))
+    return rows, rows[-1][0] if len(rows) == limit else first
 
 
 def revisions(state: State, after: int = 0, *, limit: int | None = None) -> list[Revision]:
@@ -230,6 +276,15 @@ def log(
     return feed(state.store, partial(_read_log, state, since, until, actor, element), limit)
 
 
+class _Page(NamedTuple):
+    """Entries that were read together."""
+
+    entries: list[LogEntry]
+    end: int  # no revision from this one on is missing
+    archived: int | None = None  # versions that ended up to this revision are in an archive
+    size: int | None = None  # of the next page, where this page determines it
+
+
 def _read_log(
     state: State,
     since: When | None,
@@ -244,11 +299,7 @@ def _read_log(
     wanted = None if element is None else sought(element)
     bounds = find_bounds(store, since, until, upto)
     most = at_most(limit)
-    if wanted is None:
-        entries = _complete(store, _pages(store, bounds, actor, most))
-    else:
-        changed = changed_revisions(store, wanted, bounds.low, bounds.high)
-        entries = _complete(store, _pages_of(store, changed, actor, most), bounds.low)
+    entries = _entries(store, wanted, actor, bounds, most)
     return islice(_known(store, entries, actor, element), min(most, sys.maxsize))
 
 
@@ -266,80 +317,133 @@ def _known(
             refuse_unknown_actor(store, actor)
 
 
-def _complete(store: Store, pages: Iterator[_Page], low: int | None = None) -> Iterator[LogEntry]:
-    """Yield entries, and refuse the first that is incomplete because of an archive.
-
-    Entries found by versions may have been archived without a trace, down to `low`.
-    """
+def _entries(
+    store: Store, wanted: list[Sought] | None, actor: str | None, bounds: Bounds, limit: int
+) -> Iterator[LogEntry]:
+    """Yield entries page by page, and refuse the first that is incomplete because of an archive."""
+    low, high, redefined = bounds
+    size = most = min(LOG_PAGE, limit) if wanted is None or actor is None else LOG_PAGE
     archived = None
-    for page in pages:
-        archived = page.archived
-        if page.entries and page.entries[-1].revision.number > archived:
-            yield from page.entries
-            continue
+    while high >= low and size:
+        own: dict[str, Any] = {"low": low, "high": high, "size": size}
+        page: _Page | None = None
+        if wanted is not None:
+            page = store.query_in_snapshot(
+                partial(_page_of_element, wanted=wanted, actor=actor, **own)
+            )
+        elif actor is None:
+            page = store.query(partial(_small_page, redefined=redefined, **own))
+        if page is None:
+            page = store.query_in_snapshot(partial(_page, actor=actor, **own))
         for entry in page.entries:
-            if entry.revision.number <= archived:
+            if page.archived is not None and entry.revision.number <= page.archived:
                 refuse_archived_revision(store, max(1, entry.revision.number - 1))
             yield entry
-    if low is not None and (archived is None or low <= archived):
+        high, size = page.end - 1, most if page.size is None else min(most, page.size)
+        archived = page.archived
+    if wanted is not None and high < low and (archived is None or low <= archived):
+        # What was archived has left no trace in the versions.
         refuse_archived_revision(store, max(1, low - 1))
 
 
-def _pages(store: Store, bounds: Bounds, actor: str | None, limit: int) -> Iterator[_Page]:
-    low, high, redefined = bounds
-    size = most = min(LOG_PAGE, limit)
-    while high >= low and size:
-        first, page = max(low, high - size + 1), None
-        if actor is None:
-            page = store.query(partial(_small_page, low=first, high=high, redefined=redefined))
-        if page is None:
-            page = store.query_in_snapshot(
-                partial(_log_page, low=low, high=high, size=size, actor=actor)
-            )
-        yield page
-        high, size = page.next, most if page.size is None else min(most, page.size)
-
-
 def _small_page(
-    session: Session, kb_id: int | None, low: int, high: int, redefined: int
+    session: Session, kb_id: int | None, low: int, high: int, size: int, redefined: int
 ) -> _Page | None:
     """Read a page in two statements; None when it has many changes."""
     if kb_id is None:
-        return _Page([])
+        return _Page([], low)
+    low = max(low, high - size + 1)
     changes = few_changes(session, kb_id, low, high, low <= redefined)
     if changes is None:
         return None
     # Read after the changes: it includes each archive made before they were read.
-    rows = session.rows(_NEWEST_FIRST, kb=kb_id, low=low, high=high)
-    _refuse_holes(session, rows, high, high - low + 1)
-    entries = [LogEntry(make_revision(session, row), changes.get(row[0], ())) for row in rows]
-    return _Page(entries, rows[0][-1] if rows else 0, low - 1)
+    rows, _ = _find(session, kb_id, LogFilter(), low, high, size)
+    return _made(session, rows, changes, low)
 
 
-def _log_page(
+def _page(
     session: Session, kb_id: int | None, low: int, high: int, size: int, actor: str | None
 ) -> _Page:
-    """Read a page of one snapshot in three statements."""
+    """Read a page of one snapshot in two statements."""
     if kb_id is None:
-        return _Page([])
-    asked: dict[str, Any] = {"kb": kb_id, "low": low, "high": high, "size": size}
-    if actor is None:
-        rows = session.rows(_OF_ALL, **asked)
-        _refuse_holes(session, rows, high, min(size, high - low + 1))
-    else:
-        rows = session.rows(_OF_ACTOR, actor=actor, **asked)
+        return _Page([], low)
+    rows, end = _find(session, kb_id, LogFilter(actor), low, high, size)
     numbers = [row[0] for row in rows]
     if not numbers:
-        return _Page([])
+        return _Page([], end)
     changes, cut = collect(stream_changes_of(session, kb_id, numbers), LOG_CHANGES)
-    last = numbers[-1] if cut is None else cut + 1
-    entries = [
-        LogEntry(make_revision(session, row), changes.get(row[0], ()))
-        for row in rows
-        if row[0] >= last
-    ]
-    is_end = len(numbers) < size and last == numbers[-1]
-    return _Page(entries, rows[0][-1], 0 if is_end else last - 1, 2 * len(entries))
+    end = end if cut is None else cut + 1
+    page = _made(session, [row for row in rows if row[0] >= end], changes, end)
+    return page._replace(size=2 * len(page.entries))
+
+
+def _made(session: Session, rows: Sequence[Row], changes: _Changes, end: int) -> _Page:
+    entries = [LogEntry(make_revision(session, row), changes.get(row[0], ())) for row in rows]
+    return _Page(entries, end, rows[0][-1] if rows else None)
+
+
+def _page_of_element(
+    session: Session,
+    kb_id: int | None,
+    wanted: list[Sought],
+    actor: str | None,
+    low: int,
+    high: int,
+    size: int,
+) -> _Page:
+    """Read a page of the revisions that changed an element, by its versions."""
+    if kb_id is None:
+        return _Page([], low)
+    changes, end = _changes_of(session, kb_id, wanted, low, high)
+    numbers = sorted(changes, reverse=True)
+    if not numbers:
+        return _Page([], end)
+    if len(numbers) > size:
+        del numbers[size:]
+        end = numbers[-1]
+    rows = session.rows(_NUMBERED, kb=kb_id, numbers=session.list_value(numbers))
+    page = _made(session, rows, changes, end)
+    of_actor = [one for one in page.entries if actor in (None, one.revision.actor)]
+    return page._replace(entries=of_actor)
+
+
+def _changes_of(
+    session: Session, kb_id: int, wanted: list[Sought], low: int, high: int
+) -> tuple[_Changes, int]:
+    """Read the changes of an element, and the revision from which on they are all there."""
+    objects, others = take_objects(wanted)
+    found = find_identities(session, kb_id, "object", objects) if objects else {}
+    size, end = VERSION_PAGE, high + 1
+    while end > high:
+        changes, end = _own_changes(session, kb_id, others, high, size)
+        end = max(low, end)
+        for identity in filter(None, found.values()):
+            involved = read_involvement(session, kb_id, identity[0], high, size, low)
+            changes += involved.changes
+            end = max(end, (involved.before or low) + involved.is_cut)
+        size *= 2
+    by_revision: dict[int, set[Change]] = {}
+    for number, change in changes:
+        if end <= number <= high:
+            by_revision.setdefault(number, set()).add(change)
+    return {number: tuple(sorted(of_one)) for number, of_one in by_revision.items()}, end
+
+
+def _own_changes(
+    session: Session, kb_id: int, wanted: list[Sought], high: int, size: int
+) -> tuple[list[tuple[int, Change]], int]:
+    """Read the newest changes of identities, and the revision from which on all are there."""
+    changes, end = list[tuple[int, Change]](), 0
+    read: dict[tuple[str, int], int] = {}
+    for kind, text, since, until, owner in read_newest(session, kb_id, wanted, high, size):
+        changes.append((since, Change(ASSERTED, kind, text)))
+        if until is not None:
+            changes.append((until, Change(RETRACTED, kind, text)))
+        read[kind, owner] = read.get((kind, owner), 0) + 1
+        if read[kind, owner] == size:
+            # Its versions do not overlap: the one before this may have ended where this began.
+            end = max(end, since + 1)
+    return changes, end
 
 
 def _refuse_holes(session: Session, rows: list[Row], high: int, count: int) -> None:
@@ -350,23 +454,138 @@ def _refuse_holes(session: Session, rows: list[Row], high: int, count: int) -> N
             raise missing_revision(session, number)
 
 
-def _pages_of(
-    store: Store, changed: Iterator[tuple[int, tuple[Change, ...]]], actor: str | None, limit: int
-) -> Iterator[_Page]:
-    size = min(LOG_PAGE, limit) if actor is None else LOG_PAGE
-    while changes := dict(islice(changed, size)):
-        yield store.query_in_snapshot(partial(_page_of, changes=changes, actor=actor))
+def read_log_page(
+    state: State,
+    asked: LogFilter,
+    since: When | None = None,
+    until: When | None = None,
+    before: int | None = None,
+    limit: int = 50,
+) -> LogPage:
+    """Read a page of the log, newest first.
+
+    Args:
+        state: where.
+        asked: which revisions.
+        since: the first revision or the earliest time, inclusive.
+        until: the last revision or the latest time, inclusive.
+        before: only revisions before this one.
+        limit: how many revisions a page has.
+
+    Raises:
+        UnknownRevisionError: a bound is in the future.
+        UnknownNameError: instead of nothing, if there never was such an actor, or `element` has a
+            name that never was.
+    """
+    store = state.store
+    optional_text(asked.actor, "actor")
+    bounds = find_bounds(store, since, until, state.at)
+    low, high = bounds.low, bounds.high if before is None else min(bounds.high, before - 1)
+    empty = LogPage(head_revision(store) if state.at is None else state.at, [])
+    if high < low:
+        return empty
+    if asked.element is not None:
+        return _of_element(state, asked, low, high, limit, empty)
+
+    def work(session: Session, kb_id: int | None) -> LogPage:
+        if kb_id is None:
+            return empty
+        rows, end = _find(session, kb_id, asked, low, high, limit)
+        is_full = len(rows) == limit
+        page = empty._replace(revisions=_lines(session, kb_id, rows))
+        return page if end <= low else page._replace(before=end, searched=None if is_full else end)
+
+    page = store.query_in_snapshot(work)
+    if not page.revisions and page.searched is None and asked.actor is not None:
+        refuse_unknown_actor(store, asked.actor)
+    return page
 
 
-def _page_of(session: Session, kb_id: int | None, changes: _Changes, actor: str | None) -> _Page:
-    if kb_id is None:
-        return _Page([])
-    numbers = session.list_value([*changes])
-    rows = session.rows(_NUMBERED, kb=kb_id, numbers=numbers)
-    revisions: list[Revision] = [make_revision(session, row) for row in rows]
-    entries = [
-        LogEntry(revision, changes[revision.number])
-        for revision in revisions
-        if actor is None or revision.actor == actor
+def _lines(session: Session, kb_id: int, rows: Sequence[Row]) -> list[LogLine]:
+    """Read how much some revisions changed, and what, in two statements."""
+    if not rows:
+        return []
+    totals = count_each(session, kb_id, [row[0] for row in rows])
+    few = [number for number, total in totals.items() if 0 < total <= LISTED]
+    changes, _ = collect(stream_changes_of(session, kb_id, few), LARGEST)
+    return [
+        LogLine(
+            make_revision(session, row),
+            changes.get(row[0], ()),
+            totals.get(row[0], 0),
+            totals.get(row[0], 0) < COUNTED_CHANGES,
+            row[0] <= row[-1],
+        )
+        for row in rows
     ]
-    return _Page(entries, max((row[-1] for row in rows), default=0))
+
+
+def _of_element(
+    state: State, asked: LogFilter, low: int, high: int, limit: int, page: LogPage
+) -> LogPage:
+    """Read the revisions that changed an element, by its versions."""
+    is_open = asked.actor is None and asked.text is None
+    most = limit + 1 if is_open else SEARCHED_OF_ELEMENT
+    looked, last = 0, high
+    try:
+        for entry in log(state, low, until=high, element=asked.element, limit=most):
+            if len(page.revisions) == limit:
+                return page._replace(before=last)
+            revision = entry.revision
+            looked, last = looked + 1, revision.number
+            said = [*revision.said(), *(change.text for change in entry.changes)]
+            if asked.actor in (None, revision.actor) and any(
+                is_in(asked.text, one) for one in said
+            ):
+                line = LogLine(revision, entry.changes, len(entry.changes), True, False)
+                page.revisions.append(line)
+    except ArchivedError as error:
+        return page._replace(archive=str(error))
+    return page if is_open or looked < most else page._replace(before=last, searched=last)
+
+
+class RevisionPage(NamedTuple):
+    """A revision with a page of its changes.
+
+    Attributes:
+        revision: the revision with the changes of the page.
+        total: how many changes it has, as far as they are counted.
+        is_counted: whether `total` counts all; else there are more: of a kind, the pages have
+            50,000.
+        offset: how many changes come before the page.
+        next: the offset of the next page; None after the last.
+        head: the last revision.
+        archive: where a part of its changes is; None if they are all here.
+    """
+
+    revision: LogEntry
+    total: int
+    is_counted: bool
+    offset: int
+    next: int | None
+    head: int
+    archive: str | None
+
+
+def read_revision_page(
+    state: State, number: int, offset: int = 0, limit: int = 200
+) -> RevisionPage:
+    """Read a revision with a page of its changes.
+
+    Raises:
+        UnknownRevisionError: there is no such revision yet.
+    """
+
+    def work(session: Session, kb_id: int | None) -> RevisionPage:
+        _, head, archived = read_position(session, kb_id)
+        refuse_unknown(state.store.name, number, head)
+        assert kb_id is not None
+        (row,), _ = _find(session, kb_id, LogFilter(), number, number, 1)
+        total = count_each(session, kb_id, [number])[number]
+        changes, after = read_changes_page(session, kb_id, number, total, offset, limit)
+        entry = LogEntry(make_revision(session, row), tuple(change for _, change in changes))
+        archive = archive_of(session, kb_id, number - 1) if number <= archived else None
+        is_counted = total < COUNTED_CHANGES
+        return RevisionPage(entry, total, is_counted, offset, after, head, archive)
+
+    return state.store.query_in_snapshot(work)

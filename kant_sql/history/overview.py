@@ -16,7 +16,7 @@ from ..sql.tables import TABLES, FunctionValueVersionRow, PropositionVersionRow,
 from ..store.snapshot import View
 from ..store.state import State
 from .moments import find_bounds
-from .revisions import read_archived_revision
+from .revisions import read_position
 
 
 class Overview(NamedTuple):
@@ -131,7 +131,7 @@ def read_tally(state: State, since: When | None, until: When | None, most: int) 
         rows = session.rows(_BUSIEST, size=most, **of_range)
         busiest = tuple(ActorTally(*row) for row in rows)
         changes = tuple(count_changes(session, kb_id, low, high))
-        archived = read_archived_revision(session, kb_id)
+        archived = read_position(session, kb_id).archived
         return Tally(low, high, named, busiest, changes, archived)
 
     return state.store.query_in_snapshot(work)

@@ -21,7 +21,8 @@ from ..sql.dialects.base import Row, Session
 from ..sql.query import Query, in_list
 from ..sql.rows import KB
 from ..sql.tables import HeadRow, RevisionPlanStepRow, RevisionRow
-from ..store.snapshot import refuse_archived
+from ..store.head import check_numbers
+from ..store.snapshot import refuse_archived, vanished
 from ..store.store import Store
 
 LARGEST = 2**63 - 1
@@ -34,7 +35,7 @@ PLANNED_LIST = 11
 
 OLDEST_FIRST = Query(REVISIONS.where(in_range(RevisionRow.number)).order_by(RevisionRow.number))
 _NUMBERED = Query(REVISIONS.where(in_list(RevisionRow.number, "numbers")))
-_ARCHIVED = Query(select(HeadRow.archived_revision).where(HeadRow.kb_id == KB))
+_HEAD = Query(select(HeadRow.revision, HeadRow.archived_revision).where(HeadRow.kb_id == KB))
 
 
 class RunningStep(NamedTuple):
@@ -165,10 +166,23 @@ def refuse_unknown(name: str, number: int, head: int) -> None:
         )
 
 
-def read_archived_revision(session: Session, kb_id: int) -> int:
-    """Read the revision up to which ended versions are in an archive."""
-    row = session.first(_ARCHIVED, kb=kb_id)
-    return int(row[0]) if row else 0
+class FeedPosition(NamedTuple):
+    """The head of a knowledge base, as a watcher sees it."""
+
+    kb_id: int | None  # None before the first write
+    head: int
+    archived: int  # versions that ended up to this revision are in an archive
+
+
+def read_position(session: Session, kb_id: int | None) -> FeedPosition:
+    """Read the head in one statement."""
+    if kb_id is None:
+        return FeedPosition(None, 0, 0)
+    row = session.first(_HEAD, kb=kb_id)
+    if row is None:
+        raise vanished(session)
+    check_numbers(session, kb_id, zip(("revision", "archived_revision"), row[:2], strict=True))
+    return FeedPosition(kb_id, row[0], row[1])
 
 
 def refuse_archived_revision(store: Store, revision: int) -> None:
@@ -176,7 +190,7 @@ def refuse_archived_revision(store: Store, revision: int) -> None:
 
     def work(session: Session, kb_id: int | None) -> None:
         if kb_id is not None:
-            refuse_archived(session, kb_id, revision, read_archived_revision(session, kb_id))
+            refuse_archived(session, kb_id, revision, read_position(session, kb_id).archived)
 
     store.query_in_snapshot(work)
 

@@ -27,7 +27,7 @@ from ..knowledge.definitions import DOMAIN_SECTIONS, PROBLEM_SECTIONS
 from ..moment_text import When
 from ..pddl.lexer import tokenize
 from ..sql.definitions import find_identities
-from ..sql.dialects.base import Session
+from ..sql.dialects.base import Row, Session
 from ..sql.dialects.containing import contains, is_in, pattern_of
 from ..sql.intervals import ANY_FUNCTION, ANY_PREDICATE, held_then, then
 from ..sql.query import Query, first_rows, in_rows, integer
@@ -60,7 +60,23 @@ COUNTED, SORTED, SEARCHED = 20_000, 10_000, 10_000
 GONE = 200
 _NAMED = ("object", "type", "predicate", "function", "action")
 # The parts of a state, in the order in which they are shown.
-PARTS = (FACT, GOAL, VALUE, *_NAMED, *DOMAIN_SECTIONS, *(s for s in PROBLEM_SECTIONS if s != GOAL))
+PARTS = {
+    FACT: "Facts",
+    GOAL: "Goals",
+    VALUE: "Values",
+    "object": "Objects",
+    "type": "Types",
+    "predicate": "Predicates",
+    "function": "Functions",
+    "action": "Actions",
+    "derived": "Derived predicates",
+    "domain constraint": "Constraints of the domain",
+    "initial": "Initial literals",
+    "timed": "Timed initial literals",
+    "constraint": "Constraints of the problem",
+    "metric": "Metric",
+}
+assert {*PARTS} == {FACT, VALUE, *_NAMED, *DOMAIN_SECTIONS, *PROBLEM_SECTIONS}
 
 
 class StateFilter(NamedTuple):
@@ -83,12 +99,14 @@ class HeldElement(NamedTuple):
     Attributes:
         kind: its kind, as in `Change`.
         text: its canonical PDDL text.
-        since: the revision that asserted it.
+        since: the revision that asserted it: by whom, when and why.
+        is_new: whether that is the state's own revision.
     """
 
     kind: str
     text: str
-    since: int
+    since: Revision | None
+    is_new: bool
 
 
 class StatePart(NamedTuple):
@@ -96,40 +114,57 @@ class StatePart(NamedTuple):
 
     Attributes:
         kind: the kind, one of `PARTS`.
+        title: what to call them.
         elements: the elements.
+        gone: those that the state's revision retracted, `GONE` at most.
         total: how many there are, as far as they are counted.
         is_counted: whether `total` counts all.
-        offset: how many come before the page.
-        next: the offset of the next page; None after the last.
         is_searched: whether the text was looked for in a part of them only: those from `offset` on,
             before `next`.
+        offset: how many come before the page.
+        next: the offset of the next page; None after the last.
     """
 
     kind: str
+    title: str
     elements: list[HeldElement]
+    gone: list[HeldElement]
     total: int
     is_counted: bool
+    is_searched: bool
     offset: int
     next: int | None
-    is_searched: bool = False
 
 
-class StateExcerpt(NamedTuple):
+class StatePage(NamedTuple):
     """A page of a state.
 
     Attributes:
-        revision: the number of the state's revision.
+        number: the number of the state's revision.
         head: the last revision.
+        revision: the state's revision; None before the first.
         parts: the pages of its kinds.
-        gone: elements that this revision retracted, `GONE` at most.
-        revisions: the revisions that are mentioned, by number.
+        kinds: the title of each kind.
     """
 
-    revision: int
+    number: int
     head: int
+    revision: Revision | None
     parts: list[StatePart]
-    gone: list[HeldElement]
-    revisions: dict[int, Revision]
+    kinds: dict[str, str]
+
+
+class _Found(NamedTuple):
+    """The lines of a part: kind, text and first revision."""
+
+    lines: list[Row]
+    total: int
+    is_counted: bool
+    is_searched: bool
+    next: int | None
+
+
+_NOTHING = _Found([], 0, True, False, None)
 
 
 class _Shape(NamedTuple):
@@ -399,7 +434,7 @@ def read_state(
     kind: str | None = None,
     offset: int = 0,
     limit: int = 200,
-) -> StateExcerpt:
+) -> StatePage:
     """Read a page of a state.
 
     Args:
@@ -418,23 +453,38 @@ def read_state(
     head = read_head(reader.store).revision if reader.at is None else reader.at
     (revision,), _ = states_at(reader.store, [head if when is None else when], reader.at)
     at = None if revision == head and reader.at is None else revision
-    kinds = PARTS if kind is None else (kind,)
+    kinds = tuple(PARTS) if kind is None else (kind,)
 
-    def work(session: Session, kb_id: int | None) -> StateExcerpt:
+    def work(session: Session, kb_id: int | None) -> StatePage:
         if kb_id is None:
-            return StateExcerpt(0, 0, [], [], {})
+            return StatePage(0, 0, None, [], PARTS)
         question = _question(session, kb_id, asked, at)
         parts = _read_parts(session, question, kinds, offset, limit)
         gone = _read_gone(session, kb_id, revision, asked, kinds)
-        numbers = {one.since for part in parts for one in part.elements} | {revision} - {0}
-        numbers |= {one.since for one in gone}
+        lines = [*gone, *(line for found in parts.values() for line in found.lines)]
+        numbers = {line[2] for line in lines} | {revision} - {0}
         revisions = read_numbered(session, kb_id, numbers)
-        return StateExcerpt(revision, head, parts, gone, revisions)
 
-    found = reader.store.query_in_snapshot(work)
-    if not any(part.elements for part in found.parts):
+        def made(lines: Iterable[Row]) -> list[HeldElement]:
+            return [
+                HeldElement(kind, text, revisions.get(since), since == revision)
+                for kind, text, since, *_ in lines
+            ]
+
+        def part(kind: str) -> StatePart:
+            found = parts.get(kind, _NOTHING)
+            own = made(line for line in gone if line[0] == kind)
+            counted = found.total, found.is_counted, found.is_searched
+            place = offset if kind in parts else 0
+            return StatePart(kind, PARTS[kind], made(found.lines), own, *counted, place, found.next)
+
+        shown = [part(kind) for kind in PARTS if kind in parts or any(g[0] == kind for g in gone)]
+        return StatePage(revision, head, revisions.get(revision), shown, PARTS)
+
+    page = reader.store.query_in_snapshot(work)
+    if not any(part.elements for part in page.parts):
         _refuse_unknown_names(reader, asked)
-    return found
+    return page
 
 
 def _refuse_unknown_names(reader: State, asked: StateFilter) -> None:
@@ -446,55 +496,47 @@ def _refuse_unknown_names(reader: State, asked: StateFilter) -> None:
 
 def _read_parts(
     session: Session, question: _Question, kinds: Iterable[str], offset: int, limit: int
-) -> list[StatePart]:
+) -> dict[str, _Found]:
     shapes = question.shapes(kinds)
     counted = session.rows(_counts(shapes), **question.parameters) if shapes else ()
     totals: dict[str, int] = {row[0]: row[1] for row in counted}
-    return [
-        _read_part(session, question, shape, totals[shape.kind], offset, limit)
+    return {
+        shape.kind: _read_part(session, question, shape, totals[shape.kind], offset, limit)
         for shape in shapes
         if totals[shape.kind]
-    ]
+    }
 
 
 def _read_part(
     session: Session, question: _Question, shape: _Shape, total: int, offset: int, limit: int
-) -> StatePart:
+) -> _Found:
     is_counted = total <= COUNTED
     has_text = question.asked.text is not None
     shape = shape._replace(has_text=has_text)
     own = {**question.parameters, "size": limit + 1, "offset": offset}
-    if total <= SORTED:
-        rows = session.rows(_sorted(shape), **own)
-        found = [HeldElement(*row[:3]) for row in rows[:limit]]
-        if has_text:
-            total = rows[0][3] if rows else 0
-        after = offset + limit if len(rows) > limit else None
-        return StatePart(shape.kind, found, total, is_counted, offset, after)
-    rows = session.rows(_indexed(shape), **own)
-    found = [HeldElement(*row[:3]) for row in rows[:limit]]
-    if not has_text:
-        after = offset + limit if len(rows) > limit else None
-    elif len(rows) > limit:
+    is_sorted = total <= SORTED
+    rows = session.rows((_sorted if is_sorted else _indexed)(shape), **own)
+    after = offset + limit if len(rows) > limit else None
+    if is_sorted and has_text:
+        total = rows[0][3] if rows else 0
+    elif has_text and after is not None:
         after = offset + int(rows[limit - 1][3])
-    else:
-        after = offset + SEARCHED if not is_counted or offset + SEARCHED < total else None
-    total = min(total, COUNTED)
-    return StatePart(shape.kind, found, total, is_counted, offset, after, has_text)
+    elif has_text and (not is_counted or offset + SEARCHED < total):
+        after = offset + SEARCHED
+    return _Found(rows[:limit], min(total, COUNTED), is_counted, has_text and not is_sorted, after)
 
 
 def _read_gone(
     session: Session, kb_id: int, revision: int, asked: StateFilter, kinds: Iterable[str]
-) -> list[HeldElement]:
+) -> list[Row]:
     """Read what a revision retracted, as far as it is asked for."""
     wanted = frozenset(kinds)
     names = {fold(name) for name in (asked.predicate, asked.object) if name is not None}
-    rows = session.rows(_GONE, kb=kb_id, at=revision)
     gone = [
-        HeldElement(kind, said, since)
-        for kind, said, since in rows
-        if kind in wanted
-        and (not names or names <= set(tokenize(fold(said))))
-        and is_in(asked.text, said)
+        row
+        for row in session.rows(_GONE, kb=kb_id, at=revision)
+        if row[0] in wanted
+        and (not names or names <= set(tokenize(fold(row[1]))))
+        and is_in(asked.text, row[1])
     ]
     return sorted(gone)[:GONE]

@@ -2,34 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from functools import cache, lru_cache, partial
+from functools import lru_cache
 from typing import Any
 
-from sqlalchemy import ColumnElement, Select, literal_column, select, union_all
+from sqlalchemy import ColumnElement, Select, select, union_all
 
 from .. import html
 from ..arguments import shown
 from ..errors import InvalidKnowledgeError, check_integer, unreadable
 from ..sql.dialects.base import Row, Session
-from ..sql.query import Query, first_rows, in_list, in_rows
+from ..sql.query import Query, first_rows, integer
 from ..sql.rows import FACT, GOAL, KB, THEN, VERSION_COLUMNS, VersionColumns
 from ..store.state import State
 from ..store.store import Store
 from .elements import (
-    MOST_LOOKUPS,
+    NAMED_KINDS,
     Element,
     Lookup,
     Sought,
     Written,
-    find_owners,
-    identities_of,
-    lookups,
-    parameters,
+    identity_of,
+    look_up,
     refuse_unknown_element,
     sought,
-    split_goals,
 )
 from .involvement import involving
 from .revisions import LARGEST, Revision, make_revision, read_numbered, revision_of
@@ -72,68 +69,64 @@ class Version:
         return html.fields(self._html_row_())
 
 
-def _versions(source: VersionColumns, owned: ColumnElement[bool], *which: Any) -> Select[Any]:
-    version = source.version
-    columns: tuple[Any, ...] = source.kind.label("kind"), source.text.label("text")
-    columns += version.since, version.until
-    return select(*columns).where(version.kb_id == KB, owned, *which)
+# Lookups per statement: SQLite combines at most 500 queries.
+MOST_LOOKUPS = 400
 
 
-def _versions_of(lookup: Lookup, which: Callable[[Any], ColumnElement[bool]]) -> Select[Any]:
-    source = VERSION_COLUMNS[lookup.source]
-    owned = in_rows(source.owner, identities_of(lookup), bounded=source.version.since)
-    return _versions(source, owned, which(source.version))
-
-
-def _last_version_of(lookup: Lookup) -> Select[Any]:
-    """Select the last version of one identity: one index step, however many there are."""
-    source = VERSION_COLUMNS[lookup.source]
+def _versions(source: VersionColumns, owned: ColumnElement[bool]) -> Select[Any]:
     since = source.version.since
-    owned = source.owner == identities_of(lookup).scalar_subquery()
-    newest_first = _versions(source, owned, since <= THEN).order_by(since.desc())
-    return select(first_rows(newest_first, literal_column("1")).subquery())
+    columns: tuple[Any, ...] = source.kind.label("kind"), source.text.label("text")
+    rows = select(*columns, since, source.version.until, source.owner.label("owner"))
+    return rows.where(source.version.kb_id == KB, owned, since <= THEN)
+
+
+def _newest_of(lookup: Lookup) -> Select[Any]:
+    """Select the newest versions of one identity: so many index steps, however many there are."""
+    source = VERSION_COLUMNS[lookup.source]
+    rows = _versions(source, source.owner == identity_of(lookup))
+    newest_first = rows.order_by(source.version.since.desc())
+    return select(first_rows(newest_first, integer("size")).subquery())
 
 
 # Only the lookups that may find it: planning and running all of them takes longer.
 @lru_cache(maxsize=64)
-def _all_of(lookups: tuple[Lookup, ...]) -> Query:
-    return Query(union_all(*(part for each in lookups for part in _all_versions_of(each))))
+def _newest(lookups: tuple[Lookup, ...], with_involved: bool, with_revision: bool) -> Query:
+    parts = []
+    for lookup in lookups:
+        if with_involved and lookup.is_involved:
+            involved = involving(identity_of(lookup))
+            parts += [_versions(source, which) for source, which in involved]
+        else:
+            parts.append(_newest_of(lookup))
+    rows = union_all(*parts)
+    if not with_revision:
+        return Query(rows)
+    found = rows.subquery("found")
+    return Query(select(found, *revision_of(found.c.since)))
 
 
-def _all_versions_of(lookup: Lookup) -> Iterator[Select[Any]]:
-    if not lookup.is_involved:
-        yield _versions_of(lookup, lambda version: version.since <= THEN)
-        return
-    for columns, which in involving(identities_of(lookup).scalar_subquery()):
-        yield _versions(columns, which, columns.version.since <= THEN)
+def read_newest(
+    session: Session,
+    kb_id: int,
+    wanted: Sequence[Sought],
+    at: int,
+    size: int,
+    *,
+    with_involved: bool = False,
+    with_revision: bool = False,
+) -> list[Row]:
+    """Read versions that began up to a revision: kind, text, since, until and owner, in any order.
 
-
-@lru_cache(maxsize=64)
-def _held_of(lookups: tuple[Lookup, ...], is_now: bool) -> Query:
-    """Build the query of the versions that hold, or held last, with their first revisions."""
-    if is_now:
-        # The live version of an identity has a unique index.
-        parts = [_versions_of(each, lambda version: version.until.is_(None)) for each in lookups]
-    else:
-        parts = [_last_version_of(each) for lookup in lookups for each in split_goals(lookup)]
-    held = union_all(*parts).subquery("held")
-    return Query(select(held, *revision_of(held.c.since)))
-
-
-@cache
-def _of_owners(names: tuple[str, ...]) -> Query:
-    return Query(
-        union_all(
-            *(
-                _versions(
-                    source,
-                    in_list(source.owner, name, bounded=source.version.since),
-                    source.version.since <= THEN,
-                )
-                for name, source in ((name, VERSION_COLUMNS[name]) for name in names)
-            )
-        )
-    )
+    Of each identity the newest are read, in one statement for names and one more for formulas; of
+    an object, if asked for, all that involves it.
+    """
+    found, rows = look_up(session, kb_id, wanted), list[Row]()
+    for start in range(0, len(found.lookups), MOST_LOOKUPS):
+        some = found.lookups[start : start + MOST_LOOKUPS]
+        query = _newest(some, with_involved, with_revision)
+        rows += session.rows(query, kb=kb_id, at=at, size=size, **found.parameters)
+    # Parts of a question may name one element.
+    return list(dict.fromkeys(rows))
 
 
 def history(state: State, element: Element) -> list[Version]:
@@ -167,20 +160,25 @@ def history(state: State, element: Element) -> list[Version]:
 
 
 def _read_versions(state: State, element: Element) -> list[Version]:
-    store, upto = state
-    wanted, at = sought(element), _last_known(store, upto)
-    found = _in_one_statement(wanted)
-    if found is None:
-        return store.query_in_snapshot(partial(_of_identities, wanted=wanted, at=at))
+    wanted, at = sought(element), _last_known(*state)
 
     def work(session: Session, kb_id: int | None) -> list[Version]:
-        if kb_id is None or not found:
+        if kb_id is None:
             return []
-        rows = session.rows(_all_of(found), kb=kb_id, at=at, **parameters(wanted, found))
-        return _make(session, kb_id, rows, at)
+        rows = read_newest(session, kb_id, wanted, at, LARGEST, with_involved=True)
+        return make_versions(session, kb_id, rows, at)
 
-    # Revisions never change: both statements need no common transaction.
-    return store.query(work)
+    return _query(state.store, wanted, work)
+
+
+def _query(
+    store: Store, wanted: list[Sought], work: Callable[[Session, int | None], list[Version]]
+) -> list[Version]:
+    """Read versions: revisions never change, so names need no common transaction."""
+    is_plain = len(wanted) <= MOST_LOOKUPS // len(NAMED_KINDS) and not any(
+        isinstance(each, Written) for each in wanted
+    )
+    return (store.query if is_plain else store.query_in_snapshot)(work)
 
 
 def blame(state: State, element: Element) -> Version | None:
@@ -222,55 +220,26 @@ def _last_known(store: Store, upto: int | None) -> int:
     return transaction.head.revision
 
 
-def _in_one_statement(wanted: list[Sought]) -> tuple[Lookup, ...] | None:
-    """Return the lookups of a question of names alone, if one statement can ask it."""
-    found = lookups(wanted)
-    has_formulas = any(isinstance(each, Written) for each in wanted)
-    return None if has_formulas or len(found) > MOST_LOOKUPS else found
-
-
 def _held(store: Store, wanted: list[Sought], at: int) -> list[Version]:
-    """Read the versions that hold, in one statement where names suffice."""
-    found, is_now = _in_one_statement(wanted), at == LARGEST
-    if found is None:
-        versions = store.query_in_snapshot(partial(_of_identities, wanted=wanted, at=at))
-        return [version for version in versions if version.until is None]
+    """Read the versions that hold, with their first revisions."""
 
     def work(session: Session, kb_id: int | None) -> list[Version]:
-        if kb_id is None or not found:
+        if kb_id is None:
             return []
-        begun = {} if is_now else {"at": at}
-        query = _held_of(found, is_now)
-        rows = session.rows(query, kb=kb_id, **begun, **parameters(wanted, found))
+        rows = read_newest(session, kb_id, wanted, at, 1, with_revision=True)
         return [
-            Version(row[0], row[1], make_revision(session, row[4:]), None)
+            Version(row[0], row[1], make_revision(session, row[5:]), None)
             for row in rows
             if row[3] is None or row[3] > at
         ]
 
-    return store.query(work)
+    return _query(store, wanted, work)
 
 
-def _of_identities(
-    session: Session, kb_id: int | None, wanted: list[Sought], at: int
-) -> list[Version]:
-    """Read the versions of identities that names alone do not find."""
-    ids: dict[str, list[int]] = {}
-    for owner in sorted(find_owners(session, kb_id, wanted)) if kb_id is not None else ():
-        ids.setdefault(owner.source, []).append(owner.id)
-    if kb_id is None or not ids:
-        return []
-    lists = {name: session.list_value(of_name) for name, of_name in ids.items()}
-    return _make(
-        session, kb_id, session.rows(_of_owners(tuple(lists)), kb=kb_id, at=at, **lists), at
-    )
-
-
-def _make(session: Session, kb_id: int, rows: Iterable[Row], at: int) -> list[Version]:
+def make_versions(session: Session, kb_id: int, rows: Iterable[Row], at: int) -> list[Version]:
     """Build versions from rows, oldest first; one that ends after `at` holds there."""
     known = []
-    # Parts of a question may name one element.
-    for kind, text, since, until in dict.fromkeys(rows):
+    for kind, text, since, until, _ in rows:
         for number in (since, until or 0):
             check_integer(f"of the versions of each {kind}", repr(text), "since or until", number)
         ended = until if until is not None and until <= at else None

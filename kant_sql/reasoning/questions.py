@@ -11,7 +11,7 @@ from ..dto import PddlObjectDto
 from ..dto import formulas as f
 from ..dto.lexical import either_text, fold, is_word
 from ..errors import InvalidArgumentError, InvalidKnowledgeError, TypeMismatchError
-from ..history.revisions import LARGEST, read_archived_revision
+from ..history.revisions import LARGEST, read_position
 from ..knowledge.definitions import Definitions
 from ..knowledge.symbols import symbols_of
 from ..pddl.conditions import ReadCondition, read_condition, text_of
@@ -160,7 +160,7 @@ def _earlier(store: Store, text: str, high: int) -> Iterator[Definitions]:
     def work(session: Session, kb_id: int | None) -> list[int]:
         if kb_id is None:
             return []
-        low = read_archived_revision(session, kb_id)
+        low = read_position(session, kb_id).archived
         return read_last_revisions(session, kb_id, words, low, high)
 
     for revision in store.query_in_snapshot(work):

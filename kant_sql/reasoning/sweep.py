@@ -16,7 +16,7 @@ from typing import NamedTuple
 from ..dto import formulas as f
 from ..dto.lexical import fold
 from ..history.moments import Bounds
-from ..history.revisions import read_archived_revision
+from ..history.revisions import read_position
 from ..knowledge.definitions import Definitions
 from ..sql.definitions import advance, find_identities, load_at
 from ..sql.dialects.base import Session
@@ -57,7 +57,7 @@ def read_range(session: Session, kb_id: int, bounds: Bounds) -> Range:
     Raises:
         ArchivedError: a part of it was.
     """
-    archived = read_archived_revision(session, kb_id)
+    archived = read_position(session, kb_id).archived
     refuse_archived(session, kb_id, min(bounds.low, bounds.high), archived)
     return Range(bounds.low, bounds.high, archived)
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from kant_sql import InvalidArgumentError, KnowledgeBase, PddlObjectDto, PddlTypeDto
-from kant_sql.history.element_pages import read_matches
-from kant_sql.history.log_pages import LogFilter, read_log_page
+from kant_sql.history.log import LogFilter, read_log_page
+from kant_sql.history.search import read_matches
 from kant_sql.history.state_parts import StateFilter, read_state
 from kant_sql.knowledge_base import state_of
 from kant_sql.sql.dialects.containing import is_in
@@ -40,7 +40,7 @@ def test_case_does_not_matter_for_any_letter(kb: KnowledgeBase) -> None:
             (facts,) = read_state(state, when, StateFilter(text), kind="fact").parts or (None,)
             assert bool(facts and facts.elements) == is_there, text
         assert bool(kb.timeline(text=text, kinds=["fact"]).lanes) == is_there, text
-        lines = read_log_page(state, LogFilter(text=text)).lines
+        lines = read_log_page(state, LogFilter(text=text)).revisions
         assert (ACTOR in {one.revision.actor for one in lines}) == (is_there or acted), text
         kinds = {one.kind for one in read_matches(state, text)}
         assert ("fact" in kinds, "actor" in kinds) == (is_there, acted), text

@@ -11,7 +11,8 @@ import pytest
 from fastapi.testclient import TestClient
 
 import kant_sql
-from kant_sql.history import diff, log_pages
+from kant_sql.history import diff
+from kant_sql.history import log as log_module
 from kant_sql.json_values import json_value
 from kant_sql.sql import changes
 from kant_sql.web.rendering import shifted
@@ -125,7 +126,7 @@ def test_the_pages_of_a_log_have_each_revision_once(filled: Filled) -> None:
 
 def test_a_page_says_how_far_it_searched(filled: Filled, monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("SEARCHED_FOR_ACTOR", "SEARCHED_FOR_TEXT"):
-        monkeypatch.setattr(log_pages, name, 20)
+        monkeypatch.setattr(log_module, name, 20)
     kb, client = filled
     fill(kb, 60)
     for number in range(60):
@@ -152,8 +153,8 @@ def test_a_text_is_looked_for_in_so_many_changes(
     fill(kb, 40)
     for number in range(30):
         kb.propositions.delete(f"(robot_at rb1 wp{number})")
-    monkeypatch.setattr(log_pages, "SEARCHED_CHANGES", 10)
-    monkeypatch.setattr(log_pages, "_END_OF_SEARCH", log_pages._end_of_search())
+    monkeypatch.setattr(log_module, "SEARCHED_CHANGES", 10)
+    monkeypatch.setattr(log_module, "_END_OF_SEARCH", log_module._end_of_search())
     pages = list(walk(client, text="WP1)"))
     assert [number for page in pages for number in numbers(page)] == [4, 2]
     assert [page["searched"] for page in pages][:3] == [23, 13, 3]

@@ -25,7 +25,7 @@ from ...store.transaction import Transaction
 from ..moments import revision_at
 from ..replication.copy import Stores
 from ..replication.target import ReplicationSide, Target, open_target
-from ..revisions import read_archived_revision
+from ..revisions import read_position
 from ..verify.chain import rest_digest
 from .copying import check_archive, replicate
 from .remove import Leaving, compare, count, first_of, refuse_without_right, remove
@@ -149,7 +149,7 @@ def _label(url: str) -> str:
 
 
 def _count(session: Session, kb_id: int | None, upto: int) -> Leaving:
-    archived = 0 if kb_id is None else read_archived_revision(session, kb_id)
+    archived = 0 if kb_id is None else read_position(session, kb_id).archived
     if kb_id is None or upto <= archived:
         return Leaving(archived + 1, upto, {})
     return count(session, kb_id, archived + 1, upto)

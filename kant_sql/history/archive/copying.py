@@ -11,7 +11,7 @@ from ..replication.batch import BatchSize, CopyRange, OriginHead, copy_batch
 from ..replication.copy import Stores
 from ..replication.histories import diverged, last_archive, read_state
 from ..replication.target import ReplicationSide, Target, reading
-from ..revisions import read_archived_revision
+from ..revisions import read_position
 
 
 def check_archive(stores: Stores, name: str, at: int) -> None:
@@ -19,7 +19,7 @@ def check_archive(stores: Stores, name: str, at: int) -> None:
     source, source_kb, target, target_kb = stores
     if at and hash_of(source, source_kb, at) != hash_of(target, target_kb, at):
         raise diverged(stores, name, at)
-    archived = read_archived_revision(source, source_kb)
+    archived = read_position(source, source_kb).archived
     if archived > at:
         last = last_archive(source, source_kb) or "an archive"
         raise ConflictError(

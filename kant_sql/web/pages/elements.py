@@ -10,23 +10,20 @@ from typing import Annotated, NamedTuple
 from fastapi import Query
 
 from ...history.element_pages import (
-    StepLine,
-    VersionsPage,
+    ElementPage,
+    ObjectPage,
+    read_element_page,
     read_object_page,
-    read_versions_page,
 )
-from ...history.revisions import Revision
-from ...history.state_parts import StateFilter, read_state
+from ...history.plan_pages import StepLine
 from ...history.versions import Version
 from ...knowledge_base import KnowledgeBase, state_of
-from ...sql.changes import Change
 from ..parameters import Before
 from ..registry import Pages
-from ..rendering import address_of
 
 PAGES = Pages("elements")
 
-VERSIONS, CHANGES, HELD = 50, 100, 50
+VERSIONS, CHANGES = 50, 100
 # A longer definition is not compared line by line.
 MOST_LINES = 1_000
 
@@ -39,60 +36,6 @@ FactText = Annotated[
     ),
 ]
 Name = Annotated[str, Query(min_length=1, description="The name, in any case.")]
-
-
-class ElementPage(NamedTuple):
-    """A page of the history of an element, the newest version first.
-
-    On the first page `latest` has the newest version of each kind: without `until`, it holds now.
-    `archived`: what ended up to this revision is in an archive, 0 if there is none.
-    """
-
-    text: str
-    latest: list[Version]
-    versions: list[Version]
-    before: int | None
-    head: str | None
-    objects: list[str]
-    steps: list[StepLine]
-    archived: int
-
-
-@dataclass(frozen=True)
-class ObjectChange:
-    """A change of what names an object, and the revision that made it."""
-
-    _json_ = "*change", "revision"
-
-    change: Change
-    revision: Revision
-
-
-class HeldSince(NamedTuple):
-    """An element that holds, and the revision that asserted it."""
-
-    kind: str
-    text: str
-    since: Revision
-
-
-class ObjectHistory(NamedTuple):
-    """An object: its definitions over time, what holds of it, and all that involved it.
-
-    `held` has the first of the elements that name it now; `is_cut` says whether there are more. The
-    next page of `changes` has the parameter `before`.
-    """
-
-    name: str
-    versions: list[Version]
-    held: list[HeldSince]
-    is_cut: bool
-    changes: list[ObjectChange]
-    before: int | None
-    searched: int | None
-    steps: list[StepLine]
-    actions: list[str]
-    archived: int
 
 
 @dataclass(frozen=True)
@@ -122,45 +65,13 @@ class DefinitionPage(NamedTuple):
 @PAGES.page("/fact", "fact.html", rows=["versions"])
 def fact(kb: KnowledgeBase, text: FactText, before: Before = None) -> ElementPage:
     """Show who asserted and retracted an element, when and why, and what is related to it."""
-    found = read_versions_page(state_of(kb), text, before=before, limit=VERSIONS)
-    return ElementPage(
-        text,
-        found.latest,
-        found.versions,
-        found.before,
-        found.head,
-        list(dict.fromkeys(found.objects)),
-        found.steps,
-        found.archived,
-    )
+    return read_element_page(state_of(kb), text, before=before, limit=VERSIONS)
 
 
 @PAGES.page("/object", "object.html", rows=["changes"])
-def object_(kb: KnowledgeBase, name: Name, before: Before = None) -> ObjectHistory:
+def object_(kb: KnowledgeBase, name: Name, before: Before = None) -> ObjectPage:
     """Show everything that involves an object: now, and in the past, the newest first."""
-    reader = state_of(kb)
-    own = read_versions_page(reader, name, "object", limit=VERSIONS)
-    found = read_object_page(reader, name, before, CHANGES)
-    held = read_state(reader, None, StateFilter(object=name), limit=HELD)
-    page = address_of("object", own.versions[0].text)
-    involved = found.involved
-    return ObjectHistory(
-        name if page is None else page.query["name"],
-        own.versions,
-        [
-            HeldSince(one.kind, one.text, held.revisions[one.since])
-            for part in held.parts
-            if part.kind != "object"
-            for one in part.elements
-        ],
-        any(part.next is not None for part in held.parts),
-        [ObjectChange(change, found.revisions[number]) for number, change in involved.changes],
-        involved.before,
-        involved.searched,
-        found.steps,
-        found.constants,
-        own.archived,
-    )
+    return read_object_page(state_of(kb), name, before, CHANGES)
 
 
 @PAGES.page("/action", "definition.html", rows=["versions"])
@@ -188,12 +99,12 @@ def type_(kb: KnowledgeBase, name: Name, before: Before = None) -> DefinitionPag
 
 
 def _definition(kb: KnowledgeBase, kind: str, name: str, before: int | None) -> DefinitionPage:
-    found = read_versions_page(state_of(kb), name, kind, before, VERSIONS)
+    found = read_element_page(state_of(kb), name, kind, before, VERSIONS)
     versions = _compared(found)
     return DefinitionPage(kind, name, versions, found.before, found.steps, found.archived)
 
 
-def _compared(found: VersionsPage) -> list[DefinitionVersion]:
+def _compared(found: ElementPage) -> list[DefinitionVersion]:
     """Return versions, each with its difference to the one before."""
     texts = [version.text.expandtabs(2).split("\n") for version in found.versions]
     compared = []

@@ -10,7 +10,7 @@ from fastapi import Query, Request
 from fastapi.responses import PlainTextResponse, Response
 
 from ...errors import ArchivedError, PlanError, UnknownNameError
-from ...history.element_pages import PlanLine, Stretch, read_plans_page, read_stretches
+from ...history.plan_pages import PlansPage, Stretch, read_plans_page, read_stretches
 from ...history.revisions import Revision
 from ...history.versions import Version
 from ...knowledge_base import KnowledgeBase, state_of
@@ -31,13 +31,6 @@ BeforePlan = Annotated[
     int | None, Query(ge=1, le=2**62, description="Only plans with a smaller id: the next page.")
 ]
 Part = Annotated[Literal["domain", "problem"], Query(description="Which of the two texts.")]
-
-
-class PlansPage(NamedTuple):
-    """A page of the recorded plans, the newest first."""
-
-    plans: list[PlanLine]
-    before: int | None
 
 
 @dataclass(frozen=True)
@@ -84,8 +77,7 @@ class GivenPage(NamedTuple):
 @PAGES.page("/plans", "plans.html", rows=["plans"])
 def plans(kb: KnowledgeBase, before: BeforePlan = None) -> PlansPage:
     """List the recorded plans, the newest first, with what became of their steps."""
-    lines, end = read_plans_page(state_of(kb), before)
-    return PlansPage(lines, end)
+    return read_plans_page(state_of(kb), before)
 
 
 @PAGES.page("/plan", "plan.html", rows=["steps"])

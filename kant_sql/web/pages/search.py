@@ -7,7 +7,7 @@ from typing import Annotated, NamedTuple
 from fastapi import Query
 
 from ...errors import InvalidArgumentError
-from ...history.element_pages import SearchMatch, read_matches
+from ...history.search import SearchMatch, read_matches
 from ...knowledge_base import KnowledgeBase, state_of
 from ...moment_text import parse_moment
 from ..registry import Pages
