@@ -12,13 +12,11 @@ from tests.benchmarks import present, sizing, web
 from tests.support.crawling import PATHS
 
 SMALL = {
-    "acting": ["--repeat", "1", "--pairs", "0", "--backend", "sqlite"],
     "answering": ["--facts", "2000", "--edges", "90", "--rounds", "3", "--backend", "sqlite"],
     "asof": ["--changes", "30000", "--small", "20000", "--backend", "sqlite"],
     "documents": ["--facts", "50", "--repeat", "1", "--backend", "sqlite"],
     "exporting": ["--revisions", "500", "--repeat", "1", "--backend", "sqlite"],
     "following": ["--readers", "3", "--windows", "2", "--backend", "sqlite"],
-    "held": ["--changes", "30000", "--small", "20000", "--backend", "sqlite"],
     "knowledge_bases": ["--robots", "4", "--revisions", "4", "--backend", "sqlite"],
     "past": ["--boxes", "40", "--revisions", "30", "--backend", "sqlite"],
     "present": ["--repeat", "1", "--backends", "sqlite-file", "sqlite-memory"],
