@@ -59,8 +59,8 @@ def plan(
 ) -> Plan:
     """Find a plan from the present state to the goals.
 
-    Preferences and metrics reach a planner as costs of actions (Keyder and Geffner, Soft goals
-    can be compiled away, 2009). What of them it cannot be given is named in the plan's
+    A plugin gives preferences and metrics to planners as costs of actions. What of them a planner
+    cannot be given is named in the plan's
     `ignored` and logged as a warning; all other parts of the problem are always given.
 
     Args:

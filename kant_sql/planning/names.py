@@ -8,15 +8,14 @@ from __future__ import annotations
 
 import importlib.util
 import re
-from collections.abc import Container, Iterator
+from collections.abc import Container
 from decimal import Context, Decimal, Inexact
 from fractions import Fraction
 
 from ..dto import formulas as f
 from ..dto.lexical import RESERVED, ROOT_TYPE, fold
 from ..errors import InvalidNameError, PlannerMissingError, UnsupportedConstructError
-from ..pddl.document import ACTION, DURATIVE_ACTION, EVENT, PROCESS, Action, Domain, Problem
-from ..pddl.requirements import is_function
+from ..pddl.document import ACTION, DURATIVE_ACTION, EVENT, PROCESS, Domain, Problem
 
 
 def require_unified_planning() -> None:
@@ -175,66 +174,3 @@ class PddlNames:
     def of(self, category: str, name: str) -> str:
         """Return an element's name in PDDL."""
         return self._names[category, name]
-
-
-def static_functions(domain: Domain, problem: Problem) -> frozenset[str]:
-    """Return the functions whose values never change."""
-    effects: list[f.Node] = [effect for action in domain.actions for effect in action.effect]
-    effects.extend(timed.effect for timed in problem.timed)
-    changed = [node.fluent.function for node in f.walk(*effects) if isinstance(node, f.Assign)]
-    return frozenset(fold(one.name) for one in domain.functions) - set(map(fold, changed))
-
-
-def is_sum_of_costs(domain: Domain, problem: Problem) -> bool:
-    """Return whether the metric minimizes the cost of actions and nothing else needs the sum."""
-    metric = problem.metric
-    if metric is None or metric.optimization != "minimize":
-        return False
-    if not is_function(metric.expression, f.TOTAL_COST):
-        return False
-    starts = [value for fluent, value in problem.values if is_function(fluent, f.TOTAL_COST)]
-    if not starts or not all(isinstance(value, f.Number) and value.value == 0 for value in starts):
-        return False
-    static = static_functions(domain, problem)
-    return not any(_mentions(node) for node in _readers(domain, problem)) and all(
-        _adds_up(action, static) for action in domain.actions
-    )
-
-
-def _adds_up(action: Action, static: frozenset[str]) -> bool:
-    for effect in _unconditional(action.effect):
-        if not isinstance(effect, f.Assign) or not is_function(effect.fluent, f.TOTAL_COST):
-            if _mentions(effect):
-                return False
-            continue
-        functions = {fold(n.function) for n in f.walk(effect.value) if isinstance(n, f.Fluent)}
-        if effect.operator != "increase" or f.TOTAL_COST in functions:
-            return False
-        if action.kind == DURATIVE_ACTION and not functions <= static:
-            return False
-        if action.kind not in {ACTION, DURATIVE_ACTION}:
-            return False
-    return True
-
-
-def _unconditional(effects: tuple[f.Formula, ...]) -> Iterator[f.Formula]:
-    for effect in effects:
-        if isinstance(effect, f.And):
-            yield from _unconditional(effect.formulas)
-        elif isinstance(effect, f.Timed):
-            yield from _unconditional((effect.formula,))
-        else:
-            yield effect
-
-
-def _readers(domain: Domain, problem: Problem) -> Iterator[f.Node]:
-    for action in domain.actions:
-        yield from (*action.condition, *action.duration)
-    yield from (rule.formula for rule in domain.derived)
-    yield from (*domain.constraints, *problem.goal, *problem.constraints)
-    for timed in problem.timed:
-        yield timed.effect
-
-
-def _mentions(node: f.Node) -> bool:
-    return any(is_function(part, f.TOTAL_COST) for part in f.walk(node))

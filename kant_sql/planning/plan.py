@@ -204,9 +204,9 @@ def solve(
     unified-planning may compile away constructs that an engine does not support: quantifiers,
     conditional effects, trajectory constraints, object fluents.
 
-    Preferences and metrics that unified-planning does not know become costs of actions
-    (`soft_goals.py`), which a planner improves for at most 10 seconds, or half of the timeout. What
-    of them an engine still cannot be given is named in the plan's `ignored`, and logged as a
+    Plugins compile preferences and metrics that unified-planning does not know; a planner improves
+    what they cost for at most 10 seconds, or half of the timeout. What of them an engine still
+    cannot be given is named in the plan's `ignored`, and logged as a
     warning. Nothing else is ever left out.
 
     Args:

@@ -10,21 +10,20 @@ from ..dto.lexical import fold
 from ..errors import InvalidArgumentError, UnsupportedConstructError
 from ..pddl.document import DURATIVE_ACTION, PROCESS, Domain, Problem
 from ..pddl.requirements import is_function
+from .metrics import is_sum_of_costs, static_functions
 from .names import (
     FUNCTION,
     OBJECT,
     PREDICATE,
     SHARED_MODALS,
     UpNames,
-    is_sum_of_costs,
     require_unified_planning,
-    static_functions,
     too_deep,
 )
 from .plan import check_documents
-from .soft_goals import refusal, variants
 from .up_actions import SingleEffect, UpActions, UpEffects
 from .up_formulas import Bindings, ConversionContext, UpFormulas, UpPreferences, UpTypes, mentions
+from .variants import hinted, refusal, variants
 
 if TYPE_CHECKING:
     from unified_planning.environment import Environment
@@ -260,7 +259,7 @@ def convert_whole(domain: Domain, problem: Problem, environment: Environment) ->
         # Without the soft goals it can be expressed, so these are to blame.
         raise refusal(ignored) from error
     assert error is not None
-    raise error
+    raise hinted(error, problem)
 
 
 def to_unified_planning(
@@ -279,10 +278,9 @@ def to_unified_planning(
     - `?duration`: the value of the duration, where that is an equation; a fluent
       `duration-of-` the action keeps it for the end, where it depends on the state;
     - preferences in the goal, if the metric counts only these: an oversubscription metric;
-    - a metric without such a counterpart: costs of actions (Keyder and Geffner, Soft goals can be
-      compiled away, 2009). The problem then has steps of its own: `end-of-plan`, `collect-` and
-      `forgo-` a preference, and `observe`; and copies of actions, as `move-forgoing-p1`.
-      `kant_sql.Plan`s of `solve` are without them.
+    - a metric without such a counterpart: what a plugin of the group `kant_sql.compilations` makes
+      of it. The problem may then have actions of its own; `kant_sql.Plan`s of `solve` are without
+      them.
 
     Preferences that no metric counts are left out: they affect neither which plans are valid nor
     their quality.

@@ -14,7 +14,7 @@ from ..dto import formulas as f
 from ..dto.lexical import ROOT_TYPE, fold
 from ..errors import UnsupportedConstructError
 from ..pddl.document import Domain, Problem, typed_names
-from .costs import ONE, NotLinearError, linear
+from .metrics import ONE, NotLinearError, linear
 from .names import (
     FUNCTION,
     PREDICATE,

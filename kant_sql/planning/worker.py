@@ -30,8 +30,8 @@ from ..pddl.document import Domain, Problem, formulas
 from ..pddl.writer import write
 from .advice import WAYS_OUT, absent, unsupported
 from .plan import Plan, PlanStep, Task
-from .soft_goals import MOST_COMPILED_EFFECTS, Variant, refusal, variants
 from .to_up import convert, convert_whole
+from .variants import MOST_EFFECTS, Variant, hinted, missing_compilation, refusal, variants
 
 if TYPE_CHECKING:
     from unified_planning.engines.results import PlanGenerationResult
@@ -57,7 +57,7 @@ def engine_parameters(name: str) -> dict[str, str]:
     return {"executable": str(link)}
 
 
-# The seconds that Fast Downward looks for invariants; it would take minutes for soft goals.
+# The seconds that Fast Downward looks for invariants; it would take minutes for what was compiled.
 INVARIANT_SECONDS = 5
 
 
@@ -92,8 +92,6 @@ MOST_PREFERRED_GOALS = 5
 ANYTIME = {"enhsp": "enhsp-any"}
 # The seconds for improving a plan. A plan that forgoes all soft goals is found at once.
 IMPROVING_SECONDS = 10.0
-# Conditional effects of an action that are compiled away: each doubles its copies.
-MOST_EFFECTS = 10
 # Features that engines claim to support. Fast Downward makes axioms of quantifiers, which its
 # heuristic LM-cut does not know.
 OVERSTATED = {"fast-downward-opt": {"UNIVERSAL_CONDITIONS", "EXISTENTIAL_CONDITIONS"}}
@@ -304,7 +302,7 @@ class Search:
             if "unsolvable_proven" in self._failures.values():
                 break
         if error is not None and not asked:
-            raise error
+            raise hinted(error, problem)
         return self._failed()
 
     def _solve(self, variant: Variant) -> Plan | None:
@@ -349,7 +347,8 @@ class Search:
             return "NoPlanError", f"no plan was found ({tried}); {WAYS_OUT}", status
         reasons = unsupported(self._missing, self._suitable(), self._environment)
         whose = "installed engine" if self._task.engine is None else "engine that was asked"
-        message = f"no {whose} supports the problem: {reasons}; {WAYS_OUT}"
+        hint = missing_compilation(self._task.problem)
+        message = f"no {whose} supports the problem: {reasons}{hint}; {WAYS_OUT}"
         return "NoPlanError", message, "unsupported_problem"
 
     def _suitable(self) -> list[str]:
@@ -373,8 +372,7 @@ class Search:
         return context.problem
 
     def _ask(self, name: str, form: EngineProblem, variant: Variant) -> Plan | None:
-        most = MOST_COMPILED_EFFECTS if variant.steps else MOST_EFFECTS
-        made = form_for(form, name, self._environment, most)
+        made = form_for(form, name, self._environment, variant.most_effects)
         if made is None:
             missing = missing_features(form.problem, name, self._environment)
             self._missing.setdefault(name, missing)

@@ -10,7 +10,7 @@ import pytest
 
 from tests.docs.test_docs import DOCUMENTS, ROOT
 
-FOLDERS = ("kant_sql", "migrations", "tests", "docs", "examples")
+FOLDERS = ("kant_sql", "kant_sql_plugins", "migrations", "tests", "docs", "examples")
 PLACES = [
     *(f"/{path.name}" for path in ROOT.iterdir()),
     *(f"/{path.relative_to(ROOT)}" for folder in FOLDERS for path in (ROOT / folder).rglob("*")),

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from typing import Any, TypeVar
 
-from ..dto import formulas as f
-from ..dto.lexical import fold
-from ..pddl.document import (
+from kant_sql.dto import formulas as f
+from kant_sql.dto.lexical import fold
+from kant_sql.pddl.document import (
     DURATIVE_ACTION,
     Action,
     Domain,
@@ -19,9 +19,10 @@ from ..pddl.document import (
     Problem,
     formulas,
 )
-from ..pddl.requirements import used_requirements
+from kant_sql.pddl.requirements import used_requirements
+from kant_sql.planning.names import number
+
 from .costs import ActionCost, Values, rebuilt, whole
-from .names import number
 
 TOTAL_COST = f.Fluent(f.TOTAL_COST)
 

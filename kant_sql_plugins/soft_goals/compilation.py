@@ -15,14 +15,13 @@ is collected.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from itertools import product
 
-from ..dto import formulas as f
-from ..dto.lexical import fold
-from ..errors import UnsupportedConstructError
-from ..pddl.document import (
+from kant_sql.dto import formulas as f
+from kant_sql.dto.lexical import fold
+from kant_sql.pddl.document import (
     ACTION,
     DURATIVE_ACTION,
     EVENT,
@@ -33,10 +32,13 @@ from ..pddl.document import (
     Problem,
     formulas,
 )
-from ..pddl.requirements import is_function
+from kant_sql.pddl.requirements import is_function
+from kant_sql.planning.metrics import ONE, NotLinearError, linear
+from kant_sql.planning.names import SHARED_MODALS, too_deep, unused_name
+from kant_sql.planning.variants import Variant
+
 from .action_costs import CostedAction, write_costs
-from .costs import ONE, Costs, NotLinearError, Objects, linear, replaced
-from .names import SHARED_MODALS, too_deep, unused_name
+from .costs import Costs, Objects, replaced
 
 # Conditional effects of an action that are compiled away: each doubles its copies.
 MOST_COMPILED_EFFECTS = 4
@@ -46,31 +48,8 @@ MOST_CHOICES = 6
 MOST_INSTANCES = 5_000
 
 
-@dataclass(frozen=True)
-class Variant:
-    """Documents that stand for others, with fewer or other constructs.
-
-    Attributes:
-        steps: the name of the original action of each action that was added, by folded name; None
-            for a step that is left out of plans.
-        ignored: what of the soft goals is not in them, as readable text.
-    """
-
-    domain: Domain
-    problem: Problem
-    steps: Mapping[str, str | None] = field(default_factory=dict)
-    ignored: tuple[str, ...] = ()
-
-
-def variants(domain: Domain, problem: Problem) -> Iterator[Variant]:
-    """Yield the documents, then stand-ins for a metric that planners do not know.
-
-    This is the one place that decides what of preferences and metrics can be expressed, for
-    `to_unified_planning` and for `solve`.
-    """
-    yield Variant(domain, problem)
-    if problem.metric is None:
-        return
+def compile_soft_goals(domain: Domain, problem: Problem) -> Iterator[Variant]:
+    """Yield stand-ins for documents: with costs, then without the metric and all preferences."""
     soft_goals = SoftGoals(domain, problem)
     compiled = soft_goals.compiled()
     yield compiled
@@ -78,13 +57,6 @@ def variants(domain: Domain, problem: Problem) -> Iterator[Variant]:
         yield SoftGoals(domain, problem, chained=True).compiled()
     if compiled.problem.metric is not None:
         yield SoftGoals(domain, problem, measured=False).compiled()
-
-
-def refusal(ignored: Sequence[str]) -> UnsupportedConstructError:
-    """Make the error for what cannot be given to a planner."""
-    return UnsupportedConstructError(
-        f"planners cannot be given all soft goals: {'; '.join(ignored)}; leave these out"
-    )
 
 
 @dataclass(frozen=True)
@@ -196,7 +168,9 @@ class SoftGoals:
             metric=None,
         )
         domain, problem = write_costs(domain, problem, actions, self._costs.free, self._unused)
-        return Variant(*_with_constants(domain, problem), self._steps, tuple(self._ignored))
+        domain, problem = _with_constants(domain, problem)
+        ignored = tuple(self._ignored)
+        return Variant(domain, problem, self._steps, ignored, MOST_COMPILED_EFFECTS)
 
     @property
     def observes_much(self) -> bool:

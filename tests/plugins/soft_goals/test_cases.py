@@ -7,11 +7,14 @@ from pathlib import Path
 
 import pytest
 
+from kant_sql import UnsupportedConstructError
 from kant_sql.pddl import read_domain, read_problem
 from kant_sql.pddl.document import Domain, Problem
 from kant_sql.pddl.writer import write
-from kant_sql.planning import Plan, solve
-from kant_sql.planning.soft_goals import Variant, variants
+from kant_sql.planning import Plan, solve, to_unified_planning
+from kant_sql.planning import variants as planning_variants
+from kant_sql.planning.variants import Variant, variants
+from kant_sql.plugins import Plugins
 from tests.meaning import val
 from tests.meaning.material import Pair
 
@@ -233,3 +236,15 @@ def test_objects_of_quantifiers_stay_the_same() -> None:
     assert {one.name for one in (*made.domain.constants, *made.problem.objects)} == {
         "r1", "r2", "hall", "lab", "yard",
     }  # fmt: skip
+
+
+def test_without_the_plugin_its_group_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(planning_variants, "COMPILATIONS", Plugins("kant_sql.nothing"))
+    goal = "(and (at r1 yard) (preference lit (not (dark))))"
+    metric = "(:metric minimize (+ (is-violated lit) (driven r1)))"
+    domain = read_domain(DOMAIN.format(actions=DRIVE.format(condition="", effect="")))
+    text = PROBLEM.format(init="", goal=goal, more=metric)
+    problem = read_problem(text, domain=domain)
+    assert len([*variants(domain, problem)]) == 1
+    with pytest.raises(UnsupportedConstructError, match=r"no plugin .* kant_sql\.nothing is"):
+        to_unified_planning(domain, problem=problem)

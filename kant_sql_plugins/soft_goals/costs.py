@@ -13,72 +13,14 @@ from itertools import product
 from math import gcd, lcm, prod
 from typing import TypeVar
 
-from ..dto import formulas as f
-from ..dto.lexical import ROOT_TYPE, fold
-from ..pddl.document import ACTION, DURATIVE_ACTION, Action, Domain, Problem
-from .names import static_functions
+from kant_sql.dto import formulas as f
+from kant_sql.dto.lexical import ROOT_TYPE, fold
+from kant_sql.pddl.document import ACTION, DURATIVE_ACTION, Action, Domain, Problem
+from kant_sql.planning.metrics import folded, static_functions
 
 # The entries of the largest table of costs of an action.
 MOST_COSTS = 50_000
-
-
-class NotLinearError(Exception):
-    """An expression is not a weighted sum; its argument is the part that is to blame."""
-
-
-# The key of the constant.
-ONE = f.Number(1)
-Sum = dict[f.Node, Fraction]
 N = TypeVar("N", bound=f.Node)
-
-
-def linear(node: f.Expression) -> Sum:
-    """Return the weights of the fluents and violations in a weighted sum, with folded names."""
-    match node:
-        case f.Number(value):
-            return {ONE: Fraction(value)}
-        case f.IsViolated(preference):
-            return {f.IsViolated(fold(preference)): Fraction(1)}
-        case f.Fluent():
-            return {folded(node): Fraction(1)}
-        case f.Arithmetic(operator, operands):
-            parts = [linear(operand) for operand in operands]
-            if operator in {"+", "-"}:
-                first = -1 if operator == "-" and len(parts) == 1 else 1
-                sign = 1 if operator == "+" else -1
-                return _total([(first, parts[0]), *((sign, part) for part in parts[1:])])
-            constants = [part for part in parts if part.keys() <= {ONE}]
-            if operator == "*" and len(constants) >= len(parts) - 1:
-                return _product(parts)
-            if operator == "/" and len(parts) == 2 and parts[1].keys() == {ONE} and parts[1][ONE]:
-                return _total([(1 / parts[1][ONE], parts[0])])
-    raise NotLinearError(node)
-
-
-def folded(node: f.Fluent) -> f.Fluent:
-    """Return a fluent of constants with folded names."""
-    terms: list[f.Term] = []
-    for term in node.terms:
-        if not isinstance(term, f.Constant):
-            raise NotLinearError(node)
-        terms.append(f.Constant(fold(term.name)))
-    return f.Fluent(fold(node.function), tuple(terms))
-
-
-def _product(parts: Sequence[Sum]) -> Sum:
-    result: Sum = {ONE: Fraction(1)}
-    for part in parts:
-        left, right = (result, part) if part.keys() <= {ONE} else (part, result)
-        result = _total([(right.get(ONE, Fraction(0)), left)])
-    return result
-
-
-def _total(parts: Iterable[tuple[Fraction | int, Sum]]) -> Sum:
-    total: Sum = {}
-    for factor, part in parts:
-        for key, weight in part.items():
-            total[key] = total.get(key, Fraction(0)) + factor * weight
-    return total
 
 
 class Objects:

@@ -1,0 +1,132 @@
+"""Metrics: as weighted sums, and as the cost of actions that planners minimize."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from fractions import Fraction
+
+from ..dto import formulas as f
+from ..dto.lexical import fold
+from ..pddl.document import ACTION, DURATIVE_ACTION, Action, Domain, Problem
+from ..pddl.requirements import is_function
+
+
+class NotLinearError(Exception):
+    """An expression is not a weighted sum; its argument is the part that is to blame."""
+
+
+# The key of the constant.
+ONE = f.Number(1)
+Sum = dict[f.Node, Fraction]
+
+
+def linear(node: f.Expression) -> Sum:
+    """Return the weights of the fluents and violations in a weighted sum, with folded names."""
+    match node:
+        case f.Number(value):
+            return {ONE: Fraction(value)}
+        case f.IsViolated(preference):
+            return {f.IsViolated(fold(preference)): Fraction(1)}
+        case f.Fluent():
+            return {folded(node): Fraction(1)}
+        case f.Arithmetic(operator, operands):
+            parts = [linear(operand) for operand in operands]
+            if operator in {"+", "-"}:
+                first = -1 if operator == "-" and len(parts) == 1 else 1
+                sign = 1 if operator == "+" else -1
+                return _total([(first, parts[0]), *((sign, part) for part in parts[1:])])
+            constants = [part for part in parts if part.keys() <= {ONE}]
+            if operator == "*" and len(constants) >= len(parts) - 1:
+                return _product(parts)
+            if operator == "/" and len(parts) == 2 and parts[1].keys() == {ONE} and parts[1][ONE]:
+                return _total([(1 / parts[1][ONE], parts[0])])
+    raise NotLinearError(node)
+
+
+def folded(node: f.Fluent) -> f.Fluent:
+    """Return a fluent of constants with folded names."""
+    terms: list[f.Term] = []
+    for term in node.terms:
+        if not isinstance(term, f.Constant):
+            raise NotLinearError(node)
+        terms.append(f.Constant(fold(term.name)))
+    return f.Fluent(fold(node.function), tuple(terms))
+
+
+def _product(parts: Sequence[Sum]) -> Sum:
+    result: Sum = {ONE: Fraction(1)}
+    for part in parts:
+        left, right = (result, part) if part.keys() <= {ONE} else (part, result)
+        result = _total([(right.get(ONE, Fraction(0)), left)])
+    return result
+
+
+def _total(parts: Iterable[tuple[Fraction | int, Sum]]) -> Sum:
+    total: Sum = {}
+    for factor, part in parts:
+        for key, weight in part.items():
+            total[key] = total.get(key, Fraction(0)) + factor * weight
+    return total
+
+
+def static_functions(domain: Domain, problem: Problem) -> frozenset[str]:
+    """Return the functions whose values never change."""
+    effects: list[f.Node] = [effect for action in domain.actions for effect in action.effect]
+    effects.extend(timed.effect for timed in problem.timed)
+    changed = [node.fluent.function for node in f.walk(*effects) if isinstance(node, f.Assign)]
+    return frozenset(fold(one.name) for one in domain.functions) - set(map(fold, changed))
+
+
+def is_sum_of_costs(domain: Domain, problem: Problem) -> bool:
+    """Return whether the metric minimizes the cost of actions and nothing else needs the sum."""
+    metric = problem.metric
+    if metric is None or metric.optimization != "minimize":
+        return False
+    if not is_function(metric.expression, f.TOTAL_COST):
+        return False
+    starts = [value for fluent, value in problem.values if is_function(fluent, f.TOTAL_COST)]
+    if not starts or not all(isinstance(value, f.Number) and value.value == 0 for value in starts):
+        return False
+    static = static_functions(domain, problem)
+    return not any(_mentions(node) for node in _readers(domain, problem)) and all(
+        _adds_up(action, static) for action in domain.actions
+    )
+
+
+def _adds_up(action: Action, static: frozenset[str]) -> bool:
+    for effect in _unconditional(action.effect):
+        if not isinstance(effect, f.Assign) or not is_function(effect.fluent, f.TOTAL_COST):
+            if _mentions(effect):
+                return False
+            continue
+        functions = {fold(n.function) for n in f.walk(effect.value) if isinstance(n, f.Fluent)}
+        if effect.operator != "increase" or f.TOTAL_COST in functions:
+            return False
+        if action.kind == DURATIVE_ACTION and not functions <= static:
+            return False
+        if action.kind not in {ACTION, DURATIVE_ACTION}:
+            return False
+    return True
+
+
+def _unconditional(effects: tuple[f.Formula, ...]) -> Iterator[f.Formula]:
+    for effect in effects:
+        if isinstance(effect, f.And):
+            yield from _unconditional(effect.formulas)
+        elif isinstance(effect, f.Timed):
+            yield from _unconditional((effect.formula,))
+        else:
+            yield effect
+
+
+def _readers(domain: Domain, problem: Problem) -> Iterator[f.Node]:
+    for action in domain.actions:
+        yield from (*action.condition, *action.duration)
+    yield from (rule.formula for rule in domain.derived)
+    yield from (*domain.constraints, *problem.goal, *problem.constraints)
+    for timed in problem.timed:
+        yield timed.effect
+
+
+def _mentions(node: f.Node) -> bool:
+    return any(is_function(part, f.TOTAL_COST) for part in f.walk(node))

@@ -1,0 +1,7 @@
+"""Soft goals compiled away (Keyder and Geffner, 2009), for planners that know costs alone."""
+
+from __future__ import annotations
+
+from .compilation import compile_soft_goals
+
+__all__ = ["compile_soft_goals"]
