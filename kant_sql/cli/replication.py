@@ -222,7 +222,7 @@ def _reporter(as_json: bool, follow: bool) -> Callable[[PushEvent], None]:
         elif follow:
             sys.stdout.write(f"{_log_line(_document(event))}\n")
         elif event.pushed is not None:
-            printer.line(f"{printable(event.knowledge_base or '')}: {_said(event.pushed)}")
+            printer.line(f"{printable(event.knowledge_base or '')}: {_pushed_text(event.pushed)}")
         elif event.error is not None:
             complain(_reason(event.knowledge_base or "", event.error))
         # Whoever reads a log gets each line at once.
@@ -262,7 +262,7 @@ def _value(value: object) -> str:
     return text if _PLAIN.fullmatch(text) else printable(json.dumps(text, ensure_ascii=False))
 
 
-def _said(pushed: Pushed) -> str:
+def _pushed_text(pushed: Pushed) -> str:
     target = printable(pushed.target)
     if pushed.revision > pushed.source_revision:
         return (

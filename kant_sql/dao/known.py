@@ -10,7 +10,7 @@ from ..arguments import shown
 from ..dto.lexical import ROOT_TYPE, fold, is_word
 from ..errors import UnknownNameError
 from ..pddl.cursor import hint
-from ..sql.definitions import find_identities
+from ..sql.definition_rows import find_identities
 from ..sql.dialects.base import Session
 from ..sql.query import Query, first_rows
 from ..sql.rows import KB, KIND_TABLES

@@ -256,7 +256,7 @@ class Declaring:
         self._definitions = transaction.definitions
         self._replace = replace
         # By kind, the ids of the declared elements.
-        self._said: defaultdict[str, set[int]] = defaultdict(set)
+        self._declared: defaultdict[str, set[int]] = defaultdict(set)
 
     def types(self, types: Sequence[TypedName]) -> None:
         """Declare types."""
@@ -308,16 +308,16 @@ class Declaring:
             own, type_ids = self.parameters(function.parameters), self.type_ids(function.types)
             self._define("function", d.FunctionDefinition(*identity, own, type_ids))
 
-    def unsaid(self, kind: str) -> set[int]:
+    def undeclared(self, kind: str) -> set[int]:
         """Return the stored elements of a kind that the document does not declare."""
-        return {each.id for each in self._definitions.elements(kind)} - self._said[kind]
+        return {each.id for each in self._definitions.elements(kind)} - self._declared[kind]
 
     def _identified(self, kind: str, declared: Sequence[N]) -> Iterator[tuple[N, tuple[int, str]]]:
         """Yield declarations with the id and the stored spelling of their names."""
         self._transaction.look_up(kind, [each.name for each in declared])
         for each in declared:
             identity = identify(self._transaction, kind, each.name)
-            self._said[kind].add(identity[0])
+            self._declared[kind].add(identity[0])
             yield each, identity
 
     def _define(self, kind: str, made: d.Definition) -> None:
@@ -393,7 +393,7 @@ def store_domain(
     actions = _put_actions(transaction, domain.actions, declaring, replace, steps)
     if replace:
         formulas.retract_others(d.DOMAIN_SECTIONS)
-        _retract_unsaid(transaction, declaring, actions)
+        _retract_undeclared(transaction, declaring, actions)
         retract_misfits(transaction)
     if domain.derived:
         check_stratified(transaction.definitions)
@@ -440,20 +440,20 @@ def _put_actions(
     return ids
 
 
-def _retract_unsaid(transaction: Transaction, declaring: Declaring, actions: set[int]) -> None:
+def _retract_undeclared(transaction: Transaction, declaring: Declaring, actions: set[int]) -> None:
     definitions = transaction.definitions
     for action in list(definitions.actions):
         if action.id not in actions:
             transaction.undefine("action", action.id)
     types = {
         id_
-        for id_ in declaring.unsaid("type")
+        for id_ in declaring.undeclared("type")
         if fold(definitions.types.live(id_).name) != ROOT_TYPE
     }
-    unsaid = declaring.unsaid("object")
-    constants = {id_ for id_ in unsaid if definitions.objects.live(id_).is_constant}
+    undeclared = declaring.undeclared("object")
+    constants = {id_ for id_ in undeclared if definitions.objects.live(id_).is_constant}
     objects = {each.id for each in definitions.objects if not types.isdisjoint(each.type_ids)}
-    others = declaring.unsaid("predicate"), declaring.unsaid("function")
+    others = declaring.undeclared("predicate"), declaring.undeclared("function")
     delete_scope(transaction, Scope(types, constants | objects, *others))
 
 
@@ -484,7 +484,7 @@ def store_problem(
         before.retract(transaction, {key for key, _, _ in values})
     if replace:
         formulas.retract_others(d.PROBLEM_SECTIONS)
-        objects = declaring.unsaid("object") - constant_ids(transaction.definitions)
+        objects = declaring.undeclared("object") - constant_ids(transaction.definitions)
         if objects:
             delete_scope(transaction, Scope(objects=objects))
     _refuse_second_metric(transaction, formulas.ids)
@@ -507,8 +507,8 @@ class _Before:
     def retract(self, transaction: Transaction, values: set[FluentKey]) -> None:
         """Retract the atoms that are left, and all but some values."""
         retract(transaction, list(self.atoms.values()))
-        unsaid = [value for value in self._values if value.fluent.key not in values]
-        transaction.values.unset(unsaid)
+        undeclared = [value for value in self._values if value.fluent.key not in values]
+        transaction.values.unset(undeclared)
 
 
 def _hold(

@@ -12,7 +12,7 @@ from ..dao.known import refuse_unknown
 from ..dto.lexical import fold
 from ..errors import UnknownNameError
 from ..sql.changes import Change
-from ..sql.definitions import find_identities
+from ..sql.definition_rows import find_identities
 from ..sql.dialects.base import Row, Session
 from ..sql.query import Query, first_rows, in_rows, integer
 from ..sql.rows import KB, KIND_TABLES

@@ -38,7 +38,7 @@ from ..sql.changes import (
     read_changes_page,
     stream_changes_of,
 )
-from ..sql.definitions import find_identities
+from ..sql.definition_rows import find_identities
 from ..sql.dialects.base import Row, Session
 from ..sql.dialects.containing import contains, is_in, pattern_of
 from ..sql.query import Query, first_rows, in_list, in_rows, integer

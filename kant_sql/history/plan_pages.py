@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 from sqlalchemy import ColumnElement, Select, func, literal_column, select, union_all
 
 from ..dto.lexical import fold, is_word
-from ..sql.definitions import find_identities
+from ..sql.definition_rows import find_identities
 from ..sql.dialects.base import Session
 from ..sql.query import Query, first_rows, in_list, integer
 from ..sql.rows import KB, table_of

@@ -13,7 +13,7 @@ from ..dao.base import batches
 from ..knowledge.definitions import KINDS
 from ..moment_text import When
 from ..sql import tables as t
-from ..sql.definitions import load_at
+from ..sql.definition_rows import load_at
 from ..sql.dialects.base import Row
 from ..sql.query import Query, found_rows
 from ..sql.rows import KB, THEN, table_of

@@ -17,7 +17,7 @@ from sqlalchemy import (
 )
 
 from ..dto.lexical import fold, is_word
-from ..sql.definitions import find_identities
+from ..sql.definition_rows import find_identities
 from ..sql.dialects.base import Session
 from ..sql.dialects.containing import contains, pattern_of
 from ..sql.query import Query, first_rows, in_rows, integer

@@ -26,7 +26,7 @@ from ..dto.lexical import fold, is_word
 from ..knowledge.definitions import DOMAIN_SECTIONS, PROBLEM_SECTIONS
 from ..moment_text import When
 from ..pddl.lexer import tokenize
-from ..sql.definitions import find_identities
+from ..sql.definition_rows import find_identities
 from ..sql.dialects.base import Row, Session
 from ..sql.dialects.containing import contains, is_in, pattern_of
 from ..sql.intervals import ANY_FUNCTION, ANY_PREDICATE, held_then, then

@@ -30,10 +30,10 @@ from ..knowledge.rules import DerivationRules, rules_of
 from ..knowledge.symbols import symbols_of
 from ..pddl.conditions import read_condition, text_of
 from ..pddl.cursor import hint
+from ..sql.answers import GUARDS, Question, literal_values, run
 from ..sql.arrow import text_table
 from ..sql.dialects.base import Row
 from ..sql.estimates import estimates_of
-from ..sql.questions import GUARDS, Question, literal_values, run
 from ..sql.relations import ConditionStatement
 from ..store.snapshot import DefinitionsMovedError, View, refuse_archived
 from ..store.state import State

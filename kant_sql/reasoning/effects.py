@@ -19,7 +19,7 @@ from ..dto.lexical import decimal_text, either_text, fold
 from ..errors import NotApplicableError, TypeMismatchError
 from ..knowledge.conditions import FALSE, AllOf, Known, NumberOf, Place, Slot, closure, fits
 from ..knowledge.definitions import Definitions, FunctionDefinition, PredicateDefinition
-from ..sql.questions import run
+from ..sql.answers import run
 from ..sql.relations import ConditionStatement
 from ..store.caches import AtomKey, FluentKey, FluentValue
 from ..store.snapshot import View

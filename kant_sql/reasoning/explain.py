@@ -37,7 +37,7 @@ from ..knowledge.definitions import GOAL, METRIC, Definitions
 from ..knowledge.rules import rules_of
 from ..knowledge.symbols import symbols_of
 from ..pddl.conditions import read_condition, text_of
-from ..sql.questions import GUARDS, run
+from ..sql.answers import GUARDS, run
 from ..store.snapshot import View
 from ..store.state import State
 from .after import After, Head, weakened

@@ -41,7 +41,7 @@ from ..knowledge.conditions import (
     replaced,
 )
 from ..knowledge.rules import rules_of
-from ..sql.questions import GUARDS
+from ..sql.answers import GUARDS
 from ..sql.relations import ConditionStatement
 from ..store.caches import FluentKey
 from ..store.snapshot import DefinitionsMovedError, View

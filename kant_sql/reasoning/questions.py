@@ -19,7 +19,7 @@ from ..pddl.cursor import hint
 from ..pddl.hierarchy import Fit
 from ..pddl.symbols import SymbolTable
 from ..sql.dialects.base import Session
-from ..sql.held import read_last_revisions
+from ..sql.periods import read_last_revisions
 from ..store.store import Store
 from .ask import variable_of
 from .grounding import substitute

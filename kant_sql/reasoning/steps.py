@@ -463,7 +463,7 @@ def find_action(definitions: Definitions, name: str) -> ActionDefinition:
 
 def ground(definitions: Definitions, step: object) -> GroundStep:
     """Find the action and the objects of a step; whether they fit is checked later."""
-    name, arguments, duration, recorded = _said(definitions, step)
+    name, arguments, duration, recorded = _given(definitions, step)
     action = prepared(definitions, find_action(definitions, name))
     # Planners write durations of instantaneous steps, too; whoever types one expects it to count.
     if isinstance(step, str) and duration is not None and not action.is_durative:
@@ -491,10 +491,10 @@ def ground(definitions: Definitions, step: object) -> GroundStep:
     return GroundStep(action, ids, names_, duration, recorded)
 
 
-_Said = tuple[str, Sequence[str], Decimal | None, RecordedStep | None]
+_Given = tuple[str, Sequence[str], Decimal | None, RecordedStep | None]
 
 
-def _said(definitions: Definitions, step: object) -> _Said:
+def _given(definitions: Definitions, step: object) -> _Given:
     if isinstance(step, str):
         match = _TIMES.match(step)
         text, duration = (step, None) if match is None else match.groups()

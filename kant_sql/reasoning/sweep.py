@@ -18,9 +18,9 @@ from ..dto.lexical import fold
 from ..history.moments import Bounds
 from ..history.revisions import read_position
 from ..knowledge.definitions import Definitions
-from ..sql.definitions import advance, find_identities, load_at
+from ..sql.definition_rows import advance, find_identities, load_at
 from ..sql.dialects.base import Session
-from ..sql.held import Pattern, read_meanings
+from ..sql.periods import Pattern, read_meanings
 from ..sql.touches import (
     Meaning,
     Touch,

@@ -21,7 +21,7 @@ from ..knowledge.symbols import symbols_of
 from ..moment_text import When
 from ..pddl.conditions import disjuncts, text_of
 from ..sql.dialects.base import Session
-from ..sql.held import (
+from ..sql.periods import (
     FoundFact,
     Pattern,
     find_facts,

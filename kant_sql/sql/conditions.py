@@ -5,7 +5,7 @@ filter of those rows: `EXISTS` for what is bound, `NOT EXISTS` for what is negat
 join is ours, because SQLite without statistics takes every index for equally good: first what
 constants bind, then what is connected to it. A variable that no positive atom binds ranges over the
 objects of its types. A rule that is not recursive is put in the place of its predicate, a recursive
-one is a relation of the WITH clause, or of a parameter that `sql/questions.py` computes.
+one is a relation of the WITH clause, or of a parameter that `sql/answers.py` computes.
 """
 
 from __future__ import annotations

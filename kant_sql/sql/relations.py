@@ -5,7 +5,7 @@ the condition gives of its arguments is pushed into it: an argument that the rul
 limits the table, and for one that it replaces the table follows the replaced argument alone (the
 factoring of right-linear rules: Naughton, Ramakrishnan, Sagiv, Ullman, Argument reduction by
 factoring, 1989). All other recursion is computed round by round, semi-naively (Bancilhon 1986), by
-`sql/questions.py`.
+`sql/answers.py`.
 """
 
 from __future__ import annotations

@@ -14,8 +14,8 @@ from ..errors import reading_rows
 from ..knowledge.definitions import DERIVED_PREDICATE
 from .dialects.base import Session
 from .dialects.nested import NESTED_LOOPS
-from .held import Pattern, find_facts
 from .intervals import forks_at
+from .periods import Pattern, find_facts
 from .query import Query, in_list, integer
 from .rows import KB
 from .tables import (

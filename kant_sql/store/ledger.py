@@ -16,7 +16,7 @@ from ..dto.elements import value_text
 from ..dto.lexical import fold, is_word
 from ..knowledge.definitions import Definition, PendingElements
 from ..sql.changes import ASSERTED, PLAN_STEP, RETRACTED, Change
-from ..sql.definitions import find_identities
+from ..sql.definition_rows import find_identities
 from ..sql.dialects.base import Row, Session
 from ..sql.intervals import (
     CLOSED_HERE,

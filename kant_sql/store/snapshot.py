@@ -8,7 +8,7 @@ from sqlalchemy import BigInteger, bindparam, select
 
 from ..errors import ArchivedError, StoreIntegrityError, check_integer
 from ..knowledge.definitions import Definitions
-from ..sql.definitions import last_change, load, load_at, refresh
+from ..sql.definition_rows import last_change, load, load_at, refresh
 from ..sql.dialects.base import Session
 from ..sql.query import Query
 from ..sql.rows import KB

@@ -41,7 +41,7 @@ def test_every_path_that_the_code_names_is_there() -> None:
     found = {path: lost(path.read_text(encoding="utf-8")) for path in MODULES}
     assert {str(path): names for path, names in found.items() if names} == {}
     gone = "sql/gone.py"
-    assert lost(f"`sql/questions.py` and `{gone}`") == [gone]
+    assert lost(f"`sql/answers.py` and `{gone}`") == [gone]
 
 
 def test_one_list_of_pages_begins_with_the_tutorial() -> None:

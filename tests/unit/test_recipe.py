@@ -41,7 +41,7 @@ BEYOND = {
     "documents/load.py": "a domain declares functions",
     "dto/__init__.py": "public names",
     "history/elements.py": "the history of a value is asked for by its function",
-    "history/verify/definitions.py": "parameters of functions and predicates are checked alike",
+    "history/verify/definition_check.py": "parameters of both kinds are checked alike",
     "history/verify/identities.py": "terms are objects or numbers by their function",
     "knowledge/conditions.py": "conditions and effects apply functions",
     "reasoning/effects.py": "effects change the values of functions",

@@ -134,7 +134,7 @@ def read_archived(check: Check, archives: list[Archive]) -> int:
     return _archived_upto(0 if head is None else head.archived_revision, archives)
 
 
-def read_next_id(check: Check) -> tuple[int, int]:
+def read_head_numbers(check: Check) -> tuple[int, int]:
     """Read the last revision and the next id from the head."""
     head = check.session.first(_HOW_FAR, kb=check.kb_id) or (0, 0)
     # Later checks report wrong values: this only measures progress.

@@ -29,7 +29,7 @@ from ...store.state import State
 from ...store.store import Store
 from ..anchors import Anchor, AnchoredHead, check_anchor
 from .chain import Chain, Link
-from .definitions import DefinitionCheck
+from .definition_check import DefinitionCheck
 from .facts import FactCheck, PlanCheck
 from .findings import Finding, Report
 from .head import (
@@ -40,7 +40,7 @@ from .head import (
     check_rows_of,
     read_archived,
     read_archives,
-    read_next_id,
+    read_head_numbers,
 )
 from .identities import ObjectFunctions, check_names
 from .kept import Kept, forget, keep, read_kept
@@ -267,7 +267,7 @@ class _Verifier:
         self._check = check
         self._name = name
         self._progress = progress
-        self._last, self._ids = read_next_id(check)
+        self._last, self._ids = read_head_numbers(check)
         self._told = 0
         self._archives: list[Archive] = []
         self._chain = Chain(check, self._tell)

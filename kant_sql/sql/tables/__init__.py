@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from . import definitions as definitions
+from . import named as named
 from .atoms import FunctionValueArgumentRow as FunctionValueArgumentRow
 from .atoms import FunctionValueRow as FunctionValueRow
 from .atoms import FunctionValueVersionRow as FunctionValueVersionRow
