@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterable, Sequence
 from decimal import Decimal
-from typing import ClassVar, TypeVar
+from typing import Any, ClassVar, TypeVar
 
 from ..arguments import expect, expect_list, flag, shown
 from ..dto import (
@@ -19,7 +19,6 @@ from ..dto import (
 )
 from ..dto.formulas import (
     TIMES,
-    And,
     Atom,
     Comparison,
     Constant,
@@ -39,46 +38,53 @@ from ..pddl.document import ACTION, DURATIVE_ACTION, EVENT, PROCESS
 from ..pddl.formulas import flatten
 from ..store.transaction import Transaction
 from .base import SqlNamedDao, identify
-from .formula import Symbol, TreeWriter
+from .formula import FormulaChecker, Symbol, TreeWriter
 from .interfaces import PddlActionDao, PddlEventDao, PddlProcessDao
 from .object import OBJECTS
 from .predicate import PREDICATES
 from .type import TYPES, ensure_types
 
 Trees = tuple[Tree, Tree, Tree]
+# The duration, the conditions and the effects.
+Parts = tuple[Sequence[Node], Sequence[Node], Sequence[Node]]
 
 
-def action_trees(
+def check_action(
     transaction: Transaction,
     kind: str,
     name: str,
     parameters: Sequence[ParameterDefinition],
-    duration: Sequence[Node],
-    condition: Sequence[Node],
-    effect: Sequence[Node],
-) -> Trees:
-    """Check what an action is made of, and make its trees."""
+    parts: Parts,
+) -> None:
+    """Check the formulas of an action that are given as nodes."""
     durative = kind == DURATIVE_ACTION
-    if duration and not durative:
+    if parts[0] and not durative:
         raise InvalidKnowledgeError(f"{kind} {name!r} has a duration; only a {DURATIVE_ACTION} has")
-
-    def tree(section: str, formulas: Sequence[Node], symbol: Symbol) -> Tree:
+    symbols = [Symbol.DURATION, Symbol.CONDITION, Symbol.EFFECT]
+    if durative:
+        symbols[1:] = Symbol.TIMED_CONDITION, Symbol.TIMED_EFFECT
+    sections = "duration", "condition", "effect"
+    for section, formulas, symbol in zip(sections, parts, symbols, strict=True):
         role = f"the {section} of {kind.rpartition('-')[2]} {name!r}"
-        writer = TreeWriter(transaction, role, parameters, kind)
-        own: list[Node] = []
-        for formula in formulas:
-            own += flatten(formula) if isinstance(formula, And) else (formula,)
-        if symbol is not Symbol.DURATION:
-            return writer.conjunction(own, symbol)
-        if len(own) == 1:
-            return writer.tree(own[0], symbol)
-        return writer.conjunction(own, symbol) if own else ()
+        checker = FormulaChecker(transaction, role, parameters, kind)
+        checker.check(_conjuncts(formulas), symbol)
 
-    return (
-        tree("duration", duration, Symbol.DURATION),
-        tree("condition", condition, Symbol.TIMED_CONDITION if durative else Symbol.CONDITION),
-        tree("effect", effect, Symbol.TIMED_EFFECT if durative else Symbol.EFFECT),
-    )
+
+def _conjuncts(formulas: Iterable[Any]) -> list[Any]:
+    return [one for formula in formulas for one in flatten(formula)]
+
+
+def action_trees(
+    transaction: Transaction, parameters: Sequence[ParameterDefinition], parts: Parts
+) -> Trees:
+    """Make the trees of an action whose formulas were checked."""
+    duration, condition, effect = map(_conjuncts, parts)
+    writer = TreeWriter(transaction, parameters)
+    of_duration: Tree = ()
+    if duration:
+        only = len(duration) == 1
+        of_duration = writer.tree(duration[0]) if only else writer.conjunction(duration)
+    return of_duration, writer.conjunction(condition), writer.conjunction(effect)
 
 
 A = TypeVar("A", bound=PddlActionDto)
@@ -131,10 +137,10 @@ class ActionChecker:
         condition = self._formulas("condition", dto.conditions)
         effect = self._formulas("effect", dto.effects)
         parameters = tuple(self._parameters)
-        parts = action_trees(
-            self._transaction, dto.keyword, dto.name, parameters, duration, condition, effect
-        )
-        return put_action(self._transaction, dto.keyword, dto.name, parameters, parts)
+        parts = duration, condition, effect
+        check_action(self._transaction, dto.keyword, dto.name, parameters, parts)
+        trees = action_trees(self._transaction, parameters, parts)
+        return put_action(self._transaction, dto.keyword, dto.name, parameters, trees)
 
     def _part(self, part: str) -> str:
         return f"the list of {part} of {self._role}"

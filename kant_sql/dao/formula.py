@@ -1,6 +1,8 @@
 """Formulas as trees, and the DAOs of derived predicates, goals, constraints and the metric.
 
-The checks accept what the PDDL reader accepts, so the text of a stored formula can be read back.
+A formula that is given as text is checked by the PDDL reader, with line and column; one that is
+given as a node is checked here. Both accept the same, so the text of a stored formula can be read
+back.
 """
 
 from __future__ import annotations
@@ -13,47 +15,7 @@ from typing_extensions import override
 
 from ..arguments import is_many, iterate, refuse_many, shown
 from ..dto import PddlPropositionDto, PddlTypeDto
-from ..dto.formulas import (
-    ARITHMETIC,
-    ASSIGNMENTS,
-    AT_END,
-    COMPARISONS,
-    DURATION,
-    MODALS,
-    OVER_ALL,
-    TIMES,
-    TOTAL_TIME,
-    And,
-    Arithmetic,
-    Assign,
-    Atom,
-    Comparison,
-    Constant,
-    ContinuousTime,
-    Derived,
-    Equal,
-    Exists,
-    Fluent,
-    Forall,
-    Formula,
-    Imply,
-    IsViolated,
-    Metric,
-    Modal,
-    Node,
-    Not,
-    Number,
-    Or,
-    Preference,
-    Timed,
-    TimedLiteral,
-    TypedName,
-    Variable,
-    When,
-    check_nesting,
-    variables_text,
-    walk,
-)
+from ..dto import formulas as f
 from ..dto.lexical import ROOT_TYPE, check_name, decimal_text, fold
 from ..errors import ArityError, InvalidKnowledgeError, TypeMismatchError, reading_rows
 from ..knowledge import trees as kinds
@@ -66,6 +28,7 @@ from ..knowledge.definitions import (
     INITIAL,
     METRIC,
     TIMED,
+    Definition,
     Definitions,
     FormulaDefinition,
     FunctionDefinition,
@@ -99,7 +62,6 @@ from .text import TextReader, expect_text
 from .type import TYPES
 
 TypeIds = tuple[int, ...]
-BoundVariables = tuple[ParameterDefinition, ...]
 
 
 class Symbol(Enum):
@@ -141,8 +103,163 @@ _WITHIN_TIMED = {
 _Parts = Iterable[tuple[object, FormulaContext]]
 
 
+def _bound_variables(
+    transaction: Transaction, variables: Iterable[f.TypedName], role: str
+) -> tuple[ParameterDefinition, ...]:
+    """Find the types of variables; `object` needs no declaration."""
+    found = []
+    for variable in variables:
+        ids = []
+        for name in variable.types:
+            type_ = transaction.definitions.types.named(name)
+            if type_ is None and fold(name) != ROOT_TYPE:
+                raise InvalidKnowledgeError(
+                    f"{role}: ?{variable.name} is of type {name!r}, which is not known; save it "
+                    "first"
+                )
+            ids.append((type_ or TYPES.ensure(transaction, PddlTypeDto(ROOT_TYPE), role)).id)
+        found.append(ParameterDefinition(variable.name, tuple(ids)))
+    return tuple(found)
+
+
 class TreeWriter:
-    """Checks formulas and makes the trees of one element.
+    """Makes the trees of one element, of formulas that were checked when they were read.
+
+    Args:
+        transaction: where names are looked up.
+        parameters: the parameters of the action that they belong to.
+    """
+
+    def __init__(
+        self, transaction: Transaction, parameters: Sequence[ParameterDefinition] = ()
+    ) -> None:
+        self._transaction = transaction
+        self._definitions = transaction.definitions
+        self._nodes: list[TreeNode] = []
+        # What variables denote, innermost last.
+        self._scope: dict[str, list[TreeTerm]] = {
+            fold(one.name): [TreeTerm(parameter=number)] for number, one in enumerate(parameters)
+        }
+
+    def conjunction(self, formulas: Iterable[f.Node]) -> Tree:
+        """Make the tree of a conjunction."""
+        self._nodes = []
+        root = self._open(None, kinds.AND)
+        for formula in formulas:
+            self._add(formula, root)
+        return tuple(self._nodes)
+
+    def tree(self, formula: f.Node) -> Tree:
+        """Make the tree of a formula."""
+        self._nodes = []
+        self._add(formula, None)
+        return tuple(self._nodes)
+
+    def _open(self, parent: int | None, operator: str, **fields: Any) -> int:
+        position = len(self._nodes)
+        self._nodes.append(TreeNode(position, parent, operator, **fields))
+        return position
+
+    def _add(self, node: Any, parent: int | None) -> None:
+        """Add a formula or a number, with its parts."""
+        match node:
+            case f.Atom(name, terms):
+                id_ = self._id(self._definitions.predicates.named(name))
+                self._apply(parent, terms, kinds.PREDICATE, predicate_id=id_)
+            case f.Fluent(name, terms) if function := self._definitions.functions.named(name):
+                self._apply(parent, terms, kinds.FUNCTION, function_id=function.id)
+            case f.Equal(left, right):
+                self._apply(parent, (left, right), kinds.EQUAL)
+            case f.Assign(operator, fluent, value):
+                position = self._open(parent, operator)
+                self._add(fluent, position)
+                declared = self._definitions.functions.named(fluent.function)
+                if declared is not None and declared.type_ids:
+                    self._set_terms(position, (value,))
+                else:
+                    self._add(value, position)
+            case f.Forall() | f.Exists() | f.Derived():
+                self._quantify(node, parent)
+            case _:
+                operator, fields, parts = _plain(node)
+                position = self._open(parent, operator, **fields)
+                for part in parts:
+                    self._add(part, position)
+
+    def _quantify(self, node: f.Forall | f.Exists | f.Derived, parent: int | None) -> None:
+        operator = _QUANTIFIERS[type(node)]
+        bound = _bound_variables(self._transaction, node.variables, operator)
+        position = self._open(parent, operator, variables=bound)
+        for index, one in enumerate(bound):
+            term = TreeTerm(quantifier=position, variable=index)
+            self._scope.setdefault(fold(one.name), []).append(term)
+        if isinstance(node, f.Derived):
+            self._add(_derived_atom(node), position)
+        self._add(node.formula, position)
+        for one in bound:
+            self._scope[fold(one.name)].pop()
+
+    def _apply(
+        self, parent: int | None, terms: Sequence[object], operator: str, **fields: int
+    ) -> int:
+        """Add a node with terms."""
+        position = self._open(parent, operator, **fields)
+        self._set_terms(position, terms)
+        return position
+
+    def _set_terms(self, position: int, terms: Sequence[object]) -> None:
+        made = tuple([self._term(term, position) for term in terms])
+        self._nodes[position] = self._nodes[position]._replace(terms=made)
+
+    def _term(self, term: Any, position: int) -> TreeTerm:
+        """Return a term; the nodes of its fluents are added."""
+        if isinstance(term, f.Variable):
+            return self._scope[fold(term.name)][-1]
+        if isinstance(term, f.Constant):
+            return TreeTerm(object_id=self._id(self._definitions.objects.named(term.name)))
+        id_ = self._id(self._definitions.functions.named(term.function))
+        child = self._apply(position, term.terms, kinds.FUNCTION, function_id=id_)
+        return TreeTerm(child=child)
+
+    @staticmethod
+    def _id(definition: Definition | None) -> int:
+        assert definition is not None
+        return definition.id
+
+
+_QUANTIFIERS: dict[type, str] = {
+    f.Forall: kinds.FORALL,
+    f.Exists: kinds.EXISTS,
+    f.Derived: kinds.DERIVED,
+}
+
+
+def _derived_atom(rule: f.Derived) -> f.Atom:
+    return f.Atom(rule.predicate, tuple(f.Variable(part.name) for part in rule.variables))
+
+
+def _plain(node: Any) -> tuple[str, dict[str, str | None], Sequence[f.Node]]:
+    """Return the operator, the value and the parts of a node that has neither terms nor scope."""
+    match node:
+        case f.Number(value):
+            return kinds.NUMBER, {"value": decimal_text(value)}, ()
+        case f.Variable(name):
+            return kinds.VARIABLE, {"value": f"?{name}"}, ()
+        case f.ContinuousTime():
+            return kinds.TIME, {}, ()
+        case f.IsViolated(name):
+            return kinds.IS_VIOLATED, {"value": name}, ()
+        case f.Preference(name, formula):
+            return kinds.PREFERENCE, {"value": name}, (formula,)
+        case f.TimedLiteral(time, effect):
+            return kinds.AT, {"value": decimal_text(time.value)}, (effect,)
+        case f.Fluent():
+            return f.TOTAL_TIME, {}, ()
+    return f.head(node), {}, f.children(node)
+
+
+class FormulaChecker:
+    """Checks formulas that are given as nodes; those of texts are checked where they are read.
 
     Args:
         transaction: where names are looked up.
@@ -161,137 +278,100 @@ class TreeWriter:
         self._transaction = transaction
         self._definitions = transaction.definitions
         self._role = role
-        self._parameters = parameters
         self._has_duration = kind == DURATIVE_ACTION
         self._has_time = kind in (DURATIVE_ACTION, PROCESS)
-        self._nodes: list[TreeNode] = []
-        # The variables that quantifiers bind around the present node, innermost last.
-        self._scope: dict[str, list[tuple[TreeTerm, TypeIds]]] = {}
+        # The types of variables, innermost last.
+        self._scope: dict[str, list[TypeIds]] = {
+            fold(one.name): [one.type_ids] for one in parameters
+        }
         self._check_duration(parameters)
 
-    def conjunction(self, formulas: Iterable[Node], symbol: Symbol) -> Tree:
-        """Make the tree of a conjunction."""
+    def check(self, formulas: Iterable[f.Node], symbol: Symbol) -> None:
+        """Refuse formulas that have no place, or that name what is not known."""
         formulas = tuple(formulas)
-        check_nesting(*formulas)
-        self._nodes = []
-        root = self._open(None, kinds.AND)
+        f.check_nesting(*formulas)
         for formula in formulas:
-            self._add(formula, root, FormulaContext(symbol, allows_preferences=symbol in _HARD))
-        return tuple(self._nodes)
+            self._check(formula, FormulaContext(symbol, allows_preferences=symbol in _HARD))
 
-    def tree(self, formula: Node, symbol: Symbol) -> Tree:
-        """Make the tree of a formula."""
-        check_nesting(formula)
-        self._nodes = []
-        self._add(formula, None, FormulaContext(symbol, allows_preferences=symbol in _HARD))
-        return tuple(self._nodes)
-
-    def _add(self, part: object, parent: int | None, context: FormulaContext) -> None:
-        """Add a formula with its parts."""
+    def _check(self, part: object, context: FormulaContext) -> None:
+        """Check a formula with its parts."""
         if type(part) not in _HANDLERS:
             self._fail(f"{shown(part)} is no formula but {type(part).__name__}")
         handler, symbols = _HANDLERS[type(part)]
         if symbols:
             self._expect(part, context, *symbols)
-        position = len(self._nodes)
-        below = handler(self, part, parent, context)
-        bound = self._nodes[position].variables
-        if bound:
-            self._enter(position, bound)
-        for child, inner in below:
-            self._add(child, position, inner)
-        if bound:
-            self._leave(bound)
+        variables: Sequence[f.TypedName] = getattr(part, "variables", ())
+        bound = self._bind(variables)
+        for one in bound:
+            self._scope.setdefault(fold(one.name), []).append(one.type_ids)
+        for child, inner in handler(self, part, context):
+            self._check(child, inner)
+        for one in bound:
+            self._scope[fold(one.name)].pop()
 
     def _expect(self, formula: object, context: FormulaContext, *symbols: Symbol) -> None:
         if context.symbol not in symbols:
             self._fail(f"{shown(formula)} has no place in {context.symbol.value}")
 
-    def _open(self, parent: int | None, operator: str, **fields: Any) -> int:
-        position = len(self._nodes)
-        self._nodes.append(TreeNode(position, parent, operator, **fields))
-        return position
-
     def _fail(self, fault: str) -> NoReturn:
         raise InvalidKnowledgeError(f"{self._role}: {fault}")
 
-    # Formulas: each handler adds a node and returns the parts to add below it.
+    # Formulas: each handler returns the parts to check.
 
-    def _atom(self, formula: Atom, parent: int | None, context: FormulaContext) -> _Parts:
+    def _atom(self, formula: f.Atom, context: FormulaContext) -> _Parts:
         predicate = self._definitions.predicates.named(formula.predicate)
         if predicate is None:
             self._fail(
                 f"{shown(formula)} is of predicate {formula.predicate!r}, which is not known; "
                 "save the predicate first"
             )
-        position = self._open(parent, kinds.PREDICATE, predicate_id=predicate.id)
-        self._give_terms(position, formula, predicate, context)
+        self._check_terms(formula, predicate, context)
         return ()
 
-    def _equal(self, formula: Equal, parent: int | None, context: FormulaContext) -> _Parts:
-        position = self._open(parent, kinds.EQUAL)
-        terms = [self._term(term, position, context)[0] for term in (formula.left, formula.right)]
-        self._set_terms(position, terms)
+    def _equal(self, formula: f.Equal, context: FormulaContext) -> _Parts:
+        for term in (formula.left, formula.right):
+            self._term(term, context)
         return ()
 
-    def _comparison(
-        self, formula: Comparison, parent: int | None, context: FormulaContext
-    ) -> _Parts:
+    def _comparison(self, formula: f.Comparison, context: FormulaContext) -> _Parts:
         sides = (formula.left, formula.right)
-        if formula.operator not in COMPARISONS:
-            self._fail(f"{formula.operator!r} is no comparison; use one of {' '.join(COMPARISONS)}")
-        if context.symbol is Symbol.DURATION and Variable(DURATION) not in sides:
+        if formula.operator not in f.COMPARISONS:
+            self._fail(
+                f"{formula.operator!r} is no comparison; use one of {' '.join(f.COMPARISONS)}"
+            )
+        if context.symbol is Symbol.DURATION and f.Variable(f.DURATION) not in sides:
             self._fail(f"{shown(formula)} is no constraint on ?duration")
-        position = self._open(parent, formula.operator)
         for side in sides:
-            self._expression(side, position, context)
+            self._expression(side, context)
         return ()
 
-    def _not(self, formula: Not, parent: int | None, context: FormulaContext) -> _Parts:
+    def _not(self, formula: f.Not, context: FormulaContext) -> _Parts:
         part, symbol = formula.formula, context.symbol
-        if symbol is Symbol.EFFECT and not isinstance(part, Atom):
+        if symbol is Symbol.EFFECT and not isinstance(part, f.Atom):
             self._fail(f"{shown(formula)} deletes what is not an atom")
-        if symbol is Symbol.INITIAL and not isinstance(part, Atom | Equal):
+        if symbol is Symbol.INITIAL and not isinstance(part, f.Atom | f.Equal):
             self._fail(f"{shown(formula)} is no literal, as the initial state asks for")
-        self._open(parent, kinds.NOT)
         return [(part, context.hard())]
 
-    def _and(self, formula: And, parent: int | None, context: FormulaContext) -> _Parts:
-        self._open(parent, kinds.AND)
-        return [(part, context) for part in formula.formulas]
+    def _soft(self, formula: f.And | f.Forall, context: FormulaContext) -> _Parts:
+        return [(part, context) for part in f.children(formula)]
 
-    def _or(self, formula: Or, parent: int | None, context: FormulaContext) -> _Parts:
-        self._open(parent, kinds.OR)
-        return [(part, context.hard()) for part in formula.formulas]
+    def _hard(self, formula: f.Or | f.Imply | f.Exists, context: FormulaContext) -> _Parts:
+        return [(part, context.hard()) for part in f.children(formula)]
 
-    def _imply(self, formula: Imply, parent: int | None, context: FormulaContext) -> _Parts:
-        self._open(parent, kinds.IMPLY)
-        return [(part, context.hard()) for part in (formula.condition, formula.formula)]
-
-    def _forall(self, formula: Forall, parent: int | None, context: FormulaContext) -> _Parts:
-        self._open(parent, kinds.FORALL, variables=self._bind(formula.variables))
-        return [(formula.formula, context)]
-
-    def _exists(self, formula: Exists, parent: int | None, context: FormulaContext) -> _Parts:
-        self._open(parent, kinds.EXISTS, variables=self._bind(formula.variables))
-        return [(formula.formula, context.hard())]
-
-    def _timed(self, formula: Timed, parent: int | None, context: FormulaContext) -> _Parts:
+    def _timed(self, formula: f.Timed, context: FormulaContext) -> _Parts:
         time, symbol = formula.time, context.symbol
-        if time not in TIMES:
-            self._fail(f"{shown(formula)} has the time {time!r}, expected one of {TIMES}")
+        if time not in f.TIMES:
+            self._fail(f"{shown(formula)} has the time {time!r}, expected one of {f.TIMES}")
         inner = _WITHIN_TIMED.get(symbol)
         # The paper allows effects `over all`.
-        wrong = symbol is Symbol.DURATION and time == OVER_ALL
-        wrong = wrong or (symbol in (Symbol.CONSTRAINT, Symbol.TRAJECTORY) and time != AT_END)
+        wrong = symbol is Symbol.DURATION and time == f.OVER_ALL
+        wrong = wrong or (symbol in (Symbol.CONSTRAINT, Symbol.TRAJECTORY) and time != f.AT_END)
         if inner is None or wrong:
             self._fail(f"{shown(formula)} has a time that has no place in {symbol.value}")
-        self._open(parent, time)
         return [(formula.formula, context.hard()._replace(symbol=inner))]
 
-    def _preference(
-        self, formula: Preference, parent: int | None, context: FormulaContext
-    ) -> _Parts:
+    def _preference(self, formula: f.Preference, context: FormulaContext) -> _Parts:
         if not context.allows_preferences:
             self._fail(
                 f"{shown(formula)} has no place here: a preference stands at the top of a goal, a "
@@ -299,139 +379,117 @@ class TreeWriter:
             )
         if formula.name is not None:
             check_name("preference", formula.name)
-        self._open(parent, kinds.PREFERENCE, value=formula.name)
         return [(formula.formula, context.hard())]
 
-    def _modal(self, formula: Modal, parent: int | None, context: FormulaContext) -> _Parts:
-        wanted = MODALS.get(formula.operator)
+    def _modal(self, formula: f.Modal, context: FormulaContext) -> _Parts:
+        wanted = f.MODALS.get(formula.operator)
         if wanted != (len(formula.numbers), len(formula.formulas)):
             self._fail(f"{shown(formula)} is no constraint of PDDL 3.0")
-        position = self._open(parent, formula.operator)
-        for number in formula.numbers:
-            self._open(position, kinds.NUMBER, value=decimal_text(number.value))
         inner = context.hard()._replace(symbol=Symbol.TRAJECTORY)
         return [(part, inner) for part in formula.formulas]
 
-    def _when(self, formula: When, parent: int | None, context: FormulaContext) -> _Parts:
-        self._open(parent, kinds.WHEN)
+    def _when(self, formula: f.When, context: FormulaContext) -> _Parts:
         is_timed = context.symbol is Symbol.TIMED_EFFECT
         symbol = Symbol.TIMED_CONDITION if is_timed else Symbol.CONDITION
         return [(formula.condition, context._replace(symbol=symbol)), (formula.effect, context)]
 
-    def _assign(self, formula: Assign, parent: int | None, context: FormulaContext) -> _Parts:
-        if formula.operator not in ASSIGNMENTS:
-            known = " ".join(ASSIGNMENTS)
+    def _assign(self, formula: f.Assign, context: FormulaContext) -> _Parts:
+        if formula.operator not in f.ASSIGNMENTS:
+            known = " ".join(f.ASSIGNMENTS)
             self._fail(f"{formula.operator!r} is no assignment; use one of {known}")
-        position = self._open(parent, formula.operator)
-        types = self._fluent(formula.fluent, position, context).type_ids
+        types = self._fluent(formula.fluent, context).type_ids
         if types:
-            self._assign_object(formula, position, types, context)
+            self._assign_object(formula, types, context)
         else:
-            self._expression(formula.value, position, context)
+            self._expression(formula.value, context)
         if context.symbol is Symbol.TIMED_EFFECT and not any(
-            isinstance(part, ContinuousTime) for part in walk(formula.value)
+            isinstance(part, f.ContinuousTime) for part in f.walk(formula.value)
         ):
             self._expect(formula, context, Symbol.EFFECT)
         return ()
 
     # Formulas that stand on their own.
 
-    def _derived(self, formula: Derived, parent: int | None, context: FormulaContext) -> _Parts:
-        self._open(parent, kinds.DERIVED, variables=self._bind(formula.variables))
-        head = Atom(formula.predicate, tuple(Variable(part.name) for part in formula.variables))
+    def _derived(self, formula: f.Derived, context: FormulaContext) -> _Parts:
+        del context
         inner = FormulaContext(Symbol.CONDITION)
-        return [(head, inner), (formula.formula, inner)]
+        return [(_derived_atom(formula), inner), (formula.formula, inner)]
 
-    def _timed_literal(
-        self, formula: TimedLiteral, parent: int | None, context: FormulaContext
-    ) -> _Parts:
+    def _timed_literal(self, formula: f.TimedLiteral, context: FormulaContext) -> _Parts:
         effect = formula.effect
-        self._open(parent, kinds.AT, value=decimal_text(formula.time.value))
-        if isinstance(effect, Assign):
+        if isinstance(effect, f.Assign):
             terms = (*effect.fluent.terms, effect.value)
-            is_ground = all(isinstance(term, Constant | Number) for term in terms)
-            if effect.operator != ASSIGNMENTS[0] or not is_ground:
+            is_ground = all(isinstance(term, f.Constant | f.Number) for term in terms)
+            if effect.operator != f.ASSIGNMENTS[0] or not is_ground:
                 self._fail(f"{shown(formula)} assigns no number and no object to a ground fluent")
             return [(effect, context._replace(symbol=Symbol.EFFECT))]
-        atom = effect.formula if isinstance(effect, Not) else effect
-        if not isinstance(atom, Atom):
+        atom = effect.formula if isinstance(effect, f.Not) else effect
+        if not isinstance(atom, f.Atom):
             self._fail(f"{shown(formula)} is no timed literal; give an Atom, a Not or an Assign")
         return [(effect, context._replace(symbol=Symbol.INITIAL))]
 
-    def _metric(self, formula: Metric, parent: int | None, context: FormulaContext) -> _Parts:
+    def _metric(self, formula: f.Metric, context: FormulaContext) -> _Parts:
         if formula.optimization not in kinds.OPTIMIZATIONS:
             self._fail(f"{formula.optimization!r} is neither minimize nor maximize")
-        position = self._open(parent, formula.optimization)
-        self._expression(formula.expression, position, context)
+        self._expression(formula.expression, context)
         return ()
 
     # Expressions.
 
-    def _expression(self, part: object, parent: int, context: FormulaContext) -> None:
-        if isinstance(part, Arithmetic):
-            position = self._arithmetic(part, parent)
-            for operand in part.operands:
-                self._expression(operand, position, context)
-        else:
-            self._number(part, parent, context)
-
-    def _number(self, expression: object, parent: int, context: FormulaContext) -> None:
-        match expression:
-            case Number():
-                self._open(parent, kinds.NUMBER, value=decimal_text(expression.value))
-            case Fluent():
-                self._numeric_fluent(expression, parent, context)
-            case Variable() if fold(expression.name) == DURATION and self._has_duration:
-                self._open(parent, kinds.VARIABLE, value=f"?{expression.name}")
-            case ContinuousTime() if self._has_time:
-                self._open(parent, kinds.TIME)
-            case IsViolated() if context.symbol is Symbol.METRIC:
-                check_name("preference", expression.preference)
-                self._open(parent, kinds.IS_VIOLATED, value=expression.preference)
+    def _expression(self, part: object, context: FormulaContext) -> None:
+        match part:
+            case f.Arithmetic():
+                self._arithmetic(part)
+                for operand in part.operands:
+                    self._expression(operand, context)
+            case f.Fluent():
+                self._numeric_fluent(part, context)
+            case f.IsViolated() if context.symbol is Symbol.METRIC:
+                check_name("preference", part.preference)
+            case f.Variable() if fold(part.name) == f.DURATION and self._has_duration:
+                pass
+            case f.ContinuousTime() if self._has_time:
+                pass
+            case f.Number():
+                pass
             case _:
-                self._fail(f"{shown(expression)} is no number here")
+                self._fail(f"{shown(part)} is no number here")
 
-    def _arithmetic(self, expression: Arithmetic, parent: int) -> int:
+    def _arithmetic(self, expression: f.Arithmetic) -> None:
         operator, operands = expression.operator, expression.operands
-        if operator not in ARITHMETIC:
-            self._fail(f"{operator!r} is no operation; use one of {' '.join(ARITHMETIC)}")
+        if operator not in f.ARITHMETIC:
+            self._fail(f"{operator!r} is no operation; use one of {' '.join(f.ARITHMETIC)}")
         least, most = 1 if operator == "-" else 2, 2 if operator in "-/" else len(operands)
         if not least <= len(operands) <= most:
             self._fail(f"{shown(expression)} has {len(operands)} operands")
-        return self._open(parent, operator)
 
-    def _numeric_fluent(self, fluent: Fluent, parent: int, context: FormulaContext) -> None:
+    def _numeric_fluent(self, fluent: f.Fluent, context: FormulaContext) -> None:
         named = self._definitions.functions.named(fluent.function)
-        is_time = context.symbol is Symbol.METRIC and fold(fluent.function) == TOTAL_TIME
+        is_time = context.symbol is Symbol.METRIC and fold(fluent.function) == f.TOTAL_TIME
         if named is None and is_time and not fluent.terms:
-            self._open(parent, TOTAL_TIME)
-        elif self._fluent(fluent, parent, context).type_ids:
+            return
+        if self._fluent(fluent, context).type_ids:
             self._fail(f"{shown(fluent)} is an object, not a number")
 
-    def _fluent(self, fluent: Fluent, parent: int, context: FormulaContext) -> FunctionDefinition:
-        position = len(self._nodes)
-        function = self._open_fluent(fluent, parent)
-        self._give_terms(position, fluent, function, context)
-        return function
-
-    def _open_fluent(self, fluent: Fluent, parent: int) -> FunctionDefinition:
-        """Add a function's node, without its terms."""
+    def _fluent(self, fluent: f.Fluent, context: FormulaContext) -> FunctionDefinition:
         function = self._definitions.functions.named(fluent.function)
         if function is None:
             self._fail(
                 f"{shown(fluent)} is of function {fluent.function!r}, which is not known; save "
                 "the function first"
             )
-        self._open(parent, kinds.FUNCTION, function_id=function.id)
+        self._check_terms(fluent, function, context)
         return function
 
     # Terms and variables.
 
-    def _bind(self, variables: Sequence[TypedName]) -> BoundVariables:
-        bound = tuple(self._variable(variable) for variable in variables)
+    def _bind(self, variables: Sequence[f.TypedName]) -> tuple[ParameterDefinition, ...]:
+        for variable in variables:
+            check_name("variable", variable.name)
+        bound = _bound_variables(self._transaction, variables, self._role)
         self._check_duration(bound)
         if len({fold(variable.name) for variable in bound}) < len(bound):
-            self._fail(f"one quantifier binds a variable twice: {variables_text(variables)}")
+            self._fail(f"one quantifier binds a variable twice: {f.variables_text(variables)}")
         return bound
 
     def _check_duration(self, variables: Sequence[ParameterDefinition]) -> None:
@@ -440,129 +498,83 @@ class TreeWriter:
             for each in variables:
                 check_name("variable of a durative action", each.name)
 
-    def _variable(self, variable: TypedName) -> ParameterDefinition:
-        check_name("variable", variable.name)
-        ids = []
-        for name in variable.types:
-            type_ = self._definitions.types.named(name)
-            if type_ is None and fold(name) != ROOT_TYPE:
-                self._fail(
-                    f"?{variable.name} is of type {name!r}, which is not known; save it first"
-                )
-            # `object` needs no declaration.
-            type_ = type_ or TYPES.ensure(self._transaction, PddlTypeDto(ROOT_TYPE), self._role)
-            ids.append(type_.id)
-        return ParameterDefinition(variable.name, tuple(ids))
-
-    def _give_terms(
+    def _check_terms(
         self,
-        position: int,
-        formula: Atom | Fluent,
+        formula: f.Atom | f.Fluent,
         owner: PredicateDefinition | FunctionDefinition,
         context: FormulaContext,
     ) -> None:
-        """Add the terms of a node."""
+        """Check the terms of an atom or a fluent."""
         terms = formula.terms
         if len(terms) != len(owner.parameters):
             raise ArityError(
                 f"{self._role}: {shown(formula)} has {len(terms)} terms, expected "
                 f"{len(owner.parameters)} as in {owner.text}"
             )
-        made = []
         for number, (term, wanted) in enumerate(zip(terms, owner.parameters, strict=True), start=1):
-            term_, types = self._term(term, position, context)
-            if not self._may_fit(term, types, wanted.type_ids):
+            if not self._may_fit(term, self._term(term, context), wanted.type_ids):
                 raise TypeMismatchError(
                     f"{self._role}: term {number} of {shown(formula)} does not fit {owner.text}"
                 )
-            made.append(term_)
-        self._set_terms(position, made)
-
-    def _set_terms(self, position: int, terms: Sequence[TreeTerm]) -> None:
-        self._nodes[position] = self._nodes[position]._replace(terms=tuple(terms))
 
     def _may_fit(self, term: object, given: TypeIds, wanted: TypeIds) -> bool:
         """Return whether a term may fit: real domains pass variables of a supertype."""
         fits = self._definitions.any_fits
-        return fits(given, wanted) or (not isinstance(term, Constant) and fits(wanted, given))
+        return fits(given, wanted) or (not isinstance(term, f.Constant) and fits(wanted, given))
 
-    def _term(
-        self, term: object, position: int, context: FormulaContext
-    ) -> tuple[TreeTerm, TypeIds]:
-        """Add a term with all its subterms."""
-        if isinstance(term, Variable):
-            return self._bound(term)
-        if isinstance(term, Constant):
+    def _term(self, term: object, context: FormulaContext) -> TypeIds:
+        """Check a term with all its subterms; return its types."""
+        if isinstance(term, f.Variable):
+            around = self._scope.get(fold(term.name))
+            if not around:
+                self._fail(f"?{term.name} is neither a parameter nor bound by a quantifier")
+            return around[-1]
+        if isinstance(term, f.Constant):
             object_ = self._definitions.objects.named(term.name)
             if object_ is None:
                 self._fail(f"object {term.name!r} is not known; save it first")
-            return TreeTerm(object_id=object_.id), object_.type_ids
-        if isinstance(term, Fluent):
-            if context.symbol is Symbol.INITIAL:
-                self._fail(f"{shown(term)} is no object, as the initial state asks for")
-            child = len(self._nodes)
-            function = self._open_fluent(term, position)
-            if not function.type_ids:
-                self._fail(f"{shown(term)} is a number, not an object")
-            self._give_terms(child, term, function, context)
-            return TreeTerm(child=child), function.type_ids
-        return self._fail(f"{shown(term)} is no term; give a Variable, a Constant or a Fluent")
+            return object_.type_ids
+        if not isinstance(term, f.Fluent):
+            self._fail(f"{shown(term)} is no term; give a Variable, a Constant or a Fluent")
+        if context.symbol is Symbol.INITIAL:
+            self._fail(f"{shown(term)} is no object, as the initial state asks for")
+        function = self._fluent(term, context)
+        if not function.type_ids:
+            self._fail(f"{shown(term)} is a number, not an object")
+        return function.type_ids
 
-    def _assign_object(
-        self, formula: Assign, position: int, types: TypeIds, context: FormulaContext
-    ) -> None:
-        if formula.operator != ASSIGNMENTS[0]:
+    def _assign_object(self, formula: f.Assign, types: TypeIds, context: FormulaContext) -> None:
+        if formula.operator != f.ASSIGNMENTS[0]:
             self._fail(f"{shown(formula)} counts with a function whose values are objects")
-        term, given = self._term(formula.value, position, context)
-        if not self._may_fit(formula.value, given, types):
+        if not self._may_fit(formula.value, self._term(formula.value, context), types):
             raise TypeMismatchError(f"{self._role}: the value in {shown(formula)} does not fit")
-        self._set_terms(position, [term])
-
-    def _enter(self, position: int, bound: BoundVariables) -> None:
-        """Bind the variables of a quantifier until `_leave`."""
-        for index, one in enumerate(bound):
-            term = TreeTerm(quantifier=position, variable=index)
-            self._scope.setdefault(fold(one.name), []).append((term, one.type_ids))
-
-    def _leave(self, bound: BoundVariables) -> None:
-        for one in bound:
-            self._scope[fold(one.name)].pop()
-
-    def _bound(self, variable: Variable) -> tuple[TreeTerm, TypeIds]:
-        key = fold(variable.name)
-        if around := self._scope.get(key):
-            return around[-1]
-        for index, parameter in enumerate(self._parameters):
-            if fold(parameter.name) == key:
-                return TreeTerm(parameter=index), parameter.type_ids
-        return self._fail(f"?{variable.name} is neither a parameter nor bound by a quantifier")
 
 
-# By node: what adds it, and the symbols that may have it; without any, the handler checks that.
+# By node: what checks it, and the symbols that may have it; without any, the handler checks that.
 _HANDLERS: dict[
-    type, tuple[Callable[[TreeWriter, Any, int | None, FormulaContext], _Parts], tuple[Symbol, ...]]
+    type, tuple[Callable[[FormulaChecker, Any, FormulaContext], _Parts], tuple[Symbol, ...]]
 ] = {
-    Atom: (TreeWriter._atom, (*_HOLDS, Symbol.EFFECT, Symbol.INITIAL)),
-    Equal: (TreeWriter._equal, (*_HOLDS, Symbol.INITIAL)),
-    Comparison: (TreeWriter._comparison, (*_HOLDS, Symbol.DURATION)),
-    Not: (TreeWriter._not, (*_HARD, Symbol.EFFECT, Symbol.INITIAL)),
-    And: (TreeWriter._and, (*_HARD, *_WITHIN_TIMED, Symbol.EFFECT)),
-    Or: (TreeWriter._or, _HARD),
-    Imply: (TreeWriter._imply, _HARD),
-    Forall: (TreeWriter._forall, (*_HARD, Symbol.EFFECT, Symbol.TIMED_EFFECT)),
-    Exists: (TreeWriter._exists, _HARD),
-    Timed: (TreeWriter._timed, ()),
-    Preference: (TreeWriter._preference, ()),
-    Modal: (TreeWriter._modal, (Symbol.CONSTRAINT, Symbol.TRAJECTORY)),
-    When: (TreeWriter._when, (Symbol.EFFECT, Symbol.TIMED_EFFECT)),
-    Assign: (TreeWriter._assign, (Symbol.EFFECT, Symbol.TIMED_EFFECT)),
-    Derived: (TreeWriter._derived, (Symbol.DERIVED,)),
-    TimedLiteral: (TreeWriter._timed_literal, (Symbol.TIMED,)),
-    Metric: (TreeWriter._metric, (Symbol.METRIC,)),
+    f.Atom: (FormulaChecker._atom, (*_HOLDS, Symbol.EFFECT, Symbol.INITIAL)),
+    f.Equal: (FormulaChecker._equal, (*_HOLDS, Symbol.INITIAL)),
+    f.Comparison: (FormulaChecker._comparison, (*_HOLDS, Symbol.DURATION)),
+    f.Not: (FormulaChecker._not, (*_HARD, Symbol.EFFECT, Symbol.INITIAL)),
+    f.And: (FormulaChecker._soft, (*_HARD, *_WITHIN_TIMED, Symbol.EFFECT)),
+    f.Or: (FormulaChecker._hard, _HARD),
+    f.Imply: (FormulaChecker._hard, _HARD),
+    f.Forall: (FormulaChecker._soft, (*_HARD, Symbol.EFFECT, Symbol.TIMED_EFFECT)),
+    f.Exists: (FormulaChecker._hard, _HARD),
+    f.Timed: (FormulaChecker._timed, ()),
+    f.Preference: (FormulaChecker._preference, ()),
+    f.Modal: (FormulaChecker._modal, (Symbol.CONSTRAINT, Symbol.TRAJECTORY)),
+    f.When: (FormulaChecker._when, (Symbol.EFFECT, Symbol.TIMED_EFFECT)),
+    f.Assign: (FormulaChecker._assign, (Symbol.EFFECT, Symbol.TIMED_EFFECT)),
+    f.Derived: (FormulaChecker._derived, (Symbol.DERIVED,)),
+    f.TimedLiteral: (FormulaChecker._timed_literal, (Symbol.TIMED,)),
+    f.Metric: (FormulaChecker._metric, (Symbol.METRIC,)),
 }
 
 
-N = TypeVar("N", bound=Node)
+N = TypeVar("N", bound=f.Node)
 
 _SYMBOLS = {
     DERIVED_PREDICATE: Symbol.DERIVED,
@@ -575,18 +587,18 @@ _SYMBOLS = {
 }
 # What the root of a tree may be, in the sections that do not take any formula.
 _CLASSES: dict[str, tuple[type, ...]] = {
-    DERIVED_PREDICATE: (Derived,),
-    INITIAL: (Not, Equal),
-    TIMED: (TimedLiteral,),
-    METRIC: (Metric,),
+    DERIVED_PREDICATE: (f.Derived,),
+    INITIAL: (f.Not, f.Equal),
+    TIMED: (f.TimedLiteral,),
+    METRIC: (f.Metric,),
 }
-_FORMULAS: tuple[type, ...] = get_args(Formula)
+_FORMULAS: tuple[type, ...] = get_args(f.Formula)
 
 
-def read_formula(definitions: Definitions, formula: FormulaDefinition) -> Node:
+def read_formula(definitions: Definitions, formula: FormulaDefinition) -> f.Node:
     """Read a stored formula."""
     with reading_rows("formula_version", f"formula {formula.id!r}"):
-        node: Node = TreeReader(definitions, formula.tree).formula()
+        node: f.Node = TreeReader(definitions, formula.tree).formula()
         if not isinstance(node, _CLASSES.get(formula.section, _FORMULAS)):
             raise TypeError(f"a {type(node).__name__} stands as {formula.section}")
     return node
@@ -597,34 +609,36 @@ def read_formulas(definitions: Definitions, section: str) -> list[FormulaDefinit
     return [each for each in definitions.formulas if each.section == section]
 
 
-def make_formula(transaction: Transaction, section: str, node: Node) -> FormulaDefinition:
-    """Check a formula and find or create its identity."""
+def check_formula(transaction: Transaction, section: str, node: f.Node) -> None:
+    """Check a formula that is given as a node."""
+    FormulaChecker(transaction, f"the {section} {shown(node)}").check((node,), _SYMBOLS[section])
+
+
+def make_formula(transaction: Transaction, section: str, node: f.Node) -> FormulaDefinition:
+    """Find or create the identity of a formula that was checked."""
     definitions = transaction.definitions
-    writer = TreeWriter(transaction, f"the {section} {shown(node)}")
-    tree = writer.tree(node, _SYMBOLS[section])
+    tree = TreeWriter(transaction).tree(node)
     text = canonical_text(definitions, FormulaDefinition(0, "", section, tree))
     id_, name = identify(transaction, "formula", formula_name(section, text))
     return FormulaDefinition(id_, name, section, tree, text)
 
 
-def is_ground(formula: Node) -> bool:
+def is_ground(formula: f.Node) -> bool:
     """Return whether a formula is a ground atom, which is stored as a proposition."""
-    return isinstance(formula, Atom) and all(isinstance(term, Constant) for term in formula.terms)
-
-
-def put_formula(transaction: Transaction, section: str, node: Node) -> bool:
-    """Save a formula; return whether it is new."""
-    return transaction.define("formula", make_formula(transaction, section, node))
+    return isinstance(formula, f.Atom) and all(
+        isinstance(term, f.Constant) for term in formula.terms
+    )
 
 
 class _AbsentError(Exception):
     """Rolls back the identities that were made to look up an absent formula."""
 
 
-def remove_formula(transaction: Transaction, section: str, node: Node) -> bool:
+def remove_formula(transaction: Transaction, section: str, node: f.Node) -> bool:
     """Delete a formula; return whether there was one."""
     try:
         with transaction.scope():
+            check_formula(transaction, section, node)
             made = make_formula(transaction, section, node)
             if transaction.definitions.formulas.get(made.id) is None:
                 raise _AbsentError
@@ -646,7 +660,7 @@ class SqlFormulaDao(SqlDao, FormulaDao[N], Generic[N]):
     """One section of formulas in an SQL store."""
 
     section: ClassVar[str]
-    node_classes: tuple[type, ...] = (Node,)
+    node_classes: tuple[type, ...] = (f.Node,)
     # Reads such a formula from text, where it can be told from others of its form.
     _reads: ClassVar[Callable[..., Any] | None] = None
     example: ClassVar[str] = ""
@@ -701,7 +715,11 @@ class SqlFormulaDao(SqlDao, FormulaDao[N], Generic[N]):
         node: N = formula
         if isinstance(formula, str):
             node = TextReader(transaction).read(self._reader(), formula)
-        made = [self._put(transaction, part) for part in self._parts(node)]
+        made = []
+        for part in self._parts(node):
+            if node is formula:
+                check_formula(transaction, self.section, part)
+            made.append(self._put(transaction, part))
         return any(made)
 
     def _remove_given(self, transaction: Transaction, formula: Any) -> bool:
@@ -739,7 +757,7 @@ class SqlFormulaDao(SqlDao, FormulaDao[N], Generic[N]):
         return (formula,)
 
     def _put(self, transaction: Transaction, formula: N) -> bool:
-        return put_formula(transaction, self.section, formula)
+        return transaction.define("formula", make_formula(transaction, self.section, formula))
 
     def _remove(self, transaction: Transaction, formula: N) -> bool:
         return remove_formula(transaction, self.section, formula)
@@ -748,14 +766,14 @@ class SqlFormulaDao(SqlDao, FormulaDao[N], Generic[N]):
         return remove_formulas(transaction, self.section)
 
 
-class SqlDerivedPredicateDao(SqlFormulaDao[Derived], DerivedPredicateDao):
+class SqlDerivedPredicateDao(SqlFormulaDao[f.Derived], DerivedPredicateDao):
     """Rules for derived predicates in an SQL store."""
 
     section = DERIVED_PREDICATE
-    node_classes = (Derived,)
+    node_classes = (f.Derived,)
 
     @override
-    def save_all(self, formulas: Iterable[Derived | str]) -> int:
+    def save_all(self, formulas: Iterable[f.Derived | str]) -> int:
         with self._store.transaction() as transaction:
             changed = super().save_all(formulas)
             if changed:
@@ -763,24 +781,24 @@ class SqlDerivedPredicateDao(SqlFormulaDao[Derived], DerivedPredicateDao):
         return changed
 
 
-class SqlTimedInitialLiteralDao(SqlFormulaDao[TimedLiteral], TimedInitialLiteralDao):
+class SqlTimedInitialLiteralDao(SqlFormulaDao[f.TimedLiteral], TimedInitialLiteralDao):
     """Timed initial literals in an SQL store."""
 
     section = TIMED
-    node_classes = (TimedLiteral,)
+    node_classes = (f.TimedLiteral,)
 
 
-class SqlInitialLiteralDao(SqlFormulaDao[Not | Equal], InitialLiteralDao):
+class SqlInitialLiteralDao(SqlFormulaDao[f.Not | f.Equal], InitialLiteralDao):
     """Negative literals and equalities of the initial state in an SQL store."""
 
     section = INITIAL
-    node_classes = (Not, Equal)
+    node_classes = (f.Not, f.Equal)
 
 
-class _SqlConjunctionDao(SqlFormulaDao[Formula]):
+class _SqlConjunctionDao(SqlFormulaDao[f.Formula]):
     """A section in which a conjunction is stored as its conjuncts."""
 
-    def _parts(self, formula: Formula) -> Sequence[Formula]:
+    def _parts(self, formula: f.Formula) -> Sequence[f.Formula]:
         return flatten(*super()._parts(formula))
 
 
@@ -798,6 +816,16 @@ class SqlDomainConstraintDao(SqlConstraintDao):
     section = DOMAIN_CONSTRAINT
 
 
+def read_goals(view: View) -> list[f.Formula]:
+    """Read the goals of a state, preferences included; those that are propositions come first."""
+    found: list[Any] = [
+        f.Atom(goal.predicate.name, tuple([f.Constant(one.name) for one in goal.objects]))
+        for goal in GOALS.answer(view)
+    ]
+    stored = read_formulas(view.definitions, GOAL)
+    return found + [read_formula(view.definitions, each) for each in stored]
+
+
 class SqlGoalDao(_SqlConjunctionDao, GoalDao):
     """Goals of any form in an SQL store; ground atoms among them are propositions."""
 
@@ -806,15 +834,8 @@ class SqlGoalDao(_SqlConjunctionDao, GoalDao):
     example = "(robot_at rb1 wp1)"
 
     @override
-    def get_all(self) -> list[Formula]:
-        def work(view: View) -> list[Formula]:
-            atoms: list[Formula] = [
-                Atom(goal.predicate.name, tuple(Constant(object_.name) for object_ in goal.objects))
-                for goal in GOALS.answer(view)
-            ]
-            return atoms + self._stored(view.definitions)
-
-        return self._store.read(work, self._at)
+    def get_all(self) -> list[f.Formula]:
+        return self._store.read(read_goals, self._at)
 
     @override
     def save(self, formula: GoalLike | Sequence[GoalLike]) -> bool:
@@ -854,17 +875,17 @@ class SqlGoalDao(_SqlConjunctionDao, GoalDao):
         key = existing_key(transaction, formula)
         return self._retract(transaction, None if key is None else key._replace(is_goal=True))
 
-    def _put(self, transaction: Transaction, formula: Formula) -> bool:
-        if not (isinstance(formula, Atom) and is_ground(formula)):
+    def _put(self, transaction: Transaction, formula: f.Formula) -> bool:
+        if not (isinstance(formula, f.Atom) and is_ground(formula)):
             return super()._put(transaction, formula)
-        tree = TreeWriter(transaction, "a goal").tree(formula, Symbol.CONDITION)
+        tree = TreeWriter(transaction).tree(formula)
         text = node_text(TreeReader(transaction.definitions, tree).formula())
         key = key_of_atom(transaction, formula, True)
         assert key is not None
         return transaction.propositions.hold_all({key: text}) > 0
 
-    def _remove(self, transaction: Transaction, formula: Formula) -> bool:
-        if not (isinstance(formula, Atom) and is_ground(formula)):
+    def _remove(self, transaction: Transaction, formula: f.Formula) -> bool:
+        if not (isinstance(formula, f.Atom) and is_ground(formula)):
             return super()._remove(transaction, formula)
         return self._retract(transaction, key_of_atom(transaction, formula, True))
 
@@ -883,17 +904,17 @@ class SqlMetricDao(SqlDao, MetricDao):
     """The metric in an SQL store."""
 
     @override
-    def get(self) -> Metric | None:
-        def work(definitions: Definitions) -> Metric | None:
+    def get(self) -> f.Metric | None:
+        def work(definitions: Definitions) -> f.Metric | None:
             stored = read_formulas(definitions, METRIC)
             return read_formula(definitions, stored[0]) if stored else None  # type: ignore[return-value]
 
         return self._store.read_definitions(work, self._at)
 
     @override
-    def set(self, metric: Metric | None) -> bool:
+    def set(self, metric: f.Metric | None) -> bool:
         self._check_writable()
-        if metric is not None and not isinstance(metric, Metric):
+        if metric is not None and not isinstance(metric, f.Metric):
             raise InvalidKnowledgeError(
                 f"the metric is a node Metric of kant_sql.pddl, or None, not "
                 f"{type(metric).__name__}: {shown(metric)}"
@@ -901,9 +922,12 @@ class SqlMetricDao(SqlDao, MetricDao):
         return self._store.write(lambda transaction: put_metric(transaction, metric))
 
 
-def put_metric(transaction: Transaction, metric: Metric | None) -> bool:
+def put_metric(transaction: Transaction, metric: f.Metric | None) -> bool:
     """Replace the metric; return whether it changed."""
-    made = None if metric is None else make_formula(transaction, METRIC, metric)
+    made = None
+    if metric is not None:
+        check_formula(transaction, METRIC, metric)
+        made = make_formula(transaction, METRIC, metric)
     changed = False
     for stored in read_formulas(transaction.definitions, METRIC):
         if made is None or stored.id != made.id:

@@ -16,7 +16,7 @@ from ..dao.dependants import (
     propositions_on,
     retract,
 )
-from ..dao.formula import is_ground, make_formula, read_formula, read_formulas
+from ..dao.formula import check_formula, is_ground, make_formula, read_formula, read_formulas
 from ..dao.interfaces import Progress
 from ..dao.predicate import same_types
 from ..dto.formulas import Atom, Constant, Node, Not, Number, TypedName
@@ -191,6 +191,7 @@ def retract_misfits(transaction: Transaction) -> None:
         if formula.section in d.PROBLEM_SECTIONS:
             try:
                 node = read_formula(definitions, formula)
+                check_formula(transaction, formula.section, node)
                 transaction.define("formula", make_formula(transaction, formula.section, node))
             except InvalidKnowledgeError:
                 transaction.undefine("formula", formula.id)
@@ -429,7 +430,7 @@ def _put_actions(
         if replace and stored is not None and stored.kind != action.kind:
             transaction.undefine("action", stored.id)
         said = (action.duration, action.condition, action.effect)
-        trees = action_trees(transaction, action.kind, action.name, parameters, *said)
+        trees = action_trees(transaction, parameters, said)
         put_action(transaction, action.kind, action.name, parameters, trees)
         now = stored_actions.named(action.name)
         assert now is not None

@@ -10,8 +10,7 @@ from typing import Any
 
 from typing_extensions import override
 
-from ..dao.formula import read_formula, read_formulas
-from ..dao.proposition import GOALS
+from ..dao.formula import read_formula, read_formulas, read_goals
 from ..dto import formulas as f
 from ..dto.formulas import Node
 from ..dto.lexical import fold
@@ -33,7 +32,7 @@ from ..knowledge.conditions import (
     check_levels,
     negate,
 )
-from ..knowledge.definitions import GOAL, METRIC, Definitions
+from ..knowledge.definitions import METRIC, Definitions
 from ..knowledge.rules import rules_of
 from ..knowledge.symbols import symbols_of
 from ..pddl.conditions import read_condition, text_of
@@ -326,19 +325,6 @@ def unsatisfied(
     return Listing(state.store.read_in_snapshot(work, state.at), FAILED)
 
 
-def goals_of(view: View) -> list[f.Formula]:
-    """Read the goals of a state, preferences included."""
-    if view.kb_id is None:
-        return []
-    atoms: list[f.Formula] = [
-        f.Atom(goal.predicate.name, tuple(f.Constant(each.name) for each in goal.objects))
-        for goal in GOALS.answer(view)
-    ]
-    stored = read_formulas(view.definitions, GOAL)
-    others: list[Any] = [read_formula(view.definitions, each) for each in stored]
-    return atoms + others
-
-
 def unsatisfied_goals(state: State) -> list[FailedCondition]:
     """Return the parts of the goals that do not hold; preferences are no part.
 
@@ -357,7 +343,7 @@ def unsatisfied_goals(state: State) -> list[FailedCondition]:
 
 def _hard_goals(view: View) -> list[f.Formula]:
     """Read the goals without preferences."""
-    found = (of_time(goal, None) for goal in goals_of(view))
+    found = (of_time(goal, None) for goal in read_goals(view))
     return [goal for goal in found if goal is not None]
 
 
@@ -430,7 +416,7 @@ def _violations(view: View, name: str) -> int:
     """Count the instances of a preference among the goals that do not hold."""
     found = [
         one
-        for goal in goals_of(view)
+        for goal in read_goals(view)
         for one in preferred(goal)
         if one.name is not None and fold(one.name) == fold(name)
     ]

@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from kant_sql import KnowledgeBase, PddlActionDto, PddlObjectDto, PddlTypeDto
+from kant_sql.dao.formula import FormulaChecker
 from kant_sql.dto.formulas import (
     MAX_NESTING,
     And,
@@ -419,3 +420,16 @@ def test_what_is_wrong_deep_within_is_said_briefly(fresh_kb: KnowledgeBase) -> N
     # However deep, that is a conjunction of one.
     fresh_kb.goals.save(ands)
     assert fresh_kb.goals.get_all() == [IDLE]
+
+
+def test_formulas_of_texts_are_checked_by_the_reader_only(
+    fresh_kb: KnowledgeBase, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def check(*given: object) -> None:
+        raise AssertionError(given)
+
+    monkeypatch.setattr(FormulaChecker, "check", check)
+    load(fresh_kb)
+    fresh_kb.goals.save("(forall (?t - truck) (at ?t p1))")
+    with pytest.raises(AssertionError):
+        fresh_kb.goals.save(IDLE)
