@@ -39,6 +39,7 @@ from .history.diff import diff_lines, state_lines
 from .history.follow import watch_until
 from .knowledge_base import KnowledgeBase, state_of
 from .knowledge_store import KnowledgeStore
+from .limits import PATIENCE
 from .moment_text import When
 from .plans.interfaces import PlanDao
 from .reasoning.ask import Answers, Binding
@@ -74,8 +75,6 @@ N = TypeVar("N", bound=Node)
 C = TypeVar("C", KnowledgeBase, KnowledgeStore)
 
 POOL_SIZE = 8
-# Seconds that writers of one event loop queue, as threads do.
-QUEUE_TIMEOUT = 20.0
 # Seconds for which a waiting call may take a thread of the pool.
 SHORT_WATCH = 0.5
 BATCH = 100
@@ -293,13 +292,13 @@ class _Door:
         queues: tuple[asyncio.Lock | asyncio.Semaphore, ...] = self.queue(), *self._crew.places()
         with ExitStack() as turn:
             try:
-                async with asyncio.timeout(QUEUE_TIMEOUT):
+                async with asyncio.timeout(PATIENCE):
                     for queue in queues:
                         await queue.acquire()
                         turn.callback(queue.release)
             except TimeoutError as error:
                 raise StoreBusyError(
-                    f"other tasks held the knowledge base for over {QUEUE_TIMEOUT:g} s; nothing "
+                    f"other tasks held the knowledge base for over {PATIENCE:g} s; nothing "
                     "was written, try again"
                 ) from error
             return turn.pop_all()

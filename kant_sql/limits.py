@@ -20,6 +20,8 @@ from .errors import InvalidArgumentError, QuestionCancelledError
 
 __all__ = ["Limit", "limited"]
 
+# Seconds that a call waits for another writer to end, unless the URL says otherwise.
+PATIENCE = 20.0
 # Seconds until a statement that still runs is stopped again: a server ignores a request to cancel
 # that comes before the statement does.
 STOP_AGAIN = 0.05

@@ -117,7 +117,9 @@ class SqlDao:
         return store
 
     def _check_writable(self) -> None:
-        store = self._store
+        store = self._open_store
+        if store.is_closed:
+            store.refuse_closed()
         if self._at is not None:
             refuse_past(store, self._at)
 
@@ -515,10 +517,12 @@ class Definer(ABC, Generic[D, F]):
     kind: ClassVar[str]
     dto_class: type[D]
 
-    def ensure(self, transaction: Transaction, dto: D, role: str) -> F:
-        """Find the element that another one refers to; save it when it is missing."""
+    def ensure(self, transaction: Transaction, dto: D | str, role: str) -> F:
+        """Find the element that another one refers to; save what a DTO says if it is missing."""
+        if isinstance(dto, str):
+            return self._known(transaction, dto, role)
         reference, agreements = self._reference(dto), transaction.agreements
-        found: Any = None if reference is None else agreements.find(reference)
+        found: Any = agreements.known.get(reference) or agreements.new.get(reference)
         if found is None:
             expect(dto, self.dto_class, f"the {self.kind} of {role}")
             found = self._find(transaction, dto, role)
@@ -526,7 +530,7 @@ class Definer(ABC, Generic[D, F]):
                 agreements.new[reference] = found
         return found  # type: ignore[no-any-return]
 
-    def known(self, transaction: Transaction, name: str, role: str) -> F:
+    def _known(self, transaction: Transaction, name: str, role: str) -> F:
         """Find the element that another one refers to by name alone."""
         found: F | None = transaction.definitions.elements(self.kind).named(name)
         if found is None:

@@ -48,6 +48,7 @@ from .interfaces import (
     ValueLike,
 )
 from .known import refuse_unknown
+from .object import OBJECTS
 from .proposition import Arguments
 from .text import TextReader, expect_text
 
@@ -110,26 +111,24 @@ OF_FUNCTION = _reading(FunctionValueVersionRow.function_id == bindparam("functio
 OF_FLUENT = _reading(FunctionValueVersionRow.function_value_id == _FLUENT)
 
 
-_ROLE = "a function value"
 VALUE = "(= (battery rb1) 80)"
 
 
 class FluentReferences(Arguments):
     """What the fluents of one batch refer to."""
 
-    def __init__(self, transaction: Transaction) -> None:
-        super().__init__(transaction, _ROLE)
-        self._text = TextReader(transaction)
+    role = "a function value"
 
     def entry(self, given: ValueLike) -> tuple[FluentKey, str, FluentValue]:
         """Check a value; save what a DTO refers to when it is missing."""
         if isinstance(given, str | Node):
-            fluent, value = self._text.value(given)
+            fluent, value = self.read(read_value, given)
             if value is None:
                 raise InvalidKnowledgeError(f"{fluent} has no value; give one, such as '{VALUE}'")
             function, key, text = self.resolve(fluent.function, names_of(fluent))
             return key, text, self.value(function, value, text)
-        self._text.forget()
+        # It may define something.
+        self._text = None
         function, key, text = self.resolve(given.function, given.objects)
         return key, text, self.value(function, given.value, text)
 
@@ -137,7 +136,7 @@ class FluentReferences(Arguments):
         self, function: FunctionReference, objects: Sequence[ObjectReference]
     ) -> tuple[FunctionDefinition, FluentKey, str]:
         """Check a fluent, and save what it refers to by a DTO when it is missing."""
-        declared = self._function(function)
+        declared = FUNCTIONS.ensure(self._transaction, function, self.role)
         names = [each if isinstance(each, str) else each.name for each in objects]
         shown = f"({' '.join([declared.name, *map(str, names)])})"
         found = self.check(shown, declared, objects)
@@ -153,7 +152,7 @@ class FluentReferences(Arguments):
             raise TypeMismatchError(
                 f"{text}: the value is {shown(given)}, expected an object, as in {function.text}"
             )
-        object_ = self.object(given)
+        object_ = OBJECTS.ensure(self._transaction, given, self.role)
         if not self._transaction.definitions.any_fits(object_.type_ids, function.type_ids):
             raise self.mismatch(f"{text}: the value", object_, function.type_ids, function.text)
         return FluentValue(object_.name, object_.id)
@@ -169,11 +168,6 @@ class FluentReferences(Arguments):
             return Decimal(number_text(given))
         except InvalidKnowledgeError as error:
             raise InvalidKnowledgeError(f"{text}: {error}") from None
-
-    def _function(self, dto: FunctionReference) -> FunctionDefinition:
-        if isinstance(dto, str):
-            return FUNCTIONS.known(self._transaction, dto, _ROLE)
-        return FUNCTIONS.ensure(self._transaction, dto, _ROLE)
 
 
 def existing_key(
@@ -205,11 +199,11 @@ def fluent_of(
         function, *objects = words
     if not isinstance(function, str | PddlFunctionDto):
         raise InvalidKnowledgeError(
-            f"the function of {_ROLE} is a name or a PddlFunctionDto, not "
+            f"the function of a function value is a name or a PddlFunctionDto, not "
             f"{type(function).__name__}: {shown(function)}"
         )
     kinds: tuple[type[Any], ...] = (PddlObjectDto, str)
-    expect_list(objects, kinds, f"the list of objects of {_ROLE}")
+    expect_list(objects, kinds, "the list of objects of a function value")
     return function, objects
 
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from typing import Any
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any, ClassVar, TypeVar
 
 from sqlalchemy import ColumnElement, bindparam, case, false, literal_column, or_, select
 from typing_extensions import override
@@ -31,16 +31,25 @@ from .object import OBJECTS
 from .predicate import PREDICATES
 from .text import TextReader, expect_text
 
-_ROLE = "a proposition"
+T = TypeVar("T")
+
 FACT = "(robot_at rb1 wp1)"
 
 
 class Arguments:
     """The objects that the elements of one batch refer to."""
 
-    def __init__(self, transaction: Transaction, role: str) -> None:
+    role: ClassVar[str]
+
+    def __init__(self, transaction: Transaction) -> None:
         self._transaction = transaction
-        self._role = role
+        self._text: TextReader | None = None
+
+    def read(self, read: Callable[..., T], given: str | Node) -> T:
+        """Read a text with one of the functions of `pddl.conditions`."""
+        if self._text is None:
+            self._text = TextReader(self._transaction)
+        return self._text.read(read, given)
 
     def check(
         self,
@@ -57,7 +66,7 @@ class Arguments:
         found: list[ObjectDefinition] = []
         definitions = self._transaction.definitions
         for parameter, object_dto in zip(declared.parameters, objects, strict=True):
-            object_ = self.object(object_dto)
+            object_ = OBJECTS.ensure(self._transaction, object_dto, self.role)
             allowed = parameter.type_ids
             if object_.type_id not in allowed and not definitions.any_fits(
                 object_.type_ids, allowed
@@ -66,12 +75,6 @@ class Arguments:
                 raise self.mismatch(role, object_, allowed, declared.text)
             found.append(object_)
         return found
-
-    def object(self, dto: PddlObjectDto | str) -> ObjectDefinition:
-        """Find an object; save it when it is missing."""
-        if isinstance(dto, str):
-            return OBJECTS.known(self._transaction, dto, self._role)
-        return OBJECTS.ensure(self._transaction, dto, self._role)
 
     def mismatch(
         self, role: str, object_: ObjectDefinition, allowed: Sequence[int], declared: str
@@ -88,19 +91,18 @@ class Arguments:
 class References(Arguments):
     """What the propositions of one batch refer to."""
 
-    def __init__(self, transaction: Transaction) -> None:
-        super().__init__(transaction, _ROLE)
-        self._text = TextReader(transaction)
+    role = "a proposition"
 
     def resolve(self, given: FactLike) -> tuple[AtomKey, str]:
         """Check a proposition; save what a DTO refers to when it is missing."""
         if isinstance(given, str | Node):
-            atom, is_goal = self._text.fact(given), False
-            predicate = PREDICATES.known(self._transaction, atom.predicate, _ROLE)
+            atom, is_goal = self.read(read_fact, given), False
+            predicate = PREDICATES.ensure(self._transaction, atom.predicate, self.role)
             objects = self.check(atom, predicate, [str(term) for term in atom.terms])
         else:
-            self._text.forget()
-            predicate = PREDICATES.ensure(self._transaction, given.predicate, _ROLE)
+            # It may define something.
+            self._text = None
+            predicate = PREDICATES.ensure(self._transaction, given.predicate, self.role)
             objects = self.check(given, predicate, given.objects)
             is_goal = flag(given.is_goal, "is_goal of a proposition")
         ids = " ".join([str(object_.id) for object_ in objects])
@@ -275,13 +277,14 @@ class SqlPropositionDao(SqlGroundDao[PddlPropositionDto], PddlPropositionDao):
 
     def _check(self, dto: object) -> None:
         self._check_writable()
-        expect_text(dto, "the proposition DAO", "a fact", FACT, PddlPropositionDto)
         if isinstance(dto, PddlPropositionDto):
             check_dto(dto)
+        else:
+            expect_text(dto, "the proposition DAO", "a fact", FACT, PddlPropositionDto)
 
     def _save_batch(self, transaction: Transaction, dtos: Iterable[FactLike]) -> int:
         resolve = References(transaction).resolve
-        return transaction.propositions.hold_all(dict([resolve(dto) for dto in dtos]))
+        return transaction.propositions.hold_all(dict(map(resolve, dtos)))
 
     def _holds(self, transaction: Transaction, dto: FactLike) -> bool:
         atom = self._find(transaction, dto)

@@ -6,11 +6,10 @@ from collections.abc import Callable
 from typing import TypeVar
 
 from ..arguments import refuse_many, shown
-from ..dto.formulas import MODALS, Atom, Node
+from ..dto.formulas import MODALS, Node
 from ..dto.lexical import NUMBER, RESERVED, ROOT_TYPE, fold, is_word
 from ..errors import InvalidKnowledgeError, PddlError
 from ..knowledge.symbols import symbols_of
-from ..pddl.conditions import ReadValue, read_fact, read_value
 from ..pddl.lexer import tokenize
 from ..pddl.symbols import SymbolTable
 from ..store.transaction import Transaction
@@ -33,23 +32,11 @@ def expect_text(given: object, what: str, article: str, example: str, *also: typ
 
 
 class TextReader:
-    """Reads what is given as text, with the names of a transaction."""
+    """Reads what is given as text, with the names of a transaction as it is now."""
 
     def __init__(self, transaction: Transaction) -> None:
         self._transaction = transaction
         self._symbols: SymbolTable | None = None
-
-    def forget(self) -> None:
-        """Forget the names: something may have been defined."""
-        self._symbols = None
-
-    def fact(self, given: str | Node) -> Atom:
-        """Read a ground atom."""
-        return self.read(read_fact, given)
-
-    def value(self, given: str | Node) -> ReadValue:
-        """Read a fluent, perhaps with its value."""
-        return self.read(read_value, given)
 
     def read(self, read: Callable[..., T], given: str | Node) -> T:
         """Read it with one of the functions of `pddl.conditions`."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from decimal import Decimal
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar, overload
+from typing import TYPE_CHECKING, Any, TypeVar, overload
 
 from .. import html
 from ..arguments import count_limit, expect, shown
@@ -56,11 +56,13 @@ class Prepared:
 
     Attributes:
         condition: the condition.
+        columns: the names of its free variables.
         definitions: what it was resolved with.
     """
 
     def __init__(self, condition: ResolvedCondition, definitions: Definitions) -> None:
         self.condition = condition
+        self.columns = tuple([column.name for column in condition.columns])
         self.definitions = definitions
         self.places = {
             column.bound.slot: f":b{number}" for number, column in enumerate(condition.given)
@@ -79,7 +81,9 @@ class Prepared:
 
     def values(self, definitions: Definitions, bindings: Mapping[str, Binding]) -> dict[str, int]:
         """Return the ids of the objects that the variables are given."""
-        values = {}
+        values: dict[str, int] = {}
+        if not bindings:
+            return values
         names = [column.name for column in self.condition.given]
         given = {given_variable(keyword, names): value for keyword, value in bindings.items()}
         for number, column in enumerate(self.condition.given):
@@ -169,11 +173,16 @@ def prepare(
         for column in (*resolved.columns, *resolved.given):
             _check_possible(definitions, column)
         found = Prepared(resolved, definitions)
-        if type(definitions) is Definitions:
+        if is_kept(definitions):
             if len(kept) >= KEPT:
                 kept.clear()
             kept[key] = found
     return found
+
+
+def is_kept(definitions: Definitions) -> bool:
+    """Return whether definitions never change: those of a transaction do."""
+    return type(definitions) is Definitions
 
 
 def _check_possible(definitions: Definitions, column: Column) -> None:
@@ -344,7 +353,7 @@ class Answers:
 
     def __init__(
         self,
-        read: Callable[[], tuple[Definitions, list[Row]]],
+        read: Callable[[], list[Answer]],
         *,
         columns: tuple[str, ...],
         sql: Callable[[], str],
@@ -352,27 +361,21 @@ class Answers:
         self._read = read
         self.columns = columns
         self._sql = sql
-        self._rows: list[Row] | None = None
-        self._definitions: Definitions | None = None
+        self._answers: list[Answer] | None = None
 
     @property
     def sql(self) -> str:
         """The statement that finds them, with its values bound in, for `sqlite3` or `psql`."""
         return self._sql()
 
-    def _found(self) -> list[Row]:
-        if self._rows is None:
-            self._definitions, self._rows = self._read()
-        return self._rows
-
-    def _answer(self, row: Row) -> Answer:
-        assert self._definitions is not None
-        live = self._definitions.objects.live
-        return tuple([live(id_).name for id_ in row[1 : len(self.columns) + 1]])
+    def _found(self) -> list[Answer]:
+        if self._answers is None:
+            self._answers = self._read()
+        return self._answers
 
     def __iter__(self) -> Iterator[Answer]:
         """Return the answers one by one."""
-        return map(self._answer, self._found())
+        return iter(self._found())
 
     def __len__(self) -> int:
         """Return how many there are."""
@@ -384,10 +387,7 @@ class Answers:
     def __getitem__(self, index: slice) -> list[Answer]: ...
     def __getitem__(self, index: int | slice) -> Answer | list[Answer]:
         """Return an answer, or several."""
-        rows = self._found()
-        if isinstance(index, slice):
-            return [self._answer(row) for row in rows[index]]
-        return self._answer(rows[index])
+        return self._found()[index]
 
     def to_dicts(self) -> list[dict[str, str]]:
         """Return each answer as a dictionary.
@@ -410,7 +410,7 @@ class Answers:
 
     def __str__(self) -> str:
         """Write the first answers as a table."""
-        shown = [self._answer(row) for row in self._found()[:SHOWN]]
+        shown = self._found()[:SHOWN]
         if not self.columns:
             return "holds" if self else "does not hold"
         lines = [tuple(f"?{name}" for name in self.columns), *shown]
@@ -421,7 +421,7 @@ class Answers:
 
     def __repr__(self) -> str:
         """Write the columns, and the answers once they are read."""
-        found = "not read yet" if self._rows is None else f"{len(self._rows)} answers"
+        found = "not read yet" if self._answers is None else f"{len(self._answers)} answers"
         return f"<Answers {', '.join(self.columns) or 'without columns'}: {found}>"
 
     def _repr_html_(self) -> str:
@@ -435,27 +435,35 @@ class Answers:
         return html.titled(rows, len(self), "answer")
 
 
-class _Asking(NamedTuple):
-    """A question for objects, before a state is known.
+class _Asking:
+    """A question for objects, before a state is known."""
 
-    Attributes:
-        limit: the greatest number of answers.
-    """
+    def __init__(
+        self,
+        condition: object,
+        parameters: str | None,
+        limit: int | None,
+        bindings: Mapping[str, Binding],
+    ) -> None:
+        self.asked = condition, parameters, bindings
+        self.limit = limit
+        self._last: tuple[Prepared, dict[str, Any]] | None = None
 
-    condition: object
-    parameters: str | None
-    limit: int | None
-    bindings: Mapping[str, Binding]
+    def prepared(self, definitions: Definitions) -> tuple[Prepared, dict[str, Any]]:
+        """Prepare it with definitions, or refuse it; return the values of its parameters, too."""
+        last = self._last
+        # Those that a transaction changes are the same object, and say something else.
+        if last is None or last[0].definitions is not definitions or not is_kept(definitions):
+            prepared = prepare(definitions, *self.asked)
+            given: dict[str, Any] = {**prepared.values(definitions, self.asked[2])}
+            if self.limit is not None:
+                given["most"] = self.limit
+            last = self._last = prepared, given
+        return last
 
-    def columns(self, definitions: Definitions) -> tuple[str, ...]:
-        """Return the names of the columns, or refuse the question."""
-        prepared = prepare(definitions, self.condition, self.parameters, self.bindings)
-        prepared.values(definitions, self.bindings)
-        return tuple(column.name for column in prepared.condition.columns)
-
-    def read(self, view: View) -> tuple[Definitions, list[Row]]:
+    def read(self, view: View) -> list[Answer]:
         """Read the answers in a state."""
-        prepared, given = self._prepared(view)
+        prepared, given = self.prepared(view.definitions)
         condition, is_limited = prepared.condition, self.limit is not None
 
         def write(question: Question) -> ConditionStatement:
@@ -465,22 +473,20 @@ class _Asking(NamedTuple):
         statement = prepared.statement(view, f"answers {is_limited}", write)
         rows = asked(view, statement, given, lambda row: row[1:3])
         # Without a head there is no row of it.
-        return view.definitions, rows if view.kb_id is None else rows[1:]
+        found = [row[1 : len(prepared.columns) + 1] for row in rows[view.kb_id is not None :]]
+        live = view.definitions.objects.live
+        names = {id_: live(id_).name for id_ in set().union(*found)}
+        return [tuple(map(names.__getitem__, ids)) for ids in found]
 
     def sql(self, view: View) -> str:
         """Write the statement with all its values, those that are computed first included."""
-        prepared, given = self._prepared(view)
+        prepared, given = self.prepared(view.definitions)
         condition, session = prepared.condition, view.session
         statement = question(view).readable(
             condition.part, condition.columns, prepared.places, self.limit is not None
         )
         values = literal_values(session, statement, kb=view.kb_id, at=view.at, given=given)
         return statement.literal(session.backend.words, values)
-
-    def _prepared(self, view: View) -> tuple[Prepared, dict[str, Any]]:
-        prepared = prepare(view.definitions, self.condition, self.parameters, self.bindings)
-        given: dict[str, Any] = {**prepared.values(view.definitions, self.bindings)}
-        return prepared, given if self.limit is None else {**given, "most": self.limit}
 
 
 def query(
@@ -522,8 +528,9 @@ def query(
     if limit is not None:
         limit = count_limit(limit)
     asking = _Asking(condition, parameters, limit, bindings)
+    prepared, _ = store.check_definitions(asking.prepared, at)
     return Answers(
         lambda: store.read(asking.read, at),
-        columns=store.check_definitions(asking.columns, at),
+        columns=prepared.columns,
         sql=lambda: store.read_in_snapshot(asking.sql, at),
     )

@@ -144,7 +144,7 @@ def lock_head(session: Session, kb_id: int) -> Head | None:
     if revision and (not isinstance(digest, str) or len(digest) != HASH_LENGTH):
         error = ValueError(f"column hash has {digest!r}, which is no hash")
         raise unreadable("head", whose(session, kb_id), error) from error
-    committed_at = to_time_of_head(session, kb_id, moment)
+    committed_at = None if moment is None else to_time_of_head(session, kb_id, moment)
     now = session.now(clock)
     return Head(revision, definition_revision, next_id, digest, committed_at, archived, origin, now)
 

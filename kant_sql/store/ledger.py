@@ -122,6 +122,7 @@ class Ledger(PendingChanges, Generic[K, V]):
         context: WriteContext,
         origin: Callable[[K], V | None],
         changes: dict[K, V | None] | None = None,
+        *tables: dict[Any, Any],
     ) -> None:
         self.context = context
         self.changes: dict[K, V | None] = {} if changes is None else changes
@@ -130,7 +131,7 @@ class Ledger(PendingChanges, Generic[K, V]):
         self._origin = origin
         self._written: dict[K, V | None] = {}
         self.assign = context.journal.assign
-        context.journal.track(self.changes, self.pending, self._written)
+        context.journal.track(self.changes, self.pending, self._written, *tables)
 
     def now(self, key: K) -> V | None:
         """Return what holds, as changed so far."""
@@ -233,13 +234,12 @@ class InternedLedger(Ledger[int, V], Generic[I, V]):
 
     def __init__(self, context: WriteContext, cache: InternCache[Any, I, V | None]) -> None:
         self._before: dict[int, V | None] = {}
-        super().__init__(context, self._before.get)
-        self._cache = cache
-        self._cached = cache.at(context.head.revision)
         self._known: dict[Any, I] = {}
         self._new: dict[int, I] = {}
+        super().__init__(context, self._before.get, None, self._before, self._known, self._new)
+        self._cache = cache
+        self._cached = cache.at(context.head.revision)
         self.was_spilled = False
-        context.journal.track(self._before, self._known, self._new)
 
     @property
     def is_untouched(self) -> bool:
@@ -360,12 +360,12 @@ class DefinitionLedger(Ledger[int, Definition]):
     def __init__(
         self, context: WriteContext, kind: str, elements: PendingElements[Definition]
     ) -> None:
-        super().__init__(context, elements.origin.get, elements.changes)
+        own = elements.interned, elements.unwritten
+        super().__init__(context, elements.origin.get, elements.changes, *own)
         self._kind = kind
         self._elements = elements
         self._tables = KIND_TABLES[kind]
         self.versions = self._tables.version
-        context.journal.track(elements.interned, elements.unwritten)
 
     def look_up(self, names: Iterable[str]) -> None:
         """Find the identities of names that are not live, in one statement."""

@@ -8,115 +8,11 @@ from sqlalchemy import BigInteger, bindparam, select
 
 from ..errors import ArchivedError, StoreIntegrityError, check_integer
 from ..knowledge.definitions import Definitions
-from ..sql.definition_rows import last_change, load, load_at, refresh
 from ..sql.dialects.base import Session
 from ..sql.query import Query
 from ..sql.rows import KB
 from ..sql.tables import ArchiveRow, HeadRow
-
-# How many past revisions, and their definitions, are cached.
-CACHED_PASTS, CACHED_EPOCHS = 64, 8
-
-
-class Snapshot(NamedTuple):
-    """Definitions, and the revision that last changed one.
-
-    Attributes:
-        definition_revision: the revision.
-        definitions: the definitions.
-    """
-
-    definition_revision: int
-    definitions: Definitions
-
-
-class DefinitionCache:
-    """The definitions of the head as a process last saw it, and of some past revisions.
-
-    What is kept never changes, so threads share it: a newer snapshot takes the place of an older.
-    """
-
-    def __init__(self) -> None:
-        self._snapshot: Snapshot | None = None
-        self._past: dict[int, Definitions] = {}
-        # By the revision that last changed them.
-        self._epochs: dict[int, Definitions] = {}
-
-    @property
-    def snapshot(self) -> Snapshot | None:
-        """The newest definitions that were read; None before the first."""
-        return self._snapshot
-
-    def load(self, session: Session, kb_id: int) -> Definitions:
-        """Read the definitions of the head, in one statement."""
-        definition_revision, definitions = load(session, kb_id)
-        self.keep(definition_revision, definitions)
-        return definitions
-
-    def at_head(
-        self, session: Session, kb_id: int, definition_revision: int, archived: int
-    ) -> Definitions:
-        """Return the definitions of a head that was read in the session's transaction."""
-        snapshot = self._snapshot
-        if snapshot is not None and snapshot.definition_revision == definition_revision:
-            return snapshot.definitions
-        if snapshot is None or not archived <= snapshot.definition_revision < definition_revision:
-            # Behind an archive, the tables no longer show what has ended since. Ahead of the
-            # head is a reader that began before another thread's commit.
-            return self.load(session, kb_id)
-        definitions = refresh(session, kb_id, snapshot.definitions, snapshot.definition_revision)
-        self.keep(definition_revision, definitions)
-        return definitions
-
-    def guess(self, revision: int | None) -> Snapshot | None:
-        """Return definitions that are right unless another process has changed some meanwhile."""
-        known = self._snapshot
-        if revision is None or known is None or revision >= known.definition_revision:
-            return known
-        return None
-
-    def known(self, revision: int | None) -> Definitions | None:
-        """Return definitions that are in memory: those of a past revision are right for good."""
-        if revision in self._past:
-            return self._past[revision]
-        guess = self.guess(revision)
-        return None if guess is None else guess.definitions
-
-    def at_revision(
-        self,
-        session: Session,
-        kb_id: int,
-        revision: int,
-        definition_revision: int,
-        archived: int,
-    ) -> Definitions:
-        """Return the definitions of a past revision, reading no more than has to be read."""
-        kept = self._past.get(revision)
-        if kept is not None:
-            return kept
-        if revision >= definition_revision:
-            definitions = self.at_head(session, kb_id, definition_revision, archived)
-        else:
-            # Archived versions no longer show their changes.
-            epoch = max(last_change(session, kb_id, revision), archived)
-            known = self._epochs.get(epoch)
-            definitions = load_at(session, kb_id, revision) if known is None else known
-            _keep(self._epochs, epoch, definitions, CACHED_EPOCHS)
-        _keep(self._past, revision, definitions, CACHED_PASTS)
-        return definitions
-
-    def keep(self, definition_revision: int, definitions: Definitions) -> None:
-        """Keep definitions, unless newer ones are kept already."""
-        known = self._snapshot
-        if known is None or known.definition_revision < definition_revision:
-            self._snapshot = Snapshot(definition_revision, definitions)
-
-
-def _keep(known: dict[int, Definitions], key: int, definitions: Definitions, limit: int) -> None:
-    if key not in known and len(known) >= limit:
-        known.clear()
-    known[key] = definitions
-
+from .caches import DefinitionCache
 
 _HEAD = Query(
     select(HeadRow.definition_revision, HeadRow.archived_revision).where(HeadRow.kb_id == KB)

@@ -11,6 +11,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from datetime import datetime, timedelta
+from functools import partial
 from types import TracebackType
 from typing import TypeVar
 
@@ -36,11 +37,10 @@ from ..sql.dialects.base import Backend, Session, WriterLock, retrying
 from ..sql.query import Query, StoreClock
 from ..sql.schema import ensure_schema
 from ..sql.tables import KnowledgeBaseRow
-from .caches import AgreementCache, AtomCache, FluentCache
+from .caches import AgreementCache, AtomCache, DefinitionCache, FluentCache
 from .head import Committed, Head, create_knowledge_base, is_stored, lock_head
 from .ownership import OPEN, Block, block_ahead, blocks_of_thread, own_block
 from .snapshot import (
-    DefinitionCache,
     DefinitionsMovedError,
     View,
     open_view,
@@ -149,12 +149,6 @@ class Store:
         self._atoms: AtomCache = AtomCache(self.is_one_of_many)
         self._fluents: FluentCache = FluentCache(self.is_one_of_many)
 
-    def _forget_what_was_archived(self, revision: int) -> None:
-        """Forget identities when some may have been moved since they were cached."""
-        if revision != self._archived_revision:
-            self._forget_identities()
-            self._archived_revision = revision
-
     def current(self) -> Transaction | None:
         """Return the transaction that this thread, task and context has open."""
         if not OPEN.get():
@@ -223,7 +217,6 @@ class Store:
         """Check something against the definitions, without a statement unless the check fails."""
         transaction = self.current()
         if transaction is None or at is not None:
-            self.refuse_closed()
             known = self._definitions.known(at)
             if known is not None:
                 try:
@@ -279,15 +272,12 @@ class Store:
             finally:
                 end_session(session)
 
-        return self._retrying(once)
+        return retrying(self.backend, once)
 
     def clock(self, session: Session) -> datetime:
         """Read the store's own clock."""
         row = session.first(_CLOCK)
         return session.now(None if row is None else row[0])
-
-    def _retrying(self, work: Callable[[], T]) -> T:
-        return retrying(self.backend, work)
 
     def write(self, work: Callable[[Transaction], T]) -> T:
         """Change the knowledge base: in the open transaction, or in one of its own."""
@@ -295,13 +285,13 @@ class Store:
         if outer is not None:
             with outer.scope():
                 return work(outer)
-        metadata = Metadata(self.actor, None, None)
+        begin = partial(self._begin, Metadata(self.actor, None, None))
 
         def once() -> T:
-            with OwnTransaction(self, lambda: self._begin(metadata)) as transaction:
+            with OwnTransaction(self, begin) as transaction:
                 return work(transaction)
 
-        return self._retrying(once)
+        return retrying(self.backend, once)
 
     def write_beside(self, work: Callable[[Session], None]) -> None:
         """Write what is no part of the history, in a transaction of its own without a revision.
@@ -346,7 +336,9 @@ class Store:
             return
 
         def begin() -> Transaction:
-            return self._retrying(lambda: self._begin(metadata, expected_revision, promotes))
+            return retrying(
+                self.backend, lambda: self._begin(metadata, expected_revision, promotes)
+            )
 
         with OwnTransaction(self, begin) as transaction:
             yield transaction
@@ -376,7 +368,8 @@ class Store:
         """Take this process's turn to write, where its writers queue on a lock."""
         if self._is_closed:
             self.refuse_closed()
-        self.refuse_read_only()
+        if self.backend.is_read_only:
+            self.refuse_read_only()
         ahead = block_ahead(self.queue)
         if ahead is not None:
             raise ahead.refuse("to write")
@@ -403,7 +396,7 @@ class Store:
         session = self.backend.session()
         try:
             session.begin(write=True)
-            kb_id = self._find(session)
+            kb_id = self._kb_id or self._find(session)
             if kb_id is None:
                 self._expect(expected, 0)
                 kb_id = create_knowledge_base(session, self.name)
@@ -413,8 +406,12 @@ class Store:
             self._judge(head)
             if head.origin is not None and not promotes:
                 raise self._is_replica(head.origin)
-            self._expect(expected, head.revision)
-            self._forget_what_was_archived(head.archived_revision)
+            if expected is not None:
+                self._expect(expected, head.revision)
+            if head.archived_revision != self._archived_revision:
+                # Some may have been moved since they were cached.
+                self._forget_identities()
+                self._archived_revision = head.archived_revision
             definitions = self._definitions.at_head(
                 session, kb_id, head.definition_revision, head.archived_revision
             )
@@ -480,7 +477,8 @@ class Store:
 
     def commit(self, transaction: Transaction) -> None:
         """Commit a transaction; look a commit up whose answer was lost."""
-        self.refuse_closed()
+        if self.is_closed:
+            self.refuse_closed()
         try:
             committed = transaction.commit()
         except ConnectionLostError:

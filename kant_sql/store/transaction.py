@@ -255,23 +255,30 @@ class Transaction:
         pending = [ledger for ledger in self._touched() if ledger.pending]
         if pending:
             self._check_open()
-            self._context.journal.before_write()
-            for ledger in pending:
-                ledger.write()
+            self._write(pending)
+
+    def _write(self, pending: list[PendingChanges]) -> None:
+        self._context.journal.before_write()
+        for ledger in pending:
+            ledger.write()
 
     def commit(self) -> Committed | None:
         """Write the revision and commit; without a change, roll back."""
-        changes = self._changes()
+        touched = self._touched()
+        changes = self._changes(touched)
         if not changes:
             self.session.rollback()
             return None
         self._check_open()
+        pending = [ledger for ledger in touched if ledger.pending]
         if self.session.backend.revision_comes_last:
-            self.flush()
-        made = self._write_revision(changes)
-        # After the revision, if it is still to be written: that spares the database from keeping
-        # book of references whose target is yet to come.
-        self.flush()
+            self._write(pending)
+            made = self._write_revision(changes)
+        else:
+            # After the revision: that spares the database from keeping book of references whose
+            # target is yet to come.
+            made = self._write_revision(changes)
+            self._write(pending)
         definitions = made.number if self.redefined else self.head.definition_revision
         move_head(self.session, self.kb_id, made, definitions, self._context.next_id)
         self.committed = made
@@ -299,12 +306,12 @@ class Transaction:
                 "the open transaction was written, try again"
             )
 
-    def _changes(self) -> Iterable[Change]:
+    def _changes(self, touched: list[PendingChanges]) -> Iterable[Change]:
         """Return the lines of the revision, sorted; false if there are none."""
         propositions = self._propositions
         was_spilled = propositions is not None and propositions.was_spilled
         lines: list[Change] = []
-        for ledger in self._touched():
+        for ledger in touched:
             if not (was_spilled and ledger is propositions):
                 found = [*ledger.lines()]
                 self.redefined = self.redefined or bool(ledger.defines and found)

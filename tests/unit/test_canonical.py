@@ -14,8 +14,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from kant_sql import InvalidMetadataError
-from kant_sql.knowledge.canonical import FORM, Metadata, make_metadata, revision_hash, time_text
-from kant_sql.sql.tables.base import text_time
+from kant_sql.knowledge.canonical import (
+    FORM,
+    Metadata,
+    make_metadata,
+    revision_hash,
+    text_time,
+    time_text,
+)
 
 Change = tuple[str, str, str]
 

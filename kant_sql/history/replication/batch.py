@@ -11,12 +11,11 @@ from typing import NamedTuple
 from sqlalchemy import bindparam, update
 
 from ...errors import StoreIntegrityError, reading_rows
-from ...knowledge.canonical import FORM, time_text
+from ...knowledge.canonical import FORM, text_time, time_text
 from ...sql.changes import FEW, few_change_rows
 from ...sql.dialects.base import Row, Session
 from ...sql.query import Query, integer
 from ...sql.tables import HeadRow
-from ...sql.tables.base import text_time
 from ...store.head import Head
 from ..verify.chain import Link, Step, stream_chain
 from .copy import Copied, Copy, Stores

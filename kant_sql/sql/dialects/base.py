@@ -33,7 +33,7 @@ from ...errors import (
     StoreUnreachableError,
     printable,
 )
-from ...limits import Limit, current_limit, is_endless
+from ...limits import PATIENCE, Limit, current_limit, is_endless
 from ..query import IdsQuery, Insert, Query, insert_text, raw
 from .guard import GuardedCursor, StatementGuard
 from .structure import IndexFault, Statement, ViewDialect
@@ -229,7 +229,8 @@ class Session(ABC):
 
     def first(self, query: Query, **parameters: Any) -> Row | None:
         """Run a query and fetch its first row."""
-        rows = self.rows(query, **parameters)
+        self._execute(query.text(self._dialect), parameters)
+        rows = self._fetch()
         return rows[0] if rows else None
 
     def run(self, query: Query, **parameters: Any) -> int:
@@ -460,7 +461,7 @@ class Backend(ABC):
     is_closed = False
     has_one_connection = False
     is_server = False
-    patience = 20.0
+    patience = PATIENCE
     no_roles: str | None = None
     revision_comes_last = False
     begin_read: str
@@ -511,15 +512,12 @@ class Backend(ABC):
             f"{self.label}: a server is backed up by its own program: {printable(command)}"
         )
 
-    def session(self) -> Session:
-        """Take a connection, for writing or for what no limit concerns."""
-        return self._take_session(None)
-
     def reader(self) -> Session:
         """Take a connection for questions, which obey the limit of this context."""
-        return self._take_session(current_limit())
+        return self.session(current_limit())
 
-    def _take_session(self, limit: Limit | None) -> Session:
+    def session(self, limit: Limit | None = None) -> Session:
+        """Take a connection: without a limit for writing, or for what no limit concerns."""
         if limit is not None:
             limit.check()
         session = self.connected()

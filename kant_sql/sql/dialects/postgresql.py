@@ -49,7 +49,7 @@ from ...errors import (
     StoreUnreachableError,
     TableMissingError,
 )
-from ...limits import Limit
+from ...limits import PATIENCE, Limit
 from ..query import (
     AtKey,
     Fork,
@@ -618,7 +618,7 @@ _VIEW = Query(
 )
 # Of its major versions, that of the tests which is the oldest.
 OLDEST_SERVER = 14
-LOCK_TIMEOUT = "20s"
+LOCK_TIMEOUT = f"{PATIENCE:g}s"
 # The number of libpq's state of a transaction in which a statement has failed.
 _FAILED = 3
 _DURABLE = (

@@ -51,7 +51,7 @@ from ...errors import (
     StoreUnreachableError,
     TableMissingError,
 )
-from ...knowledge.canonical import time_text
+from ...knowledge.canonical import text_time, time_text
 from ...limits import Limit
 from ..query import (
     Fork,
@@ -65,7 +65,7 @@ from ..query import (
     StorePlace,
     raw,
 )
-from ..tables.base import UtcTime, text_time
+from ..tables.base import UtcTime
 from .base import (
     FETCH_SIZE,
     NO_FORK,
@@ -844,7 +844,8 @@ class SqliteBackend(Backend):
 
     def connected(self) -> Session:
         """Take a connection; in memory, wait for this thread's turn."""
-        self._refuse_torn()
+        if self._is_torn:
+            self._refuse_torn()
         if not self.in_memory:
             if self.is_closed:
                 self.refuse_closed()

@@ -8,7 +8,7 @@ tenancy and of sharding.
 from __future__ import annotations
 
 from collections.abc import Callable
-from datetime import UTC, datetime
+from datetime import datetime
 from functools import partial
 from typing import Any, ClassVar, NamedTuple, TypeVar, cast
 
@@ -36,13 +36,6 @@ T = TypeVar("T")
 # The collation "C" sorts by code point, as SQLite does and as the hash of a revision demands.
 ShortText = String(255).with_variant(String(255, collation="C"), "postgresql")
 LongText = Text().with_variant(Text(collation="C"), "postgresql")
-
-
-def text_time(text: str) -> datetime:
-    """Read a time from the text that `time_text` writes."""
-    moment = datetime.fromisoformat(text)
-    # What is in UTC already takes many times longer to convert than to read.
-    return moment if moment.tzinfo is UTC else moment.astimezone(UTC)
 
 
 class UtcTime(TypeDecorator[datetime]):
