@@ -21,7 +21,7 @@ from kant_sql.sql import schema
 from kant_sql.sql.predicate_views import update_views
 from kant_sql.sql.tables.base import VERSION_TABLE
 from tests.migrations.extra import add_migration
-from tests.support.processes.commands import CHILD_TIMEOUT, child, one_line, run, start
+from tests.support.processes.commands import CHILD_TIMEOUT, PROGRAM, child, one_line, run, start
 from tests.support.processes.warm import MODULES, python
 from tests.support.worlds.robots import robot_at
 
@@ -196,9 +196,10 @@ def test_in_a_terminal_it_asks(own_store: str, answer: str, code: int) -> None:
     if code and own_store.startswith("postgresql"):
         pytest.skip("the question does not depend on the database")
     controller, terminal = pty.openpty()
+    # The signal is for the program itself: nothing that stands for it passes it on.
     process = start(
         "db", "downgrade", own_store, "base", stdin=terminal, stderr=terminal,
-        start_new_session=True,
+        start_new_session=True, program=PROGRAM if answer == "\x03" else (),
     )  # fmt: skip
     os.close(terminal)
     asked = b""
