@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from .reasoning.complete import Completion
     from .reasoning.durative import BrokenInvariant
     from .reasoning.failures import FailedCondition
-    from .reasoning.held import Held, HeldPeriods
+    from .reasoning.periods import Held, HeldPeriods
     from .reasoning.undo import Aborted
     from .reasoning.validate import FailedStep, Validation, ViolatedConstraint
     from .reasoning.verdicts import Verdict, Verdicts
@@ -130,7 +130,7 @@ _HOMES = {
         ".reasoning.undo": ("Aborted",),
         ".reasoning.validate": ("FailedStep", "Validation", "ViolatedConstraint"),
         ".reasoning.verdicts": ("Verdict", "Verdicts"),
-        ".reasoning.held": ("Held", "HeldPeriods"),
+        ".reasoning.periods": ("Held", "HeldPeriods"),
         ".sql.backup": ("Backup", "backup"),
         ".sql.changes": ("Change",),
         ".sql.dialects.base": ("Roles",),

@@ -18,9 +18,9 @@ import typer
 from .. import __version__
 from ..errors import KantSqlError
 from ..plugins import Plugins
+from .asking import goals, holds, query, rules, when
 from .check import check
 from .common import JSON_OPTION, PluggedCommands
-from .conditions import goals, holds, query, rules, when
 from .documents import dump, load
 from .export import export
 from .history import blame, branch, diff, history, log, restore, watch

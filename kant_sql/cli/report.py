@@ -9,9 +9,9 @@ from typing import Annotated
 
 from ..errors import ExtraMissingError
 from ..pddl.lexer import read_file
+from .asking import rules_source
 from .check import STANDARD_INPUT as STANDARD_OUTPUT
 from .common import AnchorFile, Name, Since, Until, Url, choose, option, parse_optional
-from .conditions import rules_source
 from .output import Printer, bar
 from .serve import WEB_MISSING
 

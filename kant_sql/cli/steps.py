@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ..errors import printable
+from .asking import write_failed
 from .common import (
     Actor,
     AsJson,
@@ -25,7 +26,6 @@ from .common import (
     split_url,
     words_argument,
 )
-from .conditions import write_failed
 from .history import write_changes
 from .output import FAILED, Printer, write_json
 from .plans import get_recorded, read_plan

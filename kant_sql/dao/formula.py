@@ -38,9 +38,9 @@ from ..knowledge.definitions import (
 from ..knowledge.formulas import TreeReader
 from ..knowledge.rules import check_stratified
 from ..knowledge.trees import ParameterDefinition, Tree, TreeNode, TreeTerm
-from ..pddl.conditions import read_constraints, read_goal
 from ..pddl.document import DURATIVE_ACTION, PROCESS
 from ..pddl.formulas import flatten
+from ..pddl.given import read_constraints, read_goal
 from ..pddl.writer import node_text
 from ..store.caches import AtomKey
 from ..store.snapshot import View

@@ -29,7 +29,7 @@ from ..dto.formulas import Fluent, Node
 from ..dto.lexical import MAX_DIGITS, decimal_text, is_word, number_text
 from ..errors import InvalidKnowledgeError, TypeMismatchError, each_readable
 from ..knowledge.definitions import Definitions, FunctionDefinition
-from ..pddl.conditions import read_value
+from ..pddl.given import read_value
 from ..sql.dialects.base import Row
 from ..sql.intervals import ANY_FUNCTION, held_then
 from ..sql.rows import KB, looked_up, table_of

@@ -15,7 +15,7 @@ from ..dto.formulas import Atom, Node
 from ..errors import ArityError, TypeMismatchError, all_readable
 from ..knowledge.canonical import type_text
 from ..knowledge.definitions import FunctionDefinition, ObjectDefinition, PredicateDefinition
-from ..pddl.conditions import read_fact
+from ..pddl.given import read_fact
 from ..sql.intervals import ANY_PREDICATE, held_then
 from ..sql.query import first_rows, in_rows, integer
 from ..sql.rows import KB, THEN, looked_up, table_of
@@ -46,7 +46,7 @@ class Arguments:
         self._text: TextReader | None = None
 
     def read(self, read: Callable[..., T], given: str | Node) -> T:
-        """Read a text with one of the functions of `pddl.conditions`."""
+        """Read a text with one of the functions of `pddl.given`."""
         if self._text is None:
             self._text = TextReader(self._transaction)
         return self._text.read(read, given)

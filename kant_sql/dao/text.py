@@ -39,7 +39,7 @@ class TextReader:
         self._symbols: SymbolTable | None = None
 
     def read(self, read: Callable[..., T], given: str | Node) -> T:
-        """Read it with one of the functions of `pddl.conditions`."""
+        """Read it with one of the functions of `pddl.given`."""
         if self._symbols is None:
             self._symbols = symbols_of(self._transaction.definitions)
         return read(str(given), symbols=self._symbols)

@@ -15,7 +15,9 @@ from typing import TypeVar
 
 from ..dto.formulas import Derived
 from ..errors import UNREADABLE, InvalidKnowledgeError, KantSqlError, unreadable
-from .conditions import (
+from .definitions import DERIVED_PREDICATE, Definitions, FormulaDefinition
+from .formulas import TreeReader
+from .resolved import (
     AllOf,
     Bound,
     HoldsFact,
@@ -26,8 +28,6 @@ from .conditions import (
     Witness,
     check_levels,
 )
-from .definitions import DERIVED_PREDICATE, Definitions, FormulaDefinition
-from .formulas import TreeReader
 
 K = TypeVar("K", bound=Hashable)
 

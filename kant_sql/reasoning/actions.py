@@ -20,7 +20,7 @@ from fractions import Fraction
 from typing import Any, NamedTuple
 
 from ..dto import formulas as f
-from ..knowledge.conditions import (
+from ..knowledge.resolved import (
     FALSE,
     TRUE,
     FluentIs,

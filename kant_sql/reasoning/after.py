@@ -15,7 +15,8 @@ from math import prod
 
 from ..dto.formulas import TOTAL_COST
 from ..dto.lexical import fold
-from ..knowledge.conditions import (
+from ..knowledge.definitions import Definitions
+from ..knowledge.resolved import (
     FALSE,
     TRUE,
     AllOf,
@@ -41,7 +42,6 @@ from ..knowledge.conditions import (
     parts_of,
     replaced,
 )
-from ..knowledge.definitions import Definitions
 from ..knowledge.rules import DerivationRules, rules_of
 from .steps import EffectItem
 

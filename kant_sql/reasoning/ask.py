@@ -14,7 +14,8 @@ from ..dto import formulas as f
 from ..dto.formulas import Node
 from ..dto.lexical import decimal_text, either_text, fold
 from ..errors import InvalidArgumentError, InvalidKnowledgeError, TypeMismatchError
-from ..knowledge.conditions import (
+from ..knowledge.definitions import Definitions, ObjectDefinition
+from ..knowledge.resolved import (
     Column,
     HoldsFact,
     ResolvedCondition,
@@ -25,11 +26,10 @@ from ..knowledge.conditions import (
     negate,
     resolve,
 )
-from ..knowledge.definitions import Definitions, ObjectDefinition
 from ..knowledge.rules import DerivationRules, rules_of
 from ..knowledge.symbols import symbols_of
-from ..pddl.conditions import read_condition, text_of
 from ..pddl.cursor import hint
+from ..pddl.given import read_condition, text_of
 from ..sql.answers import GUARDS, Question, literal_values, run
 from ..sql.arrow import text_table
 from ..sql.dialects.base import Row

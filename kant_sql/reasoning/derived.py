@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from ..knowledge.conditions import Bound, HoldsFact, Part, closure
 from ..knowledge.definitions import Definitions
+from ..knowledge.resolved import Bound, HoldsFact, Part, closure
 from ..knowledge.rules import DerivationRule, mentioned, rules_of
 from ..pddl.document import Domain, Problem
 from .after import heads_of

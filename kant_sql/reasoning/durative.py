@@ -19,7 +19,7 @@ from ..dto.lexical import fold
 from ..errors import PlanError
 from ..history.revisions import Revision
 from ..html import Listing
-from ..knowledge.conditions import AllOf
+from ..knowledge.resolved import AllOf
 from ..planning import PlanStep
 from ..plans.dao import place_of, record_step, running_steps, set_status
 from ..plans.interfaces import RecordedStep

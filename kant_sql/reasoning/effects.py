@@ -17,8 +17,8 @@ from ..dto.elements import atom_text
 from ..dto.formulas import TOTAL_COST
 from ..dto.lexical import decimal_text, either_text, fold
 from ..errors import NotApplicableError, TypeMismatchError
-from ..knowledge.conditions import FALSE, AllOf, Known, NumberOf, Place, Slot, closure, fits
 from ..knowledge.definitions import Definitions, FunctionDefinition, PredicateDefinition
+from ..knowledge.resolved import FALSE, AllOf, Known, NumberOf, Place, Slot, closure, fits
 from ..sql.answers import run
 from ..sql.relations import ConditionStatement
 from ..store.caches import AtomKey, FluentKey, FluentValue

@@ -1,7 +1,7 @@
 """Resolved conditions and numbers, compiled for a world in memory.
 
-What `sql.conditions` writes as SQL becomes a closure here. `Witness` is a search for objects: a
-nested loop over facts of the positive atoms in its conjunction, with the most terms known first,
+What `sql.condition_writer` writes as SQL becomes a closure here. `Witness` is a search for objects:
+a nested loop over facts of the positive atoms in its conjunction, with the most terms known first,
 and over the objects of a type where no atom is left; each other part is tested as soon as its
 variables have objects.
 """
@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 from ..dto import formulas as f
 from ..errors import UnsupportedConstructError
-from ..knowledge.conditions import (
+from ..knowledge.resolved import (
     COMPARE,
     AllOf,
     Bound,

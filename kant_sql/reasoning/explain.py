@@ -17,7 +17,8 @@ from ..dto.lexical import fold
 from ..errors import InvalidKnowledgeError, UnsupportedConstructError
 from ..history.revisions import Revision, read_numbered
 from ..html import Listing
-from ..knowledge.conditions import (
+from ..knowledge.definitions import METRIC, Definitions
+from ..knowledge.resolved import (
     Column,
     HoldsFact,
     Known,
@@ -32,10 +33,9 @@ from ..knowledge.conditions import (
     check_levels,
     negate,
 )
-from ..knowledge.definitions import METRIC, Definitions
 from ..knowledge.rules import rules_of
 from ..knowledge.symbols import symbols_of
-from ..pddl.conditions import read_condition, text_of
+from ..pddl.given import read_condition, text_of
 from ..sql.answers import GUARDS, run
 from ..store.snapshot import View
 from ..store.state import State

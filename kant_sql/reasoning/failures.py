@@ -13,7 +13,7 @@ from typing_extensions import override
 from .. import html
 from ..dto import formulas as f
 from ..history.revisions import Revision
-from ..knowledge.conditions import Resolver
+from ..knowledge.resolved import Resolver
 from .arithmetic import Exact, decimal_of
 from .evaluate import Compiler, Conditions
 from .grounding import Binding, bound, substitute

@@ -15,7 +15,7 @@ from ..dto import formulas as f
 from ..dto.formulas import AT_START, OVER_ALL, TOTAL_COST
 from ..dto.lexical import fold
 from ..errors import NotApplicableError, TypeMismatchError, UnsupportedConstructError
-from ..knowledge.conditions import (
+from ..knowledge.resolved import (
     FALSE,
     TRUE,
     Bound,

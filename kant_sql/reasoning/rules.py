@@ -25,7 +25,7 @@ from ..history.revisions import Revision, read_numbered
 from ..knowledge.definitions import CONSTRAINT, DOMAIN_CONSTRAINT, Definitions
 from ..knowledge.symbols import symbols_of
 from ..moment_text import When
-from ..pddl.conditions import read_rules
+from ..pddl.given import read_rules
 from ..pddl.lexer import STRING, Source, Text
 from ..pddl.lexer import load as load_text
 from ..sql.dialects.base import Session
@@ -33,7 +33,7 @@ from ..sql.touches import stream_times
 from ..store.state import State
 from ..store.store import Store
 from .evaluate import Conditions
-from .questions import read_at_last
+from .past_question import read_at_last
 from .sweep import Range, Sweep, Visit, read_range
 from .trajectory import Moment, Rule, rules_of
 from .verdicts import Verdict, Verdicts

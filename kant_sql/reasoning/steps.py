@@ -13,7 +13,9 @@ from ..arguments import shown
 from ..dto import formulas as f
 from ..dto.lexical import either_text
 from ..errors import InvalidKnowledgeError, PlanError, UnsupportedConstructError
-from ..knowledge.conditions import (
+from ..knowledge.definitions import ActionDefinition, Definitions
+from ..knowledge.formulas import action_of
+from ..knowledge.resolved import (
     FALSE,
     AllOf,
     Bound,
@@ -34,13 +36,11 @@ from ..knowledge.conditions import (
     fits,
     negate,
 )
-from ..knowledge.definitions import ActionDefinition, Definitions
-from ..knowledge.formulas import action_of
 from ..knowledge.symbols import symbols_of
-from ..pddl.conditions import read_step
 from ..pddl.cursor import hint
 from ..pddl.document import ACTION, DURATIVE_ACTION, Action
 from ..pddl.formulas import flatten
+from ..pddl.given import read_step
 from ..planning import PlanStep
 from ..plans.interfaces import RecordedStep
 from .failures import FailedCondition

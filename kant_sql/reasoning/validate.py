@@ -32,7 +32,7 @@ from ..dto import formulas as f
 from ..dto.lexical import fold
 from ..errors import UnsupportedConstructError
 from ..history.moments import state_at
-from ..knowledge.conditions import Resolver
+from ..knowledge.resolved import Resolver
 from ..moment_text import When
 from ..pddl.cursor import hint
 from ..pddl.document import DURATIVE_ACTION, EVENT, PROCESS, Domain, Problem

@@ -15,11 +15,11 @@ from ..dto.lexical import ROOT_TYPE, fold
 from ..errors import InvalidArgumentError, InvalidKnowledgeError
 from ..history.moments import find_bounds
 from ..history.revisions import Revision, read_numbered
-from ..knowledge.conditions import resolve
 from ..knowledge.definitions import Definitions, PredicateDefinition
+from ..knowledge.resolved import resolve
 from ..knowledge.symbols import symbols_of
 from ..moment_text import When
-from ..pddl.conditions import disjuncts, text_of
+from ..pddl.given import disjuncts, text_of
 from ..sql.dialects.base import Session
 from ..sql.periods import (
     FoundFact,
@@ -31,8 +31,8 @@ from ..sql.periods import (
 )
 from ..store.state import State
 from .evaluate import Compiler
-from .held import HeldPeriods, Span, span_order
-from .questions import EXAMPLE, PastQuestion, ask
+from .past_question import EXAMPLE, PastQuestion, ask
+from .periods import HeldPeriods, Span, span_order
 from .sweep import RULE, Range, Sweep, Visit, object_id, read_range
 from .world import Row, World
 

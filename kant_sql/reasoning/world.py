@@ -6,7 +6,7 @@
 - A derived predicate holds of what its rules derive, and of the facts that the state has of it.
 - While numbers change continuously, the state is that at `elapsed` since the change began.
 
-Predicates, functions and objects are ids, as in `knowledge.conditions`.
+Predicates, functions and objects are ids, as in `knowledge.resolved`.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from ..dto.elements import atom_text
 from ..dto.formulas import TOTAL_COST, TypedName
 from ..dto.lexical import ROOT_TYPE, fold
 from ..knowledge import definitions as d
-from ..knowledge.conditions import Resolver, TypeSet
+from ..knowledge.resolved import Resolver, TypeSet
 from ..knowledge.rules import DerivationRules
 from ..knowledge.trees import ParameterDefinition
 from ..pddl.document import Domain, Problem

@@ -10,8 +10,8 @@ import json
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from ..knowledge.conditions import Bound, Column, NumberOf, Part, Slot
 from ..knowledge.definitions import Definitions
+from ..knowledge.resolved import Bound, Column, NumberOf, Part, Slot
 from ..knowledge.rules import DerivationRules
 from .dialects.base import Row, Session
 from .dialects.words import Words

@@ -14,7 +14,7 @@ from typing import NamedTuple, Protocol, TypeVar
 
 from ..dto.lexical import decimal_text
 from ..errors import UnsupportedConstructError
-from ..knowledge.conditions import COMPARE, NumberOf, Operation, Parameter, Place, Quantity, Slot
+from ..knowledge.resolved import COMPARE, NumberOf, Operation, Parameter, Place, Quantity, Slot
 from .dialects.words import Words
 
 T = TypeVar("T")

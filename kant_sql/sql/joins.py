@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 from typing_extensions import override
 
 from ..errors import UnsupportedConstructError
-from ..knowledge.conditions import (
+from ..knowledge.resolved import (
     FALSE,
     AllOf,
     Bound,
@@ -26,7 +26,7 @@ from ..knowledge.conditions import (
     slots_of,
 )
 from ..knowledge.trees import ParameterDefinition
-from .conditions import ARGUMENT_COLUMNS, ConditionWriter, JoinedTables, Places
+from .condition_writer import ARGUMENT_COLUMNS, ConditionWriter, JoinedTables, Places
 from .estimates import domain_size
 
 # How many rows a relation gives for each one that is joined with it, where nothing is counted.

@@ -22,7 +22,8 @@ from typing import Any, NamedTuple
 from sqlalchemy import text
 from typing_extensions import override
 
-from ..knowledge.conditions import (
+from ..knowledge.definitions import Definitions
+from ..knowledge.resolved import (
     FALSE,
     AllOf,
     Bound,
@@ -41,10 +42,9 @@ from ..knowledge.conditions import (
     replaced,
     slots_of,
 )
-from ..knowledge.definitions import Definitions
 from ..knowledge.rules import DerivationRule
 from .comparisons import MAX_LEVELS, levels_of
-from .conditions import ARGUMENT_COLUMNS, PAST, JoinedTables, Places
+from .condition_writer import ARGUMENT_COLUMNS, PAST, JoinedTables, Places
 from .dialects.words import Words, quoted
 from .estimates import Size
 from .joins import JoinWriter

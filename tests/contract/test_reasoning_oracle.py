@@ -33,7 +33,7 @@ from kant_sql.dto.formulas import walk as nodes_of
 from kant_sql.dto.lexical import fold
 from kant_sql.pddl import write
 from kant_sql.pddl.document import DURATIVE_ACTION, Action
-from kant_sql.sql import conditions
+from kant_sql.sql import condition_writer
 from tests.support.evaluator import (
     Bindings,
     Evaluator,
@@ -329,7 +329,7 @@ def test_answers_are_those_of_the_plain_evaluator(fresh_kb: KnowledgeBase) -> No
 def test_the_past_has_the_same_answers_looked_up_and_read(
     fresh_kb: KnowledgeBase, monkeypatch: pytest.MonkeyPatch, weight: int
 ) -> None:
-    monkeypatch.setattr(conditions, "LOOKED_UP", weight)
+    monkeypatch.setattr(condition_writer, "LOOKED_UP", weight)
 
     @hunting(PROFILE.episodes)
     @given(EPISODES)

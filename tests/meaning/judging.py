@@ -22,7 +22,7 @@ from typing import NamedTuple
 import pytest
 
 from kant_sql import Plan
-from kant_sql.knowledge import conditions
+from kant_sql.knowledge import resolved
 from kant_sql.pddl import Domain, Problem
 from kant_sql.reasoning.validate import SIMULTANEOUS, Validation, validate_plan
 from tests.meaning import val
@@ -101,7 +101,7 @@ def tolerant() -> Iterator[None]:
     """Compare numbers with VAL's tolerance."""
     with pytest.MonkeyPatch.context() as patch:
         for operator, compare in TOLERANT.items():
-            patch.setitem(conditions.COMPARE, operator, compare)
+            patch.setitem(resolved.COMPARE, operator, compare)
         yield
 
 

@@ -43,7 +43,7 @@ BEYOND = {
     "history/elements.py": "the history of a value is asked for by its function",
     "history/verify/definition_check.py": "parameters of both kinds are checked alike",
     "history/verify/identities.py": "terms are objects or numbers by their function",
-    "knowledge/conditions.py": "conditions and effects apply functions",
+    "knowledge/resolved.py": "conditions and effects apply functions",
     "reasoning/effects.py": "effects change the values of functions",
     "knowledge/symbols.py": "conditions apply functions",
     "reasoning/world.py": "a plan is executed with the functions of its documents",

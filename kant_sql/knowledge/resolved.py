@@ -21,7 +21,7 @@ from typing import Any, Generic, NamedTuple, TypeVar
 from ..dto import formulas as f
 from ..dto.lexical import fold
 from ..errors import InvalidKnowledgeError, UnsupportedConstructError
-from ..pddl.conditions import ReadCondition
+from ..pddl.given import ReadCondition
 from .definitions import Definitions, FunctionDefinition, PredicateDefinition
 
 # The ids of types whose objects fit; None for all objects.

@@ -17,7 +17,8 @@ from contextlib import contextmanager
 from itertools import chain
 from typing import Any
 
-from ..knowledge.conditions import (
+from ..knowledge.definitions import Definitions
+from ..knowledge.resolved import (
     AllOf,
     Bound,
     Compares,
@@ -37,7 +38,6 @@ from ..knowledge.conditions import (
     fits,
     replaced,
 )
-from ..knowledge.definitions import Definitions
 from ..knowledge.rules import DerivationRule, DerivationRules, rules_of
 from .comparisons import ComparisonWriter
 from .dialects.words import Words

@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from ..knowledge_base import KnowledgeBase
     from ..reasoning.ask import Answers
     from ..reasoning.failures import FailedCondition
-    from ..reasoning.held import Held
+    from ..reasoning.periods import Held
     from ..reasoning.verdicts import Verdict
 
 _USAGE = "[URL] CONDITION"

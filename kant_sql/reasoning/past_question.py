@@ -14,8 +14,8 @@ from ..errors import InvalidArgumentError, InvalidKnowledgeError, TypeMismatchEr
 from ..history.revisions import LARGEST, read_position
 from ..knowledge.definitions import Definitions
 from ..knowledge.symbols import symbols_of
-from ..pddl.conditions import ReadCondition, read_condition, text_of
 from ..pddl.cursor import hint
+from ..pddl.given import ReadCondition, read_condition, text_of
 from ..pddl.hierarchy import Fit
 from ..pddl.symbols import SymbolTable
 from ..sql.dialects.base import Session
