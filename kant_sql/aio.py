@@ -247,7 +247,7 @@ class _Door:
     def refuse_closed(self) -> None:
         """Raise `ClosedError` when it was closed."""
         if self.is_closed:
-            raise ClosedError("this knowledge base was closed; connect again to go on")
+            raise ClosedError("this knowledge base was closed; connect again")
 
     def _is_behind(self, block: _Block) -> bool:
         """Return whether this door would wait for the end of a block."""

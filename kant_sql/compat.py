@@ -148,7 +148,7 @@ class CompatDao(Generic[D]):
             return self._write(self._dao.save, dto)
 
     def _forget(self, dto: D) -> None:
-        """Retract an element that others cannot depend on, so that it is no user of anything."""
+        """Retract an element that others cannot depend on, so that it is not a user of anything."""
         self._dao.delete(dto)
 
 

@@ -466,4 +466,6 @@ def each_readable(table: str, rows: Sequence[R], make: Callable[[R], T]) -> list
 def check_integer(table: str, key: object, column: str, value: object) -> None:
     """Check that a column has an integer: SQLite stores any type."""
     if not isinstance(value, int):
-        raise unreadable(table, key, TypeError(f"column {column} has {value!r}, no integer"))
+        raise unreadable(
+            table, key, TypeError(f"column {column} has {value!r}, which is not an integer")
+        )

@@ -40,8 +40,8 @@ from .store.store import Store
 def daos_only(factory: DaoFactory, lacked: str) -> InvalidUrlError:
     """Return the error for what a family that is not built on an SQL store has not."""
     return InvalidUrlError(
-        f"{type(factory).__name__}: this DAO family has DAOs only, without {lacked}; use an SQL "
-        "store, as sqlite:// or postgresql://"
+        f"{type(factory).__name__}: this DAO family has only DAOs and lacks {lacked}; use an SQL "
+        "store, such as sqlite:// or postgresql://"
     )
 
 
@@ -500,4 +500,4 @@ def _joined_family(name: str) -> type[DaoFactory]:
         place = f"{family.__module__}:{getattr(family, '__qualname__', family)}"
         raise InvalidUrlError(f"{name}: entry point {place!r} is not a DaoFactory class")
     known = ", ".join(sorted({*FAMILIES, *JOINED.names()}))
-    raise InvalidUrlError(f"{name}: no DAO family supports this URL; there are {known}")
+    raise InvalidUrlError(f"{name}: no DAO family supports this URL; choose one of: {known}")

@@ -24,7 +24,7 @@ LENGTH = 200
 
 _CELL = 'style="text-align:left;vertical-align:top"'
 _TIME = 'style="text-align:left;vertical-align:top;white-space:nowrap"'
-# What has no width, or only turns the direction of text, and is no control to `printable`.
+# What has no width, or only turns the direction of text, and is not a control to `printable`.
 # (Joiners, which writing in some languages needs, stay.)
 _UNSEEN = re.compile(
     r"[\u00ad\u034f\u061c\u115f\u1160\u17b4\u17b5\u180b-\u180f\u200b\u200e\u200f\u2060-\u206f"

@@ -36,7 +36,7 @@ class JsonField(NamedTuple):
 
 @cache
 def json_fields(kind: type) -> tuple[JsonField, ...] | None:
-    """Return what the document of a class has; None of a class that is no result."""
+    """Return what the document of a class has; None of a class that is not a result."""
     names: tuple[str, ...] | None = getattr(kind, "_json_", None)
     if names is None and is_dataclass(kind):
         names = tuple(one.name for one in fields(kind) if not one.name.startswith("_"))
@@ -70,7 +70,7 @@ def _writer(kind: type) -> Callable[[Any], JsonValue]:
     for bases, write in _WRITERS:
         if issubclass(kind, bases):
             return write
-    raise TypeError(f"a {kind.__name__} is no JSON value, and no result")
+    raise TypeError(f"a {kind.__name__} is neither a JSON value nor a result")
 
 
 def _writer_of(parts: tuple[JsonField, ...]) -> Callable[[Any], JsonValue]:

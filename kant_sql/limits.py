@@ -183,7 +183,7 @@ def limited(seconds: float | None = None) -> Iterator[Limit]:
     Raises:
         StatementTimeoutError: from a call within the block, a statement took too long.
         QuestionCancelledError: from a call within the block, the limit was cancelled.
-        InvalidTimeoutError: it is no number of seconds.
+        InvalidTimeoutError: it is not a number of seconds.
 
     Examples:
         >>> with limited(seconds=5):

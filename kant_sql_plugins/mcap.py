@@ -191,7 +191,7 @@ def _folded_words(text: str) -> tuple[str, ...]:
     inner = words[1:-1].split()
     if not (words[:1] == "(" and words[-1:] == ")") or not inner or set("()?") & set(words[1:-1]):
         raise InvalidArgumentError(
-            f"{shown(text)} is no element; give a fact or a fluent, as '(robot_at rb1 wp1)' or "
+            f"{shown(text)} is not an element; give a fact or a fluent, as '(robot_at rb1 wp1)' or "
             "'(battery rb1)'"
         )
     return tuple(map(fold, inner))
@@ -338,7 +338,7 @@ def _read(change: AuditedChange) -> tuple[str, list[str]]:
     words = change.text[1:-1].split()
     if change.kind != "fact" or not words:
         raise StoreIntegrityError(
-            f"revision {change.revision}: {shown(change.text)} is no fact and no value; "
+            f"revision {change.revision}: {shown(change.text)} is neither a fact nor a value; "
             "'kant-sql verify' shows what was changed by hand"
         )
     return words[-1], words

@@ -107,7 +107,7 @@ Fixed = Annotated[
         metavar="VARIABLE=OBJECT",
     ),
 ]
-# Names of arguments that are no variables.
+# Names of arguments that are not variables.
 _RESERVED = frozenset({"limit", "name", "parameters", "since", "until"})
 
 
@@ -263,8 +263,8 @@ def choose(name: str | None, names: Sequence[str]) -> str:
         return wanted
     if not names:
         raise KantSqlError(
-            "this store holds no knowledge base yet: nothing was ever written to it; name another "
-            "store, or fill this one with: kant-sql load"
+            "this store is empty: it has no knowledge base yet; name another store, or fill this "
+            "one with: kant-sql load"
         )
     listed = ", ".join(repr(other) for other in names[:_NAMES_SHOWN])
     more = f" and {len(names) - _NAMES_SHOWN} more" if len(names) > _NAMES_SHOWN else ""

@@ -66,7 +66,7 @@ def export(
         if given and plugged is None:
             raise typer.BadParameter(f"this is not for {format}", param_hint=name)
     if view and plugged is not None:
-        raise typer.BadParameter(f"views are not for {format}", param_hint="--view")
+        raise typer.BadParameter(f"{format} has no views", param_hint="--view")
     common: dict[str, Any] = {
         "to": to,
         "knowledge_base": kb,

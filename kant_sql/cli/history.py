@@ -126,7 +126,7 @@ def log(
             is_empty = False
         if is_empty and element is not None and not any(knowledge_base.log(element=element)):
             raise unknown_element(
-                knowledge_base, name, element, "never was there; see: kant-sql log"
+                knowledge_base, name, element, "has never been there; see: kant-sql log"
             )
 
 
@@ -170,7 +170,7 @@ def history(
     with open_state(url, kb, at) as (name, state):
         versions = state.history(element)
         if not versions:
-            raise unknown_element(state, name, element, "never was there; see: kant-sql log")
+            raise unknown_element(state, name, element, "has never been there; see: kant-sql log")
         printer = Printer()
         for position, version in enumerate(versions):
             if as_json:

@@ -87,7 +87,7 @@ def is_terminal() -> bool:
 def paged() -> Iterator[None]:
     """Send the block's output through a pager if it goes to a terminal.
 
-    Quitting the pager ends the block and is no failure.
+    Quitting the pager ends the block and is not a failure.
     """
     command = _pager() if _Paging.is_wanted and sys.stdout.isatty() else None
     if command is None:
@@ -282,6 +282,6 @@ def bar(name: str) -> Iterator[Callable[[int, int], None] | None]:
         return
     columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn())
     with Progress(*columns, TimeRemainingColumn(), console=console, transient=True) as progress:
-        # Square brackets in a name are no markup.
+        # Square brackets in a name are not markup.
         task = progress.add_task(printable(name).replace("[", r"\["), total=None)
         yield lambda done, whole: progress.update(task, completed=done, total=whole)

@@ -101,7 +101,7 @@ def read_plan(path: Path) -> Plan:
     if str(path) != STANDARD_INPUT:
         return Plan.read(path)
     _, content = read_bytes(STANDARD_INPUT)
-    # Text with a line end is no path.
+    # Text with a line end is not a path.
     return Plan.read(f"{content.decode('utf-8', 'surrogateescape')}\n")
 
 

@@ -134,7 +134,7 @@ def push(
     from ..history.replication.push import Terms
     from ..history.replication.service import PushService
 
-    # What is no number is not within them, either.
+    # What is not a number is not within them, either.
     if not 0 <= interval <= _LONGEST_INTERVAL:
         raise typer.BadParameter(
             f"expected 0 to {_LONGEST_INTERVAL:g} seconds", param_hint="--interval"
@@ -208,7 +208,7 @@ class _Stop:
 
 
 def _handler(number: signal.Signals) -> Any:
-    """Return what handles a signal now; the default where that is no function of Python's."""
+    """Return what handles a signal now; the default where that is not a function of Python's."""
     handler = signal.getsignal(number)
     return signal.SIG_DFL if handler is None else handler
 
@@ -292,7 +292,7 @@ def promote(
     if as_json:
         write_json({"knowledge_base": name, "revision": made})
     elif made is None:
-        Printer().line(f"knowledge base {printable(name)} is no replica; nothing was changed")
+        Printer().line(f"knowledge base {printable(name)} is not a replica; nothing was changed")
     else:
         Printer().line(
             f"knowledge base {printable(name)}, revision {made}: no longer a replica", "bold"

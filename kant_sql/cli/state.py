@@ -80,7 +80,7 @@ def show(
     if revisions:
         if is_part or at is not None:
             raise typer.BadParameter(
-                "this shows what a revision changed; --at and what goes with it show a state",
+                "REV shows what a revision changed, --at and its options show a state; give one",
                 param_hint="REV|TIME",
             )
         _show_revision(url, kb, revisions[0], as_json)

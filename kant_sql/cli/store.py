@@ -102,12 +102,12 @@ def _ask_to_lose(lost: dict[str, int], as_json: bool) -> None:
     names = [f"{printable(name)} ({count})" for name, count in lost.items()]
     more = "" if len(names) <= _NAMES_SHOWN else f" and {len(names) - _NAMES_SHOWN} more"
     what = (
-        f"all tables are dropped, and with them {plural(sum(lost.values()), 'revision')} of "
-        f"{plural(len(lost), 'knowledge base')}, for ever: {', '.join(names[:_NAMES_SHOWN])}{more}"
+        f"this drops all tables and {plural(sum(lost.values()), 'revision')} of "
+        f"{plural(len(lost), 'knowledge base')}: {', '.join(names[:_NAMES_SHOWN])}{more}"
     )
     streams = sys.stdin, sys.stderr
     if as_json or not all(stream and stream.isatty() for stream in streams):
-        raise KantSqlError(f"{what}; nothing was changed: to do this without a question, add --yes")
+        raise KantSqlError(f"{what}; nothing was changed; to do it, add --yes")
     # On standard error, because the version goes to standard output.
     sys.stderr.write(f"{what}. Go on? [y/N] ")
     sys.stderr.flush()

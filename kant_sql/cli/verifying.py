@@ -164,8 +164,8 @@ def _run_in_processes(url: str, tasks: list[VerificationTask], jobs: int) -> Ite
             yield from pool.map(_verify_in_process, tasks)
         except BrokenProcessPool as error:
             raise KantSqlError(
-                "a process that verified was ended from outside, or could not begin; what was "
-                "verified before is kept: run the command again to go on"
+                "a verifying process was killed or could not begin; finished verifications are "
+                "kept: run the command again to continue"
             ) from error
 
 

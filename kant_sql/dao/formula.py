@@ -296,7 +296,7 @@ class FormulaChecker:
     def _check(self, part: object, context: FormulaContext) -> None:
         """Check a formula with its parts."""
         if type(part) not in _HANDLERS:
-            self._fail(f"{shown(part)} is no formula but {type(part).__name__}")
+            self._fail(f"{shown(part)} is not a formula but {type(part).__name__}")
         handler, symbols = _HANDLERS[type(part)]
         if symbols:
             self._expect(part, context, *symbols)
@@ -337,10 +337,10 @@ class FormulaChecker:
         sides = (formula.left, formula.right)
         if formula.operator not in f.COMPARISONS:
             self._fail(
-                f"{formula.operator!r} is no comparison; use one of {' '.join(f.COMPARISONS)}"
+                f"{formula.operator!r} is not a comparison; use one of {' '.join(f.COMPARISONS)}"
             )
         if context.symbol is Symbol.DURATION and f.Variable(f.DURATION) not in sides:
-            self._fail(f"{shown(formula)} is no constraint on ?duration")
+            self._fail(f"{shown(formula)} is not a constraint on ?duration")
         for side in sides:
             self._expression(side, context)
         return ()
@@ -350,7 +350,7 @@ class FormulaChecker:
         if symbol is Symbol.EFFECT and not isinstance(part, f.Atom):
             self._fail(f"{shown(formula)} deletes what is not an atom")
         if symbol is Symbol.INITIAL and not isinstance(part, f.Atom | f.Equal):
-            self._fail(f"{shown(formula)} is no literal, as the initial state asks for")
+            self._fail(f"{shown(formula)} is not a literal, as the initial state asks for")
         return [(part, context.hard())]
 
     def _soft(self, formula: f.And | f.Forall, context: FormulaContext) -> _Parts:
@@ -384,7 +384,7 @@ class FormulaChecker:
     def _modal(self, formula: f.Modal, context: FormulaContext) -> _Parts:
         wanted = f.MODALS.get(formula.operator)
         if wanted != (len(formula.numbers), len(formula.formulas)):
-            self._fail(f"{shown(formula)} is no constraint of PDDL 3.0")
+            self._fail(f"{shown(formula)} is not a constraint of PDDL 3.0")
         inner = context.hard()._replace(symbol=Symbol.TRAJECTORY)
         return [(part, inner) for part in formula.formulas]
 
@@ -396,7 +396,7 @@ class FormulaChecker:
     def _assign(self, formula: f.Assign, context: FormulaContext) -> _Parts:
         if formula.operator not in f.ASSIGNMENTS:
             known = " ".join(f.ASSIGNMENTS)
-            self._fail(f"{formula.operator!r} is no assignment; use one of {known}")
+            self._fail(f"{formula.operator!r} is not an assignment; use one of {known}")
         types = self._fluent(formula.fluent, context).type_ids
         if types:
             self._assign_object(formula, types, context)
@@ -425,7 +425,7 @@ class FormulaChecker:
             return [(effect, context._replace(symbol=Symbol.EFFECT))]
         atom = effect.formula if isinstance(effect, f.Not) else effect
         if not isinstance(atom, f.Atom):
-            self._fail(f"{shown(formula)} is no timed literal; give an Atom, a Not or an Assign")
+            self._fail(f"{shown(formula)} is not a timed literal; give an Atom, a Not or an Assign")
         return [(effect, context._replace(symbol=Symbol.INITIAL))]
 
     def _metric(self, formula: f.Metric, context: FormulaContext) -> _Parts:
@@ -453,12 +453,12 @@ class FormulaChecker:
             case f.Number():
                 pass
             case _:
-                self._fail(f"{shown(part)} is no number here")
+                self._fail(f"{shown(part)} is not a number here")
 
     def _arithmetic(self, expression: f.Arithmetic) -> None:
         operator, operands = expression.operator, expression.operands
         if operator not in f.ARITHMETIC:
-            self._fail(f"{operator!r} is no operation; use one of {' '.join(f.ARITHMETIC)}")
+            self._fail(f"{operator!r} is not an operation; use one of {' '.join(f.ARITHMETIC)}")
         least, most = 1 if operator == "-" else 2, 2 if operator in "-/" else len(operands)
         if not least <= len(operands) <= most:
             self._fail(f"{shown(expression)} has {len(operands)} operands")
@@ -535,9 +535,9 @@ class FormulaChecker:
                 self._fail(f"object {term.name!r} is not known; save it first")
             return object_.type_ids
         if not isinstance(term, f.Fluent):
-            self._fail(f"{shown(term)} is no term; give a Variable, a Constant or a Fluent")
+            self._fail(f"{shown(term)} is not a term; give a Variable, a Constant or a Fluent")
         if context.symbol is Symbol.INITIAL:
-            self._fail(f"{shown(term)} is no object, as the initial state asks for")
+            self._fail(f"{shown(term)} is not an object, as the initial state asks for")
         function = self._fluent(term, context)
         if not function.type_ids:
             self._fail(f"{shown(term)} is a number, not an object")
@@ -697,7 +697,7 @@ class SqlFormulaDao(SqlDao, FormulaDao[N], Generic[N]):
         return self._store.write(lambda transaction: self._remove_given(transaction, formula))
 
     def _check(self, formula: object) -> None:
-        """Refuse what is no formula of the section."""
+        """Refuse what is not a formula of the section."""
         refuse_many(formula)
         if isinstance(formula, self.node_classes):
             return

@@ -191,7 +191,7 @@ def fluent_of(
     if isinstance(function, str) and function.lstrip().startswith("("):
         words = function.strip()[1:-1].split()
         if not words or function.strip()[-1] != ")" or not all(map(is_word, words)):
-            raise InvalidKnowledgeError(f"{shown(function)} is no fluent; write '(battery rb1)'")
+            raise InvalidKnowledgeError(f"{shown(function)} is not a fluent; write '(battery rb1)'")
         if objects:
             raise InvalidKnowledgeError(
                 f"{shown(function)} has its objects already; leave out objects={shown(objects)}"

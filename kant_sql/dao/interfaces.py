@@ -330,7 +330,7 @@ class PddlPropositionDao(Dao[PddlPropositionDto]):
             True; what cannot be saved raises.
 
         Raises:
-            PddlError: the text is no fact, or it names what is not known; with the position, and a
+            PddlError: the text is not a fact, or names an unknown element; with the position, and a
                 similar name.
             InvalidKnowledgeError, ConflictError: as `Dao.save`.
 
@@ -395,7 +395,7 @@ class PddlPropositionDao(Dao[PddlPropositionDto]):
             False when it does not hold, also since an object or its predicate was deleted.
 
         Raises:
-            PddlError: the text is no fact, or it names what never was.
+            PddlError: the text is not a fact, or it names what never was.
 
         Examples:
             >>> kb.propositions.delete("(robot_at rb1 wp1)")
@@ -521,7 +521,7 @@ class PddlFunctionValueDao(Dao[PddlFunctionValueDto]):
             True; what cannot be saved raises.
 
         Raises:
-            PddlError: the text is no value, or it names what is not known; with the position, and a
+            PddlError: the text is not a value, or names an unknown element; with its position and a
                 similar name.
             InvalidKnowledgeError, ConflictError: as `Dao.save`.
 

@@ -285,7 +285,7 @@ class Folder:
         text = json.dumps(json_value(exported), ensure_ascii=False, indent=1)
         (self._part / MANIFEST).write_text(f"{text}\n", encoding="utf-8")
         if old:
-            # First: without it, what follows is no complete export.
+            # First: without it, what follows is not a complete export.
             (self.target / MANIFEST).unlink()
         for path in old:
             (self.target / path).unlink(missing_ok=True)

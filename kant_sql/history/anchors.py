@@ -127,16 +127,18 @@ def parse_anchor(text: str | bytes) -> Anchor:
         The anchor.
 
     Raises:
-        AnchorError: it is no anchor, or one of a later version of the library.
+        AnchorError: it is not an anchor, or one of a later version of the library.
     """
     expect(text, (str, bytes, bytearray), "the text of an anchor", AnchorError)
     try:
         document = json.loads(text)
     except (ValueError, RecursionError) as error:
-        raise AnchorError(f"this is no anchor, because it is not JSON: {error}") from error
+        raise AnchorError(f"this is not an anchor, because it is not JSON: {error}") from error
     given = document.get("format") if isinstance(document, dict) else None
     if given is None or not isinstance(document.get("heads"), list):
-        raise AnchorError("this JSON document is no anchor; give the output of `kant-sql anchor`")
+        raise AnchorError(
+            "this JSON document is not an anchor; give the output of `kant-sql anchor`"
+        )
     if given != FORMAT:
         raise AnchorError(
             f"this anchor is of format {shown(given)}, and this version of kant_sql reads "

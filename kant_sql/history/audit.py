@@ -43,14 +43,15 @@ def to_arrow(state: State, view: str) -> pyarrow.Table:
     import_arrow()
     if at is not None:
         raise ReadOnlyError(
-            f"{found.name} has all of the history, and this is knowledge base {store.name!r} as it "
-            f"was at revision {at}: ask the knowledge base itself, and take the rows with since <= "
+            f"{found.name} covers the whole history, and this is knowledge base {store.name!r} at "
+            f"revision {at}: ask the knowledge base itself, and take the rows with since <= "
             f"{at} and (until is NULL or until > {at})"
         )
     if store.current() is not None:
         raise ReadOnlyError(
-            f"a transaction of knowledge base {store.name!r} is open, and {found.name} has what is "
-            "committed; end it first"
+            f"a transaction of knowledge base {store.name!r} is open, and {found.name} reads "
+            "committed "
+            "revisions; end it first"
         )
     return store.query_in_snapshot(
         lambda session, kb_id: read_view(session, found, NO_ID if kb_id is None else kb_id)

@@ -127,7 +127,9 @@ def refuse_unknown_element(store: Store, element: object) -> None:
 
 
 def _refusal(element: object) -> InvalidKnowledgeError:
-    return InvalidKnowledgeError(f"{shown(element)} is no element of a knowledge base; {ACCEPTED}")
+    return InvalidKnowledgeError(
+        f"{shown(element)} is not an element of a knowledge base; {ACCEPTED}"
+    )
 
 
 def _of_dto(dto: Dto) -> Sought:

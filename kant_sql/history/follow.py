@@ -217,7 +217,7 @@ class _Watch:
         if store.is_closed:
             raise ClosedError(
                 f"{store.backend.label}: knowledge base {store.name!r} was closed while this call "
-                "waited for a revision; connect again to go on"
+                "waited for a revision; connect again"
             )
 
     def _read(self) -> FeedPosition:

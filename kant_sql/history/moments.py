@@ -219,7 +219,7 @@ def _refuse_reversed(since: Moment | None, until: Moment | None, bounds: Bounds)
         shown = [one.isoformat() if isinstance(one, datetime) else one for one in (since, until)]
         raise InvalidArgumentError(
             f"the range ends before it begins: since {shown[0]} is after until {shown[1]}; "
-            "exchange them"
+            "swap them"
         )
 
 

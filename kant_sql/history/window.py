@@ -82,7 +82,9 @@ def check_question(
     wanted = {one_of(kind, TIMELINE_KINDS, "a kind") for kind in given}
     for value, role in ((predicate, "predicate"), (object, "object"), (text, "text")):
         if "\0" in (optional_text(value, role) or "") or _HALVES.search(value or ""):
-            raise InvalidArgumentError(f"{role} {shown(value)} has a NUL or half a character")
+            raise InvalidArgumentError(
+                f"{role} {shown(value)} has a NUL character or an unpaired surrogate"
+            )
     for number, most, role in ((lanes, MOST_LANES, "lanes"), (slices, MOST_SLICES, "slices")):
         expected = f"a whole number from 1 to {most}"
         if whole_number(number, role, least=1, expected=expected) > most:
@@ -92,7 +94,7 @@ def check_question(
         match = _AFTER.fullmatch(str(after))
         if match is None:
             raise InvalidArgumentError(
-                f"after is {shown(after)}, expected what `next` of a timeline says"
+                f"after is {shown(after)}, expected the value of `next` of a timeline"
             )
         place = match[1], LanePlace(int(match[2]), match[3])
     chosen = tuple(kind for kind in TIMELINE_KINDS if kind in wanted)

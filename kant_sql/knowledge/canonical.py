@@ -195,7 +195,9 @@ def make_metadata(
         if not isinstance(value, str):
             raise InvalidMetadataError(f"{name} is a string or None, not {shown(value)}")
         if _UNSTORABLE.search(value):
-            raise InvalidMetadataError(f"{name} {shown(value)} has a NUL or half a character")
+            raise InvalidMetadataError(
+                f"{name} {shown(value)} has a NUL character or an unpaired surrogate"
+            )
     if source is None:
         return Metadata(actor, reason, None, *own)
     try:

@@ -399,7 +399,8 @@ class Resolver:
                 return TRUE
             case _:
                 raise UnsupportedConstructError(
-                    f"{node} is no condition of one state; give a formula of atoms, comparisons, "
+                    f"{node} is not a condition of one state; give a formula of atoms, "
+                    "comparisons, "
                     "and, or, not, imply, forall and exists"
                 )
         return Witness(tuple(bound), all_of([*needed, found])) if bound else found
@@ -498,7 +499,7 @@ class Resolver:
                 return Parameter("#t")
             case f.IsViolated(name):
                 return Parameter(f"is-violated {fold(name)}")
-        raise UnsupportedConstructError(f"{node} is no number")
+        raise UnsupportedConstructError(f"{node} is not a number")
 
 
 def check_levels(part: Part) -> None:

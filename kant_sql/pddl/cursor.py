@@ -319,7 +319,7 @@ class Cursor:
         name = self.word(f"the name of the {kind}")
         self.at -= 1
         if not is_name(name, kind):
-            self.fail(f"the name of the {kind}, which is no reserved word")
+            self.fail(f"the name of the {kind}, which is not a reserved word")
         # Rules differ by kind: `5` may name a predicate, but not an object.
         if _STANDARD_NAME.fullmatch(name) is None and name not in self.diagnostics.odd_names:
             self.diagnostics.odd_names.add(name)

@@ -137,7 +137,7 @@ class FormulaReader(Cursor):
         """Read a top-level formula, which may be `()` or a conjunction, as its conjuncts."""
         if self.is_empty():
             return flatten(self._empty())
-        # A list of formulas is written as one conjunction, which is no level of theirs.
+        # A list of formulas is written as one conjunction, which is not a level of theirs.
         self.level = -(self.tokens[self.at + 1].lower() == "and")
         found = flatten(self.formula(context))
         self.level = 0
@@ -320,7 +320,7 @@ class FormulaReader(Cursor):
         return unknown or self.symbols.predicates.find(self.tokens[self.at + 1]) is not None
 
     def _preference(self, context: int) -> f.Formula:
-        # A preference holds a formula, alone or after a name; terms are no formulas.
+        # A preference holds a formula, alone or after a name; terms are not formulas.
         following = self.tokens[self.at + 2 : self.at + (4 if context & PREFERENCES else 3)]
         if (following[0] == ")" or "(" not in following) and self._may_be_predicate():
             return self._named_like_operator(context)

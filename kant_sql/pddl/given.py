@@ -155,8 +155,8 @@ def read_condition(
         The condition and its free variables.
 
     Raises:
-        PddlError: the text is no condition, or it uses what is not declared.
-        InvalidArgumentError: an argument is no text.
+        PddlError: the text is not a condition, or it uses what is not declared.
+        InvalidArgumentError: an argument is not text.
     """
     expect(text, str, "the condition", InvalidArgumentError)
     if parameters is not None:
@@ -291,5 +291,5 @@ def text_of(given: object, example: str) -> str:
     if isinstance(given, f.Node):
         return str(given)
     raise InvalidKnowledgeError(
-        f"{type(given).__name__} is no formula; give PDDL text such as '{example}', or a node"
+        f"{type(given).__name__} is not a formula; give PDDL text such as '{example}', or a node"
     )

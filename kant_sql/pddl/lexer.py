@@ -207,7 +207,7 @@ def read_file(path: str | os.PathLike[str]) -> bytes:
         # Opening a pipe without a writer would block.
         with open(path, "rb", opener=_open_at_once) as file:
             if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
-                raise OSError(errno.EINVAL, "it is no regular file; copy its content to one")
+                raise OSError(errno.EINVAL, "it is not a regular file; copy its content to one")
             return file.read()
     except (FileNotFoundError, ValueError) as error:
         # ValueError: the name has a NUL character or a lone surrogate.

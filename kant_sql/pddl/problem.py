@@ -489,7 +489,7 @@ class ProblemReader:
             expected = f"{constant.type_text}, as the domain's constant"
             reader.fail(expected, f"{name} of type {either_text(types)}", at)
         found = f"the constant '{name}' again"
-        reader.deviate("objects that are no constants", "left out", found, at)
+        reader.deviate("objects that are not constants", "left out", found, at)
 
     def _read_initial_state(self) -> InitialState:
         sections = self._sections(":init")

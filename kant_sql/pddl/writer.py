@@ -47,7 +47,7 @@ _OPERATORS = {DEFINE, PREFERENCE, *f.MODALS, *f.ASSIGNMENTS}
 _TIME_WORDS = {tuple(time.split()) for time in f.TIMES}
 
 
-# Parts of documents that are no formulas.
+# Parts of documents that are not formulas.
 _PARTS = (f.Derived, f.TimedLiteral, f.Metric)
 
 
@@ -55,7 +55,7 @@ def node_text(node: f.Node, explicit: bool = False) -> str:
     """Write a node."""
     if type(node) in _PARTS:
         raise InvalidKnowledgeError(
-            f"a {type(node).__name__} is no part of a formula; put it where the document has it"
+            f"a {type(node).__name__} is not part of a formula; put it where the document has it"
         )
     return f.node_text(node, _explicit_head if explicit else _head)
 
@@ -90,7 +90,7 @@ def check_predicate(name: str) -> None:
 def check_word(what: str, word: str, allowed: Collection[str]) -> None:
     """Refuse a word that is not one of some choices."""
     if word not in allowed:
-        raise InvalidKnowledgeError(f"{word!r} is no {what}; use one of {', '.join(allowed)}")
+        raise InvalidKnowledgeError(f"{word!r} is not {what}; use one of {', '.join(allowed)}")
 
 
 def _check_atom(node: f.Atom) -> None:
@@ -119,15 +119,15 @@ def _check_fluent(node: f.Fluent) -> None:
 
 
 def _check_arithmetic(node: f.Arithmetic) -> None:
-    check_word("arithmetic operator", node.operator, f.ARITHMETIC)
+    check_word("an arithmetic operator", node.operator, f.ARITHMETIC)
     if len(node.operands) < (1 if node.operator == "-" else 2):
         raise InvalidKnowledgeError(
-            f"{node.operator!r} of {len(node.operands)} operands is no number; give it two"
+            f"{node.operator!r} of {len(node.operands)} operands is not a number; give it two"
         )
 
 
 def _check_modal(node: f.Modal) -> None:
-    check_word("modal operator", node.operator, f.MODALS)
+    check_word("a modal operator", node.operator, f.MODALS)
     given = (len(node.numbers), len(node.formulas))
     numbers, formulas = f.MODALS[node.operator]
     if given != (numbers, formulas):
@@ -142,9 +142,9 @@ _CHECKS: dict[type, Callable[[Any], None]] = {
     f.Fluent: _check_fluent,
     f.Arithmetic: _check_arithmetic,
     f.Modal: _check_modal,
-    f.Comparison: lambda node: check_word("comparison", node.operator, f.COMPARISONS),
-    f.Assign: lambda node: check_word("effect on a fluent", node.operator, f.ASSIGNMENTS),
-    f.Timed: lambda node: check_word("time of a condition or an effect", node.time, f.TIMES),
+    f.Comparison: lambda node: check_word("a comparison", node.operator, f.COMPARISONS),
+    f.Assign: lambda node: check_word("an effect on a fluent", node.operator, f.ASSIGNMENTS),
+    f.Timed: lambda node: check_word("a time of a condition or an effect", node.time, f.TIMES),
     f.Forall: lambda node: check_types(node.variables),
     f.Exists: lambda node: check_types(node.variables),
 }
@@ -257,7 +257,7 @@ def write_problem(
     lines += _constraints(problem.constraints, typed)
     if problem.metric is not None:
         with _within("in :metric"):
-            check_word("optimization", problem.metric.optimization, ("minimize", "maximize"))
+            check_word("an optimization", problem.metric.optimization, ("minimize", "maximize"))
             expression = node_text(problem.metric.expression)
             lines.append(f"  (:metric {problem.metric.optimization} {expression})")
     return "\n".join([*lines, ")\n"])
@@ -341,7 +341,9 @@ def _requirements(requirements: Sequence[str]) -> list[str]:
     for requirement in requirements:
         if not is_requirement(requirement):
             check_name("requirement", requirement.removeprefix(":"))
-            raise InvalidNameError(f"{requirement!r} is no requirement; write it ':{requirement}'")
+            raise InvalidNameError(
+                f"{requirement!r} is not a requirement; write it ':{requirement}'"
+            )
     return [f"  (:requirements {' '.join(requirements)})"] if requirements else []
 
 
@@ -379,7 +381,7 @@ def _conjunction(
 
 
 def _action(action: Action, typed: bool) -> list[str]:
-    check_word("kind of action", action.kind, ACTION_KINDS)
+    check_word("a kind of action", action.kind, ACTION_KINDS)
     check_types(action.parameters)
     lines = [
         f"  (:{action.kind} {action.name}",
@@ -414,7 +416,7 @@ def _value(value: FunctionValue) -> str:
 def _timed_text(timed: f.TimedLiteral) -> str:
     effect = timed.effect
     if isinstance(effect, f.Assign):
-        check_word("timed effect on a fluent", effect.operator, ("assign",))
+        check_word("a timed effect on a fluent", effect.operator, ("assign",))
         text = f"(= {node_text(effect.fluent)} {node_text(effect.value)})"
     else:
         text = node_text(effect)

@@ -117,7 +117,7 @@ class PddlExpressions:
             return f.Atom(name, self.terms(node, bound))
         modal = kind.lower().replace("_", "-")
         if kind not in _CONNECTIVES and modal not in n.SHARED_MODALS:
-            raise self.unsupported(node, "it is no formula of PDDL")
+            raise self.unsupported(node, "it is not a formula of PDDL")
         parts = tuple(self.formula(part, bound) for part in node.args)
         if modal in n.SHARED_MODALS:
             return f.Modal(modal, (), parts)
@@ -138,7 +138,7 @@ class PddlExpressions:
                 return f.Variable(bound[node.variable()])
             if node.is_fluent_exp():
                 return self.fluent(node, bound)
-        raise self.unsupported(node, "it is no object")
+        raise self.unsupported(node, "it is not an object")
 
     def fluent(self, node: up.FNode, bound: Bound) -> f.Fluent:
         """Convert a numeric or object fluent."""
@@ -154,7 +154,7 @@ class PddlExpressions:
         if kind in _ARITHMETIC:
             operands = tuple(self.expression(part, bound) for part in node.args)
             return f.Arithmetic(_ARITHMETIC[kind], operands)
-        raise self.unsupported(node, "it is no number")
+        raise self.unsupported(node, "it is not a number")
 
 
 class PddlActions(PddlExpressions):
@@ -494,7 +494,7 @@ class PddlDocuments(PddlActions):
             item = self.term(value, {})
             if isinstance(item, f.Constant):
                 return item
-            raise self.unsupported(value, "it is no object")
+            raise self.unsupported(value, "it is not an object")
         number = self.expression(value, {})
         if isinstance(number, f.Number):
             return number

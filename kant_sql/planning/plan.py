@@ -140,7 +140,7 @@ class Plan:
             `revision` is None: a plan is recorded as one of the head.
 
         Raises:
-            PddlError: a line is no step; the error has the line, what was found and expected.
+            PddlError: a line is not a step; the error has the line, what was found and expected.
             SourceMissingError: the file does not exist; this is a `FileNotFoundError`, too.
             SourceError: the file cannot be read.
 

@@ -152,7 +152,7 @@ class UpConversion:
                     raise self.context.unsupported(literal, "two objects are never one there")
         for fact in self._document.facts:
             if fold(fact.predicate) in self.context.rules:
-                raise self.context.unsupported(fact, "a derived predicate is no fluent there")
+                raise self.context.unsupported(fact, "a derived predicate is not a fluent there")
             problem.set_initial_value(formulas.formula(fact, scope), manager.TRUE())
         for fluent, value in self._document.values:
             if self.context.costed and is_function(fluent, f.TOTAL_COST):
@@ -194,7 +194,9 @@ class UpConversion:
                 constraint = self._formulas.quantified(self._modal(node, scope), variables)
                 self.context.problem.add_trajectory_constraint(constraint)
             case _:
-                raise self.context.unsupported(node, "it is no constraint on the trajectory there")
+                raise self.context.unsupported(
+                    node, "it is not a constraint on the trajectory there"
+                )
 
     def _modal(self, node: f.Modal, scope: Bindings) -> FNode:
         manager = self.context.environment.expression_manager

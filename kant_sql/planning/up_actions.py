@@ -88,13 +88,13 @@ class UpDurations(UpConverter):
                     if not _is_duration(left):
                         operator, left, right = _FLIPPED[operator], right, left
                     if not _is_duration(left) or any(map(_is_duration, f.walk(right))):
-                        raise self._unsupported(constraint, "it is no bound of ?duration")
+                        raise self._unsupported(constraint, "it is not a bound of ?duration")
                     if time == f.AT_END and not self.is_static(right):
                         reason = "a bound that is only known at the end has no counterpart"
                         raise self._unsupported(constraint, reason)
                     yield operator, right
                 case _:
-                    raise self._unsupported(constraint, "it is no bound of ?duration")
+                    raise self._unsupported(constraint, "it is not a bound of ?duration")
 
     def is_static(self, node: f.Expression) -> bool:
         """Return whether the state has no part in the value of a duration."""
@@ -171,7 +171,7 @@ class UpEffects(UpConverter):
             case f.Atom() | f.Assign() | f.Not(f.Atom()):
                 yield replace(outer, change=effect)
             case _:
-                raise self._unsupported(effect, "it is no effect")
+                raise self._unsupported(effect, "it is not an effect")
 
     def condition(self, effect: SingleEffect) -> FNode:
         """Convert the condition of an effect."""
@@ -214,7 +214,7 @@ class UpEffects(UpConverter):
 
     def _object(self, change: f.Assign, scope: Bindings, target: FNode) -> FNode:
         if not isinstance(change.value, f.Constant | f.Variable | f.Fluent):
-            raise self._unsupported(change, "it assigns what is no object")
+            raise self._unsupported(change, "it assigns what is not an object")
         value = self._formulas.term(change.value, scope)
         if not target.type.is_compatible(value.type):
             reason = f"{value} is of type {value.type}, not of {target.type}"
@@ -259,7 +259,7 @@ class UpEffects(UpConverter):
                 return self._manager.Div(
                     self._rate(dividend, effect), self._formulas.expression(divisor, effect.scope)
                 )
-        raise self._unsupported(effect.change, "it is no multiple of #t")
+        raise self._unsupported(effect.change, "it is not a multiple of #t")
 
 
 def number_of(change: f.Atom | f.Not | f.Assign | None) -> f.Expression:

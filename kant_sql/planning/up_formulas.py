@@ -226,7 +226,7 @@ class UpFormulas(UpConverter):
                 return self._equal(node, self.term(left, scope), self.term(right, scope))
             case f.Comparison():
                 return self._comparison(node, scope)
-        raise self._unsupported(node, "it is no condition on a state")
+        raise self._unsupported(node, "it is not a condition on a state")
 
     def term(self, node: f.Term, scope: Bindings) -> FNode:
         """Convert a term."""
@@ -238,7 +238,7 @@ class UpFormulas(UpConverter):
             case f.Constant(name):
                 if fold(name) in self._context.objects:
                     return self._manager.ObjectExp(self._context.objects[fold(name)])
-                raise self._unsupported(node, "it is no object of the problem")
+                raise self._unsupported(node, "it is not an object of the problem")
         return self.fluent(node, scope)
 
     def fluent(self, node: f.Fluent, scope: Bindings) -> FNode:
@@ -259,7 +259,7 @@ class UpFormulas(UpConverter):
                 value = self.term(node, scope)
                 if value.type.is_real_type() or value.type.is_int_type():
                     return value
-        raise self._unsupported(node, "it is no number that a state holds")
+        raise self._unsupported(node, "it is not a number that a state holds")
 
     def variables(
         self, names: Sequence[f.TypedName], scope: Bindings
@@ -297,7 +297,7 @@ class UpFormulas(UpConverter):
 
     def _equal(self, node: f.Equal, left: FNode, right: FNode) -> FNode:
         if not (left.type.is_user_type() and right.type.is_user_type()):
-            raise self._unsupported(node, "its terms are no objects")
+            raise self._unsupported(node, "its terms are not objects")
         roots = [list(node.type.ancestors)[-1] for node in (left, right)]
         if roots[0] != roots[1]:
             return self._manager.FALSE()
@@ -328,7 +328,7 @@ class UpFormulas(UpConverter):
     ) -> FNode:
         fluent = self._context.fluents.get((category, fold(name)))
         if fluent is None:
-            raise self._unsupported(node, f"{category} {name} is no fluent there")
+            raise self._unsupported(node, f"{category} {name} is not a fluent there")
         arguments = [self.term(term, scope) for term in terms]
         if len(arguments) != fluent.arity:
             raise self._unsupported(node, f"{name} has {fluent.arity} parameters")

@@ -60,7 +60,9 @@ def check_text(text: str | None, role: str) -> str | None:
     if not isinstance(text, str):
         raise PlanError(f"{role} is a string or None, not {shown(text)}")
     if "\0" in text or any("\ud800" <= character <= "\udfff" for character in text):
-        raise PlanError(f"{role} {shown(text)} has a NUL or half a character; leave it out")
+        raise PlanError(
+            f"{role} {shown(text)} has a NUL character or an unpaired surrogate; leave it out"
+        )
     return text
 
 

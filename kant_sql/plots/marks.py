@@ -82,7 +82,7 @@ DARK = Theme("#e6eaed", "#a5b0b9", "#3d4750", "rgba(150,160,170,0.10)")
 
 
 def said(text: str | None, length: int = HOVER) -> str:
-    """Return a text as a figure shows it: in its own words, which are no markup."""
+    """Return a text as a figure shows it: in its own words, which are not markup."""
     return "" if text is None else escape(cut(visible(" ".join(text.split())), length), quote=False)
 
 

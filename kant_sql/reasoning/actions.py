@@ -309,7 +309,7 @@ class Schema:
         return [failed for found in parts for failed in found]
 
     def misfit(self, world: World, names: Sequence[str]) -> FailedCondition | None:
-        """Return why names are no arguments of the action, if so."""
+        """Return why names are not arguments of the action, if so."""
         variables = self.action.variables
         text = f"({' '.join((self.action.name, *names))})"
         if len(names) != len(variables):

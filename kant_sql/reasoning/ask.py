@@ -196,8 +196,8 @@ def _check_possible(definitions: Definitions, column: Column) -> None:
     live = definitions.types.live
     names = [either_text(live(id_).name for id_ in sorted(types)) for types in wanted]
     raise TypeMismatchError(
-        f"?{column.name} stands where {' and where '.join(names)} is expected, and no object is "
-        f"both; give its types, as in parameters='(?{column.name} - ...)'"
+        f"?{column.name} is used as {' and as '.join(names)}, and no object is both; give its "
+        f"types, as in parameters='(?{column.name} - ...)'"
     )
 
 
@@ -253,7 +253,7 @@ def holds(state: State, condition: str | Node, /, **bindings: Binding) -> bool:
         Whether it holds.
 
     Raises:
-        PddlError: the text is no condition, or it names what is not known; with the position,
+        PddlError: the text is not a condition, or it names what is not known; with the position,
             and a similar name.
         TypeMismatchError: a given object does not fit its variable.
         UnsupportedConstructError: the condition is nested too deeply for a database.
@@ -515,7 +515,7 @@ def query(
 
     Raises:
         PddlError, TypeMismatchError, UnsupportedConstructError, ArchivedError: as `holds`.
-        InvalidArgumentError: a binding is for no free variable, or `limit` is no number.
+        InvalidArgumentError: a binding is for no free variable, or `limit` is not a number.
 
     Examples:
         >>> for robot, wp in kb.query("(robot_at ?r ?w)"):

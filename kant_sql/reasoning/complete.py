@@ -61,7 +61,7 @@ def complete(state: State, beginning: str, *, limit: int = DEFAULT_LIMIT) -> lis
 
     Raises:
         ArchivedError: a part of this state was moved to an archive.
-        InvalidArgumentError: `beginning` is no text, or `limit` is no number.
+        InvalidArgumentError: `beginning` is not text, or `limit` is not a number.
 
     Examples:
         >>> for one in kb.complete("rob"):

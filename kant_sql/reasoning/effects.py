@@ -208,7 +208,7 @@ class EffectReader:
         if not fits(definitions, id_, closure(definitions, type_ids)):
             wanted = either_text(definitions.types.live(each).name for each in type_ids)
             raise TypeMismatchError(
-                f"{role} has {definitions.objects.live(id_).name}, which is no {wanted}"
+                f"{role} has {definitions.objects.live(id_).name}, which is not a {wanted}"
             )
 
     def _value(

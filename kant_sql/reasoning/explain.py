@@ -326,7 +326,7 @@ def unsatisfied(
 
 
 def unsatisfied_goals(state: State) -> list[FailedCondition]:
-    """Return the parts of the goals that do not hold; preferences are no part.
+    """Return the parts of the goals that do not hold; preferences are not part.
 
     Returns:
         The parts, as `unsatisfied`. Empty if all goals are reached.
@@ -398,8 +398,8 @@ def metric_value(state: State) -> Decimal | None:
                 numbers[name] = Decimal(_violations(view, node.preference))
             elif node == f.Fluent(f.TOTAL_TIME) and functions.named(f.TOTAL_TIME) is None:
                 raise UnsupportedConstructError(
-                    "the metric is about total-time, which a plan has and a state has not; "
-                    "kb.validate(plan) gives its value"
+                    "the metric is about total-time, which belongs to a plan and not to a state; "
+                    "kb.validate(plan) returns its value"
                 )
         value = number_of(view, metric.expression, numbers)
         if value is None:
@@ -423,7 +423,7 @@ def _violations(view: View, name: str) -> int:
     if not found:
         raise UnsupportedConstructError(
             f"the metric counts violations of the preference {name!r}, which is not one of the "
-            "goals: a state does not have it; kb.validate(plan) counts it"
+            "goals; kb.validate(plan) counts it"
         )
     count = 0
     for _, variables, formula in found:

@@ -42,7 +42,7 @@ def check_continuous(action: str, effect: f.Assign, is_conditional: bool) -> Non
 def no_multiple(effect: f.Assign) -> UnsupportedConstructError:
     """Make the error for a continuous effect without a rate."""
     return UnsupportedConstructError(
-        f"the continuous effect {effect} is no multiple of #t; write it as (* #t rate)"
+        f"the continuous effect {effect} is not a multiple of #t; write it as (* #t rate)"
     )
 
 

@@ -88,7 +88,7 @@ def _name(variable: str, value: object) -> str:
     name = value.name if isinstance(value, PddlObjectDto) else value
     if not isinstance(name, str):
         raise InvalidArgumentError(
-            f"{variable}={shown(value)} is no object; give its name or a PddlObjectDto"
+            f"{variable}={shown(value)} is not an object; give its name or a PddlObjectDto"
         )
     return name
 

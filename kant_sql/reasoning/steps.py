@@ -350,7 +350,7 @@ class _Around:
 
 
 def _rate(quantity: Quantity) -> Quantity | None:
-    """Return what is multiplied with `#t`; None for what is no multiple of it."""
+    """Return what is multiplied with `#t`; None for what is not a multiple of it."""
     if quantity == _TIME:
         return Decimal(1)
     if not isinstance(quantity, Operation):
@@ -512,7 +512,7 @@ def _given(definitions: Definitions, step: object) -> _Given:
         given: Any = step
         return given.action.name, [str(each) for each in given.actual_parameters], None, None
     raise PlanError(
-        f"{shown(step)} is no step; give text such as '(move rb1 hall kitchen)', a PlanStep, a "
+        f"{shown(step)} is not a step; give text such as '(move rb1 hall kitchen)', a PlanStep, a "
         "step of a recorded plan, or an ActionInstance of unified-planning"
     )
 

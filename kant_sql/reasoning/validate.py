@@ -176,7 +176,7 @@ def validate(state: State, plan: Plan | RecordedPlan, *, at: When | None = None)
         UnknownRevisionError: there is no such revision yet, or the time lies in the future or
             has no zone.
         ArchivedError: that state was moved to an archive.
-        InvalidKnowledgeError: `plan` is no plan, or derived predicates are not stratified.
+        InvalidKnowledgeError: `plan` is not a plan, or derived predicates are not stratified.
 
     Examples:
         >>> from kant_sql import Plan, PlanStep

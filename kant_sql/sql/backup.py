@@ -94,7 +94,7 @@ def backup(
 def _refuse_existing(path: Path) -> None:
     if os.path.lexists(path):
         raise InvalidArgumentError(
-            f"{printable(str(path))} exists, and a backup overwrites nothing: name another file"
+            f"{printable(str(path))} exists, and a backup never overwrites a file: name another one"
         )
 
 

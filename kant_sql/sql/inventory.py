@@ -168,7 +168,7 @@ def _reached(goals: Any) -> Any:
 
 
 def _formulas() -> Any:
-    """Count the live goals that are no atoms, and the rules that may derive one."""
+    """Count the live goals that are not atoms, and the rules that may derive one."""
     version = TABLES["formula_version"]
     section = version.c.section.in_([literal_column(f"'{s}'") for s in (GOAL, DERIVED_PREDICATE)])
     return (
@@ -433,7 +433,7 @@ def _last_revision(
     with reading_rows("knowledge_base", f"id {row[0]!r}"):
         # SQLite keeps anything in any column.
         if not isinstance(name, str):
-            raise TypeError(f"column name has {name!r}, no text")
+            raise TypeError(f"column name has {name!r}, which is not text")
     if revision is None:
         raise unreadable("head", f"knowledge base {name!r}", LookupError("there is no row"))
     if number is None or type(revision) is not int:
@@ -441,7 +441,7 @@ def _last_revision(
     with reading_rows("revision", f"revision {revision} of knowledge base {name!r}"):
         for column, text in (("actor", actor), ("reason", reason)):
             if text is not None and not isinstance(text, str):
-                raise TypeError(f"column {column} has {text!r}, no text")
+                raise TypeError(f"column {column} has {text!r}, which is not text")
         return revision, session.to_time(committed_at), actor, reason, read_source(source)
 
 

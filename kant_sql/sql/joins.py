@@ -286,7 +286,7 @@ class _Join:
                 f"{alias}.position = {n}",
             ]
         selection.tables.insert(len(selection.tables) - arity + 1, f"proposition AS {atom}")
-        # As a sum it is no condition of an index: without statistics PostgreSQL would read all of
+        # As a sum it is not a condition of an index: without statistics PostgreSQL reads all of
         # the predicate's atoms for each one that it looks up by its id.
         selection.where += [
             *writer.atom(atom, fact.predicate, "predicate_id + 0"),

@@ -92,7 +92,7 @@ def _facts_text(loops: NestedLoops, shape: str, place: int, are_facts: bool) -> 
     """Select what matches one pattern; positions but the first known one are compared later."""
     table, owner = ("proposition", "predicate") if are_facts else ("function_value", "function")
     count = "0"
-    # As a sum, the owner is no condition of an index: without statistics a planner reads all that
+    # As a sum, the owner is not a condition of an index: without statistics planners read all that
     # it ever had, to find those few that have the object.
     is_owner = f"i.{owner}_id{' + 0' if shape == _SOME else ''} = :owner{place}"
     where = f"i.kb_id = :kb AND {is_owner}" + (" AND i.is_goal = :is_goal" if are_facts else "")

@@ -1,6 +1,6 @@
 """Generated views: for each predicate of a knowledge base, its facts and its goals.
 
-A view's name has letters, digits and underscores and is no reserved word, so it needs no quotes. It
+A view's name has letters, digits and underscores and is not a reserved word: it needs no quotes. It
 has at most 63 bytes, as PostgreSQL truncates longer names. Where names map to the same identifier,
 the oldest has it, and the others end with a hash of their own name, so a view's name never changes
 its meaning.

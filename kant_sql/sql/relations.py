@@ -529,7 +529,7 @@ def _conjuncts(part: Part) -> Iterator[HoldsFact]:
 
 
 def _are_connected(facts: Iterable[HoldsFact], slots: AbstractSet[Slot]) -> bool:
-    """Return whether facts bind some variables, and are no product of facts that share none."""
+    """Return whether facts bind some variables, and are not a product of facts that share none."""
     groups: list[set[Place]] = []
     for fact in facts:
         own: set[Place] = {term for term in fact.terms if isinstance(term, Slot)}

@@ -228,7 +228,7 @@ def _require_store(backend: Backend) -> None:
         # Only a file can be missing. The absolute path shows a missing slash or a wrong folder.
         path = Path(str(backend.url.database)).absolute()
         raise SchemaMissingError(
-            f"{backend.label}: there is no such file, {path}; check the path and its slashes"
+            f"{backend.label}: no such file: {path}; check the path and its slashes"
         )
 
 

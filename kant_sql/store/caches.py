@@ -173,7 +173,7 @@ def read_value(fluent: str, held: str, object_id: int | None) -> FluentValue:
     text = held[len(begin) : -1]
     with reading_rows("function_value_version", f"the value of {fluent!r}"):
         if not held.startswith(begin) or (object_id is None and not Decimal(text).is_finite()):
-            raise ValueError(f"{held!r} is no value of it")
+            raise ValueError(f"{held!r} is not a value of it")
     return FluentValue(text, object_id)
 
 

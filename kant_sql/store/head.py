@@ -142,7 +142,7 @@ def lock_head(session: Session, kb_id: int) -> Head | None:
             check_numbers(session, kb_id, zip(EMPTY_HEAD, numbers, strict=True))
     # The next hash is chained to this one.
     if revision and (not isinstance(digest, str) or len(digest) != HASH_LENGTH):
-        error = ValueError(f"column hash has {digest!r}, which is no hash")
+        error = ValueError(f"column hash has {digest!r}, which is not a hash")
         raise unreadable("head", whose(session, kb_id), error) from error
     committed_at = None if moment is None else to_time_of_head(session, kb_id, moment)
     now = session.now(clock)
@@ -163,7 +163,8 @@ def check_numbers(session: Session, kb_id: int, numbers: Iterable[tuple[str, Any
         if not isinstance(value, int) or value < 0:
             raise StoreIntegrityError(
                 f"{session.backend.label}: column {name} of table head has {value!r} for knowledge "
-                f"base {read_name(session, kb_id)!r}, which is no integer from 0 on; nothing was "
+                f"base {read_name(session, kb_id)!r}, which is not an integer from 0 on; "
+                "nothing was "
                 "written; 'kant-sql verify' shows what else was changed by hand"
             )
 

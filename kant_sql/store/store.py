@@ -294,7 +294,7 @@ class Store:
         return retrying(self.backend, once)
 
     def write_beside(self, work: Callable[[Session], None]) -> None:
-        """Write what is no part of the history, in a transaction of its own without a revision.
+        """Write what is not part of the history, in a transaction of its own without a revision.
 
         As for all writes, no limit of questions concerns it.
         """
@@ -446,7 +446,7 @@ class Store:
             raise StoreReplacedError(
                 f"{self.backend.label}: knowledge base {self.name!r} is at revision "
                 f"{head.revision}, and revision {last.number}, committed before, is not in it; the "
-                "store was put back to another state: close the knowledge base and connect again"
+                "store was restored to another state: close the knowledge base and connect again"
             )
         if head.committed_at is not None and head.clock < head.committed_at - CLOCK_BEHIND:
             self._warn_of_clock(head.revision, head.committed_at, head.clock)
@@ -541,8 +541,8 @@ class Store:
         except StoreError as error:
             raise OutcomeUnknownError(
                 f"{self.backend.label}: the connection was lost while revision {made.number} of "
-                f"{self.name!r} was being committed, and the store does not come back ({error}); "
-                f"if it has a revision {made.number} of hash {made.hash}, all of it was written"
+                f"{self.name!r} was being committed, and the store cannot be reached ({error}); if "
+                f"it has revision {made.number} with hash {made.hash}, everything was written"
             ) from error
 
 

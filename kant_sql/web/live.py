@@ -231,7 +231,7 @@ async def events(
         await answer(request, lambda: store.require(kb_name))
     seen = after
     if last_event_id is not None and last_event_id.isascii() and last_event_id.isdigit():
-        # As many digits as revisions have: a longer one is no number to Python, either.
+        # As many digits as revisions have: a longer one is not a number to Python, either.
         seen = int(last_event_id[:20])
     hub.admit(kb_name)
     return StreamingResponse(

@@ -149,7 +149,7 @@ async def _form(request: Request, error: KantSqlError, template: str) -> HTMLRes
 def _check_texts(query: Mapping[str, object]) -> None:
     for name, value in query.items():
         if isinstance(value, str) and "\0" in value:
-            raise InvalidArgumentError(f"{name} has a NUL, and no element and no name has one")
+            raise InvalidArgumentError(f"{name} has a NUL character, which no text can have")
 
 
 def _endpoint(

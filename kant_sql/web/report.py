@@ -79,7 +79,7 @@ def report_html(
 
     Raises:
         UnknownRevisionError: `since` or `until` lies in the future, or is a time without zone.
-        UnknownNameError: there never was an object of that name.
+        UnknownNameError: there has never been an object of that name.
         PddlError, SourceError: `rules` are not well-formed, or cannot be read.
         InvalidArgumentError: an argument is not of its type.
 
@@ -267,7 +267,7 @@ def write_report(
 def replacing(target: Path) -> Iterator[Path]:
     """Yield a new file beside another one, which it replaces at the end of the block.
 
-    It is made at once: a folder that cannot be written to is no reason to work first.
+    It is made at once: a folder that cannot be written to is not a reason to work first.
     """
     if target.is_dir():
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(target))

@@ -163,7 +163,7 @@ def _host_name(host: str) -> str:
     """Return the name in a `Host` header, without the port."""
     try:
         parts = urlsplit(f"//{quote(host, safe=':[]%.-_')}")
-        # What is no port would become a part of the address that the application sees.
+        # What is not a port would become a part of the address that the application sees.
         return (parts.hostname or "") if parts.port != 0 else ""
     except ValueError:
         return ""

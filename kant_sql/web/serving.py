@@ -35,12 +35,13 @@ def token_for(host: str) -> str | None:
         return None if is_loopback(host) else secrets.token_urlsafe(24)
     if len(given) < 16:
         raise InvalidArgumentError(
-            f"{TOKEN_VARIABLE} has {len(given)} characters; give it 16 or more that nobody guesses"
+            f"{TOKEN_VARIABLE} has {len(given)} characters; use 16 or more that nobody guesses"
         )
     if not (given.isascii() and given.isprintable()) or given != given.strip():
         raise InvalidArgumentError(
-            f"{TOKEN_VARIABLE} has characters that no header of HTTP can have; give it letters and "
-            "digits of ASCII"
+            f"{TOKEN_VARIABLE} has characters that HTTP headers cannot carry; use ASCII "
+            "letters and "
+            "digits"
         )
     return given
 

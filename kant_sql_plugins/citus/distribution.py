@@ -158,11 +158,11 @@ def distribute(
         What is distributed how, and the statements that did it.
 
     Raises:
-        InvalidArgumentError: the number of shards is no number from 1 on.
+        InvalidArgumentError: the number of shards is not a number from 1 on.
         SchemaError: the tables are missing, outdated or too new; the message names the remedy.
         StoreBusyError: a session, which the message names, holds a table's lock; nothing was
             changed.
-        StoreError: this is no coordinator of a cluster, or something is in the way of the
+        StoreError: this is not a coordinator of a cluster, or something is in the way of the
             distribution; the message names it, and nothing was changed.
     """
     if shards is not None:
@@ -334,8 +334,8 @@ class Distributor:
         found = [row[0] for row in self._connection.execute(_IN_THE_WAY, views)]
         if found:
             raise self._refused(
-                f"in the way, and not of kant_sql: {'; '.join(found)}",
-                f"drop what is in the way of {len(tables)} tables, and create it again afterwards",
+                f"objects of other programs are in the way: {'; '.join(found)}",
+                f"drop these objects at {len(tables)} tables, and create them again afterwards",
             )
 
     def _check_writers(self) -> None:

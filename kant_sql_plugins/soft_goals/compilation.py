@@ -189,7 +189,7 @@ class SoftGoals:
         try:
             weights = linear(metric.expression)
         except NotLinearError as error:
-            self._ignore("the metric", error.args[0], "it is no weighted sum")
+            self._ignore("the metric", error.args[0], "it is not a weighted sum")
             return
         except RecursionError as error:
             raise too_deep(self._problem) from error
@@ -209,11 +209,11 @@ class SoftGoals:
         self._costs = Costs(self._domain, self._problem, fluents)
         for fluent in fluents:
             if reason := self._costs.refused.get(fluent.function):
-                self._ignore("the metric", fluent, f"it is no sum of costs: {reason}")
+                self._ignore("the metric", fluent, f"it is not a sum of costs: {reason}")
 
     def _weigh_time(self, node: f.Node, weight: Fraction) -> None:
         if self._takes_time:
-            self._ignore("the metric", node, "the duration of a plan is no sum of costs")
+            self._ignore("the metric", node, "the duration of a plan is not a sum of costs")
         elif weight < 0:
             self._ignore("the metric", node, "longer plans would be better without limit")
         else:
@@ -232,7 +232,7 @@ class SoftGoals:
         found: list[_Preference],
         known: Callable[[f.Formula], f.Formula] | None = None,
     ) -> Iterator[f.Formula]:
-        """Yield what is no preference; collect the instances of those that the metric counts."""
+        """Yield what is not a preference; collect the instances of those that the metric counts."""
         for node in nodes:
             match node:
                 case f.Preference(name, inner):
@@ -347,7 +347,7 @@ class SoftGoals:
                 if self._takes_time:
                     raise _NotGivenError("a plan with durations has no step after each state")
                 return self._monitor(operator, parts)
-        raise _NotGivenError("it is no constraint on the trajectory")
+        raise _NotGivenError("it is not a constraint on the trajectory")
 
     def _monitor(self, operator: str, parts: Sequence[f.Formula]) -> f.Formula:
         """Watch a constraint (PDDL 3.0, section 2); all conditions are of the observed state.

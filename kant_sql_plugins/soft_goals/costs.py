@@ -85,7 +85,7 @@ class _Increase:
 
 
 class NoCostError(Exception):
-    """A fluent is no sum of costs; the argument says why."""
+    """A fluent is not a sum of costs; the argument says why."""
 
 
 class Costs:
@@ -187,7 +187,7 @@ class Costs:
         used = {fold(node.name) for node in f.walk(*nodes) if isinstance(node, f.Variable)}
         parameters = tuple(part for part in action.parameters if fold(part.name) in used)
         if len(parameters) != len(used):
-            raise NoCostError(f"the amount in action {action.name} is no constant")
+            raise NoCostError(f"the amount in action {action.name} is not a constant")
         ranges = [self._objects.of(part.types) for part in parameters]
         if prod(map(len, ranges)) > MOST_COSTS:
             raise NoCostError(f"action {action.name} would have more than {MOST_COSTS} costs")

@@ -264,7 +264,7 @@ def _afternoon(story: Teller) -> None:
         story.say("- robot_at rb1 t3", "robot_at rb1 kitchen")
     with story.at("15:00", "battery_monitor"):  # 33
         story.set_battery("rb1", "100")
-    with story.at("16:00", "perception", "log read after an outage", None, "15:30"):  # 34
+    with story.at("16:00", "perception", "log read late", None, "15:30"):  # 34
         story.say("waiting t4")
     with story.at("17:00", "maintenance", "door taken out"):  # 35
         story.kb.objects.delete(_OBJECTS["front"])

@@ -38,7 +38,7 @@ from tests.support.pages import ask, rows_of
 from tests.support.worlds.robots import WP2, robot_at
 
 OF_COURIER = "knowledge_base=courier"
-# Names that are no folders, or mean something to who reads partitions.
+# Names that are not folders, or mean something to who reads partitions.
 HOSTILE = (
     "a/b",
     "..",

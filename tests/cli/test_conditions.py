@@ -303,7 +303,7 @@ def test_rules_come_from_the_store_or_a_file(breakfast: str, tmp_path: Path) -> 
     lines = run("rules", breakfast, str(file)).stdout.splitlines()
     assert f"violated rule: {RULE}" in lines
     assert "violated preference: (preference warm (always (at rb1 table1)))" in lines
-    # A preference alone is no violation.
+    # A preference alone is not a violation.
     file.write_text("(preference warm (always (at rb1 table1)))")
     found = document("rules", breakfast, str(file))
     assert (found["is_satisfied"], found["rules"][0]["preference"]) == (True, "warm")

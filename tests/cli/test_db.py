@@ -167,15 +167,13 @@ def test_a_downgrade_that_fails_does_not_say_that_it_has_dropped_views(
     assert "2 views of predicates are dropped" in caplog.text
 
 
-LOST = "all tables are dropped, and with them 3 revisions of 1 knowledge base, for ever: tiago (3)"
+LOST = "this drops all tables and 3 revisions of 1 knowledge base: tiago (3)"
 
 
 def test_what_would_destroy_revisions_is_refused_where_nobody_can_be_asked(own_store: str) -> None:
     for words in (["base"], ["base", "--json"]):
         result = run("db", "downgrade", own_store, *words)
-        assert f"{LOST}; nothing was changed: to do this without a question, add --yes" in (
-            result.stderr
-        )
+        assert f"{LOST}; nothing was changed; to do it, add --yes" in (result.stderr)
         assert (result.exit_code, result.stdout) == (1, "")
     with kant_sql.connect(own_store, knowledge_base="tiago") as kb:
         assert kb.revision == 3
@@ -340,7 +338,7 @@ def test_a_file_that_does_not_exist_is_said_to_be_missing_and_is_not_made(
     assert os.listdir(tmp_path) == [problem.name]
     line = one_line(result.stderr)
     # Not that it needs an upgrade, which would make an empty store of a mistyped path.
-    assert f"there is no such file, {tmp_path}/missing.db; check the path" in line
+    assert f"no such file: {tmp_path}/missing.db; check the path" in line
     assert "upgrade" not in line
     assert (result.exit_code, result.stdout) == (1, "")
 

@@ -111,7 +111,7 @@ def test_output_that_cannot_take_all_letters_escapes_them(tmp_path: Path) -> Non
         (["--actor", "nobody"], "no revision of knowledge base 'tiago' is of actor 'nobody'"),
         (["--actor", "perceptoin"], "(did you mean perception?)"),
         (["--actor", "executive", "--element", "nosuch"], "'nosuch'"),
-        (["--element", "(robot_at rb1 rb1)"], "it never was there; see: kant-sql log"),
+        (["--element", "(robot_at rb1 rb1)"], "it has never been there; see: kant-sql log"),
         (["--since", "2", "--json", "--actor", "nobody"], "'nobody'"),
     ],
 )

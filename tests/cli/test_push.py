@@ -141,7 +141,7 @@ def test_each_that_is_refused_is_named_once(source: str, replica: str) -> None:
     refused = result.stderr.splitlines()
     assert [line.count("knowledge base") for line in refused] == [1, 1]
     for line, name in zip(refused, ("tiago", "b"), strict=True):
-        assert f"knowledge base {name!r} is no replica" in one_line(line)
+        assert f"knowledge base {name!r} is not a replica" in one_line(line)
 
 
 @pytest.mark.more
@@ -280,7 +280,7 @@ def test_promote(source: str, replica: str) -> None:
     again = run("promote", replica, "--json")
     assert json.loads(again.stdout) == {"knowledge_base": "tiago", "revision": None}
     assert run("promote", replica).stdout == (
-        "knowledge base tiago is no replica; nothing was changed\n"
+        "knowledge base tiago is not a replica; nothing was changed\n"
     )
     assert run("restore", replica, "1").exit_code == 0
     assert run("verify", replica).exit_code == 0

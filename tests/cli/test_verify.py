@@ -187,7 +187,7 @@ def test_an_empty_store_has_an_empty_anchor(new_url: str, tmp_path: Path) -> Non
     file = anchor_file(new_url, tmp_path)
     assert json.loads(file.read_text())["heads"] == []
     assert run("verify", new_url, "--all", "--anchor", str(file)).exit_code == 0
-    assert "holds no knowledge base yet" in one_line(run("verify", new_url).stderr)
+    assert "it has no knowledge base yet" in one_line(run("verify", new_url).stderr)
 
 
 @pytest.mark.parametrize(
@@ -195,8 +195,8 @@ def test_an_empty_store_has_an_empty_anchor(new_url: str, tmp_path: Path) -> Non
     [
         (b"", "no anchor, because it is not JSON"),
         (b"\xff\xfe\xfd", "no anchor, because it is not JSON"),
-        (b"[]", "this JSON document is no anchor"),
-        (b'{"format": 1}', "this JSON document is no anchor"),
+        (b"[]", "this JSON document is not an anchor"),
+        (b'{"format": 1}', "this JSON document is not an anchor"),
         (b'{"format": 7, "heads": []}', "is of format 7, and this version of kant_sql reads 1"),
         (b'{"format": 1, "heads": [{"revision": 1}]}', "head 0 of this anchor lacks"),
         (b'{"format": 1, "heads": [5]}', "head 0 of this anchor lacks"),

@@ -45,7 +45,7 @@ def one_file(tmp_path_factory: pytest.TempPathFactory) -> str:
     return new_file_store(tmp_path_factory.mktemp("common") / "store.db")
 
 
-# What tests have the database refuse is no statement of the library.
+# What tests have the database refuse is not a statement of the library.
 OWN_SQL = "test_the_database_itself_refuses"
 INDEX_CHECK = ("hash_record_extended(", " AS looked_up")
 

@@ -73,7 +73,7 @@ def test_a_backup_that_fails_leaves_nothing(
     existing.write_text("precious")
     missing = f"sqlite:///{tmp_path / 'missing.db'}"
     for source, file, error, said in (
-        (url, existing, InvalidArgumentError, "overwrites nothing"),
+        (url, existing, InvalidArgumentError, "never overwrites a file"),
         (url, tmp_path / "nowhere" / "copy.db", StoreError, "No such file or directory"),
         (missing, tmp_path / "copy.db", SchemaError, "there is no such file"),
         ("sqlite://", tmp_path / "copy.db", InvalidArgumentError, "in memory"),
@@ -96,7 +96,7 @@ def test_a_backup_that_fails_leaves_nothing(
         elif not existing.exists():
             raise KeyboardInterrupt
 
-    with pytest.raises(InvalidArgumentError, match="overwrites nothing"):
+    with pytest.raises(InvalidArgumentError, match="never overwrites a file"):
         kant_sql.backup(url, tmp_path / "copy.db", progress=interrupt)
     assert (tmp_path / "copy.db").read_text() == "precious, too"
     assert existing.read_text() == "precious"

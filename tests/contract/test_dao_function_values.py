@@ -111,7 +111,7 @@ def test_a_fluent_is_given_as_text(kb: KnowledgeBase, given: str) -> None:
 
 @pytest.mark.parametrize("given", ["(= (battery rb1) 1)", "(battery rb1", "()", "(battery rb1) x"])
 def test_a_text_that_is_no_fluent_is_refused(kb: KnowledgeBase, given: str) -> None:
-    with pytest.raises(InvalidKnowledgeError, match=r"is no fluent; write '\(battery rb1\)'"):
+    with pytest.raises(InvalidKnowledgeError, match=r"is not a fluent; write '\(battery rb1\)'"):
         kb.function_values.get(given)
     with pytest.raises(InvalidKnowledgeError, match="leave out objects="):
         kb.function_values.get("(battery rb1)", objects=["rb1"])

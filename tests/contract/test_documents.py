@@ -276,7 +276,7 @@ REPLACED = {
     "a predicate that is gone": ("(at ?t - truck ?p - place)", "", "facts"),
     "other parameters": ("(at ?t - truck ?p - place)", "(at ?p - place ?t - truck)", "facts"),
     "fewer parameters": ("(at ?t - truck ?p - place)", "(at ?t - truck)", "facts"),
-    "a type that is no subtype now": (
+    "a type that is not a subtype now": (
         "(at ?t - truck ?p - place)",
         "(at ?t - crane ?p - place)",
         "facts",
@@ -523,7 +523,7 @@ def test_parameters_that_share_a_name_are_kept(fresh_kb: KnowledgeBase) -> None:
     linked = next(each for each in again(fresh_kb).domain().predicates if each.name == "linked")
     assert linked.parameters == (TypedName("x", ("place",)),) * 2
     renamed = DOMAIN.replace("(linked ?x ?x - place)", "(linked ?from ?to - place)")
-    # That is no contradiction, and so no reason to change what is kept.
+    # That is not a contradiction, and so no reason to change what is kept.
     assert fresh_kb.load_domain(renamed, mode="merge").revision is None
     assert fresh_kb.load_domain(renamed).revision == 2
     assert fresh_kb.domain() == read_domain(renamed)

@@ -52,7 +52,7 @@ def test_late_data_is_visible_as_late(fresh_kb: KnowledgeBase) -> None:
     blamed = fresh_kb.blame(robot_at())
     assert blamed is not None
     assert blamed.since.observed_at == SEEN
-    # It is no time of the store's: states are found by when they were written.
+    # It is not a time of the store's: states are found by when they were written.
     assert fresh_kb.at(SEEN).revision == 0
 
 

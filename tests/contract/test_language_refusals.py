@@ -65,7 +65,7 @@ from tests.support.worlds.depot import (
 
 ALWAYS = Modal("always", (), (IDLE,))
 ZERO = number("0")
-# What is no goal, and so no precondition either.
+# What is not a goal, and so no precondition either.
 NO_GOALS: dict[str, tuple[Any, type[Exception], str]] = {
     "unknown predicate": (Atom("near", (T1,)), InvalidKnowledgeError, "predicate 'near'"),
     "unknown function": (
@@ -111,17 +111,17 @@ NO_GOALS: dict[str, tuple[Any, type[Exception], str]] = {
     "a duration": (
         Comparison("<", DURATION, ZERO),
         InvalidKnowledgeError,
-        "?duration is no number",
+        "?duration is not a number",
     ),
     "continuous time": (
         Comparison("<", ContinuousTime(), ZERO),
         InvalidKnowledgeError,
-        "#t is no number here",
+        "#t is not a number here",
     ),
     "a violated preference": (
         Comparison("=", IsViolated("p1"), ZERO),
         InvalidKnowledgeError,
-        "is no number here",
+        "is not a number here",
     ),
     "a function that is not declared": (
         Comparison("<", Fluent("total-time"), ZERO),
@@ -131,12 +131,12 @@ NO_GOALS: dict[str, tuple[Any, type[Exception], str]] = {
     "no comparison": (
         Comparison("!=", fuel(), ZERO),
         InvalidKnowledgeError,
-        "'!=' is no comparison",
+        "'!=' is not a comparison",
     ),
     "no operation": (
         Comparison("<", Arithmetic("^", (ZERO, ZERO)), ZERO),
         InvalidKnowledgeError,
-        "'^' is no operation",
+        "'^' is not an operation",
     ),
     "too few operands": (
         Comparison("<", calculated("+", ZERO), ZERO),
@@ -153,7 +153,7 @@ NO_GOALS: dict[str, tuple[Any, type[Exception], str]] = {
         InvalidKnowledgeError,
         "binds a variable twice",
     ),
-    "a variable that is no name": (
+    "a variable that is not a name": (
         Forall((TypedName("a b", ("place",)),), IDLE),
         InvalidNameError,
         "'a b' cannot name a variable",
@@ -177,7 +177,7 @@ NO_GOALS: dict[str, tuple[Any, type[Exception], str]] = {
         InvalidKnowledgeError,
         "has no place in a condition",
     ),
-    "a term": (T1, InvalidKnowledgeError, "t1 is no formula but Constant"),
+    "a term": (T1, InvalidKnowledgeError, "t1 is not a formula but Constant"),
     "a preference within or": (
         Or((Preference("p", IDLE),)),
         InvalidKnowledgeError,
@@ -188,7 +188,7 @@ NO_GOALS: dict[str, tuple[Any, type[Exception], str]] = {
         InvalidKnowledgeError,
         "a preference stands at the top of",
     ),
-    "a preference that is no name": (
+    "a preference that is not a name": (
         Preference("(", IDLE),
         InvalidNameError,
         "'(' cannot name a preference",
@@ -243,13 +243,13 @@ NO_EFFECTS: dict[str, tuple[bool, Any, str]] = {
     "a constraint": (PLAIN, ALWAYS, "has no place in an effect"),
     "not of a conjunction": (PLAIN, Not(And((IDLE,))), "deletes what is not an atom"),
     "a time": (PLAIN, Timed("at end", IDLE), "has a time that has no place in an effect"),
-    "continuous time": (PLAIN, Assign("increase", fuel(), ContinuousTime()), "#t is no number"),
-    "a duration": (PLAIN, Assign("increase", fuel(), DURATION), "?duration is no number"),
-    "no assignment": (PLAIN, Assign("double", fuel(), ZERO), "'double' is no assignment"),
+    "continuous time": (PLAIN, Assign("increase", fuel(), ContinuousTime()), "#t is not a number"),
+    "a duration": (PLAIN, Assign("increase", fuel(), DURATION), "?duration is not a number"),
+    "no assignment": (PLAIN, Assign("double", fuel(), ZERO), "'double' is not an assignment"),
     "an object that is increased": (PLAIN, Assign("increase", home(), HUB), "counts with"),
     "an object of another type": (PLAIN, Assign("assign", home(), T1), "does not fit"),
-    "a number as an object": (PLAIN, Assign("assign", home(), ZERO), "is no term"),
-    "an object as a number": (PLAIN, Assign("assign", fuel(), T1), "t1 is no number"),
+    "a number as an object": (PLAIN, Assign("assign", home(), ZERO), "is not a term"),
+    "an object as a number": (PLAIN, Assign("assign", fuel(), T1), "t1 is not a number"),
     "a preference in a condition": (PLAIN, When(Preference("p", IDLE), IDLE), "a preference"),
     "no time": (TIMED, IDLE, "has no place in an effect of a durative action"),
     "no time below forall": (TIMED, Forall((TRUCK,), at(T)), "has no place in an effect of a"),
@@ -277,7 +277,7 @@ DURATIVE: dict[str, tuple[dict[str, Any], str]] = {
     "a constraint": ({"conditions": [ALWAYS]}, "(always (idle)) has no place in"),
     "a duration of something else": (
         {"duration": [Comparison("=", fuel(), ZERO)]},
-        "(= (fuel t1) 0) is no constraint on ?duration",
+        "(= (fuel t1) 0) is not a constraint on ?duration",
     ),
     "a duration over all": (
         {"duration": [Timed("over all", Comparison("=", DURATION, ZERO))]},
@@ -303,8 +303,12 @@ MISPLACED: dict[str, tuple[str, Any, str]] = {
     "a constraint that is an atom": ("constraints", IDLE, "(idle) has no place in a constraint"),
     "a preference for an atom": ("constraints", Preference("p", IDLE), "(idle) has no place in"),
     "a constraint at start": ("constraints", Timed("at start", IDLE), "has a time that"),
-    "no operator": ("constraints", Modal("never", (), (IDLE,)), "is no constraint of PDDL 3.0"),
-    "no time span": ("constraints", Modal("within", (), (IDLE,)), "is no constraint of PDDL 3.0"),
+    "no operator": ("constraints", Modal("never", (), (IDLE,)), "is not a constraint of PDDL 3.0"),
+    "no time span": (
+        "constraints",
+        Modal("within", (), (IDLE,)),
+        "is not a constraint of PDDL 3.0",
+    ),
     "an effect": ("domain_constraints", Assign("assign", fuel(), ZERO), "has no place in"),
     "a rule that is a goal": ("derived_predicates", IDLE, "is a node Derived of kant_sql.pddl"),
     "a rule for nothing": (
@@ -322,7 +326,7 @@ MISPLACED: dict[str, tuple[str, Any, str]] = {
         Derived("reachable", (PLACE,), Preference("p", IDLE)),
         "a preference stands at the top",
     ),
-    "a negative conjunction": ("initial_literals", Not(And((IDLE,))), "is no literal"),
+    "a negative conjunction": ("initial_literals", Not(And((IDLE,))), "is not a literal"),
     "a fluent in a literal": ("initial_literals", Not(at(T1, home())), "as the initial state"),
     "a variable in a literal": ("initial_literals", Not(at(T)), "?t is neither a parameter"),
     "a positive literal": ("initial_literals", IDLE, "is a node Not or Equal of kant_sql.pddl"),
@@ -339,7 +343,7 @@ MISPLACED: dict[str, tuple[str, Any, str]] = {
     "a timed equality": (
         "timed_initial_literals",
         TimedLiteral(ZERO, Not(Equal(T1, T1))),
-        "is no timed literal",
+        "is not a timed literal",
     ),
 }
 
@@ -357,7 +361,7 @@ NO_METRICS: list[tuple[Any, str]] = [
     (IDLE, "the metric is a node Metric of kant_sql.pddl, or None, not Atom"),
     (Metric("optimise", ZERO), "'optimise' is neither minimize nor maximize"),
     (Metric("minimize", Fluent("speed")), "function 'speed'"),
-    (Metric("minimize", DURATION), "?duration is no number here"),
+    (Metric("minimize", DURATION), "?duration is not a number here"),
     (Metric("minimize", IsViolated("a b")), "'a b' cannot name a preference"),
 ]
 

@@ -220,7 +220,7 @@ def test_why_a_step_cannot_be_executed(kb: KnowledgeBase) -> None:
         kb.why_not("(fly p1 c0)")
     with pytest.raises(InvalidKnowledgeError, match="'flyy' is not known"):
         kb.is_applicable(PlanStep(None, "flyy"))
-    with pytest.raises(PlanError, match="is no step; give text"):
+    with pytest.raises(PlanError, match="is not a step; give text"):
         kb.is_applicable(3)  # type: ignore[arg-type]
 
 
@@ -579,7 +579,7 @@ def test_continuous_change_is_the_rate_times_the_duration(rooms: KnowledgeBase) 
     ("name", "message"),
     [
         ("bent", "bent changes bat continuously at a rate that depends on bat"),
-        ("odd", "the continuous effect (increase (bat) (+ #t 1)) is no multiple of #t"),
+        ("odd", "the continuous effect (increase (bat) (+ #t 1)) is not a multiple of #t"),
         ("chosen", "chosen has the condition over all (or (< (bat) 3) (> (bat) 4)), which cannot"),
     ],
 )
@@ -616,7 +616,7 @@ def test_an_aborted_step_is_undone_in_one_revision(rooms: KnowledgeBase) -> None
     assert read is not None
     assert read.steps[0].status == "aborted"
     assert rooms.verify().is_intact
-    # What held before the start is no effect of it.
+    # What held before the start is not an effect of it.
     rooms.function_values.set("rate", objects=[], value=2)
     assert shown(rooms.abort(rooms.start("(drive) [4]"), undo=True).undone) == ["+(lit)"]
     with pytest.raises(PlanError, match="is not running"):

@@ -142,7 +142,7 @@ def test_bindings_and_types(day: KnowledgeBase) -> None:
     ]
     given: Any
     for given in ({"x": "rb1"}, {"r": 3}):
-        with pytest.raises(InvalidArgumentError, match=r"no free variable \?x|is no object"):
+        with pytest.raises(InvalidArgumentError, match=r"no free variable \?x|is not an object"):
             day.when(text, **given)
     with pytest.raises(InvalidKnowledgeError):
         day.when(text, r="hall")
@@ -302,7 +302,7 @@ def test_definitions_are_those_of_each_revision(day: KnowledgeBase) -> None:
     assert numbers(day.when(text)) == [(6, 7), (10, None)]
     day.objects.delete(KITCHEN)
     assert numbers(day.when(text)) == [(6, 7), (10, 11)]
-    # rb2 is a machine that is no robot any more.
+    # rb2 is a machine that is not a robot any more.
     machine = PddlTypeDto("machine")
     day.objects.save(PddlObjectDto(machine, "rb2"), cascade=True)
     day.types.save(PddlTypeDto("robot", parent=machine), cascade=True)

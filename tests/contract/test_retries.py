@@ -156,7 +156,7 @@ def test_a_full_disk_is_said_and_nothing_is_written(
         begin(session, write)
 
     monkeypatch.setattr(Session, "begin", on_full_disk)
-    with pytest.raises(StoreFullError, match="full; nothing of these was written: free space"):
+    with pytest.raises(StoreFullError, match="full; nothing was written: free space"):
         kb.objects.save_all([waypoint(number) for number in range(20_000)])
     assert kb.revision == 1
 

@@ -94,7 +94,7 @@ def change(text: str, chance: random.Random) -> str:
             start, end, part = chance.choice(changes)
             words[start:end] = part
         words = words or ["("]
-    # Of several lines, it is no path, whatever it begins with.
+    # Of several lines, it is not a path, whatever it begins with.
     return " ".join([*words, "\n"])
 
 

@@ -139,7 +139,7 @@ def test_what_is_committed_at_that_moment_is_not_acknowledged(
     kb: KnowledgeBase, path: Path, attack: Attack, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     attack_before_commit(monkeypatch, attack, path)
-    with pytest.raises(StoreReplacedError, match="What was just committed went to the file"):
+    with pytest.raises(StoreReplacedError, match="The last commit went to the former file"):
         kb.propositions.save(fact(1))
     with pytest.raises(StoreReplacedError):
         kb.propositions.get_all()
@@ -345,7 +345,7 @@ def test_a_store_put_back_to_another_state_is_not_written_to(
     kb.propositions.delete(fact(1))
     with other.factory._store.backend.open_session() as session:  # type: ignore[attr-defined]
         session._execute(f"UPDATE head SET {change}")
-    with pytest.raises(StoreReplacedError, match="the store was put back to another state"):
+    with pytest.raises(StoreReplacedError, match="the store was restored to another state"):
         kb.propositions.save(fact(1))
 
 

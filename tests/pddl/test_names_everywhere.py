@@ -214,7 +214,7 @@ def is_right(names: dict[str, str]) -> bool:
 
 
 def are_different(names: dict[str, str]) -> bool:
-    """Whether no two elements of a kind have one name, and types are no built-in ones."""
+    """Whether no two elements of a kind have one name, and types are not built-in ones."""
     taken = {("type", each) for each in ("object", "number", "base", "truck")}
     taken |= {("object", "other"), ("object", "o2"), ("variable", "q"), ("variable", "z")}
     taken |= {("predicate", "reached"), ("variable", "b"), ("requirement", "adl")}

@@ -83,30 +83,30 @@ def effect(formula: Formula) -> Domain:
 
 
 BAD = [
-    (goal(Timed("at noon", FREE)), r"in :goal: 'at noon' is no time .* at start, over all, at end"),
-    (goal(Comparison("!=", number("1"), number("2"))), r"'!=' is no comparison"),
-    (goal(Comparison("<", Arithmetic("^", ()), number("2"))), r"'\^' is no arithmetic operator"),
+    (goal(Timed("at noon", FREE)), r"in :goal: 'at noon' is not a time .* over all, at end"),
+    (goal(Comparison("!=", number("1"), number("2"))), r"'!=' is not a comparison"),
+    (goal(Comparison("<", Arithmetic("^", ()), number("2"))), r"'\^' is not an arithmetic op"),
     (goal(Comparison("<", Arithmetic("+", (number("1"),)), number("2"))), r"'\+' of 1 operands"),
-    (goal(Modal("never", (), (FREE,))), r"'never' is no modal operator"),
+    (goal(Modal("never", (), (FREE,))), r"'never' is not a modal operator"),
     (goal(Modal("within", (), (FREE,))), r"'within' takes 1 numbers and 1 formulas, not 0 and 1"),
     (goal(Atom("AND")), r"'AND' cannot name a predicate: the word is reserved"),
     (goal(Atom("at", (Constant("END"), Fluent("f")))), r"is read as a time"),
     (goal(Atom("Increase", (Fluent("f"),))), r"'Increase' of a function's value is read as the"),
     (goal(Atom("<=", (Constant("a"),))), r"'<=' cannot name a predicate"),
     (goal(Forall((TypedName("x", ()),), FREE)), r"'x' has no type"),
-    (goal(Derived("p", (), FREE)), r"a Derived is no part of a formula"),  # type: ignore[arg-type]
-    (effect(Assign("set", BATTERY, number("1"))), r"in action a: 'set' is no effect on a fluent"),
+    (goal(Derived("p", (), FREE)), r"a Derived is not part of a formula"),  # type: ignore[arg-type]
+    (effect(Assign("set", BATTERY, number("1"))), r"in action a: 'set' is not an effect on"),
     (Domain("d", types=(TypedName("t", ("Either",)),)), r"'t' is of a type called 'either'"),
     (Domain("d", predicates=(Predicate("exists"),)), r"'exists' cannot name a predicate"),
     (Domain("d", derived=(Derived("or", (), FREE),)), r"in :derived or: 'or' cannot name"),
     (Domain("d", functions=(Function("f", (), ("Number",)),)), r"a type called 'number'"),
-    (Domain("d", actions=(Action("method", "a"),)), r"'method' is no kind of action"),
+    (Domain("d", actions=(Action("method", "a"),)), r"'method' is not a kind of action"),
     (Domain("d", actions=(Action("action", "a", duration=(FREE,)),)), r"only a durative action"),
-    (Domain("d", requirements=("typing",)), r"'typing' is no requirement; write it ':typing'"),
+    (Domain("d", requirements=("typing",)), r"'typing' is not a requirement; write it ':typing'"),
     (Problem("p", "d", facts=(Atom("=", ()),)), r"'=' cannot name a predicate"),
     (Problem("p", "d", facts=(Atom("q", (Variable("x"),)),)), r"\(q \?x\) is not ground"),
-    (Problem("p", "d", timed=(TimedLiteral(number("1"), GROWS),)), r"'increase' is no timed"),
-    (Problem("p", "d", metric=Metric("optimize", number("1"))), r"'optimize' is no optimization"),
+    (Problem("p", "d", timed=(TimedLiteral(number("1"), GROWS),)), r"'increase' is not a timed"),
+    (Problem("p", "d", metric=Metric("optimize", number("1"))), r"'optimize' is not an optim"),
 ]  # fmt: skip
 
 

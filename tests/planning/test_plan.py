@@ -238,7 +238,7 @@ def test_durations_of_plans_are_no_costs() -> None:
           (:metric minimize (+ (total-time) (* 5 (is-violated p)) (is-violated q)))""",
     )
     refused = (
-        "(total-time) in the metric: the duration of a plan is no sum of costs",
+        "(total-time) in the metric: the duration of a plan is not a sum of costs",
         "(preference q (sometime (at rb c))) in the constraints: a plan with durations has no step "
         "after each state",
     )

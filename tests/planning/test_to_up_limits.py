@@ -37,7 +37,7 @@ from unified_planning.environment import Environment  # noqa: E402
                 "effect": "(decrease (fuel ?v) 1)",
                 "problem": "(:metric minimize (+ (fuel t1) (total-time)))",
             },
-            r"\(fuel t1\) in the metric: it is no sum of costs: action move makes it better",
+            r"\(fuel t1\) in the metric: it is not a sum of costs: action move makes it better",
         ),
         (
             {
@@ -57,7 +57,7 @@ from unified_planning.environment import Environment  # noqa: E402
         ),
         (
             {"problem": "(:metric minimize (* (fuel t1) (total-time)))"},
-            r"\(\* \(fuel t1\) \(total-time\)\) in the metric: it is no weighted sum",
+            r"\(\* \(fuel t1\) \(total-time\)\) in the metric: it is not a weighted sum",
         ),
         (
             {

@@ -214,11 +214,11 @@ def test_an_id_that_is_none_is_an_error_of_the_store(
     count(file_kb, 4)
     file_kb.push(replica_url)
     damage(replica_url, f"UPDATE knowledge_base SET id = {id_}")
-    with pytest.raises(StoreIntegrityError, match=f"'tiago' of {replica_url}.* no integer"):
+    with pytest.raises(StoreIntegrityError, match=f"'tiago' of {replica_url}.* not an integer"):
         kant_sql.connect(file_url, knowledge_base="tiago").push(replica_url)
     with (
         connect(replica_url, knowledge_base="newer") as other,
-        pytest.raises(StoreIntegrityError, match=r"the largest id .* no integer"),
+        pytest.raises(StoreIntegrityError, match=r"the largest id .* not an integer"),
     ):
         other.objects.save(PddlObjectDto(RB1.type, "rb7"))
 

@@ -39,7 +39,7 @@ def add_statistics(path: Path) -> None:
 def loses_bound(connection: sqlite3.Connection, sql: str) -> bool:
     """Whether a statement steps through an index with a bound of the column after an `IN`."""
     steps = []
-    # What is no statement of this store is of another dialect, or of views that a test makes.
+    # What is not a statement of this store is of another dialect, or of views that a test makes.
     with suppress(sqlite3.OperationalError):
         if sql.lstrip().startswith(_PLANNED):
             steps = connection.execute(f"EXPLAIN {sql}", _Nulls()).fetchall()

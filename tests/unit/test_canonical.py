@@ -143,7 +143,7 @@ def test_a_source_is_kept_as_its_canonical_text(source: object) -> None:
         object(),
         datetime.now(UTC),
         1j,
-        {5: "a key that is no string"},
+        {5: "a key that is not a string"},
         {None: 1},
         {"a": {"b": [object()]}},
         "\ud800",

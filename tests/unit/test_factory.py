@@ -177,7 +177,7 @@ def test_a_question_names_a_family_that_has_daos_only(
 ) -> None:
     with (
         other_family(monkeypatch) as kb,
-        pytest.raises(InvalidUrlError, match="OtherFactory: this DAO family has DAOs only"),
+        pytest.raises(InvalidUrlError, match="OtherFactory: this DAO family has only DAOs"),
     ):
         ask(kb)
 
@@ -194,7 +194,8 @@ def test_a_family_that_nobody_has_is_refused_naming_those_that_there_are() -> No
     with pytest.raises(InvalidUrlError) as caught:
         create_dao_factory("oracle://host/db")
     assert str(caught.value) == (
-        "oracle: no DAO family supports this URL; there are duckdb, impostor, postgresql, sqlite"
+        "oracle: no DAO family supports this URL; choose one of: duckdb, impostor, "
+        "postgresql, sqlite"
     )
 
 

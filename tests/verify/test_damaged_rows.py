@@ -188,7 +188,7 @@ def test_the_error_names_table_and_key(
     kb = connect(f"sqlite:///{path}", knowledge_base=NAME)
     with pytest.raises(StoreIntegrityError, match=named) as caught:
         call(kb)
-    assert caught.value.__cause__ is not None or "no integer" in str(caught.value)
+    assert caught.value.__cause__ is not None or "not an integer" in str(caught.value)
 
 
 def test_text_that_is_no_utf8(copy: Callable[[], Path], connect: Connect) -> None:
@@ -277,9 +277,13 @@ def test_a_time_that_is_none_stops_only_those_who_read_it(
         assert len(opened.propositions.get_all()) == 3
         assert len(opened.at(1).propositions.get_all()) == 1
         assert [entry.revision for entry in opened.log(limit=1)] == before
-        with pytest.raises(StoreIntegrityError, match=r"table revision, revision 1: .*is no time"):
+        with pytest.raises(
+            StoreIntegrityError, match=r"table revision, revision 1: .*is not a time"
+        ):
             opened.revisions()
-        with pytest.raises(StoreIntegrityError, match=r"table revision, revision 2: .*is no time"):
+        with pytest.raises(
+            StoreIntegrityError, match=r"table revision, revision 2: .*is not a time"
+        ):
             list(opened.log())
         assert {finding.revision for finding in opened.verify().findings} == {1, 2}
     kb.propositions.delete(robot_at(place=waypoint(0)))

@@ -11,19 +11,14 @@ from tests.verify.mutations import Mutation, mutations
 
 pytestmark = pytest.mark.more
 
-UNUSED = (
-    "a name without any version is part of no state; archives leave some, and so do revisions that "
-    "assert and retract one element"
-)
-ORIGIN = "where a replica comes from is no part of its history"
+UNUSED = "a name without a version is part of no state; archives leave such names"
+ORIGIN = "the origin of a replica is not part of its history"
 ORIGIN_COLUMNS = "origin", "origin_revision", "origin_committed_at", "heard_at"
 # Changes that verification cannot detect, and why; `docs/verify.md` has the same table.
 UNDETECTED = {
     **{("head", column): ORIGIN for column in ORIGIN_COLUMNS},
     ("head", "next_id"): "any number above all assigned ids is valid, because some may be unused",
-    ("proposition", "is_goal"): (
-        "of a proposition without any version: all versions are in an archive, with the right value"
-    ),
+    ("proposition", "is_goal"): "if all versions are in an archive, which has the right value",
     **{
         (table, "insert"): UNUSED
         for table in ("type", "object", "predicate", "function", "action", "formula")

@@ -82,7 +82,7 @@ def test_two_steps_of_a_plan_are_not_one_with_a_long_start(bare: Bare) -> None:
     start = "0 (load t1 c1) null) (0.5"
     bare.run(f"UPDATE plan_step SET start = ? WHERE {mine}", start)
     found = messages(bare)
-    assert "'(drive t1 p1 p2)' has a time that is no number" in found
+    assert "'(drive t1 p1 p2)' has a time that is not a number" in found
     assert "differ from its text" not in found
 
 

@@ -522,6 +522,6 @@ def test_a_list_of_words_is_one_after_a_restore_with_other_words_another(kind: s
     assert as_created(created) == created
     assert as_created(restored) == created
     assert as_created(restored.replace("c, d", "c, e")) == created.replace("c, d", "c, e")
-    # What is no list of words alone stays.
+    # What is not a list of words alone stays.
     other = restored.replace("'c, d'::character varying", "lower('c')")
     assert as_created(other) == other

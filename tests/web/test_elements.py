@@ -76,7 +76,7 @@ def test_a_fact_leads_to_its_objects_and_to_steps_of_plans(client: TestClient) -
 
 def test_what_never_was_is_said_with_a_hint(client: TestClient) -> None:
     for path, query, status, said in (
-        ("fact", {"text": "(robot_at rb1 t4)"}, 404, "never was"),
+        ("fact", {"text": "(robot_at rb1 t4)"}, 404, "has never been"),
         ("fact", {"text": "(robot_at rb7 t4)"}, 404, "did you mean rb"),
         ("fact", {"text": "(("}, 400, "no element"),
         ("fact", {"text": ""}, 422, "text"),

@@ -109,7 +109,7 @@ def test_another_address_needs_a_token(sqlite_story: str, tmp_path: Path) -> Non
         bearer = f"Bearer {running.token}"
         assert ask(running, "/api/", Authorization=bearer)[0] == 200
         assert ask(running, "/api/", Authorization=bearer[:-1])[0] == 401
-        # It is no part of an address, which would be kept in histories and logs.
+        # It is not part of an address, which would be kept in histories and logs.
         assert ask(running, f"/api/?token={running.token}")[0] == 401
 
 

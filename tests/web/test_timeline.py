@@ -89,7 +89,7 @@ def test_lanes_come_in_pages(client: TestClient, monkeypatch: pytest.MonkeyPatch
     [
         ("since=5&until=3", "the window ends before it begins"),
         ("since=yesteryear", "neither a revision"),
-        ("after=somewhere", "expected what `next` of a timeline says"),
+        ("after=somewhere", "expected the value of `next` of a timeline"),
     ],
 )
 def test_a_wrong_question_is_answered_in_the_form(

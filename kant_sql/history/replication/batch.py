@@ -172,7 +172,9 @@ def _check(stores: Stores, name: str, head: Head, bounds: CopyRange, copied: Cop
         if link.form != FORM:
             raise _wrong(stores, name, bounds, expected, f"is of form {link.form!r}, not {FORM}")
         if not link.is_readable or link.committed_at < earliest:
-            raise _wrong(stores, name, bounds, expected, "has a time that is none, or goes back")
+            raise _wrong(
+                stores, name, bounds, expected, "has an invalid time, or one that goes back"
+            )
         digest = link.digest(name, previous, step.changes)
         if digest != link.hash:
             what = f"has the hash {link.hash}, and its contents have {digest}"

@@ -130,7 +130,7 @@ def push(
         url: the target's URL, on any dialect; a new SQLite file is created.
         archive: the URL of the archive that has what this store has no more; by default the
             one that this store names.
-        adopt: whether a target that is no replica becomes one, if it has a part of this history
+        adopt: whether a target that is not a replica becomes one, if it has a part of this history
             and nothing else.
         progress: called with the last revision that the target has, and this one's last.
 
@@ -139,7 +139,7 @@ def push(
 
     Raises:
         DivergedError: the target's history differs; the error has the first such revision.
-        ReplicaError: the target is no replica.
+        ReplicaError: the target is not a replica.
         ArchivedError: only an archive has a part of what is to be sent.
         StoreIntegrityError: a revision does not fit its hash; nothing of its batch was written.
         ReadOnlyError: this is a view of the past, or the task or thread has a transaction open.

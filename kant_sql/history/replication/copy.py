@@ -231,7 +231,8 @@ class Identities:
         if len(rows) < len(missing):
             lost = min(set(missing) - {row[1] for row in rows})
             raise StoreIntegrityError(
-                f"{source.backend.label}: {table.name} {lost} is referred to and not there; "
+                f"{source.backend.label}: {table.name} {lost} is missing, although others "
+                "refer to it; "
                 "verify the store; nothing of these revisions was written"
             )
         if table in ATOMS and self._may_return:

@@ -36,7 +36,7 @@ def promote(state: State, *, reason: str | None = None, actor: str | None = None
         actor: who promotes; by default the knowledge base's actor.
 
     Returns:
-        The revision; None when this is no replica.
+        The revision; None when this is not a replica.
 
     Raises:
         ReadOnlyError: this is a view of the past.

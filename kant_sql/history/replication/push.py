@@ -57,7 +57,7 @@ class Terms(NamedTuple):
     Attributes:
         archive: the URL of the archive that has what the source no longer has; None for the one
             that the source names.
-        adopt: whether a knowledge base that is no replica becomes one, if its history fits.
+        adopt: whether a knowledge base that is not a replica becomes one, if its history fits.
         is_patient: whether to retry for some seconds while a store is busy or unreachable.
     """
 
@@ -167,21 +167,22 @@ class _Push:
             return
         if head.revision > here.revision:
             raise ReplicaError(
-                f"{label}: knowledge base {name!r} is no replica, and is at revision "
+                f"{label}: knowledge base {name!r} is not a replica, and is at revision "
                 f"{head.revision}, ahead of {here.revision} in {self._source.backend.label}; "
                 "nothing was written: push the other way, or into another store"
             )
         if self._terms.adopt and here.origin is not None:
             raise ReplicaError(
                 f"{self._source.backend.label}: knowledge base {name!r} is itself a replica, of "
-                f"the one in {here.origin}; nothing was written: {label} may be that one, and "
-                "then nobody could write to either; push from the one that is written to, or "
-                "promote this source"
+                f"the one in {here.origin}; nothing was written: if {label} is "
+                "that one, nobody could write to either; push from the original, or promote "
+                "this source"
             )
         if not self._terms.adopt:
             raise ReplicaError(
-                f"{label}: knowledge base {name!r} is no replica: others may write to it; nothing "
-                f"was written. It has the same history up to revision {head.revision}: to make it "
+                f"{label}: knowledge base {name!r} is not a replica: others may write to it; "
+                "nothing was written. It has the same history up to revision "
+                f"{head.revision}: to make it "
                 "a replica, which refuses local writes, push with adopt=True (--adopt)"
             )
 

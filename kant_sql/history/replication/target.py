@@ -100,7 +100,7 @@ def open_store(url: str, source: Backend, noun: str) -> Backend:
             )
         if _is_same(place, _place(source)):
             raise ConflictError(
-                f"{backend.label}: this is the store itself that is to be copied; name another one"
+                f"{backend.label}: source and target are the same store; name another one"
             )
         ensure_schema(backend)
     except BaseException:
@@ -129,5 +129,5 @@ def _is_same(place: tuple[str, str], other: tuple[str, str]) -> bool:
         return False
     with suppress(OSError):
         return place[1] == other[1] or os.path.samefile(place[1], other[1])
-    # Of a server, a place is no file.
+    # Of a server, a place is not a file.
     return False

@@ -325,7 +325,7 @@ class DefinitionCheck:
             return f"a {action.kind} has no duration"
         for part, tree in (("condition", action.condition), ("effect", action.effect)):
             if not tree or tree[0].operator != "and":
-                return f"its {part} is no conjunction"
+                return f"its {part} is not a conjunction"
         faults = (self._tree_fault(tree, action.parameters, since) for tree in action.trees)
         return next((fault for fault in faults if fault is not None), None)
 

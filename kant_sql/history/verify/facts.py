@@ -276,14 +276,14 @@ class PlanCheck:
             if step.text != self._step_text(step):
                 yield "plan_step", f"'{step.text}' differs from its action and arguments"
             if not all(each is None or is_decimal(each) for each in (step.start, step.duration)):
-                yield "plan_step", f"'{step.text}' has a time that is no number"
+                yield "plan_step", f"'{step.text}' has a time that is not a number"
         domain, problem = definition.domain_pddl, definition.problem_pddl
         if domain is not None and problem is not None:
             digest = sha256(f"{domain}{problem}".encode()).hexdigest()
             if digest != definition.problem_hash:
                 yield "plan", "problem_hash is not that of the stored texts"
         if definition.value is not None and not is_decimal(definition.value):
-            yield "plan", f"its value {definition.value!r} is no number"
+            yield "plan", f"its value {definition.value!r} is not a number"
         if definition.text != plan[11]:
             yield "plan", "its columns and its steps differ from its text"
 

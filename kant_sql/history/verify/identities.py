@@ -89,7 +89,7 @@ def _document_faults(document: DocumentDefinition) -> Iterator[str]:
             yield f"there is no section {section!r}"
         # Older versions accepted a requirement with a question mark, which is one word, too.
         if (_IS_REQUIREMENT if section == "requirement" else _IS_ITEM)(name) is None:
-            yield f"{name!r} is no item of it"
+            yield f"{name!r} is not an item of it"
 
 
 def _identities(kind: str) -> Query:
@@ -148,7 +148,7 @@ class _Named(NamedTuple):
 
 
 class NamesById(dict[int, str]):
-    """The names of one kind; an unknown id gives a text that is no name."""
+    """The names of one kind; an unknown id gives a text that is not a name."""
 
     def __missing__(self, id_: int) -> str:
         return f"?{id_}"

@@ -108,7 +108,7 @@ _TABLES = tuple(Base.metadata.sorted_tables)
 def _strays(has_low: bool, has_high: bool) -> Query:
     """Find the tables with rows of knowledge bases between two.
 
-    SQLite sorts values that are no numbers after all numbers.
+    SQLite sorts values that are not numbers after all numbers.
     """
     tables = [table for table in _TABLES if "kb_id" in table.c]
     low, high = map(integer, ("low", "high"))

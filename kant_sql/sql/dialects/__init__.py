@@ -42,7 +42,7 @@ def parse_url(url: str) -> URL:
 def _parse(url: object) -> URL | None:
     """Parse a URL; None if it is none. The parser's own error may hold a password."""
     try:
-        # What no driver could be given is no URL either.
+        # What no driver could be given is not a URL either.
         if not isinstance(url, str) or "\0" in url or not url.encode():
             return None
         if "://" not in url and os.path.isfile(url):
@@ -57,7 +57,7 @@ def backend_name(url: str) -> str:
     name = dialect_name(url)
     if name not in BACKENDS:
         known = " and ".join(BACKENDS)
-        raise InvalidUrlError(f"{name}: no backend of this name; there are {known}")
+        raise InvalidUrlError(f"{name}: there is no backend of this name; choose one of: {known}")
     return name
 
 

@@ -65,8 +65,8 @@ class AbandonedCursor:
 
     def __getattr__(self, name: str) -> Any:
         raise ForkedError(
-            "this process was forked within a transaction, which is its parent's: nothing of it is "
-            "written from here; begin another one"
+            "this process was forked within a transaction of its parent, and writes nothing of it; "
+            "begin another one"
         )
 
 
@@ -389,8 +389,8 @@ class Session(ABC):
         if is_endless(guard.limit.seconds):
             return made
         return StatementTimeoutError(
-            f"{self.backend.label}: the database took longer than {guard.limit.seconds:g} s for "
-            "a statement of this question, and was told to end it; ask for less, or allow more time"
+            f"{self.backend.label}: a statement of this question took longer than "
+            f"{guard.limit.seconds:g} s and was ended; ask for less, or allow more time"
         )
 
     def _fetch(self) -> list[Row]:
@@ -541,7 +541,7 @@ class Backend(ABC):
 
     def closed_error(self) -> ClosedError:
         """Build the error of a call on what was closed."""
-        return ClosedError(f"{self.label}: this knowledge base was closed; connect again to go on")
+        return ClosedError(f"{self.label}: this knowledge base was closed; connect again")
 
     def take(self, engine: Engine) -> PoolProxiedConnection:
         """Take a connection from a pool."""

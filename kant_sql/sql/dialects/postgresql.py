@@ -493,7 +493,7 @@ class PostgresqlSession(Session):
     def to_time(self, raw: Any) -> datetime:
         """Return the time in UTC, whatever the connection's zone."""
         if not isinstance(raw, datetime):
-            raise ValueError(f"{raw!r} is no time of the years 1 to 9999")
+            raise ValueError(f"{raw!r} is not a time of the years 1 to 9999")
         return raw.astimezone(UTC)
 
     def describe(self, names: Collection[str]) -> Iterator[Statement]:
@@ -911,8 +911,9 @@ class PostgresqlBackend(Backend):
             )
         if state == "53100":
             return StoreFullError(
-                f"{self.label}: {text}; nothing of these was written: free space on the server's "
-                "disk, and try again"
+                f"{self.label}: {text}; nothing was written: free space on the server's disk, "
+                "and try "
+                "again"
             )
         if _CROWDED.search(text):
             return self._is_crowded(text)
@@ -922,7 +923,7 @@ class PostgresqlBackend(Backend):
                 f"transactions ({text}); set pool_mode = transaction in it"
             )
         if state in ("42501", "25006"):
-            return ReadOnlyStoreError(f"{self.label}: {text}; ask for the right, or only read")
+            return ReadOnlyStoreError(f"{self.label}: {text}; ask for that right, or only read")
         if state == "42P01":
             return TableMissingError(f"{self.label}: {text}")
         if state.startswith("23"):

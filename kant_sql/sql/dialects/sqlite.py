@@ -749,14 +749,15 @@ class SqliteBackend(Backend):
             return make() if self.in_memory else self.file.open(make)
 
     def _refuse_pipe(self) -> None:
-        """Refuse what is no file: to open a pipe waits for whoever writes to it."""
+        """Refuse what is not a file: to open a pipe waits for whoever writes to it."""
         try:
             mode = os.stat(self.file.path).st_mode
         except (OSError, ValueError):
             return
         if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
             raise StoreUnreachableError(
-                f"{self.label}: this is no regular file, so it cannot be a store; give the path of "
+                f"{self.label}: this is not a regular file, so it cannot be a store; give the "
+                "path of "
                 "an SQLite file"
             )
 
@@ -861,9 +862,9 @@ class SqliteBackend(Backend):
     def _refuse_torn(self) -> None:
         if self._is_torn:
             raise ForkedError(
-                f"{self.label}: this process was forked while another thread used this store or "
-                "another one, or within a large transaction, which SQLite does not survive; fork "
-                "at another moment, or use 'spawn' or 'forkserver'"
+                f"{self.label}: this process was forked while another thread used an SQLite store, "
+                "or within a large transaction, which SQLite does not survive; fork at another "
+                "moment, or use 'spawn' or 'forkserver'"
             )
 
     def _resumed(self) -> SqliteSession | None:
@@ -980,8 +981,8 @@ class SqliteBackend(Backend):
             )
         if code == sqlite3.SQLITE_FULL:
             return StoreFullError(
-                f"{label}: {text}; nothing of these was written: free space on its disk, or on "
-                "that of temporary files, and try again"
+                f"{label}: {text}; nothing was written: free space on its disk, or on that of "
+                "temporary files, and try again"
             )
         if code == sqlite3.SQLITE_INTERRUPT:
             return StatementTimeoutError(f"{label}: the statement was ended ({text})")
@@ -990,8 +991,8 @@ class SqliteBackend(Backend):
         if code == sqlite3.SQLITE_READONLY:
             return ReadOnlyStoreError(
                 f"{label}: the file cannot be written ({text}); check its permissions, or read "
-                "it with ?mode=ro, or with ?mode=immutable where not even the folder can be "
-                "written and nobody else writes"
+                "it with ?mode=ro, or with ?mode=immutable if not even the folder is "
+                "writable and nobody else writes"
             )
         if code in (sqlite3.SQLITE_CANTOPEN, sqlite3.SQLITE_IOERR):
             return StoreUnreachableError(

@@ -222,8 +222,7 @@ class StoreFile:
             self._companion(self._shm)
         except StoreReplacedError as error:
             raise StoreReplacedError(
-                f"{error}. What was just committed went to the file that was there before, and is "
-                "lost with it"
+                f"{error}. The last commit went to the former file and is lost with it"
             ) from error
 
     def check_log(self) -> None:
@@ -389,6 +388,6 @@ class StoreFile:
     def _refuse(self, why: str) -> NoReturn:
         self._why = why
         raise StoreReplacedError(
-            f"{self._label}: {why} since the store was opened; nothing is read or written by these "
-            "connections any more: close the knowledge base and connect again"
+            f"{self._label}: {why} since the store was opened; these connections no longer read or "
+            "write: close the knowledge base and connect again"
         )

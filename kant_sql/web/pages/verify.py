@@ -116,7 +116,7 @@ async def _body(request: Request) -> bytearray:
     async for part in request.stream():
         body += part
         if len(body) > LONGEST_ANCHOR:
-            raise HTTPException(413, "this is longer than an anchor")
+            raise HTTPException(413, "this is too long to be an anchor")
     return body
 
 

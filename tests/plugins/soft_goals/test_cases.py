@@ -195,7 +195,7 @@ def test_more_preferences_than_an_action_has_copies_for() -> None:
         ),
         (
             {"effect": "(assign (load) 3)", "more": "(:metric minimize (+ (load) (driven r1)))"},
-            ("(load) in the metric: it is no sum of costs: action drive assigns it",),
+            ("(load) in the metric: it is not a sum of costs: action drive assigns it",),
         ),
         (
             {"effect": "(increase (load) (drained))",
@@ -205,7 +205,7 @@ def test_more_preferences_than_an_action_has_copies_for() -> None:
         (
             {"init": "(at 3 (= (load) 5))", "effect": "(increase (load) 1)",
              "more": "(:metric minimize (+ (load) (driven r1)))"},
-            ("(load) in the metric: it is no sum of costs: it changes at given times",),
+            ("(load) in the metric: it is not a sum of costs: it changes at given times",),
         ),
         (
             {"more": "(:metric maximize (total-time))"},

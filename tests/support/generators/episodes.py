@@ -429,7 +429,7 @@ def episode(seed: int, changed: int = 2, asked: int = 8) -> Episode:
         objects=world.things[count:],
         facts=begin.added,
         values=tuple(_value(fluent, value) for fluent, value in begin.values if value is not None),
-        # Goals are no facts.
+        # Goals are not facts.
         goal=tuple({words.atom((), basic=True): None for _ in range(3)}),
     )
     return Episode(

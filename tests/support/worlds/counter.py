@@ -1,7 +1,7 @@
 """A counter kept as facts, which shows what writers lose, and when readers see half a revision.
 
 `(value c n17)` says that the counter is at 17. `(copy c n17)` says so too, and each revision
-changes both, so that a state in which they differ is no revision's.
+changes both, so that a state in which they differ is not a revision's.
 """
 
 from __future__ import annotations
