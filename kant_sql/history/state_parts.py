@@ -29,7 +29,7 @@ from ..pddl.lexer import tokenize
 from ..sql.definition_rows import find_identities
 from ..sql.dialects.base import Row, Session
 from ..sql.dialects.containing import contains, is_in, pattern_of
-from ..sql.intervals import ANY_FUNCTION, ANY_PREDICATE, held_then, then
+from ..sql.intervals import held_by, held_then, then
 from ..sql.query import Query, first_rows, in_rows, integer
 from ..sql.rows import (
     FACT,
@@ -40,7 +40,6 @@ from ..sql.rows import (
     VALUE,
     VERSION_COLUMNS,
     VersionColumns,
-    held_at,
     table_of,
 )
 from ..sql.tables import (
@@ -184,7 +183,6 @@ _ATOMS: dict[str, tuple[type[Base], type[Base], str, str]] = {
 }
 # The parameter that has the id of the predicate or the function.
 _HEADS = {PROPOSITION: "predicate", VALUE: "function"}
-_ANY = {PROPOSITION: ANY_PREDICATE, VALUE: ANY_FUNCTION}
 _SIZE, _OFFSET = integer("size"), integer("offset")
 
 
@@ -213,11 +211,10 @@ def _of_atoms(source: str, shape: _Shape) -> Select[Any]:
         order += [version.is_goal, version.first_object_id, version.second_object_id]
     if shape.has_predicate:
         conditions.append(owner == integer(_HEADS[source]))
-    elif shape.is_past and shape.kind != GOAL:
-        # Goals have an index of their own.
-        conditions.append(_ANY[source])
     if shape.is_past:
-        conditions.append(held_then(version))
+        # Goals have an index of their own.
+        is_found = shape.has_predicate or shape.kind == GOAL
+        conditions.append(held_then(version) if is_found else held_by(source, version, THEN))
         order = [owner, version.fork, version.since, version.until]
     else:
         conditions.append(version.until.is_(None))
@@ -280,7 +277,7 @@ def _of_definitions(source: str, shape: _Shape) -> Select[Any]:
     """Select named elements, or formulas of a section."""
     columns = VERSION_COLUMNS[source]
     version = columns.version
-    held = held_at(version) if shape.is_past else version.until.is_(None)
+    held = held_by(source, version, THEN if shape.is_past else None)
     lines = _lines(columns).where(version.kb_id == KB, held).order_by(columns.owner)
     if source == "formula":
         lines = lines.where(version.section == _quoted(shape.kind))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import re
 from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from datetime import UTC, datetime, timedelta
 from functools import partial
 from itertools import islice
@@ -397,3 +398,34 @@ def test_it_ends_where_versions_were_moved_to_an_archive(
     for call in (lambda: kb.diff(1, 5), lambda: kb.restore(1)):
         with pytest.raises(ArchivedError):
             call()
+
+
+@pytest.mark.usefixtures("paged")
+@pytest.mark.parametrize(
+    "asked", [{}, {"actor": "test"}, {"element": "(robot_at rb1 wp1)"}, {"element": "rb1"}], ids=str
+)
+def test_its_pages_are_of_one_history_although_others_write_and_archive(
+    shared_url: str, connect: Connect, tmp_path: Path, asked: dict[str, Any]
+) -> None:
+    kb, other = connect(shared_url, actor="test"), connect(shared_url, actor="test")
+
+    def move(times: int) -> None:
+        for _ in range(times):
+            other.propositions.save(robot_at())
+            other.propositions.delete(robot_at())
+
+    move(10)
+    whole, entries = lines(kb.log(**asked)), kb.log(**asked)
+    found = lines(islice(entries, 2))
+    move(2)
+    found += lines(islice(entries, 2))
+    other.archive(8, to=f"sqlite:///{tmp_path / 'archive.db'}")
+    move(1)
+    is_refused = True
+    with suppress(ArchivedError):
+        for entry in entries:
+            found += lines(iter([entry]))
+        is_refused = False
+    # A page that was read before has what is in the archive now.
+    assert found == whole[: len(found)]
+    assert (len(found) == len(whole)) is not is_refused
